@@ -1,0 +1,35 @@
+# `make study` and `make test` need Python 3.10+ (with venv and pip) and make, nothing else.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: study test lint types lock clean
+
+study: .venv/.ready
+	$(BIN)/crankslider run
+	$(BIN)/crankslider report
+
+test: .venv/.ready
+	$(BIN)/python -m pytest -n 2
+
+lint: .venv/.ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/.ready
+	$(BIN)/mypy
+
+.venv/.ready: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+	    { echo "error: $(PYTHON) is older than Python 3.10; name a newer one: make PYTHON=python3.12"; exit 2; }
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	touch $@
+
+# Renew the pinned, hashed versions from pyproject.toml.
+lock: .venv/.ready
+	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.10 --upgrade \
+	    --generate-hashes --no-emit-index-url --no-header --quiet -o requirements.lock
+
+clean:
+	rm -rf .venv results report *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

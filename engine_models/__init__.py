@@ -1,0 +1,1 @@
+"""The crank-slider scene as data, and its model in each engine."""

@@ -1,0 +1,36 @@
+"""Where the bodies are, and how fast, when the ideal joints hold at a given crank angle and speed."""
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.scene import Scene
+
+
+def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities, each (3, 3): crank, rod, slider by (x, y, phi) of the centre of mass.
+
+    The rod is on the side of its acute angle: the slider lies to the right of pin A.
+    """
+    r, length = scene.crank.length_m, scene.rod.length_m
+    theta, omega = angle_rad, speed_rad_s
+    phi = np.arcsin(-r / length * np.sin(theta))
+    phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
+
+    def along(distance: float, angle: float) -> FloatArray:
+        return distance * np.array([np.cos(angle), np.sin(angle)])
+
+    def rate(distance: float, angle: float, angle_rate: float) -> FloatArray:
+        return distance * angle_rate * np.array([-np.sin(angle), np.cos(angle)])
+
+    pin, pin_rate = along(r, theta), rate(r, theta, omega)
+    s, d = scene.crank.centre_of_mass_m, scene.rod.centre_of_mass_m
+    slider, slider_rate = pin + along(length, phi), pin_rate + rate(length, phi, phi_rate)
+    position = np.array([[*along(s, theta), theta], [*(pin + along(d, phi)), phi], [slider[0], 0.0, 0.0]])
+    velocity = np.array(
+        [
+            [*rate(s, theta, omega), omega],
+            [*(pin_rate + rate(d, phi, phi_rate)), phi_rate],
+            [slider_rate[0], 0.0, 0.0],
+        ]
+    )
+    return position, velocity

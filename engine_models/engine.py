@@ -1,0 +1,112 @@
+"""What every engine takes and gives: run settings, trajectory, the one-method protocol and its two refusals."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_models.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+BODIES = ("crank", "rod", "slider")
+JOINTS = ("O", "A", "B")
+
+
+class UnsupportedScene(Exception):
+    """The engine, or its present settings, cannot express this scene; the message is the reason."""
+
+
+class SimulationFailed(Exception):
+    """The run broke down; the message says when and why."""
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What a run is asked for, whatever the engine.
+
+    ``samples`` is the number of equal output intervals, so ``samples + 1`` rows come out, ends included.
+    ``step_s`` is the longest step allowed: the step used is the longest that fits a whole number of times in an
+    output interval, so that every sample lies on a step and nothing is interpolated.
+    """
+
+    step_s: float
+    samples: int
+
+    def steps_per_sample(self, end_time_s: float) -> int:
+        """Return the number of equal steps between two samples."""
+        interval = end_time_s / self.samples
+        return max(1, int(np.ceil(interval / self.step_s * (1 - 1e-9))))
+
+    def step_used_s(self, end_time_s: float) -> float:
+        """Return the step that is really taken, at most ``step_s``."""
+        return end_time_s / (self.samples * self.steps_per_sample(end_time_s))
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Motion and forces at ``n = samples + 1`` equally spaced times, in SI units and the global frame.
+
+    ``position`` and ``velocity`` are (n, 3, 3): body (crank, rod, slider) by (x, y, phi) of its centre of mass,
+    angles unwrapped. ``joint_force_N`` is (n, 3, 2): joint (O, A, B) by (x, y), acting on the crank, the rod and
+    the slider. ``guide_normal_force_N`` (n,) acts on the slider along +y. ``driver_torque_N_m`` (n,) acts on the
+    crank, None in a scene without a drive. ``driver_work_J`` (n,) is the work done by that torque since t = 0 in
+    the engine's own quadrature, None without a drive.
+    """
+
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    joint_force_N: FloatArray
+    guide_normal_force_N: FloatArray
+    driver_torque_N_m: FloatArray | None
+    driver_work_J: FloatArray | None
+    step_s: float
+    steps: int
+    solve_time_s: float
+
+    @property
+    def slider_position_m(self) -> FloatArray:
+        """Position of the slider's pin along the guide, (n,)."""
+        return self.position[:, 2, 0]
+
+    @property
+    def slider_velocity_m_s(self) -> FloatArray:
+        """Velocity of the slider along the guide, (n,)."""
+        return self.velocity[:, 2, 0]
+
+
+class Engine(Protocol):
+    """A frozen dataclass of an engine's own settings with this one method."""
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        """Run the scene; raise UnsupportedScene or SimulationFailed rather than approximate or return nonsense."""
+        ...
+
+
+def require_ideal(scene: Scene, engine: str) -> None:
+    """Refuse a scene with clearance.
+
+    Raises:
+        UnsupportedScene: naming the joints with clearance.
+    """
+    if scene.joints_with_clearance:
+        joints = ", ".join(scene.joints_with_clearance)
+        raise UnsupportedScene(f"{engine} has no joints with clearance yet (clearance at {joints})")
+
+
+def require_finite(trajectory: Trajectory) -> Trajectory:
+    """Return the trajectory, or raise SimulationFailed naming the first time with a number that is not finite."""
+    n = len(trajectory.time_s)
+    arrays = (
+        trajectory.position,
+        trajectory.velocity,
+        trajectory.joint_force_N,
+        trajectory.guide_normal_force_N,
+    )
+    finite = np.all([np.isfinite(a).reshape(n, -1).all(axis=1) for a in arrays], axis=0)
+    if not finite.all():
+        when = trajectory.time_s[int(np.argmin(finite))]
+        raise SimulationFailed(f"non-finite state at t = {when:.6g} s with step {trajectory.step_s:.3g} s")
+    return trajectory

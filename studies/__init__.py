@@ -1,0 +1,1 @@
+"""Scripted comparisons of the engines, and the command line."""
