@@ -1,4 +1,4 @@
-"""What every engine takes and gives: run settings, trajectory, the one-method protocol and its two refusals."""
+"""What every engine takes and gives: run settings, trajectory, the one method and its two refusals."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -27,8 +27,8 @@ class RunSettings:
     """What a run is asked for, whatever the engine.
 
     ``samples`` is the number of equal output intervals, so ``samples + 1`` rows come out, ends included.
-    ``step_s`` is the longest step allowed: the step used is the longest that fits a whole number of times in an
-    output interval, so that every sample lies on a step and nothing is interpolated.
+    ``step_s`` is the longest step allowed: the step used is the longest that fits a whole number of times
+    in an output interval, so that every sample lies on a step and nothing is interpolated.
     """
 
     step_s: float
@@ -48,11 +48,12 @@ class RunSettings:
 class Trajectory:
     """Motion and forces at ``n = samples + 1`` equally spaced times, in SI units and the global frame.
 
-    ``position`` and ``velocity`` are (n, 3, 3): body (crank, rod, slider) by (x, y, phi) of its centre of mass,
-    angles unwrapped. ``joint_force_N`` is (n, 3, 2): joint (O, A, B) by (x, y), acting on the crank, the rod and
-    the slider. ``guide_normal_force_N`` (n,) acts on the slider along +y. ``driver_torque_N_m`` (n,) acts on the
-    crank, None in a scene without a drive. ``driver_work_J`` (n,) is the work done by that torque since t = 0 in
-    the engine's own quadrature, None without a drive.
+    ``position`` and ``velocity`` are (n, 3, 3): body (crank, rod, slider) by (x, y, phi) of its centre of
+    mass, angles unwrapped. ``joint_force_N`` is (n, 3, 2): joint (O, A, B) by (x, y), acting on the crank,
+    the rod and the slider. ``guide_normal_force_N`` (n,) acts on the slider along +y. ``driver_torque_N_m``
+    (n,) acts on the crank, None in a scene without a drive. ``driver_work_J`` (n,) is the work done by that
+    torque since t = 0 in the engine's own quadrature, None without a drive. ``solve_time_s`` is the wall
+    time of the native solve alone, without building the model or reading results out.
     """
 
     time_s: FloatArray
@@ -81,7 +82,7 @@ class Engine(Protocol):
     """A frozen dataclass of an engine's own settings with this one method."""
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        """Run the scene; raise UnsupportedScene or SimulationFailed rather than approximate or return nonsense."""
+        """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
         ...
 
 
@@ -97,7 +98,7 @@ def require_ideal(scene: Scene, engine: str) -> None:
 
 
 def require_finite(trajectory: Trajectory) -> Trajectory:
-    """Return the trajectory, or raise SimulationFailed naming the first time with a number that is not finite."""
+    """Return the trajectory, or raise SimulationFailed naming the first time with a non-finite number."""
     n = len(trajectory.time_s)
     arrays = (
         trajectory.position,

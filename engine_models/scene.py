@@ -1,13 +1,13 @@
 """The physics of a planar crank-slider as frozen, validated data: no engine's setting appears here.
 
-Conventions. SI units. The crank turns about joint O at the origin, the slider moves along the x axis, gravity
-acts along -y. Angles are counter-clockwise from +x. Joint A connects crank and rod, joint B rod and slider; the
-slider's centre of mass is its pin B. A link's centre of mass lies on the line of its joints, at the given
-distance from its first joint (O for the crank, A for the rod).
+Conventions. SI units. The crank turns about joint O at the origin, the slider moves along the x axis,
+gravity acts along -y. Angles are counter-clockwise from +x. Joint A connects crank and rod, joint B rod and
+slider; the slider's centre of mass is its pin B. A link's centre of mass lies on the line of its joints, at
+the given distance from its first joint (O for the crank, A for the rod).
 """
 
 import math
-from typing import Annotated, Literal, Union
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -82,7 +82,7 @@ class TorqueDrive(SceneData):
     torque_N_m: float
 
 
-Drive = Annotated[Union[FreeDrive, ConstantSpeedDrive, TorqueDrive], Field(discriminator="kind")]
+Drive = Annotated[FreeDrive | ConstantSpeedDrive | TorqueDrive, Field(discriminator="kind")]
 
 
 class Friction(SceneData):

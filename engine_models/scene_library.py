@@ -50,13 +50,13 @@ def ideal_torque() -> Scene:
     """Set F's bodies, started from rest by a constant torque that lifts them over the top."""
     return Scene(
         name="ideal-torque",
-        end_time_s=0.5,
+        end_time_s=0.3,
         gravity_m_s2=9.81,
         crank=crank(1e-5),
         rod=rod(2.5e-5),
         slider=SLIDER,
         start=Start(crank_angle_rad=0.5, crank_speed_rad_s=0.0),
-        drive=TorqueDrive(kind="torque", torque_N_m=0.5),
+        drive=TorqueDrive(kind="torque", torque_N_m=0.3),
     )
 
 
