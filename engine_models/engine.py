@@ -5,10 +5,14 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict
 
 from engine_models.scene import Scene
 
 FloatArray = NDArray[np.float64]
+
+#: Validation of an engine's settings, for ``pydantic.dataclasses.dataclass(frozen=True, config=...)``.
+SETTINGS_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 BODIES = ("crank", "rod", "slider")
 JOINTS = ("O", "A", "B")
