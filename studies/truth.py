@@ -1,11 +1,12 @@
 """The independent truth for ideal scenes: one coordinate, Eksergian's equation, closed-form reactions.
 
-With the crank angle theta as the only coordinate every body coordinate is a function X(theta), so the motion is
-J(theta) theta'' + J'(theta) theta'^2 / 2 = Q - V'(theta)  (Eksergian 1930), and the forces follow by Newton's
-law body by body, slider first. Nothing here is shared with the solvers under test, kinematics included.
+With the crank angle theta as the only coordinate every body coordinate is a function X(theta), so the
+motion is  J(theta) theta'' + J'(theta) theta'^2 / 2 = Q - V'(theta)  (Eksergian 1930), and the forces follow
+by Newton's law body by body, slider first. Nothing here is shared with the solvers under test.
 """
 
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -14,8 +15,8 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene import Scene
 
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-13, 1e-15
-#: Pieces that a run is cut into, for the truth and for its twin: with 1000 the energy integral of the library's
-#: ideal scenes holds to 3e-12 relative, with 200 only to 2e-9 (DOP853 takes too long a first step from rest).
+#: Least number of pieces that a run is cut into, for the truth and for its twin: with 1000 the energy integral
+#: of the library's ideal scenes holds to 3e-12, with 200 only to 2e-9 (from rest, the first step is too long).
 PIECES, TWIN_PIECES = 1000, 1600
 
 
@@ -88,7 +89,7 @@ def _crank_motion(scene: Scene, time_s: FloatArray, pieces: int) -> tuple[FloatA
     per_sample = -(-pieces // (len(time_s) - 1))
     cuts = np.linspace(time_s[0], time_s[-1], per_sample * (len(time_s) - 1) + 1)
     states = [np.array([start.crank_angle_rad, start.crank_speed_rad_s])]
-    for span in zip(cuts[:-1], cuts[1:], strict=True):
+    for span in pairwise(cuts):
         run = solve_ivp(
             derivative, span, states[-1], "DOP853", rtol=RELATIVE_TOLERANCE, atol=ABSOLUTE_TOLERANCE
         )
