@@ -15,8 +15,8 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene import Scene
 
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-13, 1e-15
-#: Least number of pieces that a run is cut into, for the truth and for its twin: with 1000 the energy integral
-#: of the library's ideal scenes holds to 3e-12, with 200 only to 2e-9 (from rest, the first step is too long).
+#: Least number of pieces that a run is cut into, for the truth and for its twin: with 1000 the energy
+#: integral of the library's ideal scenes holds to 3e-12, with 200 only to 2e-9 (a long first step from rest).
 PIECES, TWIN_PIECES = 1000, 1600
 
 

@@ -1,0 +1,145 @@
+"""Equations (1)-(10) of Grigore, Stanescu and Pandrea (ECCOMAS 2008), in their order: the text to read.
+
+Letters are the paper's: M, B, C, F, q, lambda. The constraint force is +B^T lambda. ``_dot`` is a time
+derivative. Position-level constraints g, needed for stabilisation only, are measured from the start: a guide
+keeps the body's initial angle, and a driver's angle is the initial one plus speed times t.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from reference_solver.arrays import MechanismArrays
+from reference_solver.errors import SingularConfiguration
+from reference_solver.mechanism import GROUND, Mechanism, SpringDamper
+
+FloatArray = NDArray[np.float64]
+
+#: A Cholesky pivot that is mere round-off, relative to its diagonal entry: the row depends on earlier rows.
+PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Baumgarte:
+    """Baumgarte's (1972) gains in 1/s: -2 alpha (B q' - C) - beta^2 g joins the right-hand side of (4)."""
+
+    alpha_s: float
+    beta_s: float
+
+
+class Equations:
+    """The paper's equations for one mechanism with n = 3 x bodies coordinates and m constraint rows.
+
+    ``q_start`` (n,) are the initial coordinates, from which g is measured.
+    """
+
+    def __init__(self, mechanism: Mechanism, q_start: FloatArray, baumgarte: Baumgarte | None = None) -> None:
+        self._arrays = MechanismArrays(mechanism, q_start)
+        self._springs = [load for load in mechanism.loads if isinstance(load, SpringDamper)]
+        self._baumgarte = baumgarte
+        self._n = 3 * len(mechanism.bodies)
+        #: {C} (m,): what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
+        self.C = self._arrays.C
+        self.inverse_mass = self._arrays.inverse_mass
+
+    def _arms(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return, for every revolute joint, the arms from both bodies' centres to its points, each (2, r)."""
+        angles = np.append(q, np.zeros(3))  # the frame's coordinates
+        arms = []
+        for phi, (x, y) in (
+            (self._arrays.phi_i, self._arrays.point_i),
+            (self._arrays.phi_j, self._arrays.point_j),
+        ):
+            cos, sin = np.cos(angles[phi]), np.sin(angles[phi])
+            arms.append(np.array([cos * x - sin * y, sin * x + cos * y]))
+        return arms[0], arms[1]
+
+    def constraint_matrix(self, q: FloatArray) -> FloatArray:
+        """Return [B] (m, n) of (1), [B]{q'} = {C}."""
+        a, (arm_i, arm_j) = self._arrays, self._arms(q)
+        B = a.E.copy()
+        B[a.row, a.phi_i], B[a.row + 1, a.phi_i] = arm_i[1], -arm_i[0]
+        B[a.row, a.phi_j], B[a.row + 1, a.phi_j] = -arm_j[1], arm_j[0]
+        return np.asarray(B[:, : self._n])
+
+    def centripetal(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return [B']{q'} (m,) of (4): minus omega^2 times the arms, body j less body i."""
+        a, (arm_i, arm_j) = self._arrays, self._arms(q)
+        rates = np.append(v, np.zeros(3))
+        B_dot_v = np.zeros(len(self.C))
+        B_dot_v[a.row], B_dot_v[a.row + 1] = rates[a.phi_i] ** 2 * arm_i - rates[a.phi_j] ** 2 * arm_j
+        return B_dot_v
+
+    def violation(self, t: float, q: FloatArray) -> FloatArray:
+        """Return {g} (m,): gaps in m, angles in rad; its time derivative is [B]{q'} - {C}."""
+        a, (arm_i, arm_j) = self._arrays, self._arms(q)
+        g = a.E[:, : self._n] @ q + a.d - self.C * t
+        gap = arm_j - arm_i
+        g[a.row], g[a.row + 1] = g[a.row] + gap[0], g[a.row + 1] + gap[1]
+        return np.asarray(g)
+
+    def applied_force(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers."""
+        if not self._springs:
+            return self._arrays.F
+        F = self._arrays.F.copy()
+        for spring in self._springs:
+            self._add_spring(F, spring, q, v)
+        return F
+
+    def _add_spring(self, F: FloatArray, spring: SpringDamper, q: FloatArray, v: FloatArray) -> None:
+        ends = []
+        for body, (x, y) in ((spring.body_i, spring.point_i), (spring.body_j, spring.point_j)):
+            if body == GROUND:
+                ends.append((np.array([x, y]), np.array([x, y]), np.zeros(2)))
+                continue
+            cos, sin = np.cos(q[3 * body + 2]), np.sin(q[3 * body + 2])
+            arm = np.array([cos * x - sin * y, sin * x + cos * y])
+            rate = v[3 * body : 3 * body + 2] + v[3 * body + 2] * np.array([-arm[1], arm[0]])
+            ends.append((q[3 * body : 3 * body + 2] + arm, arm, rate))
+        (point_i, arm_i, rate_i), (point_j, arm_j, rate_j) = ends
+        length = np.linalg.norm(point_j - point_i)
+        direction = (point_j - point_i) / length
+        tension = spring.stiffness_N_m * (length - spring.free_length_m)
+        tension += spring.damping_N_s_m * direction @ (rate_j - rate_i)
+        for body, arm, force in (
+            (spring.body_i, arm_i, tension * direction),
+            (spring.body_j, arm_j, -tension * direction),
+        ):
+            if body != GROUND:
+                F[3 * body : 3 * body + 3] += [*force, arm[0] * force[1] - arm[1] * force[0]]
+
+    def factor(self, t: float, q: FloatArray, B: FloatArray) -> FloatArray:
+        """Return the lower Cholesky factor (m, m) of [B][M]^-1[B]^T; its inverse (6) is never formed.
+
+        Raises:
+            SingularConfiguration: [B] has not full row rank, by the smallest pivot.
+        """
+        G = (B * self.inverse_mass) @ B.T
+        L, info = lapack.dpotrf(G, lower=1)
+        threshold = len(G) * PIVOT_TOLERANCE_PER_ROW
+        if info != 0 or np.any(L.diagonal() ** 2 < threshold * G.diagonal()):
+            scaled = B * np.sqrt(self.inverse_mass)
+            scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
+            rank = int(np.linalg.matrix_rank(scaled, tol=np.sqrt(threshold)))
+            raise SingularConfiguration(rank, len(B), t, q)
+        return np.asarray(L)
+
+    def accelerations(self, t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10).
+
+        Raises:
+            SingularConfiguration: [B] has not full row rank.
+        """
+        B, F = self.constraint_matrix(q), self.applied_force(q, v)
+        # (4), (5): {C'} is zero, since prescribed speeds are constant.
+        right = -self.centripetal(q, v) - B @ (self.inverse_mass * F)
+        if self._baumgarte is not None:
+            right -= 2 * self._baumgarte.alpha_s * (B @ v - self.C)
+            right -= self._baumgarte.beta_s**2 * self.violation(t, q)
+        # (6)-(8)
+        lambda_, _ = lapack.dpotrs(self.factor(t, q, B), right, lower=1)
+        # (9), (10)
+        return self.inverse_mass * (F + B.T @ lambda_), lambda_

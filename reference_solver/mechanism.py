@@ -1,0 +1,108 @@
+"""A planar mechanism as data: bodies, revolute joints, straight guides, drivers and loads.
+
+Coordinates q stack (x, y, phi) of every body's centre of mass. Points are given in the frame of their body,
+whose origin is the centre of mass; points on GROUND are in the global frame. A body is named by its index.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+Point = tuple[float, float]
+
+#: Stands for the frame wherever a body is asked for.
+GROUND: Final = -1
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body; inertia in kg m^2 about the centre of mass."""
+
+    mass_kg: float
+    inertia_kg_m2: float
+
+
+@dataclass(frozen=True)
+class RevoluteJoint:
+    """Two rows of [B]: a point of body j stays on a point of body i; multipliers are the force on body j."""
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+
+
+@dataclass(frozen=True)
+class StraightGuide:
+    """Two rows of [B]: a body's centre of mass stays on a fixed line, and the body does not turn.
+
+    The line passes through ``point`` at ``angle_rad`` from the x axis. The multipliers are the guide's normal
+    force on the body, positive along the direction 90 degrees counter-clockwise of the line, and its moment.
+    """
+
+    body: int
+    point: Point
+    angle_rad: float
+
+
+@dataclass(frozen=True)
+class PrescribedSpeed:
+    """One row of [B]: the body turns at a constant speed; the multiplier is the torque on the body."""
+
+    body: int
+    speed_rad_s: float
+
+
+@dataclass(frozen=True)
+class Torque:
+    """A constant torque on a body, counter-clockwise positive."""
+
+    body: int
+    torque_N_m: float
+
+
+@dataclass(frozen=True)
+class SpringDamper:
+    """A linear spring and damper between two points; tension is positive in the formula of its force.
+
+    The force along the line is k (l - free length) + c l', pulling the points together.
+    """
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+    stiffness_N_m: float
+    damping_N_s_m: float
+    free_length_m: float
+
+
+Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed
+Load = Torque | SpringDamper
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Bodies, constraints in the order of their rows in [B], loads, and gravity along -y."""
+
+    bodies: tuple[Body, ...]
+    constraints: tuple[Constraint, ...]
+    loads: tuple[Load, ...] = ()
+    gravity_m_s2: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.bodies:
+            raise ValueError("bodies: expected at least one body, got none")
+        for index, body in enumerate(self.bodies):
+            for field in ("mass_kg", "inertia_kg_m2"):
+                value = getattr(body, field)
+                if not 0 < value < float("inf"):
+                    raise ValueError(f"bodies[{index}].{field}: expected a positive number, got {value}")
+        for part in (*self.constraints, *self.loads):
+            for field in ("body", "body_i", "body_j"):
+                body_index = getattr(part, field, 0)
+                lowest = 0 if field == "body" else GROUND
+                if not lowest <= body_index < len(self.bodies):
+                    raise ValueError(
+                        f"{type(part).__name__}.{field}: expected a body index from {lowest} to "
+                        f"{len(self.bodies) - 1}, got {body_index}"
+                    )

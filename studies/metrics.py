@@ -1,0 +1,89 @@
+"""What is judged, computed from a scene and a trajectory alone, the same way for every engine."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from engine_models.engine import JOINTS, FloatArray, Trajectory
+from engine_models.scene import Scene
+
+
+def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the kinetic energy of the three bodies, (n,)."""
+    parts = (scene.crank, scene.rod, scene.slider)
+    inertia = np.array([[part.mass_kg, part.mass_kg, part.inertia_kg_m2] for part in parts])
+    return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
+
+
+def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the gravitational energy of the three bodies, zero at the height of the guide, (n,)."""
+    masses = np.array([scene.crank.mass_kg, scene.rod.mass_kg, scene.slider.mass_kg])
+    return np.asarray(scene.gravity_m_s2 * (trajectory.position[:, :, 1] @ masses))
+
+
+def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the energy gained since t = 0 beyond the driver's work, (n,): zero for an exact ideal run."""
+    energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
+    work = 0.0 if trajectory.driver_work_J is None else trajectory.driver_work_J
+    return np.asarray(energy - energy[0] - work)
+
+
+def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the distance between the two sides of each joint, (n, 3) over O, A, B."""
+    centre, phi = trajectory.position[:, :, :2], trajectory.position[:, :, 2]
+
+    def point(body: int, distance: float) -> FloatArray:
+        direction = np.stack([np.cos(phi[:, body]), np.sin(phi[:, body])], axis=-1)
+        return centre[:, body] + distance * direction
+
+    crank, rod = scene.crank, scene.rod
+    gaps = (
+        point(0, -crank.centre_of_mass_m),
+        point(1, -rod.centre_of_mass_m) - point(0, crank.length_m - crank.centre_of_mass_m),
+        centre[:, 2] - point(1, rod.length_m - rod.centre_of_mass_m),
+    )
+    return np.stack([np.hypot(gap[:, 0], gap[:, 1]) for gap in gaps], axis=-1)
+
+
+def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the largest gap of the ideal joints and of the slider from its guide, (n,)."""
+    gaps = pin_gap_m(scene, trajectory)
+    return np.asarray(np.maximum(gaps.max(axis=1), np.abs(trajectory.position[:, 2, 1])))
+
+
+def signals(trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the compared signals by name without unit suffix lost: ``slider_position_m`` (n,) and so on.
+
+    Joint forces are vectors, (n, 2); the driver torque is there only where something drives.
+    """
+    yield "slider_position_m", trajectory.slider_position_m
+    yield "slider_velocity_m_s", trajectory.slider_velocity_m_s
+    for index, joint in enumerate(JOINTS):
+        yield f"joint_{joint}_force_N", trajectory.joint_force_N[:, index]
+    yield "guide_normal_force_N", trajectory.guide_normal_force_N
+    if trajectory.driver_torque_N_m is not None:
+        yield "driver_torque_N_m", trajectory.driver_torque_N_m
+
+
+def errors(trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
+    """Return the error of each signal over time, (n,), forces by the length of the difference vector.
+
+    The keys are the signals' names with ``_error`` before the unit, as in ``slider_position_error_m``.
+    """
+    out = {}
+    for (name, value), (_, true) in zip(signals(trajectory), signals(truth), strict=True):
+        difference = np.abs(value - true)
+        out[with_suffix(name, "error")] = np.hypot(*difference.T) if difference.ndim == 2 else difference
+    return out
+
+
+#: Units at the end of column names, longest first.
+UNITS = ("rad_s", "m_s", "N_m", "rad", "m", "N", "J", "s")
+
+
+def with_suffix(column: str, word: str) -> str:
+    """Return a column's name with a word put before its unit: force_N, error -> force_error_N."""
+    for unit in UNITS:
+        if column.endswith(f"_{unit}"):
+            return f"{column[: -len(unit)]}{word}_{unit}"
+    raise ValueError(f"column: expected a name that ends in one of {UNITS}, got {column}")
