@@ -59,7 +59,7 @@ def mechanism_of(scene: Scene) -> Mechanism:
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
 class ReferenceEngine:
-    """Settings of the reference solver; Baumgarte's gains in 1/s matter with ``stabilisation = baumgarte``."""
+    """Settings of the reference solver; the gains in 1/s belong to ``stabilisation = baumgarte``."""
 
     stabilisation: Literal["none", "baumgarte", "projection"] = "projection"
     baumgarte_alpha_s: Annotated[float, Field(ge=0)] = 100.0

@@ -2,7 +2,7 @@
 
 Every constraint row is  B(q) q' = C  at velocity level and  g = E q + d - C t + (revolute arms) = 0  at
 position level. Only a revolute joint's entries under the two bodies' angles vary; all else in [B] is the
-constant E. The frame is kept as one more body, at rest, behind the real ones; its columns are dropped at the end.
+constant E. The frame is kept as one more body, at rest, behind the real ones, whose columns are dropped.
 """
 
 from itertools import pairwise

@@ -83,8 +83,8 @@ class Equations:
     def applied_force(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers."""
         if not self._springs:
-            return self._arrays.F
-        F = self._arrays.F.copy()
+            return np.asarray(self._arrays.F)
+        F: FloatArray = self._arrays.F.copy()
         for spring in self._springs:
             self._add_spring(F, spring, q, v)
         return F

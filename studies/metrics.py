@@ -51,31 +51,49 @@ def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
     return np.asarray(np.maximum(gaps.max(axis=1), np.abs(trajectory.position[:, 2, 1])))
 
 
-def signals(trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the compared signals by name without unit suffix lost: ``slider_position_m`` (n,) and so on.
+def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the compared signals by column name: ``slider_position_m`` (n,) and so on.
 
-    Joint forces are vectors, (n, 2); the driver torque is there only where something drives.
+    Joint forces are vectors, (n, 2). The driver torque is compared only where it is a reaction: under a
+    constant-speed drive.
     """
     yield "slider_position_m", trajectory.slider_position_m
     yield "slider_velocity_m_s", trajectory.slider_velocity_m_s
     for index, joint in enumerate(JOINTS):
         yield f"joint_{joint}_force_N", trajectory.joint_force_N[:, index]
     yield "guide_normal_force_N", trajectory.guide_normal_force_N
-    if trajectory.driver_torque_N_m is not None:
+    if scene.drive.kind == "constant-speed" and trajectory.driver_torque_N_m is not None:
         yield "driver_torque_N_m", trajectory.driver_torque_N_m
 
 
-def errors(trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
+def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
     """Return the error of each signal over time, (n,), forces by the length of the difference vector.
 
     The keys are the signals' names with ``_error`` before the unit, as in ``slider_position_error_m``.
     """
     out = {}
-    for (name, value), (_, true) in zip(signals(trajectory), signals(truth), strict=True):
+    for (name, value), (_, true) in zip(signals(scene, trajectory), signals(scene, truth), strict=True):
         difference = np.abs(value - true)
         out[with_suffix(name, "error")] = np.hypot(*difference.T) if difference.ndim == 2 else difference
     return out
 
+
+def uncertainties(scene: Scene, truth: Trajectory, twin: Trajectory) -> dict[str, float]:
+    """Return the truth's own uncertainty of each signal: its distance from its twin plus round-off.
+
+    The keys have ``_uncertainty`` before the unit, as in ``slider_position_uncertainty_m``.
+    """
+    return {
+        with_suffix(name, "uncertainty"): float(difference.max() + ROUND_OFF * np.abs(value).max())
+        for (name, value), difference in zip(
+            signals(scene, truth), errors(scene, twin, truth).values(), strict=True
+        )
+    }
+
+
+#: Round-off of a signal relative to its largest value: closed-form reactions lose up to 8 units in the last
+#: place on the ideal scenes (their spread between algebraically equal formulas), with a margin of 2.
+ROUND_OFF = 16 * float(np.finfo(float).eps)
 
 #: Units at the end of column names, longest first.
 UNITS = ("rad_s", "m_s", "N_m", "rad", "m", "N", "J", "s")

@@ -1,0 +1,78 @@
+"""Agreement: every engine on every ideal scene, at several steps and settings, against the truth."""
+
+import numpy as np
+
+from engine_models.engine import RunSettings
+from engine_models.engines import make_engine
+from engine_models.scene import Scene
+from engine_models.scene_library import SCENES
+from studies.case import Case, Curves, Row, Value
+from studies.metrics import (
+    constraint_violation_m,
+    energy_balance_residual_J,
+    errors,
+    kinetic_energy_J,
+    uncertainties,
+)
+from studies.truth import exact, exact_twin
+
+SAMPLES = 200
+#: Steps per sample interval, halving the step from one to the next: quick, then what the full set adds.
+LADDER, FINER = (2, 4, 8, 16, 32, 64, 128), (256, 512)
+#: Each engine's own settings worth showing, by the name that tables and figures give them.
+ARMS: dict[str, dict[str, dict[str, Value]]] = {
+    "reference": {
+        "none": {"stabilisation": "none"},
+        "Baumgarte": {"stabilisation": "baumgarte"},
+        "projection": {"stabilisation": "projection"},
+    },
+    "exudyn": {
+        "trapezoidal": {"solver": "TrapezoidalIndex2"},
+        "generalized-alpha": {"solver": "GeneralizedAlpha"},
+    },
+    "pymunk": {
+        "out of the box": {"iterations": 10, "error_bias": (1 - 0.1) ** 60, "half_kick_start": False},
+        "tuned": {},
+    },
+}
+#: Pymunk's solver iterations, shown at one step of the ladder.
+ITERATIONS, ITERATIONS_STEPS_PER_SAMPLE = (2, 5, 7, 10, 15, 20, 50, 100), 32
+
+
+def cases(full: bool) -> list[Case]:
+    """Return the ladder of steps for every scene, engine and arm, then Pymunk's sweep of iterations."""
+    out = []
+    for make in SCENES.values():
+        scene = make()
+        if scene.joints_with_clearance:
+            continue
+        for engine, arms in ARMS.items():
+            for arm, settings in arms.items():
+                for count in LADDER + (FINER if full else ()):
+                    out.append(_case(scene, engine, arm, count, settings))
+        for iterations in ITERATIONS:
+            arm = f"{iterations} iterations"
+            out.append(_case(scene, "pymunk", arm, ITERATIONS_STEPS_PER_SAMPLE, {"iterations": iterations}))
+    return out
+
+
+def _case(scene: Scene, engine: str, arm: str, steps_per_sample: int, settings: dict[str, Value]) -> Case:
+    step = scene.end_time_s / (SAMPLES * steps_per_sample)
+    return Case("agreement", scene, engine, arm, RunSettings(step_s=step, samples=SAMPLES), settings)
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Run one case and return the largest error of every signal with the truth's uncertainty, and curves."""
+    trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
+    truth, twin = exact(case.scene, case.run.samples), exact_twin(case.scene, case.run.samples)
+    curves: Curves = dict(errors(case.scene, trajectory, truth))
+    row: Row = {"steps": trajectory.steps}
+    row |= {name: float(curve.max()) for name, curve in curves.items()}
+    row |= uncertainties(case.scene, truth, twin)
+    curves["energy_balance_residual_J"] = energy_balance_residual_J(case.scene, trajectory)
+    curves["constraint_violation_m"] = constraint_violation_m(case.scene, trajectory)
+    row["energy_balance_residual_J"] = float(np.abs(curves["energy_balance_residual_J"]).max())
+    row["constraint_violation_m"] = float(curves["constraint_violation_m"].max())
+    row["largest_kinetic_energy_J"] = float(kinetic_energy_J(case.scene, truth).max())
+    curves["time_s"] = trajectory.time_s
+    return row, curves
