@@ -37,7 +37,7 @@ def ideal_driven() -> Scene:
     return Scene(
         name="ideal-driven",
         end_time_s=0.024,
-        gravity_m_s2=0.0,
+        gravity_m_s2=9.81,
         crank=crank(1e-4),
         rod=rod(2.5e-4),
         slider=SLIDER,

@@ -105,9 +105,10 @@ def solve(
     for sample in range(samples):
         for step in range(steps_per_sample):
             t = (sample * steps_per_sample + step) * h
-            q, v, done = rk4_step(equations, t, q, v, h)
+            with np.errstate(over="ignore", invalid="ignore"):
+                q, v, done = rk4_step(equations, t, q, v, h)
             work += done
-            if not np.isfinite(v @ v):
+            if not np.isfinite(v).all():
                 raise NonFiniteState(t + h, h)
             if stabilisation == "projection":
                 q, v = project(equations, t + h, q, v)
