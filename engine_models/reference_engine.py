@@ -29,7 +29,7 @@ from reference_solver.mechanism import (
     StraightGuide,
     Torque,
 )
-from reference_solver.solver import Stabilisation, solve
+from reference_solver.solver import Stabilisation, make_stepper, record
 
 CRANK, ROD, SLIDER = range(3)
 
@@ -59,11 +59,15 @@ def mechanism_of(scene: Scene) -> Mechanism:
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
 class ReferenceEngine:
-    """Settings of the reference solver; the gains in 1/s belong to ``stabilisation = baumgarte``."""
+    """Settings of the reference solver; the gains in 1/s belong to ``stabilisation = baumgarte``.
+
+    ``kernel`` chooses between the two faces of the algorithm, which agree to round-off.
+    """
 
     stabilisation: Literal["none", "baumgarte", "projection"] = "projection"
     baumgarte_alpha_s: Annotated[float, Field(ge=0)] = 100.0
     baumgarte_beta_s: Annotated[float, Field(ge=0)] = 100.0
+    kernel: Literal["compiled", "readable"] = "compiled"
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with fixed-step RK4.
@@ -73,29 +77,31 @@ class ReferenceEngine:
             SimulationFailed: singular configuration or overflow.
         """
         require_ideal(scene, "reference")
-        q, v = assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+        q, v = (
+            a.ravel() for a in assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+        )
         stabilisation: Stabilisation = (
             Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
             if self.stabilisation == "baumgarte"
             else self.stabilisation
         )
-        mechanism = mechanism_of(scene)
-        steps = settings.steps_per_sample(scene.end_time_s)
+        step = settings.step_used_s(scene.end_time_s)
+        steps_per_sample = settings.steps_per_sample(scene.end_time_s)
+        stepper = make_stepper(mechanism_of(scene), q, step, stabilisation, self.kernel == "compiled")
         started = time.perf_counter()
         try:
-            solution = solve(
-                mechanism,
-                q.ravel(),
-                v.ravel(),
+            solution = record(
+                stepper,
+                q.copy(),
+                v,
                 end_time_s=scene.end_time_s,
                 samples=settings.samples,
-                steps_per_sample=steps,
-                stabilisation=stabilisation,
+                steps_per_sample=steps_per_sample,
             )
         except SolverError as error:
             raise SimulationFailed(str(error)) from error
         solve_time = time.perf_counter() - started
-        O, A, B, guide, *driver = row_slices(mechanism)  # noqa: E741  the joint's name in the field
+        O, A, B, guide, *driver = row_slices(mechanism_of(scene))  # noqa: E741  the joint's name in the field
         multipliers = solution.multipliers
         position = solution.q.reshape(-1, 3, 3)
         torque = work = None
@@ -113,8 +119,8 @@ class ReferenceEngine:
                 guide_normal_force_N=multipliers[:, guide.start],
                 driver_torque_N_m=torque,
                 driver_work_J=work,
-                step_s=settings.step_used_s(scene.end_time_s),
-                steps=settings.samples * steps,
+                step_s=step,
+                steps=settings.samples * steps_per_sample,
                 solve_time_s=solve_time,
             )
         )

@@ -1,0 +1,102 @@
+"""The compiled face of the algorithm: the kernel written for a topology, compiled by Numba, kept on disk."""
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import platformdirs
+from numpy.typing import NDArray
+
+from reference_solver.equations import Baumgarte, Equations
+from reference_solver.errors import NonFiniteState
+from reference_solver.generator import EquationsWriter
+from reference_solver.kernel_source import kernel_source
+from reference_solver.mechanism import Mechanism
+from reference_solver.readable import ReadableStepper
+
+FloatArray = NDArray[np.float64]
+
+#: Steps per call of the kernel: a fraction of a second, so that an interrupt is answered.
+CHUNK = 200_000
+
+
+def kernel_folder() -> Path:
+    """Return where kernels and their machine code are kept: ``CRANKSLIDER_CACHE`` or the user's cache."""
+    return Path(os.environ.get("CRANKSLIDER_CACHE") or platformdirs.user_cache_dir("crankslider")) / "kernels"
+
+
+@cache
+def _load(source: str) -> ModuleType:
+    """Return the generated module; it must be a real file for Numba to keep its machine code."""
+    name = f"kernel_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    path = kernel_folder() / f"{name}.py"
+    try:
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".new", delete=False) as file:
+                file.write(source)
+            os.replace(file.name, path)
+    except OSError:  # a read-only home: compile anew in every process
+        path = Path(tempfile.mkdtemp(prefix="crankslider-")) / f"{name}.py"
+        path.write_text(source)
+    specification = importlib.util.spec_from_file_location(name, path)
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module  # where Numba looks its functions up when it loads their machine code
+    specification.loader.exec_module(module)
+    return module
+
+
+class CompiledStepper:
+    """Takes steps of size h from t = 0 with the kernel of the mechanism's topology."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        q_start: FloatArray,
+        h: float,
+        baumgarte: Baumgarte | None,
+        projected: bool,
+    ) -> None:
+        writer = EquationsWriter(mechanism, q_start)
+        self._kernel = _load(kernel_source(writer, baumgarte, projected))
+        self._parameters = np.array(writer.parameters)
+        self._rows, self._h = writer.m, h
+        self._readable = ReadableStepper(Equations(mechanism, q_start, baumgarte), h, projected)
+        # Compiled or loaded here, so that what follows runs at full speed.
+        q, v = q_start.copy(), np.zeros_like(q_start)
+        self._kernel.advance(self._parameters, q, v, h, 0, 0)
+        self._kernel.multipliers(self._parameters, 0.0, q, v, np.empty(self._rows))
+
+    def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
+        """Take steps number first to first + count - 1 in place; return the drivers' work.
+
+        Raises:
+            SingularConfiguration: the constraint matrix loses full row rank.
+            NonFiniteState: the state overflows.
+        """
+        work, last = 0.0, first + count
+        while first < last:
+            chunk = min(CHUNK, last - first)
+            done, added = self._kernel.advance(self._parameters, q, v, self._h, first, chunk)
+            first, work = first + done, work + added
+            if done < chunk:  # the readable equations find the same fault and say what it is, or pass it
+                work += self._readable.advance(q, v, first, 1)
+                first += 1
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            raise NonFiniteState(last * self._h, self._h)
+        return work
+
+    def multipliers(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return {lambda} (m,) at a state."""
+        out = np.empty(self._rows)
+        if not self._kernel.multipliers(self._parameters, t, q, v, out):
+            return self._readable.multipliers(t, q, v)
+        return out

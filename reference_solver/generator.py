@@ -1,0 +1,231 @@
+"""The paper's equations as straight-line code for one topology: the stages of ``equations``, written out.
+
+What the mechanism does not contain does not occur in the text: no zero entry, no absent load, no arm of a pin
+at a centre of mass. Parameters (masses, points, speeds) are inputs p[...], so that one compilation serves
+every mechanism of the same topology. Coordinates are named q0, q1, ..., velocities v0, v1, ...
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_solver.arrays import row_slices
+from reference_solver.equations import PIVOT_TOLERANCE_PER_ROW, Baumgarte
+from reference_solver.mechanism import (
+    GROUND,
+    Constraint,
+    Mechanism,
+    Point,
+    RevoluteJoint,
+    SpringDamper,
+    StraightGuide,
+    Torque,
+)
+from reference_solver.straight_line import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Factors,
+    Sparse,
+    StraightLine,
+    dot,
+    negative,
+    product,
+    total,
+)
+
+SIDES = (("i", MINUS_ONE), ("j", ONE))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of [B], with its C and the terms of its [B']{q'} and of its g."""
+
+    B: Sparse
+    C: str
+    centripetal: list[str]
+    g: list[str]
+
+
+class EquationsWriter:
+    """Writes the equations of one mechanism; ``parameters`` collects the values of p[...] as they occur."""
+
+    def __init__(self, mechanism: Mechanism, q_start: NDArray[np.float64]) -> None:
+        self.mechanism, self._q_start = mechanism, q_start
+        self.n = 3 * len(mechanism.bodies)
+        self.m = sum(rows.stop - rows.start for rows in row_slices(mechanism))
+        self._positions: dict[str, int] = {}
+        self.parameters: list[float] = []
+
+    def parameter(self, key: str, value: float, structural: tuple[float, ...] = ()) -> str:
+        """Return the code of a parameter; a value among the structural ones is written out instead."""
+        if value in structural:
+            return repr(float(value) if value else 0.0)
+        if key not in self._positions:
+            self._positions[key] = len(self.parameters)
+            self.parameters.append(float(value))
+        return f"p[{self._positions[key]}]"
+
+    def inverse_mass(self, column: int) -> str:
+        """Return the diagonal entry of [M]^-1 of a coordinate."""
+        body = self.mechanism.bodies[column // 3]
+        if column % 3 == 2:
+            return self.parameter(f"inertia {column // 3}", 1 / body.inertia_kg_m2)
+        return self.parameter(f"mass {column // 3}", 1 / body.mass_kg)
+
+    def _arm(self, code: StraightLine, name: str, body: int, point: Point) -> tuple[str, str]:
+        """Return the arm from a body's centre of mass to a point of it, in the global frame."""
+        x, y = (self.parameter(f"{name}{k}", value, (0.0,)) for k, value in enumerate(point))
+        if body == GROUND or x == y == ZERO:
+            return x, y
+        for function in ("cos", "sin"):
+            code.let(f"{function}{body}", f"{function}(q{3 * body + 2})")
+        return (
+            code.let(f"{name}x", total([product(f"cos{body}", x), negative(product(f"sin{body}", y))])),
+            code.let(f"{name}y", total([product(f"sin{body}", x), product(f"cos{body}", y)])),
+        )
+
+    def rows(self, code: StraightLine) -> list[Row]:
+        """Return the constraint rows in the order of [B]."""
+        return [row for k, c in enumerate(self.mechanism.constraints) for row in self._rows(code, k, c)]
+
+    def _rows(self, code: StraightLine, number: int, constraint: Constraint) -> list[Row]:
+        if isinstance(constraint, RevoluteJoint):
+            return self._revolute(code, f"u{number}", constraint)
+        x, y, phi = range(3 * constraint.body, 3 * constraint.body + 3)
+        start = self.parameter(f"start {number}", -self._q_start[phi])
+        if isinstance(constraint, StraightGuide):
+            direction = (-np.sin(constraint.angle_rad), np.cos(constraint.angle_rad))
+            a, b = (
+                self.parameter(f"{k} {number}", v, (0.0, 1.0, -1.0))
+                for k, v in zip("ab", direction, strict=True)
+            )
+            offset = self.parameter(f"offset {number}", -float(np.dot(direction, constraint.point)))
+            along = Row({x: a, y: b}, ZERO, [], [product(a, f"q{x}"), product(b, f"q{y}"), offset])
+            return [along, Row({phi: ONE}, ZERO, [], [f"q{phi}", start])]
+        speed = self.parameter(f"speed {number}", constraint.speed_rad_s)
+        return [Row({phi: ONE}, speed, [], [f"q{phi}", start, negative(product(speed, "t"))])]
+
+    def _revolute(self, code: StraightLine, name: str, joint: RevoluteJoint) -> list[Row]:
+        rows = [Row({}, ZERO, [], []), Row({}, ZERO, [], [])]
+        bodies = ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j))
+        for (side, sign), (body, point) in zip(SIDES, bodies, strict=True):
+            arm = self._arm(code, name + side, body, point)
+            for k, row in enumerate(rows):
+                row.g.append(product(sign, arm[k]))
+                if body == GROUND:
+                    continue
+                column, phi = 3 * body + k, 3 * body + 2
+                row.B[column] = sign
+                row.B[phi] = product(sign, ONE if k else MINUS_ONE, arm[1 - k])
+                row.g.append(product(sign, f"q{column}"))
+                row.centripetal.append(negative(product(sign, arm[k], f"v{phi}", f"v{phi}")))
+        return rows
+
+    def free_accelerations(self, code: StraightLine) -> Sparse:
+        """Return [M]^-1{F} by coordinate: gravity, torques, springs and dampers."""
+        terms: dict[int, list[str]] = {column: [] for column in range(self.n)}
+        if self.mechanism.gravity_m_s2:
+            for column in range(1, self.n, 3):
+                terms[column].append(negative(self.parameter("gravity", self.mechanism.gravity_m_s2)))
+        for number, load in enumerate(self.mechanism.loads):
+            if isinstance(load, Torque):
+                column = 3 * load.body + 2
+                torque = self.parameter(f"torque {number}", load.torque_N_m)
+                terms[column].append(product(torque, self.inverse_mass(column)))
+            else:
+                self._spring(code, f"k{number}", load, terms)
+        return {column: code.let(f"f{column}", total(parts)) for column, parts in terms.items()}
+
+    def _spring(
+        self, code: StraightLine, name: str, spring: SpringDamper, terms: dict[int, list[str]]
+    ) -> None:
+        bodies = ((spring.body_i, spring.point_i), (spring.body_j, spring.point_j))
+        arms = [self._arm(code, name + side, *end) for (side, _), end in zip(SIDES, bodies, strict=True)]
+        reach: list[list[str]] = [[], []]
+        rate: list[list[str]] = [[], []]
+        for (_, sign), (body, _), arm in zip(SIDES, bodies, arms, strict=True):
+            for k in (0, 1):
+                reach[k].append(product(sign, arm[k]))
+                if body != GROUND:
+                    turn = product(sign, ONE if k else MINUS_ONE, f"v{3 * body + 2}", arm[1 - k])
+                    reach[k].append(product(sign, f"q{3 * body + k}"))
+                    rate[k] += [product(sign, f"v{3 * body + k}"), turn]
+        x, y = (code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1))
+        length = code.let(f"{name}_length", f"sqrt({x}*{x} + {y}*{y})")
+        rate_x, rate_y = (code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1))
+        stiffness, damping, free_length = (
+            self.parameter(f"{name} {k}", v)
+            for k, v in enumerate((spring.stiffness_N_m, spring.damping_N_s_m, spring.free_length_m))
+        )
+        speed = code.let(f"{name}_speed", f"({x}*{rate_x} + {y}*{rate_y})/{length}")
+        tension = f"({stiffness}*({length} - {free_length}) + {damping}*{speed})/{length}"
+        pull = code.let(f"{name}_pull", tension)
+        for (_, sign), (body, _), arm in zip(SIDES, bodies, arms, strict=True):
+            if body == GROUND:
+                continue
+            force = [negative(product(sign, pull, component)) for component in (x, y)]
+            moment = [product(arm[0], force[1]), negative(product(arm[1], force[0]))]
+            for k, part in enumerate(force):
+                terms[3 * body + k].append(product(part, self.inverse_mass(3 * body)))
+            terms[3 * body + 2] += [product(part, self.inverse_mass(3 * body + 2)) for part in moment]
+
+    def factors(self, code: StraightLine, rows: list[Row]) -> tuple[list[Sparse], Factors]:
+        """Return [B][M]^-1 by row, and the factors of [B][M]^-1[B]^T."""
+        BW = [
+            {c: code.let(f"w{r}_{c}", product(entry, self.inverse_mass(c))) for c, entry in row.B.items()}
+            for r, row in enumerate(rows)
+        ]
+        matrix = {
+            (i, j): code.let(f"g{i}_{j}", dot(BW[i], rows[j].B))
+            for i in range(self.m)
+            for j in range(i + 1)
+            if not BW[i].keys().isdisjoint(rows[j].B)
+        }
+        return BW, Factors(code, matrix, self.m, repr(self.m * PIVOT_TOLERANCE_PER_ROW))
+
+    def accelerations(self, baumgarte: Baumgarte | None) -> tuple[StraightLine, list[str], list[str], str]:
+        """Return the code of (3)-(10), the names of its accelerations and multipliers, and its condition."""
+        code = StraightLine()
+        rows, free = self.rows(code), self.free_accelerations(code)
+        BW, factors = self.factors(code, rows)
+        right = {}
+        for r, row in enumerate(rows):
+            terms = [negative(term) for term in row.centripetal]
+            terms += [negative(product(entry, free[c])) for c, entry in row.B.items()]
+            if baumgarte is not None:
+                rate = code.let(f"rate{r}", total([*_rate(row), negative(row.C)]))
+                gap = code.let(f"gap{r}", total(row.g))
+                terms.append(negative(product(self.parameter("2 alpha", 2 * baumgarte.alpha_s), rate)))
+                terms.append(negative(product(self.parameter("beta^2", baumgarte.beta_s**2), gap)))
+            right[r] = code.let(f"h{r}", total(terms))
+        lambda_ = factors.solve("lambda", right)
+        accelerations = [code.let(f"a{c}", total([free[c], *_column(BW, c, lambda_)])) for c in range(self.n)]
+        return code, accelerations, [lambda_[r] for r in range(self.m)], factors.ok
+
+    def projection(self, of: str) -> tuple[StraightLine, list[str], str]:
+        """Return the code that moves ``of`` = q or v onto the constraints, new names, and its condition."""
+        code = StraightLine()
+        rows = self.rows(code)
+        BW, factors = self.factors(code, rows)
+        right = {
+            r: code.let(f"h{r}", total(row.g if of == "q" else [*_rate(row), negative(row.C)]))
+            for r, row in enumerate(rows)
+        }
+        mu = factors.solve("mu", right)
+        moved = [
+            code.let(f"new{c}", total([f"{of}{c}", *map(negative, _column(BW, c, mu))]))
+            for c in range(self.n)
+        ]
+        return code, moved, factors.ok
+
+
+def _rate(row: Row) -> list[str]:
+    """Return the terms of a row's [B]{q'}."""
+    return [product(entry, f"v{c}") for c, entry in row.B.items()]
+
+
+def _column(BW: list[Sparse], c: int, x: Sparse) -> list[str]:
+    """Return the terms of coordinate c in [M]^-1[B]^T x."""
+    return [product(row[c], x[r]) for r, row in enumerate(BW) if c in row]

@@ -1,0 +1,101 @@
+"""The source of a compiled kernel: RK4 around the straight-line equations, in functions that Python calls."""
+
+from reference_solver.equations import Baumgarte
+from reference_solver.generator import EquationsWriter
+from reference_solver.straight_line import ZERO, StraightLine, product, total
+
+HEADER = '''"""Generated from a mechanism's topology by reference_solver.generator."""
+
+from math import cos, sin, sqrt
+
+from numba import njit
+
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+'''
+
+
+def kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, projected: bool) -> str:
+    """Return a module with ``advance`` and ``multipliers`` for the writer's topology (see ``kernel``).
+
+    ``writer.parameters`` is complete afterwards.
+    """
+    q, v = _names("q", writer.n), _names("v", writer.n)
+    code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
+    functions = [
+        _function(
+            "accelerations", ["p", "t", *q, *v], code.lines, [*accelerations, *lambda_, ok], inline=True
+        )
+    ]
+    if projected:
+        for of in ("q", "v"):
+            code, moved, ok = writer.projection(of)
+            arguments = ["p", "t", *q, *(v if of == "v" else [])]
+            functions.append(_function(f"project_{of}", arguments, code.lines, [*moved, ok], inline=True))
+    functions.append(_advance(writer, projected))
+    functions.append(_multipliers(writer))
+    return "\n\n".join([HEADER, *functions]) + "\n"
+
+
+def _names(letter: str, count: int) -> list[str]:
+    return [f"{letter}{k}" for k in range(count)]
+
+
+def _function(
+    name: str, arguments: list[str], lines: list[str], results: list[str], inline: bool = False
+) -> str:
+    options = "**OPTIONS, forceinline=True" if inline else "**OPTIONS"
+    body = [*lines, f"return {', '.join(results)}"]
+    return "\n    ".join([f"@njit({options})\ndef {name}({', '.join(arguments)}):", *body])
+
+
+def _call(results: list[str], function: str, arguments: list[str]) -> str:
+    return f"{', '.join(results)} = {function}({', '.join(arguments)})"
+
+
+def _advance(writer: EquationsWriter, projected: bool) -> str:
+    """Write ``advance(p, q, v, h, first, count)``: RK4 steps number first to first + count - 1, in place.
+
+    It returns the number of steps done and the drivers' work over them; fewer than ``count`` steps mean that
+    the step begun from the state left in q and v met a singular configuration or overflowed.
+    """
+    n, m = range(writer.n), range(writer.m)
+    q, v = _names("q", writer.n), _names("v", writer.n)
+    step = ["t = (first + done)*h"]
+    start_q, start_v = q, v
+    for stage, (fraction, time) in enumerate(
+        zip(("", "0.5*h", "0.5*h", "h"), ("t", "t + 0.5*h", "t + 0.5*h", "t + h"), strict=True), 1
+    ):
+        if stage > 1:
+            step += [f"x{c} = q{c} + {fraction}*{start_v[c]}" for c in n]
+            step += [f"y{stage}_{c} = v{c} + {fraction}*a{stage - 1}_{c}" for c in n]
+            start_q, start_v = _names("x", writer.n), _names(f"y{stage}_", writer.n)
+        results = [f"a{stage}_{c}" for c in n] + [f"m{stage}_{r}" for r in m] + [f"ok{stage}"]
+        step.append(_call(results, "accelerations", ["p", time, *start_q, *start_v]))
+    ok = "ok1 and ok2 and ok3 and ok4"
+    step += [f"x{c} = q{c} + h/6.0*(v{c} + 2.0*(y2_{c} + y3_{c}) + y4_{c})" for c in n]
+    step += [f"y{c} = v{c} + h/6.0*(a1_{c} + 2.0*(a2_{c} + a3_{c}) + a4_{c})" for c in n]
+    if projected:
+        x, y = _names("x", writer.n), _names("y", writer.n)
+        step.append(_call([*x, "ok5"], "project_q", ["p", "t + h", *x]))
+        step.append(_call([*y, "ok6"], "project_v", ["p", "t + h", *x, *y]))
+        ok += " and ok5 and ok6"
+    step += [f"if not ({ok}):", "    break"]
+    mean = "h/6.0*(m1_{r} + 2.0*(m2_{r} + m3_{r}) + m4_{r})"
+    drivers = [(r, row.C) for r, row in enumerate(writer.rows(StraightLine())) if row.C != ZERO]
+    if drivers:
+        step.append(f"work += {total(product(C, mean.format(r=r)) for r, C in drivers)}")
+    step += [f"q{c} = x{c}" for c in n] + [f"v{c} = y{c}" for c in n] + ["done += 1"]
+    lines = [f"{name}{c} = {name}[{c}]" for name in "qv" for c in n]
+    lines += ["done, work = 0, 0.0", "while done < count:", *(f"    {line}" for line in step)]
+    lines += [f"{name}[{c}] = {name}{c}" for name in "qv" for c in n]
+    return _function("advance", ["p", "q", "v", "h", "first", "count"], lines, ["done", "work"])
+
+
+def _multipliers(writer: EquationsWriter) -> str:
+    """Write ``multipliers(p, t, q, v, out)``: {lambda} at a state into ``out``; returns whether it could."""
+    q, v = _names("q", writer.n), _names("v", writer.n)
+    lambda_ = _names("lambda", writer.m)
+    lines = [f"{name}{c} = {name}[{c}]" for name in "qv" for c in range(writer.n)]
+    lines.append(_call([*_names("a", writer.n), *lambda_, "ok"], "accelerations", ["p", "t", *q, *v]))
+    lines += [f"out[{r}] = {name}" for r, name in enumerate(lambda_)]
+    return _function("multipliers", ["p", "t", "q", "v", "out"], lines, ["ok"])

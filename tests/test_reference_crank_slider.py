@@ -1,0 +1,118 @@
+"""The reference solver on the ideal scenes against the independent truth: accuracy, order, drift."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from engine_models.engine import RunSettings, Trajectory
+from engine_models.reference_engine import ReferenceEngine, mechanism_of
+from engine_models.scene import Scene
+from engine_models.scene_library import SCENES, ideal_free
+from reference_solver.equations import Equations
+from studies.metrics import constraint_violation_m, energy_balance_residual_J, errors, signals, uncertainties
+from studies.truth import exact, exact_twin
+
+SAMPLES = 200
+VARIANTS = ("none", "baumgarte", "projection")
+#: RK4's theory is 4; the next term of the error bends the regression over these steps by less than this.
+ORDER_TOLERANCE = 0.05
+#: Steps per sample of the runs that may take part; the finest three above round-off do.
+LADDERS = {
+    "ideal-free": (16, 32, 64, 128, 256),
+    "ideal-driven": (1, 2, 4, 8, 16),
+    "ideal-torque": (8, 16, 32, 64, 128, 256),
+}
+#: An error is above round-off if it is this many times the truth's own uncertainty: if all of that is in
+#: the finest error it moves the order over two halvings by log2(1 + 1/30)/2 = 0.02, half of the tolerance.
+ABOVE_ROUND_OFF = 30
+
+
+@cache
+def run(name: str, variant: str, steps_per_sample: int) -> tuple[Scene, Trajectory]:
+    scene = SCENES[name]()
+    step = scene.end_time_s / (SAMPLES * steps_per_sample)
+    engine = ReferenceEngine(stabilisation=variant)  # type: ignore[arg-type]
+    return scene, engine.simulate(scene, RunSettings(step_s=step, samples=SAMPLES))
+
+
+@cache
+def largest_errors(name: str, variant: str, steps_per_sample: int) -> dict[str, float]:
+    scene, trajectory = run(name, variant, steps_per_sample)
+    return {k: float(e.max()) for k, e in errors(scene, trajectory, exact(scene, SAMPLES)).items()}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("name", LADDERS)
+def test_every_signal_converges_at_order_four_or_shows_only_round_off(name: str, variant: str) -> None:
+    scene = SCENES[name]()
+    floor = uncertainties(scene, exact(scene, SAMPLES), exact_twin(scene, SAMPLES))
+    ladder = LADDERS[name]
+    for signal, uncertainty in zip(largest_errors(name, variant, ladder[0]), floor.values(), strict=True):
+        found = {count: largest_errors(name, variant, count)[signal] for count in ladder}
+        above = [count for count in ladder if found[count] > ABOVE_ROUND_OFF * uncertainty][-3:]
+        if not above:
+            # The projection leaves a driven crank-slider, all of it a function of time, nothing to err in.
+            assert (name, variant) == ("ideal-driven", "projection"), f"{signal}: {found}"
+            continue
+        assert len(above) == 3, f"{signal}: {found} reach {uncertainty:.1e} too soon"
+        order = -np.polyfit(np.log(above), np.log([found[count] for count in above]), 1)[0]
+        assert abs(order - 4) < ORDER_TOLERANCE, f"{name}, {variant}, {signal}: order {order:.3f} of {found}"
+
+
+def test_the_projected_free_run_at_1e_5_meets_the_stated_accuracy() -> None:
+    scene, trajectory = run("ideal-free", "projection", 500)
+    assert trajectory.step_s == pytest.approx(1e-5, rel=1e-12)
+    truth = exact(scene, SAMPLES)
+    found = errors(scene, trajectory, truth)
+    at_end = found["slider_position_error_m"][-1]
+    assert at_end < 1e-11, f"slider off by {at_end:.2e} m at 1 s"
+    for (signal, value), error in zip(signals(scene, truth), found.values(), strict=True):
+        if signal.endswith("_N"):
+            relative = error.max() / np.abs(value).max()
+            assert relative < 1e-7, f"{signal}: {relative:.2e}"
+
+
+def drift(variant: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times and the running largest |g| and |g'| of a free run of 3 s at h = 2.5e-4 s."""
+    scene = ideal_free().model_copy(update={"end_time_s": 3.0})
+    engine = ReferenceEngine(stabilisation=variant)  # type: ignore[arg-type]
+    run = engine.simulate(scene, RunSettings(step_s=2.5e-4, samples=400))
+    states = list(zip(run.time_s, run.position.reshape(401, 9), run.velocity.reshape(401, 9), strict=True))
+    equations = Equations(mechanism_of(scene), states[0][1])
+    g = [np.abs(equations.violation(t, q)).max() for t, q, _ in states]
+    g_rate = [np.abs(equations.constraint_matrix(q) @ v - equations.C).max() for _, q, v in states]
+    return run.time_s, np.maximum.accumulate(g), np.maximum.accumulate(g_rate)
+
+
+def growth(time: np.ndarray, values: np.ndarray) -> float:
+    """Return the power of t at which values grow over the last nine tenths."""
+    late = slice(len(time) // 10, None)
+    return float(np.polyfit(np.log(time[late]), np.log(values[late]), 1)[0])
+
+
+def test_the_papers_own_algorithm_drifts_linearly_in_speed_and_quadratically_in_position() -> None:
+    time, g, g_rate = drift("none")
+    # The oscillation within a revolution (1/30 of the span) moves the fitted powers by less than 0.1.
+    assert abs(growth(time, g_rate) - 1) < 0.1, f"|g'| grows as t^{growth(time, g_rate):.3f}"
+    assert abs(growth(time, g) - 2) < 0.1, f"|g| grows as t^{growth(time, g):.3f}"
+
+
+def test_baumgarte_bounds_the_drift_and_projection_removes_it() -> None:
+    _, g_none, _ = drift("none")
+    time, g, g_rate = drift("baumgarte")
+    assert growth(time, g) < 0.1, f"|g| grows as t^{growth(time, g):.3f}"
+    assert g[-1] < 1e-3 * g_none[-1], f"{g[-1]:.2e} against {g_none[-1]:.2e} m"
+    _, g, g_rate = drift("projection")
+    assert g[-1] < 1e-14, f"|g| = {g[-1]:.2e} m"  # one Newton step squares a violation near 1e-10
+    assert g_rate[-1] < 1e-13, f"|g'| = {g_rate[-1]:.2e} m/s"  # round-off of a few m/s
+
+
+@pytest.mark.parametrize("name", LADDERS)
+def test_energy_and_joints_hold_to_round_off_at_a_fine_step(name: str) -> None:
+    scene, trajectory = run(name, "projection", 1024)
+    residual = np.abs(energy_balance_residual_J(scene, trajectory)).max()
+    # 2e5 steps of a few J at a rounding of 1e-16 J each, walking at random, with a margin of 20; truncation
+    # is below that.
+    assert residual < 1e-12, f"{residual:.2e} J"
+    assert constraint_violation_m(scene, trajectory).max() < 1e-15
