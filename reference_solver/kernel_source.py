@@ -72,8 +72,8 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
         results = [f"a{stage}_{c}" for c in n] + [f"m{stage}_{r}" for r in m] + [f"ok{stage}"]
         step.append(_call(results, "accelerations", ["p", time, *start_q, *start_v]))
     ok = "ok1 and ok2 and ok3 and ok4"
-    step += [f"x{c} = q{c} + h/6.0*(v{c} + 2.0*(y2_{c} + y3_{c}) + y4_{c})" for c in n]
-    step += [f"y{c} = v{c} + h/6.0*(a1_{c} + 2.0*(a2_{c} + a3_{c}) + a4_{c})" for c in n]
+    step += _compensated("x", "q", "h/6.0*(v{c} + 2.0*(y2_{c} + y3_{c}) + y4_{c})", n)
+    step += _compensated("y", "v", "h/6.0*(a1_{c} + 2.0*(a2_{c} + a3_{c}) + a4_{c})", n)
     if projected:
         x, y = _names("x", writer.n), _names("y", writer.n)
         step.append(_call([*x, "ok5"], "project_q", ["p", "t + h", *x]))
@@ -86,9 +86,20 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
         step.append(f"work += {total(product(C, mean.format(r=r)) for r, C in drivers)}")
     step += [f"q{c} = x{c}" for c in n] + [f"v{c} = y{c}" for c in n] + ["done += 1"]
     lines = [f"{name}{c} = {name}[{c}]" for name in "qv" for c in n]
+    lines += [f"lost_{name}{c} = 0.0" for name in "qv" for c in n]
     lines += ["done, work = 0, 0.0", "while done < count:", *(f"    {line}" for line in step)]
     lines += [f"{name}[{c}] = {name}{c}" for name in "qv" for c in n]
     return _function("advance", ["p", "q", "v", "h", "first", "count"], lines, ["done", "work"])
+
+
+def _compensated(new: str, old: str, increment: str, coordinates: range) -> list[str]:
+    """Write new = old + increment with the rounding carried to the next step (Kahan 1965)."""
+    lines = []
+    for c in coordinates:
+        lines.append(f"d{c} = {increment.format(c=c)} + lost_{old}{c}")
+        lines.append(f"{new}{c} = {old}{c} + d{c}")
+        lines.append(f"lost_{old}{c} = d{c} - ({new}{c} - {old}{c})")
+    return lines
 
 
 def _multipliers(writer: EquationsWriter) -> str:

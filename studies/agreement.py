@@ -14,7 +14,7 @@ from studies.metrics import (
     kinetic_energy_J,
     uncertainties,
 )
-from studies.truth import exact, exact_twin
+from studies.truth import exact, exact_twins
 
 SAMPLES = 200
 #: Steps per sample interval, halving the step from one to the next: quick, then what the full set adds.
@@ -64,11 +64,11 @@ def _case(scene: Scene, engine: str, arm: str, steps_per_sample: int, settings: 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return the largest error of every signal with the truth's uncertainty, and curves."""
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    truth, twin = exact(case.scene, case.run.samples), exact_twin(case.scene, case.run.samples)
+    truth, twins = exact(case.scene, case.run.samples), exact_twins(case.scene, case.run.samples)
     curves: Curves = dict(errors(case.scene, trajectory, truth))
     row: Row = {"steps": trajectory.steps}
     row |= {name: float(curve.max()) for name, curve in curves.items()}
-    row |= uncertainties(case.scene, truth, twin)
+    row |= uncertainties(case.scene, truth, twins)
     curves["energy_balance_residual_J"] = energy_balance_residual_J(case.scene, trajectory)
     curves["constraint_violation_m"] = constraint_violation_m(case.scene, trajectory)
     row["energy_balance_residual_J"] = float(np.abs(curves["energy_balance_residual_J"]).max())

@@ -78,22 +78,21 @@ def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str,
     return out
 
 
-def uncertainties(scene: Scene, truth: Trajectory, twin: Trajectory) -> dict[str, float]:
-    """Return the truth's own uncertainty of each signal: its distance from its twin plus round-off.
+def uncertainties(scene: Scene, truth: Trajectory, twins: list[Trajectory]) -> dict[str, float]:
+    """Return the truth's own uncertainty of each signal: its largest distance from a twin plus round-off.
 
     The keys have ``_uncertainty`` before the unit, as in ``slider_position_uncertainty_m``.
     """
+    distances = [errors(scene, twin, truth).values() for twin in twins]
     return {
-        with_suffix(name, "uncertainty"): float(difference.max() + ROUND_OFF * np.abs(value).max())
-        for (name, value), difference in zip(
-            signals(scene, truth), errors(scene, twin, truth).values(), strict=True
-        )
+        with_suffix(name, "uncertainty"): float(np.max(apart) + ROUND_OFF * np.abs(value).max())
+        for (name, value), apart in zip(signals(scene, truth), zip(*distances, strict=True), strict=True)
     }
 
 
-#: Round-off of a signal relative to its largest value: closed-form reactions lose up to 8 units in the last
-#: place on the ideal scenes (their spread between algebraically equal formulas), with a margin of 2.
-ROUND_OFF = 16 * float(np.finfo(float).eps)
+#: Round-off of a signal relative to its largest value: the closed-form reactions are within 2.2 units in the
+#: last place of their values in extended precision; the margin is 2.
+ROUND_OFF = 4 * float(np.finfo(float).eps)
 
 #: Units at the end of column names, longest first.
 UNITS = ("rad_s", "m_s", "N_m", "rad", "m", "N", "J", "s")
