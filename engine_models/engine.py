@@ -108,9 +108,10 @@ def require_finite(trajectory: Trajectory) -> Trajectory:
         trajectory.position,
         trajectory.velocity,
         trajectory.joint_force_N,
-        trajectory.guide_normal_force_N,
+        trajectory.driver_torque_N_m,
+        trajectory.driver_work_J,
     )
-    finite = np.all([np.isfinite(a).reshape(n, -1).all(axis=1) for a in arrays], axis=0)
+    finite = np.all([np.isfinite(a).reshape(n, -1).all(axis=1) for a in arrays if a is not None], axis=0)
     if not finite.all():
         when = trajectory.time_s[int(np.argmin(finite))]
         raise SimulationFailed(f"non-finite state at t = {when:.6g} s with step {trajectory.step_s:.3g} s")
