@@ -12,7 +12,8 @@ import pydantic
 import pytest
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.exudyn_engine import ExudynEngine, build_model
+from engine_models.exudyn_engine import ExudynEngine
+from engine_models.exudyn_model import build_model
 from engine_models.scene import Clearance, Clearances, Scene, TorqueDrive
 from engine_models.scene_library import ideal_driven, ideal_free, ideal_torque
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, errors

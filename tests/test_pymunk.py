@@ -36,10 +36,15 @@ LIBRARY_END_TIME_S = {"ideal-free": 0.2, "ideal-driven": 0.024, "ideal-torque": 
 #: What a regression over a factor of 4 to 8 in the step leaves of the next term of the error.
 ORDER_TOLERANCE = 0.05
 ARMS = (PymunkEngine(), PymunkEngine.out_of_the_box())
-#: Relative error of a closed form evaluated once from states of order 1, ten times over.
+#: Relative error of a closed form evaluated from exact states; measured 1e-14.
 ROUND_OFF = 1e-11
-#: 10 000 steps over two revolutions leave 0.06 N in 6000 N, and 0.005 is the last digit of the values given.
-DRIVEN_ACCURACY = 0.05
+#: 5000 steps a revolution leave 0.006 N of 2719 N and 0.0004 N m of 139 N m; 0.005 is the digits given.
+PIN_FORCE_ACCURACY, TORQUE_ACCURACY = 0.012, 0.006
+#: A smooth periodic torque: the trapezoidal rule is exact, and what is left is how far the angle has drifted.
+REVOLUTION_ACCURACY = 1e-5
+#: Steps of 10 us leave 3e-5 of the force (driven, t = 0); kick 0 itself would be off by all of it, and with
+#: fewer kicks at the full number of sweeps it would be 2e-4 (free, joint B).
+FIRST_FORCES = 5e-5
 
 
 def run(scene: Scene, engine: PymunkEngine, steps_per_sample: int = 1, samples: int = SAMPLES) -> Trajectory:
@@ -103,9 +108,9 @@ def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: i
 def test_tuned_the_first_forces_are_as_good_as_the_later_ones(name: str) -> None:
     scene = shorter(SCENES[name](), 12e-5)
     trajectory = run(scene, PymunkEngine(), samples=12)
-    error = errors(scene, trajectory, exact(scene, 12))["joint_A_force_error_N"]
-    force = np.hypot(*trajectory.joint_force_N[:, 1].T)
-    assert (error[:2] < 5e-5 * force[:2]).all(), f"{error / force}"
+    error, size = errors(scene, trajectory, exact(scene, 12)), np.abs(trajectory.joint_force_N).max()
+    for signal in ("joint_A_force_error_N", "joint_B_force_error_N", "guide_normal_force_error_N"):
+        assert (error[signal][:2] < FIRST_FORCES * size).all(), f"{signal}: {error[signal] / size}"
     velocity = np.abs(trajectory.slider_velocity_m_s - exact(scene, 12).slider_velocity_m_s)
     assert velocity[:2].max() <= 2 * velocity[2:].max(), velocity
 
@@ -135,15 +140,18 @@ def test_the_momentum_balance_gives_the_exact_forces_of_an_exact_motion() -> Non
 
 
 def test_driven_pin_force_and_torque_have_the_values_of_the_closed_form() -> None:
-    trajectory = run(ideal_driven(), PymunkEngine(), steps_per_sample=5, samples=2000)
+    plain = ideal_driven()
+    on_axis = plain.crank.model_copy(update={"centre_of_mass_m": 0.0})  # as the torque was computed
+    scene = plain.model_copy(update={"crank": on_axis})
+    trajectory = run(scene, PymunkEngine(), steps_per_sample=5, samples=2000)
     pin, torque = trajectory.joint_force_N[0, 2, 0], trajectory.driver_torque_N_m
     assert torque is not None
     assert trajectory.driver_work_J is not None
-    assert -pin == pytest.approx(2718.71, abs=DRIVEN_ACCURACY), f"pin force {-pin} N"
+    assert -pin == pytest.approx(2718.71, abs=PIN_FORCE_ACCURACY), f"pin force {-pin} N"
     peak, mean, work = torque.max(), torque[:1000].mean(), trajectory.driver_work_J[1000]
-    assert peak == pytest.approx(138.56, abs=DRIVEN_ACCURACY), f"peak torque {peak} N m"
-    assert mean == pytest.approx(0.0, abs=DRIVEN_ACCURACY), f"mean torque {mean} N m"
-    assert work == pytest.approx(0.0, abs=DRIVEN_ACCURACY), f"work of one revolution {work} J"
+    assert peak == pytest.approx(138.56, abs=TORQUE_ACCURACY), f"peak torque {peak} N m"
+    assert mean == pytest.approx(0.0, abs=REVOLUTION_ACCURACY), f"mean torque {mean} N m"
+    assert work == pytest.approx(0.0, abs=REVOLUTION_ACCURACY), f"work of one revolution {work} J"
 
 
 def test_free_slider_is_where_the_converged_value_says() -> None:
@@ -172,7 +180,7 @@ def test_an_ideal_scene_has_no_shapes_and_nothing_but_its_joints(name: str) -> N
     space, bodies = build(SCENES[name](), 20, 0.0)
     driven = name == "ideal-driven"
     kinds = [type(joint) for joint in space.constraints]
-    assert space.shapes == []
+    assert len(space.shapes) == 0
     assert len(space.bodies) == 3
     assert sorted(kind.__name__ for kind in kinds) == ["GrooveJoint"] + ["PivotJoint"] * (2 if driven else 3)
     kinematic = [body.body_type == pymunk.Body.KINEMATIC for body in bodies]

@@ -1,5 +1,6 @@
 """The compiled kernel agrees with the readable equations and contains only what the mechanism needs."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -26,9 +27,10 @@ from reference_solver.mechanism import (
 from reference_solver.solver import Stabilisation, make_stepper
 
 FloatArray = NDArray[np.float64]
-#: The two faces sum in different orders; a step of a few hundred operations on a well-conditioned system of
-#: at most 9 rows loses some ten units in the last place, with a margin of 5.
-ROUND_OFF = 50 * float(np.finfo(float).eps)
+#: The two faces sum in different orders. Measured: up to 12 units in the last place on the scenes, 82 in the
+#: multipliers of the case with everything, where spring forces ten times larger cancel. A wrong term shows
+#: at a millionth or more.
+ROUND_OFF = 200 * float(np.finfo(float).eps)
 VARIANTS: list[Stabilisation] = ["none", "projection", Baumgarte(100.0, 70.0)]
 
 
@@ -75,7 +77,9 @@ def everything_case() -> tuple[Mechanism, FloatArray, FloatArray, float]:
     return mechanism, q, v, 1e-3
 
 
-CASES = {**{name: partial(scene_case, name) for name in SCENES}, "everything": everything_case}
+Start = tuple[Mechanism, FloatArray, FloatArray, float]
+CASES: dict[str, Callable[[], Start]] = {name: partial(scene_case, name) for name in SCENES}
+CASES["everything"] = everything_case
 
 
 @pytest.mark.parametrize("stabilisation", VARIANTS, ids=["none", "projection", "baumgarte"])
