@@ -4,6 +4,7 @@ import numpy as np
 
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
+from engine_models.pymunk_engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
 from engine_models.scene import Scene
 from engine_models.scene_library import SCENES
 from studies.case import Case, Curves, Row, Value
@@ -31,7 +32,11 @@ ARMS: dict[str, dict[str, dict[str, Value]]] = {
         "generalized-alpha": {"solver": "GeneralizedAlpha"},
     },
     "pymunk": {
-        "out of the box": {"iterations": 10, "error_bias": (1 - 0.1) ** 60, "half_kick_start": False},
+        "out of the box": {
+            "iterations": LIBRARY_ITERATIONS,
+            "error_bias": LIBRARY_ERROR_BIAS,
+            "half_kick_start": False,
+        },
         "tuned": {},
     },
 }

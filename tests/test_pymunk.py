@@ -36,8 +36,8 @@ LIBRARY_END_TIME_S = {"ideal-free": 0.2, "ideal-driven": 0.024, "ideal-torque": 
 #: What a regression over a factor of 4 to 8 in the step leaves of the next term of the error.
 ORDER_TOLERANCE = 0.05
 ARMS = (PymunkEngine(), PymunkEngine.out_of_the_box())
-#: Relative error of a closed form evaluated from exact states; measured 1e-14.
-ROUND_OFF = 1e-11
+#: Relative error of a closed form evaluated from exact states; measured 1e-16.
+ROUND_OFF = 1e-14
 #: 5000 steps a revolution leave 0.006 N of 2719 N and 0.0004 N m of 139 N m; 0.005 is the digits given.
 PIN_FORCE_ACCURACY, TORQUE_ACCURACY = 0.012, 0.006
 #: A smooth periodic torque: the trapezoidal rule is exact, and what is left is how far the angle has drifted.
