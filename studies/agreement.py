@@ -37,7 +37,7 @@ ARMS: dict[str, dict[str, dict[str, Value]]] = {
             "error_bias": LIBRARY_ERROR_BIAS,
             "half_kick_start": False,
         },
-        "tuned": {},
+        "tuned": {"iterations": 20, "error_bias": 0.0, "half_kick_start": True},
     },
 }
 #: Pymunk's solver iterations, shown at one step of the ladder.

@@ -16,7 +16,7 @@ from reports.page import NoResults, write_report
 from reports.parts import Contradiction, Table, stated
 from reports.results import BrokenResults, read_results
 from reports.style import label, line_style, ordered
-from reports.tables import comma_separated, error, latex, markdown
+from reports.tables import comma_separated, error, in_text, latex, markdown
 from studies import agreement
 from studies.runner import run_study
 
@@ -335,6 +335,13 @@ def test_a_finest_point_that_only_begins_to_feel_a_floor_is_left_out() -> None:
     assert STEPS[-1] not in found.steps
 
 
+def test_points_between_the_truths_uncertainty_and_an_engines_own_floor_are_left_out() -> None:
+    floor = 1e-18
+    errors = [h**4 + 8 * floor for h in STEPS[:-1]] + [6 * floor]
+    found = observed_order(STEPS, errors, floor)
+    assert found.slope == pytest.approx(4, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("errors", "floor", "verdict"),
     [
@@ -343,7 +350,7 @@ def test_a_finest_point_that_only_begins_to_feel_a_floor_is_left_out() -> None:
         ([1e-2, 1e-3], 0.0, "too few points"),
         ([], 0.0, "too few points"),
         ([1e-2, 1e-4, 1e-6, 1e-6], 0.0, "too few points"),
-        ([1.0, 0.6, 0.1, 0.06], 0.0, "irregular"),
+        ([1.0, 0.6, 0.2, 0.02], 0.0, "irregular"),
     ],
 )
 def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor: float, verdict: str) -> None:
@@ -370,6 +377,11 @@ def test_errors_have_two_digits_and_none_below_the_uncertainty(
     value: float | None, uncertainty: float | None, text: str
 ) -> None:
     assert error(value, uncertainty) == text
+
+
+def test_a_number_in_a_sentence_has_no_hyphen_to_break_at() -> None:
+    assert in_text(1.26e-10) == "1.3×10⁻¹⁰"
+    assert in_text(25.0) == "2.5×10¹"
 
 
 def test_a_table_is_the_same_in_all_formats() -> None:

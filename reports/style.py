@@ -1,0 +1,114 @@
+"""How things look: colour and marker per engine, line style and fill per arm, labels from columns.
+
+Colours are Okabe and Ito's (2008), told apart by the colour-blind. In greyscale the markers tell the engines
+apart, line style and fill the arms of one.
+"""
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+BLACK, VERMILLION, BLUE, GREY = "#000000", "#D55E00", "#0072B2", "#8C8C8C"
+
+#: Colour and marker of each engine, in the order of legends. A new engine is a line here.
+ENGINES = {"reference": (BLACK, "o"), "exudyn": (VERMILLION, "s"), "pymunk": (BLUE, "^")}
+
+#: Arms in the order of legends, each engine's best practice first; others follow by number and name.
+ARMS = ("projection", "Baumgarte", "none", "trapezoidal", "generalized-alpha", "tuned", "out of the box")
+
+#: Line style and marker fill of an engine's first arm, second arm, ...
+VARIANTS = (("-", "full"), ("--", "none"), (":", "left"), ("-.", "bottom"), ((0, (1, 4)), "top"))
+
+#: Matplotlib settings of every figure; sizes are those of a page 7.5 inches wide.
+RC: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4.5,
+    "lines.markeredgewidth": 1.0,
+    "figure.constrained_layout.use": True,
+    "figure.constrained_layout.h_pad": 0.08,
+    "savefig.dpi": 200,
+    "svg.hashsalt": "crankslider",
+    "svg.fonttype": "path",
+}
+WIDTH_IN = 7.5
+
+#: Units at the end of column names as they are written, longest first.
+UNITS = {"rad_s": "rad/s", "m_s": "m/s", "N_m": "N·m", "rad": "rad", "m": "m", "N": "N", "J": "J", "s": "s"}
+
+Name = tuple[str, str]
+
+
+def ordered(names: Iterable[Name]) -> list[Name]:
+    """Return (engine, arm) pairs, each once, in the order of legends and tables.
+
+    Raises:
+        ValueError: an engine has no colour.
+    """
+    pairs = set(names)
+    for engine, _ in pairs:
+        if engine not in ENGINES:
+            raise ValueError(
+                f"engine: expected one of {tuple(ENGINES)}, got {engine}; add it to reports/style.py"
+            )
+    engines = list(ENGINES)
+
+    def place(pair: Name) -> tuple[int, int, int, str]:
+        engine, arm = pair
+        number = re.match(r"\d+", arm)
+        known = ARMS.index(arm) if arm in ARMS else len(ARMS)
+        return engines.index(engine), known, int(number[0]) if number else 0, arm
+
+    return sorted(pairs, key=place)
+
+
+def line_style(name: Name, names: Iterable[Name]) -> dict[str, Any]:
+    """Return colour, marker, line style and fill of an arm among all arms shown, as Matplotlib takes them."""
+    place = [arm for engine, arm in ordered(names) if engine == name[0]].index(name[1])
+    return variant(name[0], place)
+
+
+def variant(engine: str, place: int) -> dict[str, Any]:
+    """Return the style of an engine's first line, second line, ... (counted from 0)."""
+    colour, marker = ENGINES[engine]
+    dashes, fill = VARIANTS[place % len(VARIANTS)]
+    return {
+        "color": colour,
+        "marker": marker,
+        "linestyle": dashes,
+        "fillstyle": fill,
+        "markerfacecoloralt": "white",
+    }
+
+
+def title(name: Name) -> str:
+    """Return how an arm is named in text: reference (projection)."""
+    return f"{name[0]} ({name[1]})"
+
+
+def words(column: str) -> tuple[str, str]:
+    """Return a column's name in words and its unit: slider_position_error_m is slider position error, m."""
+    for ending, unit in UNITS.items():
+        if column.endswith(f"_{ending}"):
+            return column[: -len(ending) - 1].replace("_", " "), unit
+    return column.replace("_", " "), ""
+
+
+def label(column: str) -> str:
+    """Return an axis label: slider_position_error_m is slider position error [m]."""
+    name, unit = words(column)
+    return f"{name} [{unit}]" if unit else name

@@ -1,0 +1,115 @@
+"""Numbers as text, and a table as Markdown, LaTeX (booktabs) and CSV."""
+
+import csv
+import io
+import re
+from pathlib import Path
+
+from reports.parts import Table
+
+#: What stands for a number that a scene or an engine does not have.
+ABSENT = "–"
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_NUMBER = re.compile(r"(< )?(\d(?:\.\d+)?)e([+-]\d+)")
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    **{c: f"\\{c}" for c in "&%$#_{}"},
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"$<$",
+    ">": r"$>$",
+    ABSENT: "--",
+    "“": "``",
+    "”": "''",
+    "·": r"$\cdot$",
+}
+
+
+def number(value: float) -> str:
+    """Return a number with two significant digits: 0.00123 is 1.2e-03."""
+    return f"{value:.1e}"
+
+
+def in_text(value: float) -> str:
+    """Return a number with two significant digits as it is written in a sentence: 1.2×10⁻³."""
+    digits, power = f"{value:.1e}".split("e")
+    return f"{digits}×10{str(int(power)).translate(_RAISED)}"
+
+
+def error(value: float | None, uncertainty: float | None = None) -> str:
+    """Return an error with two significant digits, never with digits below the truth's uncertainty.
+
+    An error below the uncertainty u is shown as ``< u``; None as a dash.
+    """
+    if value is None:
+        return ABSENT
+    if uncertainty is not None and value < uncertainty:
+        return f"< {number(uncertainty)}"
+    return number(value)
+
+
+def markdown(table: Table) -> str:
+    """Return the table as Markdown, its caption above."""
+    rows = [table.head, ("---",) * len(table.head), *table.rows]
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return f"{table.title}. {table.reading}\n\n" + "\n".join(lines) + "\n"
+
+
+def latex(table: Table) -> str:
+    """Return the table as a LaTeX ``table`` that needs ``\\usepackage{booktabs}``."""
+    head = " & ".join(_stacked(cell) for cell in table.head)
+    rows = [" & ".join(_latex_cell(cell) for cell in row) for row in table.rows]
+    lines = [
+        r"\begin{table}",
+        r"\centering\footnotesize\setlength{\tabcolsep}{4pt}",
+        rf"\caption{{{_escaped(f'{table.title}. {table.reading}')}}}",
+        rf"\label{{tab:{table.name}}}",
+        rf"\begin{{tabular}}{{{'l' * len(table.head)}}}",
+        r"\toprule",
+        *(rf"{line} \\" for line in [head]),
+        r"\midrule",
+        *(rf"{line} \\" for line in rows),
+        r"\bottomrule",
+        r"\end{tabular}",
+        r"\end{table}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def comma_separated(table: Table) -> str:
+    """Return the table as CSV with a header."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([table.head, *table.rows])
+    return text.getvalue()
+
+
+#: The formats by the end of the file's name.
+FORMATS = {"md": markdown, "tex": latex, "csv": comma_separated}
+
+
+def write_table(table: Table, folder: Path) -> None:
+    """Write a table in every format."""
+    for end, as_text in FORMATS.items():
+        (folder / f"{table.name}.{end}").write_text(as_text(table), encoding="utf-8")
+
+
+def _latex_cell(cell: str) -> str:
+    found = _NUMBER.fullmatch(cell)
+    if not found:
+        return _escaped(cell)
+    less, digits, power = found.groups()
+    return rf"${less or ''}{digits} \times 10^{{{int(power)}}}$"
+
+
+def _stacked(cell: str) -> str:
+    """Return a column's heading on two lines, broken at the space nearest to its middle."""
+    spaces = [m.start() for m in re.finditer(" ", cell)]
+    if len(cell) <= 10 or not spaces:
+        return _escaped(cell)
+    cut = min(spaces, key=lambda at: abs(at - len(cell) / 2))
+    return rf"\shortstack[l]{{{_escaped(cell[:cut])}\\{{}}{_escaped(cell[cut + 1 :])}}}"
+
+
+def _escaped(text: str) -> str:
+    return "".join(_LATEX.get(character, character) for character in text)
