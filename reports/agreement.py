@@ -16,8 +16,9 @@ TITLE = "Agreement on ideal joints"
 INTRODUCTION = (
     "Every engine runs every scene without clearance at a ladder of steps and is judged by a truth that "
     "shares no code with any of them: the mechanism in one coordinate, integrated to near round-off, with "
-    "an uncertainty of its own. Errors are the largest over all samples. At equal steps the engines do "
-    "unequal work: this study is about what an engine gets right, not about what it costs."
+    "an uncertainty of its own. Errors are the largest over all samples; what dies away between two samples "
+    "is not seen. At equal steps the engines do unequal work: this study is about what an engine gets right, "
+    "not about what it costs."
 )
 
 #: The name of an arm that is one value of a setting: 20 iterations.

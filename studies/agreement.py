@@ -19,7 +19,7 @@ from studies.truth import exact, exact_twins
 
 SAMPLES = 200
 #: Steps per sample interval, halving the step from one to the next: quick, then what the full set adds.
-LADDER, FINER = (2, 4, 8, 16, 32, 64, 128), (256, 512)
+LADDER, FINER = (2, 4, 8, 16, 32, 64, 128, 256), (512, 1024)
 #: Each engine's own settings worth showing, by the name that tables and figures give them.
 ARMS: dict[str, dict[str, dict[str, Value]]] = {
     "reference": {
