@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.arrays import row_slices
+from reference_solver.contact_source import write_contact
 from reference_solver.equations import PIVOT_TOLERANCE_PER_ROW, Baumgarte
 from reference_solver.mechanism import (
     GROUND,
@@ -36,6 +37,11 @@ from reference_solver.straight_line import (
 )
 
 SIDES = (("i", MINUS_ONE), ("j", ONE))
+
+#: Two points, each by its body and its place there; their arms; the terms of every coordinate's acceleration.
+Ends = tuple[tuple[int, Point], tuple[int, Point]]
+Arms = list[tuple[str, str]]
+Terms = dict[int, list[str]]
 
 
 @dataclass(frozen=True)
@@ -125,7 +131,7 @@ class EquationsWriter:
 
     def free_accelerations(self, code: StraightLine) -> Sparse:
         """Return [M]^-1{F} by coordinate: gravity, torques, springs and dampers."""
-        terms: dict[int, list[str]] = {column: [] for column in range(self.n)}
+        terms: Terms = {column: [] for column in range(self.n)}
         if self.mechanism.gravity_m_s2:
             for column in range(1, self.n, 3):
                 terms[column].append(negative(self.parameter("gravity", self.mechanism.gravity_m_s2)))
@@ -136,25 +142,14 @@ class EquationsWriter:
                 terms[column].append(product(torque, self.inverse_mass(column)))
             else:
                 self._spring(code, f"k{number}", load, terms)
+        for number, joint in enumerate(self.mechanism.contacts):
+            write_contact(self, code, number, joint, terms)
         return {column: code.let(f"f{column}", total(parts)) for column, parts in terms.items()}
 
-    def _spring(
-        self, code: StraightLine, name: str, spring: SpringDamper, terms: dict[int, list[str]]
-    ) -> None:
-        bodies = ((spring.body_i, spring.point_i), (spring.body_j, spring.point_j))
-        arms = [self._arm(code, name + side, *end) for (side, _), end in zip(SIDES, bodies, strict=True)]
-        reach: list[list[str]] = [[], []]
-        rate: list[list[str]] = [[], []]
-        for (_, sign), (body, _), arm in zip(SIDES, bodies, arms, strict=True):
-            for k in (0, 1):
-                reach[k].append(product(sign, arm[k]))
-                if body != GROUND:
-                    turn = product(sign, ONE if k else MINUS_ONE, f"v{3 * body + 2}", arm[1 - k])
-                    reach[k].append(product(sign, f"q{3 * body + k}"))
-                    rate[k] += [product(sign, f"v{3 * body + k}"), turn]
-        x, y = (code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1))
+    def _spring(self, code: StraightLine, name: str, spring: SpringDamper, terms: Terms) -> None:
+        ends = ((spring.body_i, spring.point_i), (spring.body_j, spring.point_j))
+        arms, (x, y), (rate_x, rate_y) = self.between(code, name, ends)
         length = code.let(f"{name}_length", f"sqrt({x}*{x} + {y}*{y})")
-        rate_x, rate_y = (code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1))
         stiffness, damping, free_length = (
             self.parameter(f"{name} {k}", v)
             for k, v in enumerate((spring.stiffness_N_m, spring.damping_N_s_m, spring.free_length_m))
@@ -162,14 +157,46 @@ class EquationsWriter:
         speed = code.let(f"{name}_speed", f"({x}*{rate_x} + {y}*{rate_y})/{length}")
         tension = f"({stiffness}*({length} - {free_length}) + {damping}*{speed})/{length}"
         pull = code.let(f"{name}_pull", tension)
-        for (_, sign), (body, _), arm in zip(SIDES, bodies, arms, strict=True):
+        self.push(ends, arms, (negative(product(pull, x)), negative(product(pull, y))), terms)
+
+    def between(
+        self, code: StraightLine, name: str, ends: Ends
+    ) -> tuple[Arms, tuple[str, ...], tuple[str, ...]]:
+        """Return the arms of two points, the vector from the first to the second, and its rate."""
+        arms = [self._arm(code, name + side, *end) for (side, _), end in zip(SIDES, ends, strict=True)]
+        reach: list[list[str]] = [[], []]
+        rate: list[list[str]] = [[], []]
+        for (_, sign), (body, _), arm in zip(SIDES, ends, arms, strict=True):
+            for k in (0, 1):
+                reach[k].append(product(sign, arm[k]))
+                if body != GROUND:
+                    turn = product(sign, ONE if k else MINUS_ONE, f"v{3 * body + 2}", arm[1 - k])
+                    reach[k].append(product(sign, f"q{3 * body + k}"))
+                    rate[k] += [product(sign, f"v{3 * body + k}"), turn]
+        return (
+            arms,
+            tuple(code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1)),
+            tuple(code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1)),
+        )
+
+    def push(
+        self,
+        ends: Ends,
+        arms: Arms,
+        force: tuple[str, str],
+        terms: Terms,
+        twist: tuple[str, str] = (ZERO, ZERO),
+    ) -> None:
+        """Add to the accelerations a force on the second point, its reaction on the first, and torques."""
+        for (_, sign), (body, _), arm, moment in zip(SIDES, ends, arms, twist, strict=True):
             if body == GROUND:
                 continue
-            force = [negative(product(sign, pull, component)) for component in (x, y)]
-            moment = [product(arm[0], force[1]), negative(product(arm[1], force[0]))]
-            for k, part in enumerate(force):
-                terms[3 * body + k].append(product(part, self.inverse_mass(3 * body)))
-            terms[3 * body + 2] += [product(part, self.inverse_mass(3 * body + 2)) for part in moment]
+            x, y, phi = range(3 * body, 3 * body + 3)
+            fx, fy = (product(sign, component) for component in force)
+            terms[x].append(product(fx, self.inverse_mass(x)))
+            terms[y].append(product(fy, self.inverse_mass(y)))
+            for part in (product(arm[0], fy), negative(product(arm[1], fx)), moment):
+                terms[phi].append(product(part, self.inverse_mass(phi)))
 
     def factors(self, code: StraightLine, rows: list[Row]) -> tuple[list[Sparse], Factors]:
         """Return [B][M]^-1 by row, and the factors of [B][M]^-1[B]^T."""

@@ -19,37 +19,38 @@ def kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, projecte
 
     ``writer.parameters`` is complete afterwards.
     """
-    q, v = _names("q", writer.n), _names("v", writer.n)
+    q, v = names("q", writer.n), names("v", writer.n)
     code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
     functions = [
-        _function(
-            "accelerations", ["p", "t", *q, *v], code.lines, [*accelerations, *lambda_, ok], inline=True
-        )
+        function("accelerations", ["p", "t", *q, *v], code.lines, [*accelerations, *lambda_, ok], inline=True)
     ]
     if projected:
         for of in ("q", "v"):
             code, moved, ok = writer.projection(of)
             arguments = ["p", "t", *q, *(v if of == "v" else [])]
-            functions.append(_function(f"project_{of}", arguments, code.lines, [*moved, ok], inline=True))
+            functions.append(function(f"project_{of}", arguments, code.lines, [*moved, ok], inline=True))
     functions.append(_advance(writer, projected))
     functions.append(_multipliers(writer))
     return "\n\n".join([HEADER, *functions]) + "\n"
 
 
-def _names(letter: str, count: int) -> list[str]:
+def names(letter: str, count: int) -> list[str]:
+    """Return letter0, letter1, ..."""
     return [f"{letter}{k}" for k in range(count)]
 
 
-def _function(
+def function(
     name: str, arguments: list[str], lines: list[str], results: list[str], inline: bool = False
 ) -> str:
+    """Return a compiled function's text."""
     options = "**OPTIONS, forceinline=True" if inline else "**OPTIONS"
     body = [*lines, f"return {', '.join(results)}"]
     return "\n    ".join([f"@njit({options})\ndef {name}({', '.join(arguments)}):", *body])
 
 
-def _call(results: list[str], function: str, arguments: list[str]) -> str:
-    return f"{', '.join(results)} = {function}({', '.join(arguments)})"
+def call(results: list[str], called: str, arguments: list[str]) -> str:
+    """Return the line that calls a function and names its results."""
+    return f"{', '.join(results)} = {called}({', '.join(arguments)})"
 
 
 def _advance(writer: EquationsWriter, projected: bool) -> str:
@@ -59,7 +60,7 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
     the step begun from the state left in q and v met a singular configuration or overflowed.
     """
     n, m = range(writer.n), range(writer.m)
-    q, v = _names("q", writer.n), _names("v", writer.n)
+    q, v = names("q", writer.n), names("v", writer.n)
     step = ["t = (first + done)*h"]
     start_q, start_v = q, v
     for stage, (fraction, time) in enumerate(
@@ -68,16 +69,16 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
         if stage > 1:
             step += [f"x{c} = q{c} + {fraction}*{start_v[c]}" for c in n]
             step += [f"y{stage}_{c} = v{c} + {fraction}*a{stage - 1}_{c}" for c in n]
-            start_q, start_v = _names("x", writer.n), _names(f"y{stage}_", writer.n)
+            start_q, start_v = names("x", writer.n), names(f"y{stage}_", writer.n)
         results = [f"a{stage}_{c}" for c in n] + [f"m{stage}_{r}" for r in m] + [f"ok{stage}"]
-        step.append(_call(results, "accelerations", ["p", time, *start_q, *start_v]))
+        step.append(call(results, "accelerations", ["p", time, *start_q, *start_v]))
     ok = "ok1 and ok2 and ok3 and ok4"
     step += _compensated("x", "q", "h/6.0*(v{c} + 2.0*(y2_{c} + y3_{c}) + y4_{c})", n)
     step += _compensated("y", "v", "h/6.0*(a1_{c} + 2.0*(a2_{c} + a3_{c}) + a4_{c})", n)
     if projected:
-        x, y = _names("x", writer.n), _names("y", writer.n)
-        step.append(_call([*x, "ok5"], "project_q", ["p", "t + h", *x]))
-        step.append(_call([*y, "ok6"], "project_v", ["p", "t + h", *x, *y]))
+        x, y = names("x", writer.n), names("y", writer.n)
+        step.append(call([*x, "ok5"], "project_q", ["p", "t + h", *x]))
+        step.append(call([*y, "ok6"], "project_v", ["p", "t + h", *x, *y]))
         ok += " and ok5 and ok6"
     step += [f"if not ({ok}):", "    break"]
     mean = "h/6.0*(m1_{r} + 2.0*(m2_{r} + m3_{r}) + m4_{r})"
@@ -89,7 +90,7 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
     lines += [f"lost_{name}{c} = 0.0" for name in "qv" for c in n]
     lines += ["done, work = 0, 0.0", "while done < count:", *(f"    {line}" for line in step)]
     lines += [f"{name}[{c}] = {name}{c}" for name in "qv" for c in n]
-    return _function("advance", ["p", "q", "v", "h", "first", "count"], lines, ["done", "work"])
+    return function("advance", ["p", "q", "v", "h", "first", "count"], lines, ["done", "work"])
 
 
 def _compensated(new: str, old: str, increment: str, coordinates: range) -> list[str]:
@@ -104,9 +105,9 @@ def _compensated(new: str, old: str, increment: str, coordinates: range) -> list
 
 def _multipliers(writer: EquationsWriter) -> str:
     """Write ``multipliers(p, t, q, v, out)``: {lambda} at a state into ``out``; returns whether it could."""
-    q, v = _names("q", writer.n), _names("v", writer.n)
-    lambda_ = _names("lambda", writer.m)
+    q, v = names("q", writer.n), names("v", writer.n)
+    lambda_ = names("lambda", writer.m)
     lines = [f"{name}{c} = {name}[{c}]" for name in "qv" for c in range(writer.n)]
-    lines.append(_call([*_names("a", writer.n), *lambda_, "ok"], "accelerations", ["p", "t", *q, *v]))
+    lines.append(call([*names("a", writer.n), *lambda_, "ok"], "accelerations", ["p", "t", *q, *v]))
     lines += [f"out[{r}] = {name}" for r, name in enumerate(lambda_)]
-    return _function("multipliers", ["p", "t", "q", "v", "out"], lines, ["ok"])
+    return function("multipliers", ["p", "t", "q", "v", "out"], lines, ["ok"])

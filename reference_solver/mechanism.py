@@ -7,6 +7,8 @@ whose origin is the centre of mass; points on GROUND are in the global frame. A 
 from dataclasses import dataclass
 from typing import Final
 
+from reference_solver.contact_laws import ContactLaw, FrictionLaw
+
 Point = tuple[float, float]
 
 #: Stands for the frame wherever a body is asked for.
@@ -76,18 +78,33 @@ class SpringDamper:
     free_length_m: float
 
 
+@dataclass(frozen=True)
+class ClearanceJoint:
+    """A pin of body j at ``point_j`` in a bearing of body i at ``point_i``: a contact, and no row of [B]."""
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+    radial_clearance_m: float
+    bearing_radius_m: float
+    law: ContactLaw
+    friction: FrictionLaw | None = None
+
+
 Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed
 Load = Torque | SpringDamper
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Bodies, constraints in the order of their rows in [B], loads, and gravity along -y."""
+    """Bodies, constraints in the order of their rows in [B], loads, gravity along -y, and contacts."""
 
     bodies: tuple[Body, ...]
     constraints: tuple[Constraint, ...]
     loads: tuple[Load, ...] = ()
     gravity_m_s2: float = 0.0
+    contacts: tuple[ClearanceJoint, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.bodies:
@@ -97,7 +114,7 @@ class Mechanism:
                 value = getattr(body, field)
                 if not 0 < value < float("inf"):
                     raise ValueError(f"bodies[{index}].{field}: expected a positive number, got {value}")
-        for part in (*self.constraints, *self.loads):
+        for part in (*self.constraints, *self.loads, *self.contacts):
             for field in ("body", "body_i", "body_j"):
                 body_index = getattr(part, field, 0)
                 lowest = 0 if field == "body" else GROUND

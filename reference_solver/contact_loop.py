@@ -1,0 +1,162 @@
+"""The driver of contacts: RK4 steps that land on every touch and release, graded into and out of contact.
+
+This text is also part of every generated module with contacts, where Numba compiles it: ``step``, ``gaps``
+and ``gap_accelerations``, parameters here, are functions of that module. It uses arrays and numbers only.
+
+A contact is in one of three phases: in flight, in contact, or in contact with the force clipped because
+the law would pull. Between events every right-hand side is smooth; an event is located by shortening the step
+until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance), ``touch[k]`` is (time of
+touch, expected duration, mobility), ``control`` is (longest step, steps per contact, 1 to locate events).
+"""
+
+import numpy as np
+
+from reference_solver.contact_events import (
+    CLIPPED,
+    CONTACT,
+    FLIGHT,
+    PROBE,
+    FloatArray,
+    Function,
+    approach,
+    first_alarm,
+    locate,
+)
+
+
+def graded(h: float, duration: float, distance: float) -> float:
+    """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
+    return min(h, h * h / duration + 2.0 * h * float(np.sqrt(max(distance, 0.0) / duration)))
+
+
+def step_length(
+    s: FloatArray, laws: FloatArray, touch: FloatArray, gap: FloatArray, t: float, control: FloatArray
+) -> float:
+    """Return the longest step that the phases allow."""
+    h = control[0]
+    for k in range(len(laws)):
+        stiffness, exponent, _, _, clearance = laws[k]
+        if s[2 * k] == FLIGHT:
+            if gap[k, 2] * h > 0.25 * clearance:  # a quarter of the way across
+                h = 0.25 * clearance / gap[k, 2]
+            continue
+        start, duration, mobility = touch[k]
+        depth = max(gap[k, 3], 0.0)
+        if depth > 0.0:
+            frequency = np.sqrt(exponent * stiffness * depth ** (exponent - 1.0) * mobility)
+            duration = min(duration, np.pi / frequency)
+        shortest = duration / control[1]
+        h = min(h, graded(shortest, duration, t - start))
+        if gap[k, 1] < 0.0:
+            h = min(h, graded(shortest, duration, -depth / gap[k, 1]))
+    return float(h)
+
+
+def switch(
+    gap_accelerations: Function,
+    p: FloatArray,
+    s: FloatArray,
+    laws: FloatArray,
+    touch: FloatArray,
+    q: FloatArray,
+    v: FloatArray,
+    t: float,
+    gap: FloatArray,
+    event: int,
+    spare: FloatArray,
+) -> float:
+    """Change a contact's phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume."""
+    k, kind = event // 2, event % 2
+    if kind == 1:
+        s[2 * k] = CLIPPED if s[2 * k] == CONTACT else CONTACT
+        return 2.0 if s[2 * k] == CLIPPED else 3.0
+    if s[2 * k] != FLIGHT:
+        s[2 * k] = FLIGHT
+        return -1.0
+    stiffness, exponent, factor, slowest, clearance = laws[k]
+    # The gap's answer to a unit force tells the effective mass, and with it how long the contact will take.
+    gap_accelerations(p, s, t, q, v, spare)
+    free = spare[k]
+    s[2 * k] = PROBE
+    gap_accelerations(p, s, t, q, v, spare)
+    s[2 * k] = CONTACT
+    mobility = (free - spare[k]) * clearance / (clearance + gap[k, 3])
+    speed = max(gap[k, 1], slowest)
+    deepest = ((exponent + 1.0) * speed * speed / (2.0 * stiffness * mobility)) ** (1.0 / (exponent + 1.0))
+    s[2 * k + 1] = factor / speed
+    touch[k, 0], touch[k, 1], touch[k, 2] = t, 3.0 * deepest / speed, mobility
+    return 1.0
+
+
+def advance(
+    step: Function,
+    gaps: Function,
+    gap_accelerations: Function,
+    p: FloatArray,
+    s: FloatArray,
+    laws: FloatArray,
+    touch: FloatArray,
+    q: FloatArray,
+    v: FloatArray,
+    totals: FloatArray,
+    t: float,
+    end: float,
+    control: FloatArray,
+    log: FloatArray,
+    budget: int,
+) -> tuple[float, int, int, int]:
+    """Advance q, v and the totals of work from t to ``end`` in place, event by event.
+
+    ``log`` (rows, 5) takes (time, contact, what, rate of g, depth) of each event. Returns the time reached,
+    the events logged, the steps taken and 0; or, short of the end, 1 (``budget`` of steps used), 2 (log
+    full), 3 (the step met a singular configuration or overflowed).
+    """
+    new_q, new_v, work = np.empty_like(q), np.empty_like(v), np.empty_like(totals)
+    gap, new_gap = np.empty((len(laws), 4)), np.empty((len(laws), 4))
+    spare = np.empty(len(laws))
+    events, steps = 0, 0
+    gaps(p, q, v, gap)
+    while t < end:
+        if steps >= budget:
+            return t, events, steps, 1
+        if events >= len(log):
+            return t, events, steps, 2
+        h = control[0]
+        if control[2] > 0.0:
+            h = step_length(s, laws, touch, gap, t, control)
+        last = t + h >= end - 1e-9 * h
+        if last:
+            h = end - t
+        if not step(p, s, q, v, t, h, new_q, new_v, work):
+            return t, events, steps, 3
+        gaps(p, new_q, new_v, new_gap)
+        event = first_alarm(s, laws, new_gap)
+        if control[2] > 0.0:
+            if event < 0:
+                event, shorter = approach(
+                    step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, new_gap
+                )
+                last = last and shorter == h
+                h = shorter
+            other = event
+            while other >= 0:
+                event = other
+                shorter = locate(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, event)
+                other = first_alarm(s, laws, new_gap) if shorter < h else -1
+                if other == event:
+                    other = -1
+                last = last and shorter == h
+                h = shorter
+        t = end if last else t + h
+        for c in range(len(q)):
+            q[c], v[c] = new_q[c], new_v[c]
+        for c in range(len(totals)):
+            totals[c] += work[c]
+        steps += 1
+        gap, new_gap = new_gap, gap
+        if event >= 0:
+            what = switch(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare)
+            log[events, 0], log[events, 1], log[events, 2] = t, event // 2, what
+            log[events, 3], log[events, 4] = gap[event // 2, 1], gap[event // 2, 3]
+            events += 1
+    return t, events, steps, 0
