@@ -1,6 +1,7 @@
 """What every engine takes and gives: run settings, trajectory, the one method and its two refusals."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -49,6 +50,24 @@ class RunSettings:
 
 
 @dataclass(frozen=True)
+class Contact:
+    """What a joint with clearance did, at the trajectory's n times.
+
+    ``gap_m`` (n, 2) points from the bearing's centre to the pin's; ``penetration_m`` (n,) is its length less
+    the radial clearance, negative in flight. ``normal_force_N`` (n,) pushes the pin towards the bearing's
+    centre; ``friction_force_N`` (n,) acts on the pin 90 degrees counter-clockwise of the gap, None without
+    friction. ``elastic_energy_J`` (n,) is stored in the contact. The bearing belongs to the body nearer the
+    crank pivot.
+    """
+
+    gap_m: FloatArray
+    penetration_m: FloatArray
+    normal_force_N: FloatArray
+    friction_force_N: FloatArray | None
+    elastic_energy_J: FloatArray
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """Motion and forces at ``n = samples + 1`` equally spaced times, in SI units and the global frame.
 
@@ -57,7 +76,9 @@ class Trajectory:
     the rod and the slider. ``guide_normal_force_N`` (n,) acts on the slider along +y. ``driver_torque_N_m``
     (n,) acts on the crank, None in a scene without a drive. ``driver_work_J`` (n,) is the work done by that
     torque since t = 0 in the engine's own quadrature, None without a drive. ``solve_time_s`` is the wall
-    time of the native solve alone, without building the model or reading results out.
+    time of the native solve alone, without building the model or reading results out. ``contacts`` has an
+    entry for every joint with clearance, and ``dissipated_energy_J`` (n,) is what they have dissipated since
+    t = 0, None without any.
     """
 
     time_s: FloatArray
@@ -70,6 +91,8 @@ class Trajectory:
     step_s: float
     steps: int
     solve_time_s: float
+    contacts: Mapping[str, Contact] = field(default_factory=dict)
+    dissipated_energy_J: FloatArray | None = None
 
     @property
     def slider_position_m(self) -> FloatArray:
@@ -83,7 +106,11 @@ class Trajectory:
 
 
 class Engine(Protocol):
-    """A frozen dataclass of an engine's own settings with this one method."""
+    """A frozen dataclass of an engine's own settings that can run scenes."""
+
+    def check(self, scene: Scene) -> None:
+        """Raise UnsupportedScene, with the reason, if the engine at its settings cannot express the scene."""
+        ...
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""

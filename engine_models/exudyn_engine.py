@@ -56,6 +56,10 @@ class ExudynEngine:
     newton_tolerance: Annotated[float, Field(gt=0, le=1e-6)] = 1e-12
     modified_newton: bool = True
 
+    def check(self, scene: Scene) -> None:
+        """Raise UnsupportedScene if a joint has clearance."""
+        require_ideal(scene, "exudyn")
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run an ideal scene.
 
@@ -63,7 +67,7 @@ class ExudynEngine:
             UnsupportedScene: a joint has clearance.
             SimulationFailed: Exudyn gave up, stopped short or returned non-finite numbers.
         """
-        require_ideal(scene, "exudyn")
+        self.check(scene)
         with _silence(), np.errstate(over="ignore", invalid="ignore"):  # require_finite is the judge
             model = build_model(scene)
             solve_time = _solve(model, self._simulation_settings(scene, settings))

@@ -63,6 +63,10 @@ class PymunkEngine:
         """Return the engine as it is for a user who sets nothing."""
         return cls(iterations=LIBRARY_ITERATIONS, error_bias=LIBRARY_ERROR_BIAS, half_kick_start=False)
 
+    def check(self, scene: Scene) -> None:
+        """Raise UnsupportedScene if a joint has clearance."""
+        require_ideal(scene, "pymunk")
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with fixed steps.
 
@@ -71,7 +75,7 @@ class PymunkEngine:
             SimulationFailed: a joint came apart by more than a tenth of the crank, or the rod turned over,
                 or the numbers overflowed.
         """
-        require_ideal(scene, "pymunk")
+        self.check(scene)
         dt, per_sample = settings.step_used_s(scene.end_time_s), settings.steps_per_sample(scene.end_time_s)
         steps = settings.samples * per_sample
         driven = scene.drive.kind == "constant-speed"

@@ -30,8 +30,20 @@ ContactLaw = Literal[
 ]
 FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
 
-#: Laws whose damping factor divides by the restitution.
-LAWS_NEEDING_RESTITUTION: tuple[ContactLaw, ...] = ("gonthier", "flores", "hu-guo")
+#: Laws that know no restitution, and laws whose damping factor divides by it.
+LAWS_WITHOUT_RESTITUTION: tuple[ContactLaw, ...] = ("linear", "kelvin-voigt", "hertz")
+LAWS_DIVIDING_BY_RESTITUTION: tuple[ContactLaw, ...] = ("gonthier", "flores", "hu-guo")
+
+
+def _require(holds: bool, field: str, expected: str, value: float | None) -> None:
+    """Raise a ValueError in the words of ``plain_words`` unless a condition on a field holds."""
+    if not holds:
+        raise ValueError(f"{field}: expected {expected}, got {'nothing' if value is None else f'{value:g}'}")
+
+
+def _require_presence(needed: bool, field: str, value: float | None, when: str) -> None:
+    """Refuse a number that is missing where it is needed, or there where it has no use."""
+    _require((value is not None) == needed, field, f"{'a number' if needed else 'nothing'} {when}", value)
 
 
 class SceneData(BaseModel):
@@ -95,10 +107,11 @@ class Friction(SceneData):
 
     @model_validator(mode="after")
     def _dead_band_belongs_to_ambrosio(self) -> "Friction":
-        if (self.law == "ambrosio") != (self.dead_band_speed_m_s is not None):
-            raise ValueError("dead_band_speed_m_s goes with law = 'ambrosio', which needs it")
-        if self.dead_band_speed_m_s is not None and self.dead_band_speed_m_s >= self.regularisation_speed_m_s:
-            raise ValueError("dead_band_speed_m_s must be below regularisation_speed_m_s")
+        dead_band, limit = self.dead_band_speed_m_s, self.regularisation_speed_m_s
+        with_law = f"with law = '{self.law}'"
+        _require_presence(self.law == "ambrosio", "dead_band_speed_m_s", dead_band, with_law)
+        expected = f"a number < regularisation_speed_m_s = {limit:g}"
+        _require(dead_band is None or dead_band < limit, "dead_band_speed_m_s", expected, dead_band)
         return self
 
 
@@ -123,28 +136,27 @@ class Clearance(SceneData):
 
     @model_validator(mode="after")
     def _hangs_together(self) -> "Clearance":
-        if self.radial_clearance_m >= self.bearing_radius_m:
-            raise ValueError("radial_clearance_m must be below bearing_radius_m (the pin has the difference)")
-        material = (self.young_modulus_Pa is not None, self.poisson_ratio is not None)
-        if self.law == "rigid":
-            if self.stiffness is not None or any(material):
-                raise ValueError("law = 'rigid' takes no stiffness, young_modulus_Pa or poisson_ratio")
-        elif self.stiffness is None and not all(material):
-            raise ValueError("give stiffness, or young_modulus_Pa and poisson_ratio")
-        elif self.stiffness is not None and any(material):
-            raise ValueError("give either stiffness or young_modulus_Pa and poisson_ratio, not both")
-        if (self.law == "kelvin-voigt") != (self.damping_N_s_m is not None):
-            raise ValueError("damping_N_s_m goes with law = 'kelvin-voigt', which needs it")
-        if self.law in ("linear", "kelvin-voigt", "hertz"):
-            if self.restitution is not None:
-                raise ValueError(f"law = '{self.law}' takes no restitution")
-        elif self.restitution is None:
-            raise ValueError(f"law = '{self.law}' needs restitution")
-        if self.law in LAWS_NEEDING_RESTITUTION and self.restitution == 0:
-            raise ValueError(f"law = '{self.law}' needs restitution above 0")
-        if self.law in ("linear", "kelvin-voigt", "rigid") and self.exponent not in (None, 1.0):
-            raise ValueError(f"law = '{self.law}' takes no exponent but 1")
+        c, radius = self.radial_clearance_m, self.bearing_radius_m
+        _require(c < radius, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}", c)
+        self._has_one_stiffness()
+        law, e, with_law = self.law, self.restitution, f"with law = '{self.law}'"
+        _require_presence(law == "kelvin-voigt", "damping_N_s_m", self.damping_N_s_m, with_law)
+        _require_presence(law not in LAWS_WITHOUT_RESTITUTION, "restitution", e, with_law)
+        if law in LAWS_DIVIDING_BY_RESTITUTION:
+            _require(e != 0, "restitution", f"a number > 0 {with_law}", e)
+        if law in ("linear", "kelvin-voigt", "rigid"):
+            _require(self.exponent in (None, 1.0), "exponent", f"1 or nothing {with_law}", self.exponent)
         return self
+
+    def _has_one_stiffness(self) -> None:
+        """Require the stiffness or the material, but none of them for a rigid contact."""
+        stiffness, by_material = self.stiffness, self.law != "rigid" and self.stiffness is None
+        when = f"{'beside' if stiffness else 'without'} stiffness"
+        if self.law == "rigid":
+            when = "with law = 'rigid'"
+            _require_presence(False, "stiffness", stiffness, when)
+        _require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, when)
+        _require_presence(by_material, "poisson_ratio", self.poisson_ratio, when)
 
 
 class Clearances(SceneData):
@@ -171,16 +183,12 @@ class Scene(SceneData):
     @model_validator(mode="after")
     def _can_be_assembled(self) -> "Scene":
         crank, rod = self.crank.length_m, self.rod.length_m
-        if rod < crank and self.drive.kind != "free":
-            raise ValueError(
-                f"rod.length_m must be at least crank.length_m = {crank:g} with drive.kind = "
-                f"'{self.drive.kind}' (the crank could not turn), got {rod:g}"
-            )
-        if rod <= abs(crank * math.sin(self.start.crank_angle_rad)):
-            raise ValueError(
-                f"start.crank_angle_rad = {self.start.crank_angle_rad:g} puts pin A at or beyond the rod's "
-                f"reach: rod.length_m = {rod:g} must exceed crank.length_m |sin(crank_angle_rad)|"
-            )
+        if self.drive.kind != "free":
+            expected = f"at least crank.length_m = {crank:g} with drive.kind = '{self.drive.kind}'"
+            _require(rod >= crank, "rod.length_m", f"{expected} (else the crank cannot turn)", rod)
+        height = abs(crank * math.sin(self.start.crank_angle_rad))
+        expected = f"more than crank.length_m |sin(start.crank_angle_rad)| = {height:g}"
+        _require(rod > height, "rod.length_m", f"{expected} (else the rod cannot reach the guide)", rod)
         return self
 
     @property

@@ -1,8 +1,9 @@
 """A mechanism as arrays: what stays constant in [B], {C}, {g}, {F}, and where the rest goes.
 
 Every constraint row is  B(q) q' = C  at velocity level and  g = E q + d - C t + (revolute arms) = 0  at
-position level. Only a revolute joint's entries under the two bodies' angles vary; all else in [B] is the
-constant E. The frame is kept as one more body, at rest, behind the real ones, whose columns are dropped.
+position level. Only a revolute joint's entries under the two bodies' angles vary, and all of a massless
+link's, whose g is half its squared length plus the constant d; all else in [B] is the constant E. The frame
+is kept as one more body, at rest, behind the real ones, whose columns are dropped.
 """
 
 from itertools import pairwise
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from reference_solver.mechanism import (
     Constraint,
+    MasslessLink,
     Mechanism,
     PrescribedSpeed,
     RevoluteJoint,
@@ -24,7 +26,8 @@ FloatArray = NDArray[np.float64]
 
 def row_slices(mechanism: Mechanism) -> list[slice]:
     """Return the rows of [B], and so the multipliers, of each constraint in order."""
-    ends = np.cumsum([0] + [1 if isinstance(c, PrescribedSpeed) else 2 for c in mechanism.constraints])
+    single = (PrescribedSpeed, MasslessLink)
+    ends = np.cumsum([0] + [1 if isinstance(c, single) else 2 for c in mechanism.constraints])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
@@ -33,7 +36,9 @@ class MechanismArrays:
 
     ``inverse_mass`` (3b,), ``E`` (m, 3b+3), ``C`` (m,), ``d`` (m,), ``F`` (3b,) of gravity and torques;
     ``row`` (r,) is each revolute joint's first row, ``phi_i`` and ``phi_j`` (r,) its bodies' angle columns,
-    ``point_i`` and ``point_j`` (2, r) its points in the bodies' frames.
+    ``point_i`` and ``point_j`` (2, r) its points in the bodies' frames. Of l massless links
+    ``link_row`` (l,), ``link_i`` and ``link_j`` (3, l), all columns of their bodies, and ``link_point_i`` and
+    ``link_point_j`` (2, l).
     """
 
     def __init__(self, mechanism: Mechanism, q_start: FloatArray) -> None:
@@ -60,6 +65,16 @@ class MechanismArrays:
         self.phi_j = np.array([self.columns(c.body_j)[2] for _, c in joints], dtype=int)
         self.point_i = np.array([c.point_i for _, c in joints], dtype=float).reshape(-1, 2).T
         self.point_j = np.array([c.point_j for _, c in joints], dtype=float).reshape(-1, 2).T
+        links = [
+            (rows.start, c)
+            for rows, c in zip(slices, mechanism.constraints, strict=True)
+            if isinstance(c, MasslessLink)
+        ]
+        self.link_row = np.array([row for row, _ in links], dtype=int)
+        self.link_i = np.array([self.columns(c.body_i) for _, c in links], dtype=int).reshape(-1, 3).T
+        self.link_j = np.array([self.columns(c.body_j) for _, c in links], dtype=int).reshape(-1, 3).T
+        self.link_point_i = np.array([c.point_i for _, c in links], dtype=float).reshape(-1, 2).T
+        self.link_point_j = np.array([c.point_j for _, c in links], dtype=float).reshape(-1, 2).T
 
     def columns(self, body: int) -> range:
         """Return the columns of (x, y, phi) of a body; GROUND has the last three."""
@@ -72,6 +87,9 @@ class MechanismArrays:
             for body, sign in ((constraint.body_i, -1.0), (constraint.body_j, 1.0)):
                 x, y, _ = self.columns(body)
                 self.E[row, x] = self.E[row + 1, y] = sign
+            return
+        if isinstance(constraint, MasslessLink):
+            self.d[row] = -(constraint.length_m**2) / 2
             return
         x, y, phi = self.columns(constraint.body)
         if isinstance(constraint, StraightGuide):

@@ -13,17 +13,14 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
+from reference_solver.chunks import advance_in_chunks
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.errors import NonFiniteState
 from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_source import kernel_source
 from reference_solver.mechanism import Mechanism
 from reference_solver.readable import ReadableStepper
 
 FloatArray = NDArray[np.float64]
-
-#: Steps per call of the kernel: a fraction of a second, so that an interrupt is answered.
-CHUNK = 200_000
 
 
 def kernel_folder() -> Path:
@@ -32,7 +29,7 @@ def kernel_folder() -> Path:
 
 
 @cache
-def _load(source: str) -> ModuleType:
+def load_kernel(source: str) -> ModuleType:
     """Return the generated module; it must be a real file for Numba to keep its machine code."""
     name = f"kernel_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
     path = kernel_folder() / f"{name}.py"
@@ -66,14 +63,18 @@ class CompiledStepper:
         projected: bool,
     ) -> None:
         writer = EquationsWriter(mechanism, q_start)
-        self._kernel = _load(kernel_source(writer, baumgarte, projected))
+        self._kernel = load_kernel(kernel_source(writer, baumgarte, projected))
         self._parameters = np.array(writer.parameters)
         self._rows, self._h = writer.m, h
         self._readable = ReadableStepper(Equations(mechanism, q_start, baumgarte), h, projected)
         # Compiled or loaded here, so that what follows runs at full speed.
         q, v = q_start.copy(), np.zeros_like(q_start)
-        self._kernel.advance(self._parameters, q, v, h, 0, 0)
+        self._advance(q, v, 0, 0)
         self._kernel.multipliers(self._parameters, 0.0, q, v, np.empty(self._rows))
+
+    def _advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> tuple[int, float]:
+        done, work = self._kernel.advance(self._parameters, q, v, self._h, first, count)
+        return done, work
 
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps number first to first + count - 1 in place; return the drivers' work.
@@ -82,17 +83,7 @@ class CompiledStepper:
             SingularConfiguration: the constraint matrix loses full row rank.
             NonFiniteState: the state overflows.
         """
-        work, last = 0.0, first + count
-        while first < last:
-            chunk = min(CHUNK, last - first)
-            done, added = self._kernel.advance(self._parameters, q, v, self._h, first, chunk)
-            first, work = first + done, work + added
-            if done < chunk:  # the readable equations find the same fault and say what it is, or pass it
-                work += self._readable.advance(q, v, first, 1)
-                first += 1
-        if not (np.isfinite(q).all() and np.isfinite(v).all()):
-            raise NonFiniteState(last * self._h, self._h)
-        return work
+        return advance_in_chunks(self._advance, self._readable, q, v, self._h, first, count)
 
     def multipliers(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return {lambda} (m,) at a state."""

@@ -27,11 +27,11 @@ def alarm(s: FloatArray, laws: FloatArray, gap: FloatArray, k: int, kind: int) -
     return float(-factor if phase == CONTACT else factor)
 
 
-def first_alarm(s: FloatArray, laws: FloatArray, gap: FloatArray) -> int:
-    """Return the number 2 k + kind of an alarm that has gone off, or -1."""
+def first_alarm(s: FloatArray, laws: FloatArray, gap: FloatArray, skip: int) -> int:
+    """Return the number 2 k + kind of an alarm other than ``skip`` that has gone off, or -1."""
     for k in range(len(laws)):
         for kind in range(2):
-            if alarm(s, laws, gap, k, kind) > 0.0:
+            if 2 * k + kind != skip and alarm(s, laws, gap, k, kind) > 0.0:
                 return 2 * k + kind
     return -1
 
@@ -77,8 +77,8 @@ def locate(
 ) -> float:
     """Return the step that ends on an event known to lie within h, by the Illinois method.
 
-    The state after that step is left in new_q and new_v. Without an earlier end before the event (it lies at
-    the very start, within rounding) the whole step is returned.
+    The state after that step is left in new_q and new_v. The step is 0 if the event lies at its start,
+    within rounding.
     """
     high, high_value = h, value_at(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, event)
     low, low_value = 0.0, 1.0
@@ -91,8 +91,8 @@ def locate(
             break
         high, high_value = trial, low_value
     if not low_value <= 0.0:
-        value_at(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, event)
-        return h
+        value_at(step, gaps, p, s, laws, q, v, t, 0.0, new_q, new_v, work, gap, event)
+        return 0.0
     for _ in range(100):
         if low_value == 0.0 or high - low <= 4e-16 * (t + high) + 1e-300:
             break

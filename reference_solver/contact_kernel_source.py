@@ -5,7 +5,7 @@ import re
 
 from reference_solver import contact_events, contact_loop
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
-from reference_solver.contact_source import gap_acceleration_lines, gap_lines
+from reference_solver.contact_source import gap_acceleration_lines, gap_lines, losses
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_source import HEADER, call, function, names
@@ -24,7 +24,7 @@ def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, 
     """
     q, v = names("q", writer.n), names("v", writer.n)
     code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
-    results = [*accelerations, *lambda_, *losses(writer), ok]
+    results = [*accelerations, *lambda_, *all_losses(writer), ok]
     functions = [function("accelerations", ["p", "s", "t", *q, *v], code.lines, results, inline=True)]
     if projected:
         for of in ("q", "v"):
@@ -35,12 +35,9 @@ def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, 
     return "\n\n".join([CONTACT_HEADER + HEADER, *functions, _driver()]) + "\n"
 
 
-def losses(writer: EquationsWriter) -> list[str]:
+def all_losses(writer: EquationsWriter) -> list[str]:
     """Return the names of the contacts' losses, in the order of the work array behind the drivers' work."""
-    out = []
-    for k, joint in enumerate(writer.mechanism.contacts):
-        out += [f"loss{k}"] + ([f"slide{k}"] if joint.friction is not None else [])
-    return out
+    return [name for k, joint in enumerate(writer.mechanism.contacts) for name in losses(k, joint)]
 
 
 def _driver() -> str:
@@ -60,7 +57,7 @@ def _unpack(writer: EquationsWriter) -> list[str]:
 
 def _step(writer: EquationsWriter, projected: bool) -> str:
     """Write ``step(p, s, q, v, t, h, new_q, new_v, work)``: an RK4 step and its losses; False on failure."""
-    n, m, loss = range(writer.n), writer.m, losses(writer)
+    n, m, loss = range(writer.n), writer.m, all_losses(writer)
     lines = _unpack(writer)
     start_q, start_v = names("q", writer.n), names("v", writer.n)
     stages = ((1, "", "t"), (2, "0.5*h", "t + 0.5*h"), (3, "0.5*h", "t + 0.5*h"), (4, "h", "t + h"))
@@ -110,5 +107,5 @@ def _multipliers(writer: EquationsWriter) -> str:
 
 
 def _accelerations(writer: EquationsWriter) -> str:
-    results = [*names("a", writer.n), *names("lambda", writer.m), *losses(writer), "ok"]
+    results = [*names("a", writer.n), *names("lambda", writer.m), *all_losses(writer), "ok"]
     return call(results, "accelerations", ["p", "s", "t", *names("q", writer.n), *names("v", writer.n)])

@@ -24,17 +24,6 @@ DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
 )
 
 
-def hertz_stiffness(
-    bearing_radius_m: float, pin_radius_m: float, young_modulus_Pa: float, poisson_ratio: float
-) -> float:
-    """Return K in N/m^1.5 of a pin in a hole of the same material (Goldsmith 1960).
-
-    K = 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j)) with s = (1 - nu^2)/E.
-    """
-    s = (1 - poisson_ratio**2) / young_modulus_Pa
-    return 4 / (6 * s) * math.sqrt(bearing_radius_m * pin_radius_m / (bearing_radius_m - pin_radius_m))
-
-
 @dataclass(frozen=True)
 class ContactLaw:
     """Normal force K delta^n (1 + a delta'/v0) + c delta', K in N/m^n, c in N s/m.

@@ -4,9 +4,10 @@ This text is also part of every generated module with contacts, where Numba comp
 and ``gap_accelerations``, parameters here, are functions of that module. It uses arrays and numbers only.
 
 A contact is in one of three phases: in flight, in contact, or in contact with the force clipped because
-the law would pull. Between events every right-hand side is smooth; an event is located by shortening the step
-until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance), ``touch[k]`` is (time of
-touch, expected duration, mobility), ``control`` is (longest step, steps per contact, 1 to locate events).
+the law would pull. Between events every right-hand side is smooth; an event is located by shortening the
+step until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance, mu/v_reg),
+``touch[k]`` (time of touch, expected duration, mobility), ``control`` (longest step, steps per contact, 1 to
+locate events).
 """
 
 import numpy as np
@@ -35,7 +36,7 @@ def step_length(
     """Return the longest step that the phases allow."""
     h = control[0]
     for k in range(len(laws)):
-        stiffness, exponent, _, _, clearance = laws[k]
+        stiffness, exponent, _, _, clearance, friction = laws[k]
         if s[2 * k] == FLIGHT:
             if gap[k, 2] * h > 0.25 * clearance:  # a quarter of the way across
                 h = 0.25 * clearance / gap[k, 2]
@@ -45,6 +46,8 @@ def step_length(
         if depth > 0.0:
             frequency = np.sqrt(exponent * stiffness * depth ** (exponent - 1.0) * mobility)
             duration = min(duration, np.pi / frequency)
+            if friction > 0.0:  # below the regularisation speed friction is a damper, stiff under load
+                h = min(h, 0.3 / (friction * stiffness * depth**exponent * mobility))
         shortest = duration / control[1]
         h = min(h, graded(shortest, duration, t - start))
         if gap[k, 1] < 0.0:
@@ -73,7 +76,7 @@ def switch(
     if s[2 * k] != FLIGHT:
         s[2 * k] = FLIGHT
         return -1.0
-    stiffness, exponent, factor, slowest, clearance = laws[k]
+    stiffness, exponent, factor, slowest, clearance, _ = laws[k]
     # The gap's answer to a unit force tells the effective mass, and with it how long the contact will take.
     gap_accelerations(p, s, t, q, v, spare)
     free = spare[k]
@@ -130,23 +133,18 @@ def advance(
         if not step(p, s, q, v, t, h, new_q, new_v, work):
             return t, events, steps, 3
         gaps(p, new_q, new_v, new_gap)
-        event = first_alarm(s, laws, new_gap)
+        event, whole = first_alarm(s, laws, new_gap, -1), h
         if control[2] > 0.0:
             if event < 0:
-                event, shorter = approach(
-                    step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, new_gap
-                )
-                last = last and shorter == h
-                h = shorter
+                event, h = approach(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, new_gap)
             other = event
             while other >= 0:
-                event = other
-                shorter = locate(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, event)
-                other = first_alarm(s, laws, new_gap) if shorter < h else -1
-                if other == event:
-                    other = -1
-                last = last and shorter == h
-                h = shorter
+                shorter = locate(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, other)
+                if other != event and shorter >= h:
+                    break
+                event, h = other, shorter
+                other = first_alarm(s, laws, new_gap, event)
+        last = last and h == whole
         t = end if last else t + h
         for c in range(len(q)):
             q[c], v[c] = new_q[c], new_v[c]

@@ -21,17 +21,23 @@ def ends_of(joint: ClearanceJoint) -> "Ends":
     return (joint.body_i, joint.point_i), (joint.body_j, joint.point_j)
 
 
+def losses(number: int, joint: ClearanceJoint) -> list[str]:
+    """Return the names of a contact's losses: by the normal force, where it is clipped, by friction."""
+    clip, slide = joint.law.damping_factor != 0, joint.friction is not None
+    return [f"loss{number}"] + clip * [f"clip{number}"] + slide * [f"slide{number}"]
+
+
 def write_contact(
     writer: "EquationsWriter", code: StraightLine, number: int, joint: ClearanceJoint, terms: "Terms"
 ) -> None:
     """Add the force of contact ``number`` to the accelerations' terms, and name its losses in W.
 
-    They are ``loss{number}``, by the normal force, and, with friction, ``slide{number}``.
+    They are those of ``losses``.
     """
     k, ends = number, ends_of(joint)
     arms, (x, y), (rate_x, rate_y) = writer.between(code, f"n{k}", ends)
     clearance = writer.parameter(f"clearance {k}", joint.radial_clearance_m)
-    names = [f"force_x{k}", f"force_y{k}", f"loss{k}"]
+    names = [f"force_x{k}", f"force_y{k}", *losses(k, joint)]
     inside = [
         f"distance{k} = sqrt({x}*{x} + {y}*{y})",
         f"n_x{k}, n_y{k} = {x}/distance{k}, {y}/distance{k}",
@@ -46,7 +52,7 @@ def write_contact(
         force_x += f" - tangential{k}*n_y{k}"
         force_y += f" + tangential{k}*n_x{k}"
         twist = (f"twist_i{k}", f"twist_j{k}")
-        names += [f"slide{k}", *twist]
+        names += twist
     inside += [f"force_x{k} = {force_x}", f"force_y{k} = {force_y}"]
     code.lines += [f"{name} = 0.0" for name in names]
     code.lines += [f"if s[{2 * k}] > 0.0:", *(f"    {line}" for line in inside)]
@@ -66,13 +72,16 @@ def _normal(writer: "EquationsWriter", k: int, joint: ClearanceJoint) -> list[st
         damping = writer.parameter(f"damping {k}", law.damping_N_s_m)
         normal.append(f"{damping}*rate{k}")
         loss.append(f"{damping}*rate{k}*rate{k}")
+    clipped = [
+        f"if s[{2 * k}] == 2.0:",  # the law would pull: no force, and the spring's energy is lost
+        f"    normal{k}, loss{k}, clip{k} = 0.0, 0.0, -spring{k}*rate{k}",
+    ]
     return [
         f"spring{k} = {stiffness}*{power}",
         f"normal{k} = {total(normal)}",
         f"loss{k} = {total(loss)}",
-        f"if s[{2 * k}] == 2.0:",  # the law would pull: no force, the spring's energy is lost
-        f"    normal{k}, loss{k} = 0.0, -spring{k}*rate{k}",
-        f"elif s[{2 * k}] == 3.0:",  # a probe for the gap's mobility
+        *(clipped if law.damping_factor else []),
+        f"if s[{2 * k}] == 3.0:",  # a probe for the gap's mobility
         f"    normal{k}, loss{k} = 1.0, 0.0",
     ]
 

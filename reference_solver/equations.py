@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from reference_solver.arrays import MechanismArrays
+from reference_solver.contact import add_contact_force
 from reference_solver.errors import SingularConfiguration
 from reference_solver.mechanism import GROUND, Mechanism, SpringDamper
 
@@ -40,21 +41,24 @@ class Equations:
         self._springs = [load for load in mechanism.loads if isinstance(load, SpringDamper)]
         self._baumgarte = baumgarte
         self._n = 3 * len(mechanism.bodies)
+        self._contacts = mechanism.contacts
+        #: Phase and a/v0 of every contact (2K,), constant between events (see ``contact_loop``).
+        self.phases = np.zeros(2 * len(mechanism.contacts))
         #: {C} (m,): what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
         self.C = self._arrays.C
         self.inverse_mass = self._arrays.inverse_mass
 
     def _arms(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return, for every revolute joint, the arms from both bodies' centres to its points, each (2, r)."""
-        angles = np.append(q, np.zeros(3))  # the frame's coordinates
-        arms = []
-        for phi, (x, y) in (
-            (self._arrays.phi_i, self._arrays.point_i),
-            (self._arrays.phi_j, self._arrays.point_j),
-        ):
-            cos, sin = np.cos(angles[phi]), np.sin(angles[phi])
-            arms.append(np.array([cos * x - sin * y, sin * x + cos * y]))
-        return arms[0], arms[1]
+        a, coordinates = self._arrays, np.append(q, np.zeros(3))  # the frame's coordinates
+        return _turned(coordinates[a.phi_i], a.point_i), _turned(coordinates[a.phi_j], a.point_j)
+
+    def _link_arms(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return, for every massless link, d from point i to point j and the two arms, each (2, l)."""
+        a, coordinates = self._arrays, np.append(q, np.zeros(3))
+        arm_i = _turned(coordinates[a.link_i[2]], a.link_point_i)
+        arm_j = _turned(coordinates[a.link_j[2]], a.link_point_j)
+        return coordinates[a.link_j[:2]] + arm_j - coordinates[a.link_i[:2]] - arm_i, arm_i, arm_j
 
     def constraint_matrix(self, q: FloatArray) -> FloatArray:
         """Return [B] (m, n) of (1), [B]{q'} = {C}."""
@@ -62,31 +66,48 @@ class Equations:
         B = a.E.copy()
         B[a.row, a.phi_i], B[a.row + 1, a.phi_i] = arm_i[1], -arm_i[0]
         B[a.row, a.phi_j], B[a.row + 1, a.phi_j] = -arm_j[1], arm_j[0]
+        if len(a.link_row):
+            d, arm_i, arm_j = self._link_arms(q)
+            B[a.link_row, a.link_i] = -d[0], -d[1], d[0] * arm_i[1] - d[1] * arm_i[0]
+            B[a.link_row, a.link_j] = d[0], d[1], d[1] * arm_j[0] - d[0] * arm_j[1]
         return np.asarray(B[:, : self._n])
 
     def centripetal(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return [B']{q'} (m,) of (4): minus omega^2 times the arms, body j less body i."""
+        """Return [B']{q'} (m,) of (4): minus omega^2 times the arms, body j less body i.
+
+        Of a link it is d'.d' + d.d'', with d'' of the arms' turning alone.
+        """
         a, (arm_i, arm_j) = self._arrays, self._arms(q)
         rates = np.append(v, np.zeros(3))
         B_dot_v = np.zeros(len(self.C))
         B_dot_v[a.row], B_dot_v[a.row + 1] = rates[a.phi_i] ** 2 * arm_i - rates[a.phi_j] ** 2 * arm_j
+        if len(a.link_row):
+            d, arm_i, arm_j = self._link_arms(q)
+            rate_i, rate_j = rates[a.link_i], rates[a.link_j]
+            d_dot = rate_j[:2] + rate_j[2] * _across(arm_j) - rate_i[:2] - rate_i[2] * _across(arm_i)
+            d_dot_dot = rate_i[2] ** 2 * arm_i - rate_j[2] ** 2 * arm_j
+            B_dot_v[a.link_row] = np.sum(d_dot**2 + d * d_dot_dot, axis=0)
         return B_dot_v
 
     def violation(self, t: float, q: FloatArray) -> FloatArray:
-        """Return {g} (m,): gaps in m, angles in rad; its time derivative is [B]{q'} - {C}."""
+        """Return {g} (m,): gaps in m, angles in rad, links' in m^2; its time derivative is [B]{q'} - {C}."""
         a, (arm_i, arm_j) = self._arrays, self._arms(q)
         g = a.E[:, : self._n] @ q + a.d - self.C * t
         gap = arm_j - arm_i
         g[a.row], g[a.row + 1] = g[a.row] + gap[0], g[a.row + 1] + gap[1]
+        if len(a.link_row):
+            g[a.link_row] += np.sum(self._link_arms(q)[0] ** 2, axis=0) / 2
         return np.asarray(g)
 
     def applied_force(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers."""
-        if not self._springs:
+        """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers, contacts."""
+        if not self._springs and not self._contacts:
             return np.asarray(self._arrays.F)
         F: FloatArray = self._arrays.F.copy()
         for spring in self._springs:
             self._add_spring(F, spring, q, v)
+        for joint, (phase, damping) in zip(self._contacts, self.phases.reshape(-1, 2), strict=True):
+            add_contact_force(F, joint, phase, damping, q, v)
         return F
 
     def _add_spring(self, F: FloatArray, spring: SpringDamper, q: FloatArray, v: FloatArray) -> None:
@@ -134,6 +155,8 @@ class Equations:
             SingularConfiguration: [B] has not full row rank.
         """
         B, F = self.constraint_matrix(q), self.applied_force(q, v)
+        if not len(B):  # LAPACK takes no empty matrix
+            return self.inverse_mass * F, np.zeros(0)
         # (4), (5): {C'} is zero, since prescribed speeds are constant.
         right = -self.centripetal(q, v) - B @ (self.inverse_mass * F)
         if self._baumgarte is not None:
@@ -143,3 +166,14 @@ class Equations:
         lambda_, _ = lapack.dpotrs(self.factor(t, q, B), right, lower=1)
         # (9), (10)
         return self.inverse_mass * (F + B.T @ lambda_), lambda_
+
+
+def _turned(angle: FloatArray, point: FloatArray) -> FloatArray:
+    """Return points (2, r) of bodies at the angles (r,) in the global frame, from the bodies' centres."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([cos * point[0] - sin * point[1], sin * point[0] + cos * point[1]])
+
+
+def _across(arm: FloatArray) -> FloatArray:
+    """Return arms (2, r) turned by 90 degrees counter-clockwise."""
+    return np.array([-arm[1], arm[0]])

@@ -16,6 +16,7 @@ from reference_solver.equations import PIVOT_TOLERANCE_PER_ROW, Baumgarte
 from reference_solver.mechanism import (
     GROUND,
     Constraint,
+    MasslessLink,
     Mechanism,
     Point,
     RevoluteJoint,
@@ -99,6 +100,8 @@ class EquationsWriter:
     def _rows(self, code: StraightLine, number: int, constraint: Constraint) -> list[Row]:
         if isinstance(constraint, RevoluteJoint):
             return self._revolute(code, f"u{number}", constraint)
+        if isinstance(constraint, MasslessLink):
+            return [self._link(code, f"j{number}", constraint)]
         x, y, phi = range(3 * constraint.body, 3 * constraint.body + 3)
         start = self.parameter(f"start {number}", -self._q_start[phi])
         if isinstance(constraint, StraightGuide):
@@ -128,6 +131,25 @@ class EquationsWriter:
                 row.g.append(product(sign, f"q{column}"))
                 row.centripetal.append(negative(product(sign, arm[k], f"v{phi}", f"v{phi}")))
         return rows
+
+    def _link(self, code: StraightLine, name: str, link: MasslessLink) -> Row:
+        ends = ((link.body_i, link.point_i), (link.body_j, link.point_j))
+        arms, reach, rate = self._relative(code, name, ends)
+        x, y = (code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1))
+        constant = self.parameter(f"{name} length", -(link.length_m**2) / 2)
+        # Velocities occur in terms only, not in lines: the projection of q has none.
+        centripetal = [f"({total(rate[k])})*({total(rate[k])})" for k in (0, 1)]
+        B: Sparse = {}
+        for (side, sign), (body, _), arm in zip(SIDES, ends, arms, strict=True):
+            if body == GROUND:
+                continue
+            turn = total([product(y, arm[0]), negative(product(x, arm[1]))])
+            entries = (x, y, code.let(f"{name}_turn_{side}", turn))
+            B.update((3 * body + k, product(sign, e)) for k, e in enumerate(entries) if e != ZERO)
+            omega = f"v{3 * body + 2}"
+            for d, component in zip((x, y), arm, strict=True):
+                centripetal.append(negative(product(sign, component, omega, omega, d)))
+        return Row(B, ZERO, centripetal, [f"0.5*({x}*{x} + {y}*{y})", constant])
 
     def free_accelerations(self, code: StraightLine) -> Sparse:
         """Return [M]^-1{F} by coordinate: gravity, torques, springs and dampers."""
@@ -163,6 +185,17 @@ class EquationsWriter:
         self, code: StraightLine, name: str, ends: Ends
     ) -> tuple[Arms, tuple[str, ...], tuple[str, ...]]:
         """Return the arms of two points, the vector from the first to the second, and its rate."""
+        arms, reach, rate = self._relative(code, name, ends)
+        return (
+            arms,
+            tuple(code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1)),
+            tuple(code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1)),
+        )
+
+    def _relative(
+        self, code: StraightLine, name: str, ends: Ends
+    ) -> tuple[Arms, list[list[str]], list[list[str]]]:
+        """Return the arms of two points, and the terms of the vector between and of its rate, by axis."""
         arms = [self._arm(code, name + side, *end) for (side, _), end in zip(SIDES, ends, strict=True)]
         reach: list[list[str]] = [[], []]
         rate: list[list[str]] = [[], []]
@@ -173,11 +206,7 @@ class EquationsWriter:
                     turn = product(sign, ONE if k else MINUS_ONE, f"v{3 * body + 2}", arm[1 - k])
                     reach[k].append(product(sign, f"q{3 * body + k}"))
                     rate[k] += [product(sign, f"v{3 * body + k}"), turn]
-        return (
-            arms,
-            tuple(code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1)),
-            tuple(code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1)),
-        )
+        return arms, reach, rate
 
     def push(
         self,

@@ -55,6 +55,25 @@ class PrescribedSpeed:
 
 
 @dataclass(frozen=True)
+class MasslessLink:
+    """One row of [B]: two points keep their distance, as a pin that follows the wall of its bearing.
+
+    g = (d.d - length^2)/2 in m^2, with d from the point of body i to that of body j. The force on body j is
+    lambda d, lambda in N/m: the link pushes the points together while lambda < 0.
+    """
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+    length_m: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.length_m < float("inf"):
+            raise ValueError(f"MasslessLink.length_m: expected a positive number, got {self.length_m}")
+
+
+@dataclass(frozen=True)
 class Torque:
     """A constant torque on a body, counter-clockwise positive."""
 
@@ -92,7 +111,7 @@ class ClearanceJoint:
     friction: FrictionLaw | None = None
 
 
-Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed
+Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed | MasslessLink
 Load = Torque | SpringDamper
 
 

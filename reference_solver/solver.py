@@ -19,7 +19,8 @@ Stabilisation = Literal["none", "projection"] | Baumgarte
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
 START_TOLERANCE = 1e-9
 
-#: Bodies up to which straight-line code is written; its compile time grows faster than linearly.
+#: Bodies up to which straight-line code is written; its compile time grows faster than linearly, and beyond
+#: them the block kernel runs.
 LARGEST_COMPILED = 16
 
 
@@ -54,11 +55,18 @@ class Stepper(Protocol):
 def make_stepper(
     mechanism: Mechanism, q_start: FloatArray, h: float, stabilisation: Stabilisation, compiled: bool
 ) -> Stepper:
-    """Return the compiled face if asked for and the mechanism is small enough, else the readable one."""
+    """Return the readable face, or a compiled one: written for the topology, or in blocks if it is large."""
+    if mechanism.contacts:
+        raise ValueError("contacts: expected none (see contact_stepper.solve_with_contacts)")
     baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
     projected = stabilisation == "projection"
-    if compiled and len(mechanism.bodies) <= LARGEST_COMPILED:
-        from reference_solver.compiled import CompiledStepper  # Numba takes a moment to import
+    # Numba takes a moment to import.
+    if compiled and len(mechanism.bodies) > LARGEST_COMPILED:
+        from reference_solver.block_stepper import BlockStepper
+
+        return BlockStepper(mechanism, q_start, h, baumgarte, projected)
+    if compiled:
+        from reference_solver.compiled import CompiledStepper
 
         return CompiledStepper(mechanism, q_start, h, baumgarte, projected)
     return ReadableStepper(Equations(mechanism, q_start, baumgarte), h, projected)

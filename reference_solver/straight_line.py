@@ -53,7 +53,8 @@ class StraightLine:
 class Factors:
     """L D L^T of a sparse symmetric positive definite matrix, eliminated in the order of least degree.
 
-    ``ok`` is the condition, in code, that every pivot is above ``tolerance`` times its diagonal entry.
+    ``ok`` names whether every pivot is above ``tolerance`` times its diagonal entry. It is computed without a
+    branch on a line of its own: Numba refuses a branch within a tuple of more than thirty.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class Factors:
             remaining.discard(k)
             self.order.append(k)
             pivot = code.let(f"d{k}", entries[k, k])
-            conditions.append(f"{pivot} > {tolerance}*({matrix[k, k]})")
+            conditions.append(f"({pivot} > {tolerance}*{matrix[k, k]})")
             self.reciprocal[k] = code.let(f"r{k}", f"1.0/{pivot}")
             below = sorted(j for j in remaining if (j, k) in entries)
             self.column[k] = {
@@ -84,7 +85,7 @@ class Factors:
                     update = negative(product(self.column[k][i], entries[j, k]))
                     new = total([entries.get((i, j), ZERO), update])
                     entries[i, j] = entries[j, i] = code.let(f"s{i}_{j}_{k}", new)
-        self.ok = " and ".join(conditions) if conditions else "True"
+        self.ok = code.let("ok", " & ".join(conditions)) if conditions else "True"
 
     def solve(self, name: str, right: Mapping[int, str]) -> Sparse:
         """Return the solution, named ``name`` and the row's number."""

@@ -6,7 +6,7 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.pymunk_engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
 from engine_models.scene import Scene
-from engine_models.scene_library import SCENES
+from engine_models.scene_library import IDEAL_SCENES
 from studies.case import Case, Curves, Row, Value
 from studies.metrics import (
     constraint_violation_m,
@@ -47,10 +47,8 @@ ITERATIONS, ITERATIONS_STEPS_PER_SAMPLE = (2, 5, 7, 10, 15, 20, 50, 100), 32
 def cases(full: bool) -> list[Case]:
     """Return the ladder of steps for every scene, engine and arm, then Pymunk's sweep of iterations."""
     out = []
-    for make in SCENES.values():
+    for make in IDEAL_SCENES.values():
         scene = make()
-        if scene.joints_with_clearance:
-            continue
         for engine, arms in ARMS.items():
             for arm, settings in arms.items():
                 for count in LADDER + (FINER if full else ()):

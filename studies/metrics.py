@@ -16,16 +16,18 @@ def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
 
 
 def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the gravitational energy of the three bodies, zero at the height of the guide, (n,)."""
+    """Return the gravitational energy, zero at the guide's height, and the contacts' elastic one, (n,)."""
     masses = np.array([scene.crank.mass_kg, scene.rod.mass_kg, scene.slider.mass_kg])
-    return np.asarray(scene.gravity_m_s2 * (trajectory.position[:, :, 1] @ masses))
+    gravitational = scene.gravity_m_s2 * (trajectory.position[:, :, 1] @ masses)
+    return np.asarray(gravitational + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
 
 
 def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the energy gained since t = 0 beyond the driver's work, (n,): zero for an exact ideal run."""
+    """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
     energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
     work = 0.0 if trajectory.driver_work_J is None else trajectory.driver_work_J
-    return np.asarray(energy - energy[0] - work)
+    lost = 0.0 if trajectory.dissipated_energy_J is None else trajectory.dissipated_energy_J
+    return np.asarray(energy - energy[0] - work + lost)
 
 
 def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:

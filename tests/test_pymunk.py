@@ -14,7 +14,7 @@ from engine_models.pymunk_engine import PymunkEngine
 from engine_models.pymunk_forces import reactions
 from engine_models.pymunk_model import build
 from engine_models.scene import Clearance, Clearances, Scene
-from engine_models.scene_library import SCENES, ideal_driven, ideal_free, ideal_torque
+from engine_models.scene_library import IDEAL_SCENES, ideal_driven, ideal_free, ideal_torque
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, errors
 from studies.truth import configuration, crank_acceleration, exact
 
@@ -82,15 +82,15 @@ def orders(
     }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", IDEAL_SCENES)
 def test_tuned_every_signal_converges_at_order_two(name: str) -> None:
-    slopes = orders(SCENES[name](), PymunkEngine(), TUNED_STEPS[name])
+    slopes = orders(IDEAL_SCENES[name](), PymunkEngine(), TUNED_STEPS[name])
     assert slopes == pytest.approx(dict.fromkeys(slopes, 2.0), abs=ORDER_TOLERANCE), slopes
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", IDEAL_SCENES)
 def test_out_of_the_box_every_signal_converges_at_order_one_once_started(name: str) -> None:
-    scene = shorter(SCENES[name](), LIBRARY_END_TIME_S[name])
+    scene = shorter(IDEAL_SCENES[name](), LIBRARY_END_TIME_S[name])
     slopes = orders(scene, PymunkEngine.out_of_the_box(), LIBRARY_STEPS[name], since=1)
     assert slopes == pytest.approx(dict.fromkeys(slopes, 1.0), abs=ORDER_TOLERANCE), slopes
 
@@ -104,9 +104,9 @@ def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: i
     assert 0.02 < abs(force[1] / truth - 1) < 0.1, f"out of the box {force[1]:.6g} N, truth {truth:.6g} N"
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", IDEAL_SCENES)
 def test_tuned_the_first_forces_are_as_good_as_the_later_ones(name: str) -> None:
-    scene = shorter(SCENES[name](), 12e-5)
+    scene = shorter(IDEAL_SCENES[name](), 12e-5)
     trajectory = run(scene, PymunkEngine(), samples=12)
     error, size = errors(scene, trajectory, exact(scene, 12)), np.abs(trajectory.joint_force_N).max()
     for signal in ("joint_A_force_error_N", "joint_B_force_error_N", "guide_normal_force_error_N"):
@@ -124,7 +124,7 @@ def test_without_the_half_kick_a_full_correction_makes_the_first_force_half_too_
 
 
 def test_the_momentum_balance_gives_the_exact_forces_of_an_exact_motion() -> None:
-    for make in SCENES.values():
+    for make in IDEAL_SCENES.values():
         scene, truth = make(), exact(make(), SAMPLES)
         theta, speed = truth.position[:, 0, 2], truth.velocity[:, 0, 2]
         X, X_1, X_2 = configuration(scene, theta)
@@ -175,9 +175,9 @@ def test_twenty_sweeps_are_as_good_as_a_hundred_and_six_nearly(make: Any) -> Non
     assert np.abs(x[6] - x[100]).max() < 0.2 * error, f"{np.abs(x[6] - x[100]).max()} of {error}"
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", IDEAL_SCENES)
 def test_an_ideal_scene_has_no_shapes_and_nothing_but_its_joints(name: str) -> None:
-    space, bodies = build(SCENES[name](), 20, 0.0)
+    space, bodies = build(IDEAL_SCENES[name](), 20, 0.0)
     driven = name == "ideal-driven"
     kinds = [type(joint) for joint in space.constraints]
     assert len(space.shapes) == 0
@@ -187,9 +187,9 @@ def test_an_ideal_scene_has_no_shapes_and_nothing_but_its_joints(name: str) -> N
     assert kinematic == [driven, False, False]
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", IDEAL_SCENES)
 def test_a_driver_is_reported_only_where_there_is_one(name: str) -> None:
-    trajectory = run(SCENES[name](), PymunkEngine(), 5)
+    trajectory = run(IDEAL_SCENES[name](), PymunkEngine(), 5)
     torque, work = trajectory.driver_torque_N_m, trajectory.driver_work_J
     assert (torque is None) == (work is None) == (name == "ideal-free")
     if name == "ideal-torque":
@@ -220,7 +220,7 @@ def test_a_run_of_one_or_two_steps_gives_forces(samples: int) -> None:
 
 
 def test_two_runs_are_identical_to_the_last_bit() -> None:
-    for make in SCENES.values():
+    for make in IDEAL_SCENES.values():
         one, two = (run(make(), PymunkEngine(), 5) for _ in range(2))
         for field in fields(Trajectory):
             if field.name != "solve_time_s":

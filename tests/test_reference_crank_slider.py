@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.reference_engine import ReferenceEngine, mechanism_of
+from engine_models.reference_engine import ReferenceEngine
+from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
-from engine_models.scene_library import SCENES, ideal_free
+from engine_models.scene_library import IDEAL_SCENES, ideal_free
 from reference_solver.equations import Equations
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, errors, signals, uncertainties
 from studies.truth import exact, exact_twins
@@ -30,7 +31,7 @@ ABOVE_ROUND_OFF = 60
 
 @cache
 def run(name: str, variant: str, steps_per_sample: int) -> tuple[Scene, Trajectory]:
-    scene = SCENES[name]()
+    scene = IDEAL_SCENES[name]()
     step = scene.end_time_s / (SAMPLES * steps_per_sample)
     engine = ReferenceEngine(stabilisation=variant)  # type: ignore[arg-type]
     return scene, engine.simulate(scene, RunSettings(step_s=step, samples=SAMPLES))
@@ -45,7 +46,7 @@ def largest_errors(name: str, variant: str, steps_per_sample: int) -> dict[str, 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("name", LADDERS)
 def test_every_signal_converges_at_order_four_or_shows_only_round_off(name: str, variant: str) -> None:
-    scene = SCENES[name]()
+    scene = IDEAL_SCENES[name]()
     floor = uncertainties(scene, exact(scene, SAMPLES), exact_twins(scene, SAMPLES))
     ladder = LADDERS[name]
     for signal, uncertainty in zip(largest_errors(name, variant, ladder[0]), floor.values(), strict=True):

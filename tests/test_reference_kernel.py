@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from engine_models.assembly import assembled
-from engine_models.reference_engine import mechanism_of
-from engine_models.scene_library import SCENES
+from engine_models.reference_model import mechanism_of
+from engine_models.scene_library import IDEAL_SCENES
 from reference_solver.arrays import row_slices
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
@@ -35,7 +35,7 @@ VARIANTS: list[Stabilisation] = ["none", "projection", Baumgarte(100.0, 70.0)]
 
 
 def scene_case(name: str) -> tuple[Mechanism, FloatArray, FloatArray, float]:
-    scene = SCENES[name]()
+    scene = IDEAL_SCENES[name]()
     q, v = assembled(scene, scene.start.crank_angle_rad + 0.7, scene.start.crank_speed_rad_s + 10)
     driven = mechanism_of(
         scene.model_copy(
@@ -78,7 +78,7 @@ def everything_case() -> tuple[Mechanism, FloatArray, FloatArray, float]:
 
 
 Start = tuple[Mechanism, FloatArray, FloatArray, float]
-CASES: dict[str, Callable[[], Start]] = {name: partial(scene_case, name) for name in SCENES}
+CASES: dict[str, Callable[[], Start]] = {name: partial(scene_case, name) for name in IDEAL_SCENES}
 CASES["everything"] = everything_case
 
 

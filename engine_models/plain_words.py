@@ -1,0 +1,114 @@
+"""Validated data in plain words: what a field takes, and why input was refused, in one line without jargon.
+
+A refusal reads ``rod.length_m: expected a finite number > 0, got -0.12``. A validator of a whole part raises
+a ``ValueError`` of the same form, its field counted from that part; the part's own path is put before it.
+"""
+
+import json
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+JsonSchema = dict[str, Any]
+
+NOUNS = {
+    "number": "a finite number",
+    "integer": "an integer",
+    "boolean": "true or false",
+    "string": "a string",
+}
+BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+NO_TAG = ("union_tag_invalid", "union_tag_not_found")
+#: Longest piece of the input that a message repeats.
+LONGEST = 60
+
+
+def fields(kind: Any) -> dict[str, JsonSchema]:
+    """Return the JSON schema of each field of a pydantic model or dataclass."""
+    properties: dict[str, JsonSchema] = TypeAdapter(kind).json_schema()["properties"]
+    return properties
+
+
+def expectation(schema: JsonSchema) -> str:
+    """Return what a field with this JSON schema takes: ``a finite number > 0``, ``"free" or "torque"``."""
+    schema = next((choice for choice in schema.get("anyOf", ()) if choice["type"] != "null"), schema)
+    if "enum" in schema or "const" in schema:
+        return one_of([shown(value) for value in schema.get("enum", [schema.get("const")])])
+    if schema.get("minLength"):
+        return "a string that is not empty"
+    noun = NOUNS.get(schema.get("type", ""), "a section")
+    bounds = [f"{sign} {schema[name]}" for name, sign in BOUNDS.items() if name in schema]
+    return f"{noun} {' and '.join(bounds)}".rstrip()
+
+
+def one_of(choices: list[str]) -> str:
+    """Return choices as a phrase: ``a, b or c``."""
+    return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)
+
+
+def shown(value: object) -> str:
+    """Return a value as a TOML file would have it, shortened, on one line."""
+    if isinstance(value, dict):
+        return "a section"
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 2**63:
+        return "a huge integer"
+    text = json.dumps(value) if isinstance(value, (str, bool)) else str(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def refusal(error: ValidationError, kind: Any, prefix: str = "") -> str:
+    """Return every reason why pydantic refused input for ``kind``, joined by semicolons.
+
+    The prefix goes before each field: ``--`` for the options of a command line.
+    """
+    root = TypeAdapter(kind).json_schema()
+    return "; ".join(prefix + _reason(details, root) for details in error.errors())
+
+
+def _reason(error: ErrorDetails, root: JsonSchema) -> str:
+    if error["type"] == "value_error":
+        path, _ = _follow(error["loc"], root)
+        return ".".join([*path, str(error["ctx"]["error"])])
+    if error["type"] in UNKNOWN_KEY:
+        path, section = _follow(error["loc"][:-1], root)
+        expected = f"the key {one_of(list(section['properties']))}"
+        return f"{'.'.join([*path, str(error['loc'][-1])])}: expected {expected}, got an unknown key"
+    if error["type"] in NO_TAG:
+        path, union = _follow(error["loc"], root)
+        tag = union["discriminator"]["propertyName"]
+        expected = one_of([shown(choice) for choice in union["discriminator"]["mapping"]])
+        came = shown(error["input"][tag]) if tag in error["input"] else "nothing"
+        return f"{'.'.join([*path, tag])}: expected {expected}, got {came}"
+    path, field = _follow(error["loc"], root)
+    came = "nothing" if error["type"] == "missing" else shown(error["input"])
+    return f"{'.'.join(path)}: expected {expectation(field)}, got {came}"
+
+
+def _follow(location: tuple[int | str, ...], root: JsonSchema) -> tuple[list[str], JsonSchema]:
+    """Return the path of a location as the input has it, and the schema that stands there.
+
+    Pydantic names the chosen member of a union in its locations; the input does not.
+    """
+    path, schema = [], root
+    for part in location:
+        if "discriminator" in schema:
+            schema = {"$ref": schema["discriminator"]["mapping"][part]}
+        else:
+            path.append(str(part))
+            schema = schema["properties"][part]
+        schema = _resolved(schema, root)
+    return path, schema
+
+
+def _resolved(schema: JsonSchema, root: JsonSchema) -> JsonSchema:
+    """Return the schema behind a reference, and the one beside null of an optional field."""
+    for choice in schema.get("anyOf", ()):
+        if choice.get("type") != "null":
+            schema = choice
+    if "$ref" in schema:
+        schema = root["$defs"][schema["$ref"].rpartition("/")[2]]
+    return schema

@@ -1,0 +1,64 @@
+"""Scenes as TOML files: written from a scene, and read with every refusal in one plain line."""
+
+import sys
+from pathlib import Path
+
+import tomli_w
+from pydantic import ValidationError
+
+from engine_models.plain_words import refusal
+from engine_models.scene import Scene
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
+
+
+class SceneError(ValueError):
+    """A scene file was refused; the message names the field, what was expected and what came."""
+
+
+def to_toml(scene: Scene) -> str:
+    """Return the scene as a TOML file that reads back to an equal scene; what is not there is left out."""
+    data = scene.model_dump(exclude_none=True)
+    if not data["clearance"]:
+        del data["clearance"]
+    return tomli_w.dumps(data)
+
+
+def from_toml(text: str) -> Scene:
+    """Return the scene that a TOML text describes.
+
+    Raises:
+        SceneError: the text is not TOML or not a scene.
+    """
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise SceneError(
+            "TOML syntax: expected a scene's few levels, got too many inside each other"
+        ) from None
+    except ValueError as error:  # also an integer too long for Python to read
+        reason = " ".join(str(error).split())
+        raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(refusal(error, Scene)) from None
+
+
+def load(path: Path) -> Scene:
+    """Return the scene in a TOML file.
+
+    Raises:
+        SceneError: the file cannot be read, is not UTF-8 text, not TOML or not a scene.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise SceneError(f"{path}: expected a file that can be read, got '{error.strerror}'") from None
+    except UnicodeDecodeError as error:
+        byte = f"byte 0x{error.object[error.start]:02x} at {error.start}"
+        raise SceneError(f"{path}: expected UTF-8 text, got {byte}") from None
+    return from_toml(text)

@@ -1,0 +1,71 @@
+"""How a command fails: one line on stderr that begins with ``error:``, an exit code, never a traceback."""
+
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+INTERRUPTED = 130
+
+
+class BadInput(Exception):
+    """Input was refused: exit code 2. The message names the field, what was expected and what came."""
+
+
+class Failed(Exception):
+    """The work broke down: exit code 1. The message says when and why."""
+
+
+def say(message: str) -> None:
+    """Print one line on stderr."""
+    print(" ".join(message.split()), file=sys.stderr)
+
+
+@contextmanager
+def writing(field: str, place: Path) -> Iterator[None]:
+    """Turn an OSError into a BadInput that names the option with the place that cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadInput(f"{field}: expected a place that can be written, got {place} ({reason})") from None
+
+
+def explained(error: Exception) -> tuple[str, int]:
+    """Return the message and the exit code for an error."""
+    if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C as a native solver passes it on
+        return "interrupted", INTERRUPTED
+    if isinstance(error, typer.TyperException):
+        return _usage(error), 2
+    if isinstance(error, BadInput):
+        return str(error), 2
+    if isinstance(error, Failed):
+        return str(error), 1
+    if isinstance(error, MemoryError):
+        return "the run needs more memory than there is", 1
+    if isinstance(error, OSError):
+        return f"{error.filename or 'output'}: {error.strerror or error}", 2
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}", 1
+
+
+def _usage(error: typer.TyperException) -> str:
+    """Return typer's refusal of a command line in one line, with what it expected."""
+    context, parameter = getattr(error, "ctx", None), getattr(error, "param", None)
+    if parameter is not None or context is None:  # an argument or an option's value is missing
+        name = parameter.metavar if parameter is not None else getattr(error, "option_name", "command line")
+        return f"{name}: expected a value, got nothing"
+    came = error.format_message()
+    if commands := getattr(context.command, "commands", None):
+        return f'COMMAND: expected {", ".join([*commands, "--help"])}, got "{came}"'
+    known = [p.metavar if p.param_type_name == "argument" else p.opts[0] for p in context.command.params]
+    return f'{context.command_path}: expected {", ".join([*known, "--help"])}, got "{came}"'
+
+
+def silence_stdout() -> None:
+    """Drop what stdout still holds: it cannot be written, and Python would say so once more at its end."""
+    sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process

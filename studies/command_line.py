@@ -1,0 +1,182 @@
+"""The command ``crankslider``: exit code 0, 2 for bad input, 1 for work that failed, 130 on Ctrl-C."""
+
+import os
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Annotated, TextIO
+
+import typer
+
+from studies.command_errors import (
+    INTERRUPTED,
+    BadInput,
+    Failed,
+    explained,
+    say,
+    silence_stdout,
+    writing,
+)
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    help="Crank-slider simulations with the reference solver, Exudyn and Pymunk, and the study of them.",
+)
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A library scene or a TOML file.")]
+
+
+@app.command()
+def scenes() -> None:
+    """List the library's scenes."""
+    from studies.listings import scene_listing
+
+    print(scene_listing())
+
+
+@app.command()
+def engines() -> None:
+    """List the engines, their settings and the library scenes that each can run."""
+    from studies.listings import engine_listing
+
+    print(engine_listing())
+
+
+@app.command()
+def show(scene: SceneName) -> None:
+    """Print a scene as TOML, the start of a file of your own."""
+    from engine_models.scene_file import to_toml
+    from studies.request import read_scene
+
+    print(to_toml(read_scene(scene)), end="")
+
+
+@app.command()
+def simulate(
+    scene: SceneName,
+    engine: Annotated[str, typer.Option(metavar="NAME", help="reference, exudyn or pymunk.")] = "reference",
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."
+        ),
+    ] = None,
+    step: Annotated[str | None, typer.Option(metavar="H", help="Longest time step in s; 1e-5.")] = None,
+    tolerance: Annotated[
+        str | None, typer.Option(metavar="TOL", help="Halve the step until the slider is known to TOL in m.")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option(metavar="T", help="End time in s, in place of the scene's.")
+    ] = None,
+    samples: Annotated[str, typer.Option(metavar="N", help="Output intervals of equal length.")] = "200",
+    out: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Output file; stdout.")] = None,
+) -> None:
+    """Run one scene and write motion, forces and energy as CSV."""
+    import numpy as np
+
+    from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+    from engine_models.step_halving import simulate_to_tolerance
+    from studies.request import (
+        SimulateOptions,
+        checked,
+        longest_step_s,
+        read_engine,
+        read_scene,
+    )
+    from studies.trajectory_table import table, to_csv
+
+    numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
+    options = checked(SimulateOptions, "--", numbers)
+    physics = read_scene(scene)
+    if options.end is not None:
+        physics = physics.model_copy(update={"end_time_s": options.end})
+    longest_step = longest_step_s(options, physics.end_time_s)
+    chosen = read_engine(engine, assignments or [])
+    with writing("--out", out or Path("stdout")), _opened(out) as file:
+        try:
+            with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
+                if options.tolerance is not None:
+                    result = simulate_to_tolerance(chosen, physics, options.tolerance, options.samples)
+                else:
+                    result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
+        except UnsupportedScene as reason:
+            raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
+        except SimulationFailed as reason:
+            raise Failed(str(reason)) from None
+        file.write(to_csv(table(physics, result)))
+    say(f"note: {result.steps} steps, the longest {result.step_s:.6g} s")
+
+
+@app.command()
+def run(
+    studies: Annotated[
+        list[str] | None, typer.Argument(metavar="[STUDY]...", help="Studies to run; all.")
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="The full set of cases, not the quick one.")] = False,
+    jobs: Annotated[
+        str | None, typer.Option(metavar="N", help="Cases run at once; one for each core.")
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
+) -> None:
+    """Run studies; finished cases are kept and skipped the next time."""
+    from engine_models.plain_words import one_of, shown
+    from studies.request import RunOptions, checked
+    from studies.runner import STUDIES, RunBroken, run_studies
+
+    for name in studies or []:
+        if name not in STUDIES:
+            raise BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
+    options = checked(RunOptions, "--", {"jobs": jobs or str(os.cpu_count() or 1)})
+    names = list(dict.fromkeys(studies or STUDIES))
+    try:
+        with writing("--out", out):
+            run_studies(names, full, options.jobs, out)
+    except RunBroken as reason:
+        raise Failed(str(reason)) from None
+    say(f"note: the results are in {out}")
+
+
+@app.command()
+def report(
+    results: Annotated[Path, typer.Option(metavar="DIR", help="Where results are.")] = Path("results"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
+) -> None:
+    """Make tables, figures and the HTML page from results."""
+    from reports.page import NoResults, write_report
+    from reports.parts import Contradiction
+    from reports.results import BrokenResults
+
+    try:
+        with writing("--out", out):
+            write_report(results, out)
+    except (NoResults, BrokenResults) as reason:
+        raise BadInput(f"--results: expected the results of a study, got '{reason}'") from None
+    except Contradiction as reason:
+        raise Failed(str(reason)) from None
+    say(f"note: the report is {out / 'index.html'}")
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    message = ""
+    try:
+        code = app(standalone_mode=False, prog_name="crankslider") or 0
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever reads stdout has seen enough
+        code = 1
+        silence_stdout()
+    except Exception as error:
+        message, code = explained(error)
+    if code == INTERRUPTED:  # typer returns it after Ctrl-C
+        message = "interrupted"
+    if message:
+        say(f"error: {message}")
+    sys.exit(code)
+
+
+def _opened(out: Path | None) -> AbstractContextManager[TextIO]:
+    """Return the file for the output, or stdout."""
+    from studies.whole_file import whole_file
+
+    return nullcontext(sys.stdout) if out is None else whole_file(out)

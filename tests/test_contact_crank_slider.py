@@ -1,0 +1,159 @@
+"""The reference solver on the scenes with compliant clearance: numbers known, independent truth, ledger."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from engine_models.assembly import assembled
+from engine_models.contact_stiffness import stiffness_of
+from engine_models.engine import RunSettings, Trajectory
+from engine_models.reference_engine import ReferenceEngine
+from engine_models.reference_model import mechanism_of
+from engine_models.scene import Clearances, Scene
+from engine_models.scene_library import CLEARANCE_SCENES, clearance, ideal_driven
+from reference_solver.contact_events import CONTACT
+from reference_solver.contact_stepper import ContactSolution, ContactStepper, StepChoice, solve_with_contacts
+from reference_solver.equations import Equations
+from studies.metrics import energy_balance_residual_J, kinetic_energy_J
+from studies.truth import exact
+from tests.independent_clearance import integrate
+
+#: How far each scene is followed: until two independent integrations still agree within the tolerances below,
+#: and short enough for a test. Joints touch 5 to 20 times in that time.
+HORIZON_S = {name: 0.003 if "driven" in name else 0.016 for name in CLEARANCE_SCENES}
+#: Asked of the reference: slider positions and impact times against the independent integration.
+POSITION_M, IMPACT_S = 1e-9, 1e-10
+#: An event-located run at these rates is converged far below that (see the ledger's order below).
+FINE = {"driven": StepChoice(5e-6, 400), "free": StepChoice(2e-5, 400)}
+
+
+def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    q, v = assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+    return q.ravel(), v.ravel()
+
+
+def short(name: str) -> Scene:
+    return CLEARANCE_SCENES[name]().model_copy(update={"end_time_s": HORIZON_S[name]})
+
+
+def solved(scene: Scene, choice: StepChoice, samples: int = 30) -> ContactSolution:
+    return solve_with_contacts(
+        mechanism_of(scene), *start(scene), end_time_s=scene.end_time_s, samples=samples, choice=choice
+    )
+
+
+def touches(run: ContactSolution) -> np.ndarray:
+    return np.asarray(run.events[run.events[:, 2] == 1])
+
+
+@pytest.mark.parametrize("name", CLEARANCE_SCENES)
+def test_slider_and_impacts_agree_with_an_independent_integration(name: str) -> None:
+    scene = short(name)
+    times = np.linspace(0, scene.end_time_s, 31)
+    truth, twin = integrate(scene, times, 1e-12), integrate(scene, times, 3e-13)
+    doubt = np.abs(truth.slider_position_m - twin.slider_position_m).max()
+    assert doubt < POSITION_M / 4, f"two independent integrations differ by {doubt:.1e} m: past the horizon"
+    times_apart = [abs(a[0] - b[0]) for a, b in zip(truth.touches, twin.touches, strict=True)]
+    assert max(times_apart) < IMPACT_S / 4, f"their impacts differ by {max(times_apart):.1e} s"
+    run = solved(scene, FINE["driven" if "driven" in name else "free"])
+    off = np.abs(run.motion.q[:, 6] - truth.slider_position_m).max()
+    assert off < POSITION_M, f"slider off by {off:.1e} m"
+    found = touches(run)
+    assert len(found) == len(truth.touches) > 1
+    for (time, joint, _, speed, _), (true_time, true_joint, true_speed) in zip(
+        found, truth.touches, strict=True
+    ):
+        assert scene.joints_with_clearance[int(joint)] == true_joint
+        assert abs(time - true_time) < IMPACT_S, f"impact at {true_time} s off by {time - true_time:.1e} s"
+        assert speed == pytest.approx(true_speed, rel=1e-6)
+
+
+def test_the_standard_cases_first_impacts_and_peak_force_are_those_known() -> None:
+    scene = CLEARANCE_SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": 0.001})
+    first = touches(solved(scene, FINE["driven"]))[:3]
+    np.testing.assert_allclose(first[:, 0], [0.000227285, 0.000636428, 0.000749140], atol=5e-10, rtol=0)
+    np.testing.assert_allclose(first[:, 3], [4.385827, 2.748345, 1.825504], atol=5e-7, rtol=0)
+    around = scene.model_copy(update={"end_time_s": 0.0003})
+    peak = max(state.normal_force_N for state in solved(around, FINE["driven"], 30_000).contacts[0])
+    assert peak == pytest.approx(45870, abs=0.5)
+    # t1 ~ sqrt(2c/a0), v1 ~ sqrt(2 c a0), a0 = r w^2 (1 + r/L): within 0.5 %.
+    a0, c = 0.05 * (2 * np.pi * 5000 / 60) ** 2 * (1 + 0.05 / 0.12), 5e-4
+    assert first[0, 0] == pytest.approx(np.sqrt(2 * c / a0), rel=5e-3)
+    assert first[0, 3] == pytest.approx(np.sqrt(2 * c * a0), rel=5e-3)
+
+
+def test_hertz_stiffness_is_that_known_of_steel() -> None:
+    assert stiffness_of(clearance(5e-4)) == pytest.approx(6.610e10, rel=1e-4)
+
+
+@cache
+def engine_run(name: str, step: float, steps_per_contact: float = 800) -> tuple[Scene, Trajectory]:
+    """Return a run with a number of steps per contact at 1e-5 s, and in proportion at other steps."""
+    scene, engine = short(name), ReferenceEngine(steps_per_contact=steps_per_contact)
+    return scene, engine.simulate(scene, RunSettings(step_s=step, samples=60))
+
+
+@pytest.mark.parametrize("name", CLEARANCE_SCENES)
+def test_the_energy_ledger_closes(name: str) -> None:
+    scene, run = engine_run(name, 5e-6 if "driven" in name else 1e-5)
+    play = kinetic_energy_J(scene, run).max()
+    residual = np.abs(energy_balance_residual_J(scene, run)).max() / play
+    assert residual < 1e-11, f"residual {residual:.1e} of {play:.3g} J"
+    lost = run.dissipated_energy_J
+    assert lost is not None
+    assert lost[-1] > 1e-4 * play, "the contacts did dissipate, which the ledger has to know"
+
+
+def test_the_ledgers_residual_falls_at_order_four() -> None:
+    # Halving the step halves both rates.
+    found = []
+    for n in (1, 2, 4):
+        scene, run = engine_run("clearance-free-0.5mm", 8e-5 / n, 400)
+        found.append(np.abs(energy_balance_residual_J(scene, run)).max())
+    order = -np.polyfit(np.log([1, 2, 4]), np.log(found), 1)[0]
+    assert order > 3.8, f"order {order:.2f} of {found}"
+
+
+def test_compiled_and_readable_accelerations_agree_in_contact() -> None:
+    scene = CLEARANCE_SCENES["clearance-driven-damped"]()
+    mechanism, (q, v) = mechanism_of(scene), start(scene)
+    q, v = q.copy(), v + 0.0
+    angle, c = 0.7, scene.clearance.B.radial_clearance_m if scene.clearance.B else 0.0
+    stepper = ContactStepper(mechanism, q, StepChoice(1e-6), "none")
+    equations = Equations(mechanism, q)
+    stepper.phases[:] = equations.phases[:] = [CONTACT, 0.3]
+    # Inside the wall by 2 micrometres at some angle, with the pin sliding: the contact pushes and rubs.
+    q[6] += (c + 2e-6) * np.cos(angle)
+    q[4] -= (c + 2e-6) * np.sin(angle)
+    q[1] -= (c + 2e-6) * np.sin(angle)
+    v[6] += 0.4
+    compiled = stepper.multipliers(0.0, q, v)
+    readable = equations.accelerations(0.0, q, v)[1]
+    assert stepper.states(q, v)[0].normal_force_N > 100
+    difference = np.abs(compiled - readable).max() / np.abs(readable).max()
+    # A penetration of 2e-6 m is the difference of lengths of 0.17 m: 1e-11 of it is round-off.
+    assert difference < 1e-9, f"{difference:.1e}"
+
+
+def test_the_clearance_scene_tends_to_the_ideal_one_as_the_clearance_vanishes() -> None:
+    ideal = ideal_driven().model_copy(update={"end_time_s": 0.002})
+    truth = exact(ideal, 20).slider_position_m
+    found = []
+    for c in (1e-4, 1e-5, 1e-6):
+        scene = ideal.model_copy(update={"clearance": Clearances(B=clearance(c, "hu-guo", 0.5))})
+        found.append(np.abs(solved(scene, StepChoice(2e-6, 100), 20).motion.q[:, 6] - truth).max())
+    # The pin strays by the clearance and by the penetration, 1e-5 m for steel under 3e3 N.
+    assert found[0] < 2e-4, f"{found}"
+    assert found[1] < found[0] / 2, f"{found}"
+    assert found[2] < found[1], f"{found}"
+
+
+def test_the_plain_algorithm_without_located_events_is_less_accurate_and_says_so_in_its_ledger() -> None:
+    scene = short("clearance-free-0.5mm")
+    settings = RunSettings(step_s=2e-6, samples=60)
+    plain = ReferenceEngine(locate_events=False).simulate(scene, settings)
+    located = ReferenceEngine().simulate(scene, RunSettings(step_s=2e-5, samples=60))
+    residuals = [np.abs(energy_balance_residual_J(scene, run)).max() for run in (plain, located)]
+    assert plain.steps > located.steps, f"{plain.steps} against {located.steps} steps"
+    assert residuals[0] > 100 * residuals[1], f"{residuals}"
