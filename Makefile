@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test lint types lock clean
+.PHONY: study test lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -17,6 +17,20 @@ lint: .venv/.ready
 
 types: .venv/.ready
 	$(BIN)/mypy
+
+# Time per step of the compiled kernels beside hand-written C, as ratios.
+benchmark: .venv/.ready
+	$(BIN)/python -m tests.benchmarks.kernel
+
+# Renew reports/published from the committed code; a test recomputes what it says.
+publish: .venv/.ready
+	git diff --quiet HEAD -- reference_solver engine_models studies reports || \
+	    { echo "error: commit the code first, so that the published results can name it"; exit 2; }
+	rm -rf results && $(BIN)/crankslider run && $(BIN)/crankslider report
+	rm -rf reports/published && mkdir -p reports/published
+	cp -r report reports/published/report
+	for study in results/*/; do mkdir -p reports/published/$$study && \
+	    cp $$study/rows.jsonl $$study/sidecar.json reports/published/$$study; done
 
 .venv/.ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
