@@ -5,7 +5,7 @@ and ``gap_accelerations``, parameters here, are functions of that module. It use
 
 A contact is in one of three phases: in flight, in contact, or in contact with the force clipped because
 the law would pull. Between events every right-hand side is smooth; an event is located by shortening the
-step until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance, mu/v_reg),
+step until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance, mu/v_reg, c),
 ``touch[k]`` (time of touch, expected duration, mobility), ``control`` (longest step, steps per contact, 1 to
 locate events).
 """
@@ -36,7 +36,7 @@ def step_length(
     """Return the longest step that the phases allow."""
     h = control[0]
     for k in range(len(laws)):
-        stiffness, exponent, _, _, clearance, friction = laws[k]
+        stiffness, exponent, _, _, clearance, friction, damping = laws[k]
         if s[2 * k] == FLIGHT:
             if gap[k, 2] * h > 0.25 * clearance:  # a quarter of the way across
                 h = 0.25 * clearance / gap[k, 2]
@@ -46,8 +46,12 @@ def step_length(
         if depth > 0.0:
             frequency = np.sqrt(exponent * stiffness * depth ** (exponent - 1.0) * mobility)
             duration = min(duration, np.pi / frequency)
-            if friction > 0.0:  # below the regularisation speed friction is a damper, stiff under load
-                h = min(h, 0.3 / (friction * stiffness * depth**exponent * mobility))
+            # A law's damping is stiff in a contact that began slowly, friction below its regularisation
+            # speed: a damper of rate r is followed by RK4 up to r h = 2.785, accurately well below it.
+            spring = stiffness * depth**exponent
+            rate = mobility * max(damping + spring * s[2 * k + 1], spring * friction)
+            if rate > 0.0:
+                h = min(h, 0.5 / rate)
         shortest = duration / control[1]
         h = min(h, graded(shortest, duration, t - start))
         if gap[k, 1] < 0.0:
@@ -76,7 +80,7 @@ def switch(
     if s[2 * k] != FLIGHT:
         s[2 * k] = FLIGHT
         return -1.0
-    stiffness, exponent, factor, slowest, clearance, _ = laws[k]
+    stiffness, exponent, factor, slowest, clearance, _, _ = laws[k]
     # The gap's answer to a unit force tells the effective mass, and with it how long the contact will take.
     gap_accelerations(p, s, t, q, v, spare)
     free = spare[k]

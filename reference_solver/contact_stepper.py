@@ -9,7 +9,7 @@ from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_kernel_source import all_losses, contact_kernel_source
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.errors import NonFiniteState
+from reference_solver.errors import NonFiniteState, Stalled
 from reference_solver.generator import EquationsWriter
 from reference_solver.mechanism import ClearanceJoint, Mechanism
 from reference_solver.solver import Solution, Stabilisation, check_start
@@ -66,7 +66,7 @@ class ContactStepper:
         self._equations = Equations(mechanism, q_start, baumgarte)
         self._mechanism, self._rows = mechanism, writer.m
         self.loss_names = tuple(all_losses(writer))
-        self._laws = np.array([_constants(joint) for joint in mechanism.contacts]).reshape(-1, 6)
+        self._laws = np.array([_constants(joint) for joint in mechanism.contacts]).reshape(-1, 7)
         self._touch = np.zeros((len(self._laws), 3))
         self._log = np.zeros((LOG_ROWS, 5))
         self._control = np.array([choice.longest_s, choice.steps_per_contact, float(choice.locate_events)])
@@ -101,9 +101,13 @@ class ContactStepper:
         Raises:
             SingularConfiguration: the constraint matrix loses full row rank.
             NonFiniteState: the state overflows.
+            Stalled: steps have become too short to move time on.
         """
         while t < end:
+            begin = t
             t, events, steps, status = self._call(q, v, t, end)
+            if t == begin and status == 1:
+                raise Stalled(t, steps)
             self.steps += steps
             self.events.extend(self._log[:events].copy())
             if status == 3:
@@ -132,7 +136,8 @@ def _constants(joint: ClearanceJoint) -> tuple[float, ...]:
     if friction is not None and friction.kind == "ambrosio":
         slope = friction.coefficient / (friction.regularisation_speed_m_s - friction.dead_band_speed_m_s)
     speed = law.minimum_impact_speed_m_s
-    return law.stiffness, law.exponent, law.damping_factor, speed, joint.radial_clearance_m, slope
+    first = (law.stiffness, law.exponent, law.damping_factor, speed)
+    return *first, joint.radial_clearance_m, slope, law.damping_N_s_m
 
 
 def solve_with_contacts(

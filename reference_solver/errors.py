@@ -30,3 +30,11 @@ class NonFiniteState(SolverError):
 
 class InconsistentStart(SolverError):
     """The initial positions or velocities violate the constraints."""
+
+
+class Stalled(SolverError):
+    """Steps have become too short to move time on."""
+
+    def __init__(self, time_s: float, steps: int) -> None:
+        self.time_s = time_s
+        super().__init__(f"{steps} steps made no way at t = {time_s:.6g} s: soften the contact law")

@@ -8,7 +8,7 @@ from scipy.special import lambertw
 
 from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
 from reference_solver.contact_stepper import ContactSolution, StepChoice, solve_with_contacts
-from reference_solver.mechanism import GROUND, Body, ClearanceJoint, Mechanism
+from reference_solver.mechanism import GROUND, Body, ClearanceJoint, Mechanism, SpringDamper, StraightGuide
 
 MASS, INERTIA, SPEED = 0.1, 1e-4, 1.0
 CLEARANCE, BEARING = 5e-4, 0.01
@@ -185,3 +185,38 @@ def test_a_pin_that_does_not_turn_feels_no_friction_in_a_central_impact() -> Non
     run = bounce(ContactLaw(HERTZ, 1.5), FINE, FRICTIONS[2], 0.0)
     assert run.motion.v[-1, 1] == 0
     assert run.losses_J[-1, run.loss_names.index("slide0")] == 0
+
+
+def test_a_law_that_would_pull_is_clipped_and_its_energy_has_a_line_of_its_own() -> None:
+    # A carriage on a guide moves up and takes a spring along that first presses the pin into its bearing,
+    # then lifts it. The pin came slowly and leaves as fast as the spring unloads: 1 + a delta'/v0 turns
+    # negative, and the law would hold the pin back.
+    stiffness, carriage, rise, came = 1e6, 1.0, 0.02, 1e-4
+    law = ContactLaw(stiffness, 1.5, DAMPING_FACTORS["hunt-crossley"](0.1))
+    free_length, spring = 0.1, 1e3
+    start = np.array([0.0, -CLEARANCE + 1e-9, 0.0, 0.0, -CLEARANCE + free_length - 1e-3, 0.0])
+    mechanism = Mechanism(
+        (Body(MASS, INERTIA), Body(carriage, 1.0)),
+        (StraightGuide(1, (0.0, 0.0), np.pi / 2),),
+        (SpringDamper(0, (0.0, 0.0), 1, (0.0, 0.0), spring, 0.0, free_length),),
+        contacts=(ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), CLEARANCE, BEARING, law),),
+    )
+    run = solve_with_contacts(
+        mechanism,
+        start,
+        np.array([0.0, -came, 0.0, 0.0, rise, 0.0]),
+        end_time_s=0.1,
+        samples=50,
+        choice=StepChoice(2e-5, 1000),
+    )
+    q, v = run.motion.q, run.motion.v
+    lost = dict(zip(run.loss_names, run.losses_J.T, strict=True))
+    stretch = np.hypot(q[:, 3] - q[:, 0], q[:, 4] - q[:, 1]) - free_length
+    stored = np.array([stiffness * max(c.penetration_m, 0.0) ** 2.5 / 2.5 for c in run.contacts[0]])
+    kinetic = MASS * (v[:, 0] ** 2 + v[:, 1] ** 2) / 2 + carriage * v[:, 4] ** 2 / 2
+    balance = kinetic + spring * stretch**2 / 2 + stored + lost["loss0"] + lost["clip0"]
+    assert (run.events[:, 2] == 2).any(), "the force was clipped"
+    assert lost["clip0"][-1] > 0, f"{lost['clip0'][-1]} J"
+    assert all(c.normal_force_N >= 0 for c in run.contacts[0]), "it never pulled"
+    residual = np.abs(balance - balance[0]).max()
+    assert residual < 1e-9 * balance[0], f"residual {residual:.1e} of {balance[0]:.1e} J"

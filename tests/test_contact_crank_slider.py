@@ -15,6 +15,7 @@ from engine_models.scene_library import CLEARANCE_SCENES, clearance, ideal_drive
 from reference_solver.contact_events import CONTACT
 from reference_solver.contact_stepper import ContactSolution, ContactStepper, StepChoice, solve_with_contacts
 from reference_solver.equations import Equations
+from reference_solver.readable import rk4_step
 from studies.metrics import energy_balance_residual_J, kinetic_energy_J
 from studies.truth import exact
 from tests.independent_clearance import integrate
@@ -125,25 +126,34 @@ def test_the_ledgers_residual_falls_at_order_four(
     assert abs(order - 4) < 0.2, f"order {order:.2f} of {found}"
 
 
-def test_compiled_and_readable_accelerations_agree_in_contact() -> None:
-    scene = CLEARANCE_SCENES["clearance-driven-damped"]()
+def test_a_compiled_step_in_contact_agrees_with_the_readable_one() -> None:
+    scene, h = CLEARANCE_SCENES["clearance-driven-damped"](), 1e-9
     mechanism, (q, v) = mechanism_of(scene), start(scene)
-    q, v = q.copy(), v + 0.0
-    angle, c = 0.7, scene.clearance.B.radial_clearance_m if scene.clearance.B else 0.0
-    stepper = ContactStepper(mechanism, q, StepChoice(1e-6), "none")
-    equations = Equations(mechanism, q)
-    stepper.phases[:] = equations.phases[:] = [CONTACT, 0.3]
-    # Inside the wall by 2 micrometres at some angle, with the pin sliding: the contact pushes and rubs.
-    q[6] += (c + 2e-6) * np.cos(angle)
-    q[4] -= (c + 2e-6) * np.sin(angle)
-    q[1] -= (c + 2e-6) * np.sin(angle)
+    stepper, equations = (
+        ContactStepper(mechanism, q, StepChoice(h, locate_events=False), "none"),
+        Equations(mechanism, q),
+    )
+    # Inside the wall by 2 micrometres at some angle, and sliding: the contact pushes and rubs.
+    angle, inside = 0.7, clearance(1e-4).radial_clearance_m + 2e-6
+    q[6] += inside * np.cos(angle)
+    q[4] -= inside * np.sin(angle)
+    q[1] -= inside * np.sin(angle)
     v[6] += 0.4
-    compiled = stepper.multipliers(0.0, q, v)
-    readable = equations.accelerations(0.0, q, v)[1]
+    stepper.phases[:] = equations.phases[:] = [CONTACT, 0.3]
     assert stepper.states(q, v)[0].normal_force_N > 100
-    difference = np.abs(compiled - readable).max() / np.abs(readable).max()
-    # A penetration of 2e-6 m is the difference of lengths of 0.17 m: 1e-11 of it is round-off.
-    assert difference < 1e-9, f"{difference:.1e}"
+    readable_q, readable_v, _ = rk4_step(equations, 0.0, q, v, h)
+    multipliers = stepper.multipliers(0.0, q, v), equations.accelerations(0.0, q, v)[1]
+    compiled_q, compiled_v = q.copy(), v.copy()
+    stepper.advance(compiled_q, compiled_v, 0.0, h)
+    assert stepper.steps == 1
+    # The penetration of 2e-6 m is a difference of lengths of 0.17 m: round-off is 1e-11 of it.
+    for name, one, other in (
+        ("q", compiled_q - q, readable_q - q),
+        ("v", compiled_v - v, readable_v - v),
+        ("multipliers", *multipliers),
+    ):
+        difference = np.abs(one - other).max() / np.abs(other).max()
+        assert difference < 1e-7, f"{name}: {difference:.1e}"
 
 
 def test_the_clearance_scene_tends_to_the_ideal_one_as_the_clearance_vanishes() -> None:
