@@ -1,4 +1,4 @@
-"""The driven crank-slider with a rigid clearance joint at B in minimal coordinates, derived apart from the solver.
+"""The driven crank-slider with a rigid clearance joint at B, in minimal coordinates, apart from the solver.
 
 Coordinates are the rod's angle and the slider's position; the crank's angle is speed times t. In flight the
 rod is a pendulum on a pivot that is carried around, and the slider moves freely.
@@ -45,7 +45,7 @@ class ClearanceCrankSlider:
         return [float(y[2]), float(y[3]), float(angular), 0.0]
 
     def separation(self, t: float, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return d from the rod's bearing to the slider's pin, its rate, and the rod's transverse direction."""
+        """Return d from bearing (rod) to pin (slider), its rate, and the direction across the rod."""
         pin, rate = self.crank_pin(t)
         along = np.array([np.cos(y[0]), np.sin(y[0])])
         across = np.array([-along[1], along[0]])
