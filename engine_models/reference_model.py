@@ -1,7 +1,7 @@
 """The scene as a mechanism of the reference solver: joints O, A, B, then the guide, then a driver."""
 
 from engine_models.contact_stiffness import exponent_of, stiffness_of
-from engine_models.engine import JOINTS, UnsupportedScene
+from engine_models.engine import UnsupportedScene
 from engine_models.scene import Clearance, Friction, Link, Scene
 from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
 from reference_solver.mechanism import (
@@ -15,6 +15,7 @@ from reference_solver.mechanism import (
     StraightGuide,
     Torque,
 )
+from reference_solver.rigid_joint import RigidJoint
 
 CRANK, ROD, SLIDER = range(3)
 
@@ -23,28 +24,13 @@ MINIMUM_IMPACT_SPEED_M_S = 1e-6
 
 
 def mechanism_of(scene: Scene) -> Mechanism:
-    """Return the mechanism; a joint with clearance is a contact and has no rows.
-
-    Raises:
-        UnsupportedScene: a joint has a rigid contact law.
-    """
+    """Return the mechanism; a joint with clearance has no rows, and is a contact if its law is compliant."""
     crank, rod, slider = scene.crank, scene.rod, scene.slider
-
-    def pins(link: Link) -> tuple[Point, Point]:
-        return (-link.centre_of_mass_m, 0.0), (link.length_m - link.centre_of_mass_m, 0.0)
-
-    (crank_O, crank_A), (rod_A, rod_B) = pins(crank), pins(rod)
-    joints = (
-        RevoluteJoint(GROUND, (0.0, 0.0), CRANK, crank_O),
-        RevoluteJoint(CRANK, crank_A, ROD, rod_A),
-        RevoluteJoint(ROD, rod_B, SLIDER, (0.0, 0.0)),
-    )
-    clearances = [getattr(scene.clearance, name) for name in JOINTS]
     driven = scene.drive.kind == "constant-speed"
     return Mechanism(
         bodies=tuple(Body(part.mass_kg, part.inertia_kg_m2) for part in (crank, rod, slider)),
         constraints=(
-            *(joint for joint, clearance in zip(joints, clearances, strict=True) if clearance is None),
+            *(joint for joint, clearance in _joints(scene) if clearance is None),
             StraightGuide(SLIDER, (0.0, 0.0), 0.0),
             *([PrescribedSpeed(CRANK, scene.start.crank_speed_rad_s)] if driven else []),
         ),
@@ -52,15 +38,54 @@ def mechanism_of(scene: Scene) -> Mechanism:
         gravity_m_s2=scene.gravity_m_s2,
         contacts=tuple(
             _contact(joint, clearance)
-            for joint, clearance in zip(joints, clearances, strict=True)
-            if clearance is not None
+            for joint, clearance in _joints(scene)
+            if clearance is not None and clearance.law != "rigid"
         ),
     )
 
 
+def rigid_joints_of(scene: Scene) -> tuple[RigidJoint, ...]:
+    """Return the joints with rigid clearance, in the order O, A, B.
+
+    Raises:
+        UnsupportedScene: they stand beside compliant ones, or have friction, which a pin that follows its
+            bearing would not feel.
+    """
+    rigid = [(joint, c) for joint, c in _joints(scene) if c is not None and c.law == "rigid"]
+    if rigid and len(rigid) < len(scene.joints_with_clearance):
+        raise UnsupportedScene("reference does not mix rigid and compliant contact laws in one scene")
+    if any(c.friction is not None for _, c in rigid):
+        raise UnsupportedScene("reference has no friction in rigid contact (following is frictionless)")
+    return tuple(
+        RigidJoint(
+            joint.body_i,
+            joint.point_i,
+            joint.body_j,
+            joint.point_j,
+            c.radial_clearance_m,
+            c.bearing_radius_m,
+            c.restitution or 0.0,
+            minimum_impact_speed_m_s=c.minimum_impact_speed_m_s or 0.0,
+        )
+        for joint, c in rigid
+    )
+
+
+def _joints(scene: Scene) -> list[tuple[RevoluteJoint, Clearance | None]]:
+    """Return the joints O, A, B with their clearances; a bearing is on the body nearer the crank pivot."""
+
+    def pins(link: Link) -> tuple[Point, Point]:
+        return (-link.centre_of_mass_m, 0.0), (link.length_m - link.centre_of_mass_m, 0.0)
+
+    (crank_O, crank_A), (rod_A, rod_B) = pins(scene.crank), pins(scene.rod)
+    return [
+        (RevoluteJoint(GROUND, (0.0, 0.0), CRANK, crank_O), scene.clearance.O),
+        (RevoluteJoint(CRANK, crank_A, ROD, rod_A), scene.clearance.A),
+        (RevoluteJoint(ROD, rod_B, SLIDER, (0.0, 0.0)), scene.clearance.B),
+    ]
+
+
 def _contact(joint: RevoluteJoint, clearance: Clearance) -> ClearanceJoint:
-    if clearance.law == "rigid":
-        raise UnsupportedScene("reference has no rigid contact yet (clearance law 'rigid')")
     factor = DAMPING_FACTORS.get(clearance.law)
     return ClearanceJoint(
         joint.body_i,

@@ -157,4 +157,34 @@ CLEARANCE_SCENES: dict[str, Callable[[], Scene]] = {
     "clearance-free-0.5mm": clearance_free,
     "clearance-free-OAB": clearance_free_three,
 }
-SCENES = {**IDEAL_SCENES, **CLEARANCE_SCENES}
+
+
+def _rigid_twin(make: Callable[[], Scene]) -> Callable[[], Scene]:
+    """Return what makes the same scene with rigid contact of the same nominal restitution."""
+
+    def twin() -> Scene:
+        scene = make()
+        joints = {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
+        rigid = {
+            name: Clearance(
+                radial_clearance_m=joint.radial_clearance_m,
+                bearing_radius_m=joint.bearing_radius_m,
+                law="rigid",
+                restitution=joint.restitution,
+            )
+            for name, joint in joints.items()
+        }
+        return _named(scene.name.replace("clearance", "rigid"), scene, **rigid)
+
+    twin.__doc__ = f"{(make.__doc__ or '').rstrip('.')}; rigid contact."
+    return twin
+
+
+#: The rigid twins of the frictionless scenes: friction has no rigid twin yet.
+RIGID_SCENES: dict[str, Callable[[], Scene]] = {
+    name.replace("clearance", "rigid"): _rigid_twin(make)
+    for name, make in CLEARANCE_SCENES.items()
+    if name != "clearance-driven-damped"
+}
+
+SCENES = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}

@@ -12,7 +12,7 @@ from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import NonFiniteState, Stalled
 from reference_solver.generator import EquationsWriter
 from reference_solver.mechanism import ClearanceJoint, Mechanism
-from reference_solver.solver import Solution, Stabilisation, check_start
+from reference_solver.solver import Solution, Stabilisation, StepChoice, check_start
 
 FloatArray = NDArray[np.float64]
 
@@ -20,19 +20,6 @@ FloatArray = NDArray[np.float64]
 CHUNK = 200_000
 #: Events per call of the kernel.
 LOG_ROWS = 256
-
-
-@dataclass(frozen=True)
-class StepChoice:
-    """The two rates: ``longest_s`` in flight, and a number of steps per contact's duration.
-
-    Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
-    step: the plain algorithm, for comparison.
-    """
-
-    longest_s: float
-    steps_per_contact: float = 100.0
-    locate_events: bool = True
 
 
 @dataclass(frozen=True)

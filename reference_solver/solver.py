@@ -40,6 +40,19 @@ class Solution:
     constraint_work_J: FloatArray
 
 
+@dataclass(frozen=True)
+class StepChoice:
+    """The two rates: ``longest_s`` in flight, and a number of steps per contact's duration.
+
+    Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
+    step: the plain algorithm, for comparison.
+    """
+
+    longest_s: float
+    steps_per_contact: float = 100.0
+    locate_events: bool = True
+
+
 class Stepper(Protocol):
     """One of the two faces of the algorithm, at a fixed step."""
 

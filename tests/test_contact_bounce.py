@@ -7,8 +7,9 @@ import pytest
 from scipy.special import lambertw
 
 from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
-from reference_solver.contact_stepper import ContactSolution, StepChoice, solve_with_contacts
+from reference_solver.contact_stepper import ContactSolution, solve_with_contacts
 from reference_solver.mechanism import GROUND, Body, ClearanceJoint, Mechanism, SpringDamper, StraightGuide
+from reference_solver.solver import StepChoice
 
 MASS, INERTIA, SPEED = 0.1, 1e-4, 1.0
 CLEARANCE, BEARING = 5e-4, 0.01

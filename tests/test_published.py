@@ -25,7 +25,8 @@ def published_row(case: Case) -> dict[str, object]:
     head = case.head()
     found = [row for row in ROWS if all(row.get(name) == value for name, value in head.items())]
     assert len(found) == 1, f"{len(found)} published rows of {head}"
-    return found[0]
+    row: dict[str, object] = found[0]
+    return row
 
 
 CASES = [

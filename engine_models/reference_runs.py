@@ -1,0 +1,151 @@
+"""Runs of the reference solver as trajectories: ideal joints, compliant clearance, rigid clearance."""
+
+import time
+
+import numpy as np
+
+from engine_models.assembly import assembled
+from engine_models.contact_stiffness import elastic_energy_J
+from engine_models.engine import JOINTS, Contact, FloatArray, RunSettings, Trajectory
+from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
+from engine_models.scene import Clearance, Scene
+from reference_solver.arrays import row_slices
+from reference_solver.contact import ContactState
+from reference_solver.rigid_contact import solve_rigid
+from reference_solver.rigid_joint import JointGeometry
+from reference_solver.solver import Solution, Stabilisation, StepChoice, make_stepper, record
+
+
+def _start(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    q, v = assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+    return q.ravel(), v.ravel()
+
+
+def ideal_run(
+    scene: Scene, settings: RunSettings, stabilisation: Stabilisation, compiled: bool
+) -> Trajectory:
+    """Run a scene of ideal joints at a fixed step."""
+    end, step, (q, v) = scene.end_time_s, settings.step_used_s(scene.end_time_s), _start(scene)
+    per_sample = settings.steps_per_sample(end)
+    stepper = make_stepper(mechanism_of(scene), q, step, stabilisation, compiled)
+    started = time.perf_counter()
+    solution = record(
+        stepper, q.copy(), v, end_time_s=end, samples=settings.samples, steps_per_sample=per_sample
+    )
+    solve_time = time.perf_counter() - started
+    return _trajectory(scene, solution, {}, None, step, settings.samples * per_sample, solve_time)
+
+
+def compliant_run(
+    scene: Scene, settings: RunSettings, rates: StepChoice, stabilisation: Stabilisation
+) -> Trajectory:
+    """Run a scene with compliant clearance at the two rates."""
+    from reference_solver.contact_stepper import ContactStepper, record_contacts  # brings Numba
+
+    q, v = _start(scene)
+    stepper = ContactStepper(mechanism_of(scene), q, rates, stabilisation)
+    started = time.perf_counter()
+    run = record_contacts(stepper, q.copy(), v, scene.end_time_s, settings.samples)
+    solve_time = time.perf_counter() - started
+    contacts = {
+        name: _contact(getattr(scene.clearance, name), states)
+        for name, states in zip(scene.joints_with_clearance, run.contacts, strict=True)
+    }
+    lost = run.losses_J.sum(axis=1)
+    trajectory = _trajectory(scene, run.motion, contacts, lost, rates.longest_s, run.steps, solve_time)
+    for name, states in zip(scene.joints_with_clearance, run.contacts, strict=True):
+        force = np.array([state.force_on_pin_N for state in states])
+        trajectory.joint_force_N[:, JOINTS.index(name)] = force
+    return trajectory
+
+
+def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
+    """Run a scene with rigid clearance; the joints' forces are those of following, without impulses.
+
+    The solve time includes the making of kernels, one for every set of following joints that occurs.
+    """
+    end, step, (q, v) = scene.end_time_s, settings.step_used_s(scene.end_time_s), _start(scene)
+    per_sample = settings.steps_per_sample(end)
+    joints = rigid_joints_of(scene)
+    started = time.perf_counter()
+    run = solve_rigid(
+        mechanism_of(scene),
+        joints,
+        q,
+        v,
+        end_time_s=end,
+        samples=settings.samples,
+        steps_per_sample=per_sample,
+    )
+    solve_time = time.perf_counter() - started
+    gaps = JointGeometry(mechanism_of(scene), joints)
+    gap = np.array([gaps.offsets(at) for at in run.q])
+    distance = np.hypot(gap[..., 0], gap[..., 1])
+    contacts = {
+        name: Contact(
+            gap_m=gap[:, k],
+            penetration_m=distance[:, k] - joint.radial_clearance_m,
+            normal_force_N=np.hypot(*run.joint_force_N[:, k].T),
+            friction_force_N=None,
+            elastic_energy_J=np.zeros(len(gap)),
+        )
+        for k, (name, joint) in enumerate(zip(scene.joints_with_clearance, joints, strict=True))
+    }
+    motion = Solution(run.time_s, run.q, run.v, run.multipliers, run.constraint_work_J)
+    lost = run.impact_loss_J + run.closing_loss_J
+    trajectory = _trajectory(scene, motion, contacts, lost, step, settings.samples * per_sample, solve_time)
+    for k, name in enumerate(scene.joints_with_clearance):
+        trajectory.joint_force_N[:, JOINTS.index(name)] = run.joint_force_N[:, k]
+    return trajectory
+
+
+def _contact(clearance: Clearance, states: list[ContactState]) -> Contact:
+    penetration = np.array([state.penetration_m for state in states])
+    friction = np.array([state.friction_force_N for state in states]) if clearance.friction else None
+    return Contact(
+        gap_m=np.array([state.gap_m for state in states]),
+        penetration_m=penetration,
+        normal_force_N=np.array([state.normal_force_N for state in states]),
+        friction_force_N=friction,
+        elastic_energy_J=elastic_energy_J(clearance, penetration),
+    )
+
+
+def _trajectory(
+    scene: Scene,
+    solution: Solution,
+    contacts: dict[str, Contact],
+    lost: FloatArray | None,
+    step: float,
+    steps: int,
+    solve_time: float,
+) -> Trajectory:
+    """Sort the solver's rows by joint; the force of a joint with clearance is left at zero."""
+    mechanism, multipliers = mechanism_of(scene), solution.multipliers
+    ideal = [name for name in JOINTS if name not in contacts]
+    *joint_rows, guide = row_slices(mechanism)[: len(ideal) + 1]
+    joint_force = np.zeros((len(multipliers), len(JOINTS), 2))
+    for name, rows in zip(ideal, joint_rows, strict=True):
+        joint_force[:, JOINTS.index(name)] = multipliers[:, rows]
+    position = solution.q.reshape(-1, 3, 3)
+    torque: FloatArray | None = None
+    work: FloatArray | None = None
+    if scene.drive.kind == "constant-speed":
+        torque, work = multipliers[:, -1], solution.constraint_work_J
+    elif scene.drive.kind == "torque":
+        torque = np.full(len(multipliers), scene.drive.torque_N_m)
+        work = torque * (position[:, CRANK, 2] - position[0, CRANK, 2])
+    return Trajectory(
+        time_s=solution.time_s,
+        position=position,
+        velocity=solution.v.reshape(-1, 3, 3),
+        joint_force_N=joint_force,
+        guide_normal_force_N=multipliers[:, guide.start],
+        driver_torque_N_m=torque,
+        driver_work_J=work,
+        step_s=step,
+        steps=steps,
+        solve_time_s=solve_time,
+        contacts=contacts,
+        dissipated_energy_J=lost,
+    )
