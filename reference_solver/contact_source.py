@@ -6,17 +6,13 @@ bearing's centre and R_j - delta/2 from the pin's. The state of contact k is two
 ``contact_loop``) and s[2k + 1] = a/v0 of the law.
 """
 
-from typing import TYPE_CHECKING
-
 from reference_solver.contact_laws import FrictionLaw
 from reference_solver.mechanism import GROUND, ClearanceJoint
+from reference_solver.mechanism_source import Arms, Ends, MechanismWriter, Terms
 from reference_solver.straight_line import StraightLine, negative, product, total
 
-if TYPE_CHECKING:
-    from reference_solver.generator import Arms, Ends, EquationsWriter, Terms
 
-
-def ends_of(joint: ClearanceJoint) -> "Ends":
+def ends_of(joint: ClearanceJoint) -> Ends:
     """Return bearing centre and pin centre, each by body and place."""
     return (joint.body_i, joint.point_i), (joint.body_j, joint.point_j)
 
@@ -28,7 +24,7 @@ def losses(number: int, joint: ClearanceJoint) -> list[str]:
 
 
 def write_contact(
-    writer: "EquationsWriter", code: StraightLine, number: int, joint: ClearanceJoint, terms: "Terms"
+    writer: MechanismWriter, code: StraightLine, number: int, joint: ClearanceJoint, terms: Terms
 ) -> None:
     """Add the force of contact ``number`` to the accelerations' terms, and name its losses in W.
 
@@ -59,7 +55,7 @@ def write_contact(
     writer.push(ends, arms, (f"force_x{k}", f"force_y{k}"), terms, twist)
 
 
-def _normal(writer: "EquationsWriter", k: int, joint: ClearanceJoint) -> list[str]:
+def _normal(writer: MechanismWriter, k: int, joint: ClearanceJoint) -> list[str]:
     law = joint.law
     stiffness = writer.parameter(f"stiffness {k}", law.stiffness)
     power = {1.0: f"depth{k}", 1.5: f"depth{k}*sqrt(depth{k})"}.get(law.exponent)
@@ -87,7 +83,7 @@ def _normal(writer: "EquationsWriter", k: int, joint: ClearanceJoint) -> list[st
 
 
 def _friction(
-    writer: "EquationsWriter", k: int, joint: ClearanceJoint, friction: FrictionLaw, rate: tuple[str, str]
+    writer: MechanismWriter, k: int, joint: ClearanceJoint, friction: FrictionLaw, rate: tuple[str, str]
 ) -> list[str]:
     coefficient = writer.parameter(f"friction {k}", friction.coefficient)
     full = writer.parameter(f"full friction {k}", friction.regularisation_speed_m_s)
@@ -112,7 +108,7 @@ def _friction(
     ]
 
 
-def gap_lines(writer: "EquationsWriter", number: int, joint: ClearanceJoint) -> list[str]:
+def gap_lines(writer: MechanismWriter, number: int, joint: ClearanceJoint) -> list[str]:
     """Return code for the row ``out[number]``: g, its rate, the speed of the pin centre, and the penetration.
 
     g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch.
@@ -129,7 +125,7 @@ def gap_lines(writer: "EquationsWriter", number: int, joint: ClearanceJoint) -> 
     ]
 
 
-def gap_acceleration_lines(writer: "EquationsWriter", number: int, joint: ClearanceJoint) -> list[str]:
+def gap_acceleration_lines(writer: MechanismWriter, number: int, joint: ClearanceJoint) -> list[str]:
     """Return code for ``out[number]``: the part of g's second derivative that is linear in accelerations."""
     code = StraightLine()
     arms, (x, y), _ = writer.between(code, f"n{number}", ends_of(joint))
@@ -138,7 +134,7 @@ def gap_acceleration_lines(writer: "EquationsWriter", number: int, joint: Cleara
     return [*code.lines, f"out[{number}] = ({x}*({terms[0]}) + {y}*({terms[1]}))/{c}"]
 
 
-def _pin_acceleration(ends: "Ends", arms: "Arms") -> list[str]:
+def _pin_acceleration(ends: Ends, arms: Arms) -> list[str]:
     parts: tuple[list[str], list[str]] = ([], [])
     for sign, (body, _), arm in zip(("-1.0", "1.0"), ends, arms, strict=True):
         if body == GROUND:

@@ -5,29 +5,15 @@ at a centre of mass. Parameters (masses, points, speeds) are inputs p[...], so t
 every mechanism of the same topology. Coordinates are named q0, q1, ..., velocities v0, v1, ...
 """
 
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
-from reference_solver.arrays import row_slices
+from reference_solver.constraint_source import Row, rows_of
 from reference_solver.contact_source import write_contact
 from reference_solver.equations import PIVOT_TOLERANCE_PER_ROW, Baumgarte
 from reference_solver.mechanism import (
-    GROUND,
-    Constraint,
-    MasslessLink,
-    Mechanism,
-    Point,
-    RevoluteJoint,
     SpringDamper,
-    StraightGuide,
     Torque,
 )
+from reference_solver.mechanism_source import MechanismWriter, Terms
 from reference_solver.straight_line import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
     Factors,
     Sparse,
     StraightLine,
@@ -37,119 +23,13 @@ from reference_solver.straight_line import (
     total,
 )
 
-SIDES = (("i", MINUS_ONE), ("j", ONE))
 
-#: Two points, each by its body and its place there; their arms; the terms of every coordinate's acceleration.
-Ends = tuple[tuple[int, Point], tuple[int, Point]]
-Arms = list[tuple[str, str]]
-Terms = dict[int, list[str]]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of [B], with its C and the terms of its [B']{q'} and of its g."""
-
-    B: Sparse
-    C: str
-    centripetal: list[str]
-    g: list[str]
-
-
-class EquationsWriter:
-    """Writes the equations of one mechanism; ``parameters`` collects the values of p[...] as they occur."""
-
-    def __init__(self, mechanism: Mechanism, q_start: NDArray[np.float64]) -> None:
-        self.mechanism, self._q_start = mechanism, q_start
-        self.n = 3 * len(mechanism.bodies)
-        self.m = sum(rows.stop - rows.start for rows in row_slices(mechanism))
-        self._positions: dict[str, int] = {}
-        self.parameters: list[float] = []
-
-    def parameter(self, key: str, value: float, structural: tuple[float, ...] = ()) -> str:
-        """Return the code of a parameter; a value among the structural ones is written out instead."""
-        if value in structural:
-            return repr(float(value) if value else 0.0)
-        if key not in self._positions:
-            self._positions[key] = len(self.parameters)
-            self.parameters.append(float(value))
-        return f"p[{self._positions[key]}]"
-
-    def inverse_mass(self, column: int) -> str:
-        """Return the diagonal entry of [M]^-1 of a coordinate."""
-        body = self.mechanism.bodies[column // 3]
-        if column % 3 == 2:
-            return self.parameter(f"inertia {column // 3}", 1 / body.inertia_kg_m2)
-        return self.parameter(f"mass {column // 3}", 1 / body.mass_kg)
-
-    def _arm(self, code: StraightLine, name: str, body: int, point: Point) -> tuple[str, str]:
-        """Return the arm from a body's centre of mass to a point of it, in the global frame."""
-        x, y = (self.parameter(f"{name}{k}", value, (0.0,)) for k, value in enumerate(point))
-        if body == GROUND or x == y == ZERO:
-            return x, y
-        for function in ("cos", "sin"):
-            code.let(f"{function}{body}", f"{function}(q{3 * body + 2})")
-        return (
-            code.let(f"{name}x", total([product(f"cos{body}", x), negative(product(f"sin{body}", y))])),
-            code.let(f"{name}y", total([product(f"sin{body}", x), product(f"cos{body}", y)])),
-        )
+class EquationsWriter(MechanismWriter):
+    """Writes the equations of one mechanism."""
 
     def rows(self, code: StraightLine) -> list[Row]:
         """Return the constraint rows in the order of [B]."""
-        return [row for k, c in enumerate(self.mechanism.constraints) for row in self._rows(code, k, c)]
-
-    def _rows(self, code: StraightLine, number: int, constraint: Constraint) -> list[Row]:
-        if isinstance(constraint, RevoluteJoint):
-            return self._revolute(code, f"u{number}", constraint)
-        if isinstance(constraint, MasslessLink):
-            return [self._link(code, f"j{number}", constraint)]
-        x, y, phi = range(3 * constraint.body, 3 * constraint.body + 3)
-        start = self.parameter(f"start {number}", -self._q_start[phi])
-        if isinstance(constraint, StraightGuide):
-            direction = (-np.sin(constraint.angle_rad), np.cos(constraint.angle_rad))
-            a, b = (
-                self.parameter(f"{k} {number}", v, (0.0, 1.0, -1.0))
-                for k, v in zip("ab", direction, strict=True)
-            )
-            offset = self.parameter(f"offset {number}", -float(np.dot(direction, constraint.point)))
-            along = Row({x: a, y: b}, ZERO, [], [product(a, f"q{x}"), product(b, f"q{y}"), offset])
-            return [along, Row({phi: ONE}, ZERO, [], [f"q{phi}", start])]
-        speed = self.parameter(f"speed {number}", constraint.speed_rad_s)
-        return [Row({phi: ONE}, speed, [], [f"q{phi}", start, negative(product(speed, "t"))])]
-
-    def _revolute(self, code: StraightLine, name: str, joint: RevoluteJoint) -> list[Row]:
-        rows = [Row({}, ZERO, [], []), Row({}, ZERO, [], [])]
-        bodies = ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j))
-        for (side, sign), (body, point) in zip(SIDES, bodies, strict=True):
-            arm = self._arm(code, name + side, body, point)
-            for k, row in enumerate(rows):
-                row.g.append(product(sign, arm[k]))
-                if body == GROUND:
-                    continue
-                column, phi = 3 * body + k, 3 * body + 2
-                row.B[column] = sign
-                row.B[phi] = product(sign, ONE if k else MINUS_ONE, arm[1 - k])
-                row.g.append(product(sign, f"q{column}"))
-                row.centripetal.append(negative(product(sign, arm[k], f"v{phi}", f"v{phi}")))
-        return rows
-
-    def _link(self, code: StraightLine, name: str, link: MasslessLink) -> Row:
-        ends = ((link.body_i, link.point_i), (link.body_j, link.point_j))
-        arms, reach, rate = self._relative(code, name, ends)
-        x, y = (code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1))
-        constant = self.parameter(f"{name} length", -(link.length_m**2) / 2)
-        # Velocities occur in terms only, not in lines: the projection of q has none.
-        centripetal = [f"({total(rate[k])})*({total(rate[k])})" for k in (0, 1)]
-        B: Sparse = {}
-        for (side, sign), (body, _), arm in zip(SIDES, ends, arms, strict=True):
-            if body == GROUND:
-                continue
-            turn = total([product(y, arm[0]), negative(product(x, arm[1]))])
-            entries = (x, y, code.let(f"{name}_turn_{side}", turn))
-            B.update((3 * body + k, product(sign, e)) for k, e in enumerate(entries) if e != ZERO)
-            omega = f"v{3 * body + 2}"
-            for d, component in zip((x, y), arm, strict=True):
-                centripetal.append(negative(product(sign, component, omega, omega, d)))
-        return Row(B, ZERO, centripetal, [f"0.5*({x}*{x} + {y}*{y})", constant])
+        return [row for k, c in enumerate(self.mechanism.constraints) for row in rows_of(self, code, k, c)]
 
     def free_accelerations(self, code: StraightLine) -> Sparse:
         """Return [M]^-1{F} by coordinate: gravity, torques, springs and dampers."""
@@ -180,52 +60,6 @@ class EquationsWriter:
         tension = f"({stiffness}*({length} - {free_length}) + {damping}*{speed})/{length}"
         pull = code.let(f"{name}_pull", tension)
         self.push(ends, arms, (negative(product(pull, x)), negative(product(pull, y))), terms)
-
-    def between(
-        self, code: StraightLine, name: str, ends: Ends
-    ) -> tuple[Arms, tuple[str, ...], tuple[str, ...]]:
-        """Return the arms of two points, the vector from the first to the second, and its rate."""
-        arms, reach, rate = self._relative(code, name, ends)
-        return (
-            arms,
-            tuple(code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1)),
-            tuple(code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1)),
-        )
-
-    def _relative(
-        self, code: StraightLine, name: str, ends: Ends
-    ) -> tuple[Arms, list[list[str]], list[list[str]]]:
-        """Return the arms of two points, and the terms of the vector between and of its rate, by axis."""
-        arms = [self._arm(code, name + side, *end) for (side, _), end in zip(SIDES, ends, strict=True)]
-        reach: list[list[str]] = [[], []]
-        rate: list[list[str]] = [[], []]
-        for (_, sign), (body, _), arm in zip(SIDES, ends, arms, strict=True):
-            for k in (0, 1):
-                reach[k].append(product(sign, arm[k]))
-                if body != GROUND:
-                    turn = product(sign, ONE if k else MINUS_ONE, f"v{3 * body + 2}", arm[1 - k])
-                    reach[k].append(product(sign, f"q{3 * body + k}"))
-                    rate[k] += [product(sign, f"v{3 * body + k}"), turn]
-        return arms, reach, rate
-
-    def push(
-        self,
-        ends: Ends,
-        arms: Arms,
-        force: tuple[str, str],
-        terms: Terms,
-        twist: tuple[str, str] = (ZERO, ZERO),
-    ) -> None:
-        """Add to the accelerations a force on the second point, its reaction on the first, and torques."""
-        for (_, sign), (body, _), arm, moment in zip(SIDES, ends, arms, twist, strict=True):
-            if body == GROUND:
-                continue
-            x, y, phi = range(3 * body, 3 * body + 3)
-            fx, fy = (product(sign, component) for component in force)
-            terms[x].append(product(fx, self.inverse_mass(x)))
-            terms[y].append(product(fy, self.inverse_mass(y)))
-            for part in (product(arm[0], fy), negative(product(arm[1], fx)), moment):
-                terms[phi].append(product(part, self.inverse_mass(phi)))
 
     def factors(self, code: StraightLine, rows: list[Row]) -> tuple[list[Sparse], Factors]:
         """Return [B][M]^-1 by row, and the factors of [B][M]^-1[B]^T."""
