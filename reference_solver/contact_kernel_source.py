@@ -8,8 +8,8 @@ from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
 from reference_solver.contact_source import gap_acceleration_lines, gap_lines, losses
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
-from reference_solver.kernel_source import HEADER, call, function, names
-from reference_solver.straight_line import ZERO, StraightLine, product, total
+from reference_solver.kernel_source import HEADER, call, drivers_power, function, mean, names, rk4_lines
+from reference_solver.straight_line import ZERO
 
 CONTACT_HEADER = (
     "from __future__ import annotations\n\nfrom math import copysign, tanh\n\nimport numpy as np\n"
@@ -57,31 +57,10 @@ def _unpack(writer: EquationsWriter) -> list[str]:
 
 def _step(writer: EquationsWriter, projected: bool) -> str:
     """Write ``step(p, s, q, v, t, h, new_q, new_v, work)``: an RK4 step and its losses; False on failure."""
-    n, m, loss = range(writer.n), writer.m, all_losses(writer)
-    lines = _unpack(writer)
-    start_q, start_v = names("q", writer.n), names("v", writer.n)
-    stages = ((1, "", "t"), (2, "0.5*h", "t + 0.5*h"), (3, "0.5*h", "t + 0.5*h"), (4, "h", "t + h"))
-    for stage, fraction, time in stages:
-        if stage > 1:
-            lines += [f"x{c} = q{c} + {fraction}*{start_v[c]}" for c in n]
-            lines += [f"y{stage}_{c} = v{c} + {fraction}*a{stage - 1}_{c}" for c in n]
-            start_q, start_v = names("x", writer.n), names(f"y{stage}_", writer.n)
-        results = [f"a{stage}_{c}" for c in n] + names(f"m{stage}_", m)
-        results += [f"{name}_{stage}" for name in loss] + [f"ok{stage}"]
-        lines.append(call(results, "accelerations", ["p", "s", time, *start_q, *start_v]))
-    lines += [f"x{c} = q{c} + h/6.0*(v{c} + 2.0*(y2_{c} + y3_{c}) + y4_{c})" for c in n]
-    lines += [f"y{c} = v{c} + h/6.0*(a1_{c} + 2.0*(a2_{c} + a3_{c}) + a4_{c})" for c in n]
-    ok = "ok1 and ok2 and ok3 and ok4"
-    if projected:
-        x, y = names("x", writer.n), names("y", writer.n)
-        lines.append(call([*x, "ok5"], "project_q", ["p", "t + h", *x]))
-        lines.append(call([*y, "ok6"], "project_v", ["p", "t + h", *x, *y]))
-        ok += " and ok5 and ok6"
-    mean = "h/6.0*({0}1{1} + 2.0*({0}2{1} + {0}3{1}) + {0}4{1})"
-    rows = enumerate(writer.rows(StraightLine()))
-    power = total(product(row.C, mean.format("m", f"_{r}")) for r, row in rows if row.C != ZERO)
-    lines.append(f"work[0] = {power}")
-    lines += [f"work[{k}] = {mean.format(f'{name}_', '')}" for k, name in enumerate(loss, 1)]
+    n, loss = range(writer.n), all_losses(writer)
+    step, ok = rk4_lines(writer, ["p", "s"], loss, projected)
+    lines = [*_unpack(writer), *step, f"work[0] = {drivers_power(writer) or ZERO}"]
+    lines += [f"work[{k}] = {mean(name)}" for k, name in enumerate(loss, 1)]
     lines += [f"new_q[{c}], new_v[{c}] = x{c}, y{c}" for c in n]
     arguments = ["p", "s", "q", "v", "t", "h", "new_q", "new_v", "work"]
     return function("step", arguments, lines, [ok])

@@ -2,7 +2,7 @@
 
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
-from reference_solver.straight_line import ZERO, StraightLine, product, total
+from reference_solver.straight_line import ZERO, StraightLine, product
 
 HEADER = '''"""Generated from a mechanism's topology by reference_solver.generator."""
 
@@ -59,32 +59,11 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
     It returns the number of steps done and the drivers' work over them; fewer than ``count`` steps mean that
     the step begun from the state left in q and v met a singular configuration or overflowed.
     """
-    n, m = range(writer.n), range(writer.m)
-    q, v = names("q", writer.n), names("v", writer.n)
-    step = ["t = (first + done)*h"]
-    start_q, start_v = q, v
-    for stage, (fraction, time) in enumerate(
-        zip(("", "0.5*h", "0.5*h", "h"), ("t", "t + 0.5*h", "t + 0.5*h", "t + h"), strict=True), 1
-    ):
-        if stage > 1:
-            step += [f"x{c} = q{c} + {fraction}*{start_v[c]}" for c in n]
-            step += [f"y{stage}_{c} = v{c} + {fraction}*a{stage - 1}_{c}" for c in n]
-            start_q, start_v = names("x", writer.n), names(f"y{stage}_", writer.n)
-        results = [f"a{stage}_{c}" for c in n] + [f"m{stage}_{r}" for r in m] + [f"ok{stage}"]
-        step.append(call(results, "accelerations", ["p", time, *start_q, *start_v]))
-    ok = "ok1 and ok2 and ok3 and ok4"
-    step += _compensated("x", "q", "h/6.0*(v{c} + 2.0*(y2_{c} + y3_{c}) + y4_{c})", n)
-    step += _compensated("y", "v", "h/6.0*(a1_{c} + 2.0*(a2_{c} + a3_{c}) + a4_{c})", n)
-    if projected:
-        x, y = names("x", writer.n), names("y", writer.n)
-        step.append(call([*x, "ok5"], "project_q", ["p", "t + h", *x]))
-        step.append(call([*y, "ok6"], "project_v", ["p", "t + h", *x, *y]))
-        ok += " and ok5 and ok6"
-    step += [f"if not ({ok}):", "    break"]
-    mean = "h/6.0*(m1_{r} + 2.0*(m2_{r} + m3_{r}) + m4_{r})"
-    drivers = [(r, row.C) for r, row in enumerate(writer.rows(StraightLine())) if row.C != ZERO]
-    if drivers:
-        step.append(f"work += {total(product(C, mean.format(r=r)) for r, C in drivers)}")
+    n = range(writer.n)
+    lines, ok = rk4_lines(writer, ["p"], [], projected, compensated=True)
+    step = ["t = (first + done)*h", *lines, f"if not ({ok}):", "    break"]
+    if power := drivers_power(writer):
+        step.append(f"work += {power}")
     step += [f"q{c} = x{c}" for c in n] + [f"v{c} = y{c}" for c in n] + ["done += 1"]
     lines = [f"{name}{c} = {name}[{c}]" for name in "qv" for c in n]
     lines += [f"lost_{name}{c} = 0.0" for name in "qv" for c in n]
@@ -93,14 +72,62 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
     return function("advance", ["p", "q", "v", "h", "first", "count"], lines, ["done", "work"])
 
 
-def _compensated(new: str, old: str, increment: str, coordinates: range) -> list[str]:
-    """Write new = old + increment with the rounding carried to the next step (Kahan 1965)."""
-    lines = []
-    for c in coordinates:
-        lines.append(f"d{c} = {increment.format(c=c)} + lost_{old}{c}")
-        lines.append(f"{new}{c} = {old}{c} + d{c}")
-        lines.append(f"lost_{old}{c} = d{c} - ({new}{c} - {old}{c})")
-    return lines
+def rk4_lines(
+    writer: EquationsWriter, inputs: list[str], losses: list[str], projected: bool, compensated: bool = False
+) -> tuple[list[str], str]:
+    """Return one RK4 step of (11)-(13) from q, v at t to x, y at t + h, and the condition that it holds.
+
+    ``inputs`` come first in the call of ``accelerations``, ``losses`` last in its results; the value of
+    ``name`` in stage k is called ``name_k``.
+    """
+    n, lines = range(writer.n), []
+    start_q, start_v = names("q", writer.n), names("v", writer.n)
+    for stage, fraction, time in (
+        (1, "", "t"),
+        (2, "0.5*h", "t + 0.5*h"),
+        (3, "0.5*h", "t + 0.5*h"),
+        (4, "h", "t + h"),
+    ):
+        if stage > 1:
+            lines += [f"x{c} = q{c} + {fraction}*{start_v[c]}" for c in n]
+            lines += [f"y{c}_{stage} = v{c} + {fraction}*a{c}_{stage - 1}" for c in n]
+            start_q, start_v = names("x", writer.n), [f"y{c}_{stage}" for c in n]
+        results = [*names("a", writer.n), *names("lambda", writer.m), *losses, "ok"]
+        arguments = [*inputs, time, *start_q, *start_v]
+        lines.append(call([f"{name}_{stage}" for name in results], "accelerations", arguments))
+    for c in n:
+        changes = (("x", "q", f"h/6.0*(v{c} + 2.0*(y{c}_2 + y{c}_3) + y{c}_4)"), ("y", "v", mean(f"a{c}")))
+        for new, old, change in changes:
+            lines += _sum(f"{new}{c}", f"{old}{c}", change, compensated)
+    conditions = ["ok_1", "ok_2", "ok_3", "ok_4"]
+    if projected:
+        x, y = names("x", writer.n), names("y", writer.n)
+        lines.append(call([*x, "ok_q"], "project_q", ["p", "t + h", *x]))
+        lines.append(call([*y, "ok_v"], "project_v", ["p", "t + h", *x, *y]))
+        conditions += ["ok_q", "ok_v"]
+    return lines, " and ".join(conditions)
+
+
+def mean(name: str) -> str:
+    """Return h times RK4's mean of a value over the stages."""
+    return f"h/6.0*({name}_1 + 2.0*({name}_2 + {name}_3) + {name}_4)"
+
+
+def drivers_power(writer: EquationsWriter) -> str:
+    """Return the drivers' work in a step, {lambda}^T{C} by RK4's quadrature; empty without drivers."""
+    rows = enumerate(writer.rows(StraightLine()))
+    return " + ".join(product(row.C, mean(f"lambda{r}")) for r, row in rows if row.C != ZERO)
+
+
+def _sum(new: str, old: str, change: str, compensated: bool) -> list[str]:
+    """Write new = old + change, if compensated with the rounding carried to the next step (Kahan 1965)."""
+    if not compensated:
+        return [f"{new} = {old} + {change}"]
+    return [
+        f"change = {change} + lost_{old}",
+        f"{new} = {old} + change",
+        f"lost_{old} = change - ({new} - {old})",
+    ]
 
 
 def _multipliers(writer: EquationsWriter) -> str:
