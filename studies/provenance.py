@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 #: The folders whose code decides numbers; the reports only show them.
 NUMERICAL_CODE = ("reference_solver", "engine_models", "studies")
-LIBRARIES = ("numpy", "scipy", "exudyn", "pymunk", "pydantic")
+LIBRARIES = ("numpy", "scipy", "numba", "exudyn", "pymunk", "pydantic")
 
 
 @cache

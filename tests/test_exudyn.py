@@ -334,3 +334,18 @@ def test_importing_the_engine_neither_prints_nor_warns() -> None:
     command = [sys.executable, "-W", "error", "-c", "import engine_models.exudyn_engine"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_the_spectral_radius_reaches_the_solver_and_the_trapezoidal_rule_has_none() -> None:
+    scene = ideal_free().model_copy(update={"end_time_s": 0.02})
+    settings = RunSettings(step_s=1e-3, samples=4)
+    ends = {
+        (solver, radius): ExudynEngine(solver=solver, spectral_radius=radius)
+        .simulate(scene, settings)
+        .slider_position_m[-1]
+        for solver in ("GeneralizedAlpha", "TrapezoidalIndex2")
+        for radius in (0.3, 0.9)
+    }
+    damped, barely = ends["GeneralizedAlpha", 0.3], ends["GeneralizedAlpha", 0.9]
+    assert abs(damped - barely) > 1e-6, f"{damped} and {barely} m"
+    assert ends["TrapezoidalIndex2", 0.3] == ends["TrapezoidalIndex2", 0.9]
