@@ -94,7 +94,7 @@ def read_results(folder: Path) -> Results:
     path = folder / "rows.jsonl"
     if not path.exists():
         raise NoResults(f"no results: {path} is missing; run `crankslider run`")
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
     # A last line that a kill cut short is no row, as for the runner.
     runs = [_run(line, f"{path}:{n}") for n, line in enumerate(lines, 1) if line.endswith("\n")]
     if not runs:
@@ -132,7 +132,7 @@ def _sidecar(path: Path, fingerprint: str) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
-        sidecar = json.loads(path.read_text(encoding="utf-8"))
+        sidecar = json.loads(path.read_text(encoding="utf-8", errors="replace"))
     except json.JSONDecodeError as error:
         raise BrokenResults(f"{path}: expected JSON, got {error}") from error
     if not isinstance(sidecar, dict):

@@ -91,6 +91,8 @@ def simulate(
     physics = read_scene(scene)
     if options.end is not None:
         physics = physics.model_copy(update={"end_time_s": options.end})
+    if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
+        raise BadInput(f"--out: expected another file than the scene, got {out}")
     longest_step = longest_step_s(options, physics.end_time_s)
     chosen = read_engine(engine, assignments or [])
     with writing("--out", out or Path("stdout")), _opened(out) as file:

@@ -27,7 +27,7 @@ STUDIES = {"agreement": "studies.agreement"}
 
 
 class RunBroken(Exception):
-    """A worker process died; what was finished is kept."""
+    """A worker process died, or the rows kept are no rows; what was finished is kept."""
 
 
 def run_studies(names: list[str], full: bool, jobs: int, out: Path) -> None:
@@ -100,10 +100,13 @@ def _finished(rows: Path) -> set[str]:
     """
     if not rows.exists():
         return set()
-    lines = [
-        line for line in rows.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")
-    ]
-    kept = [line for line in lines if json.loads(line)["fingerprint"] == fingerprint()]
+    try:
+        text = rows.read_text(encoding="utf-8")
+        lines = [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
+        kept = [line for line in lines if json.loads(line)["fingerprint"] == fingerprint()]
+    except (ValueError, KeyError, TypeError):
+        message = f"{rows}: expected a row of results in every line, got something else: move the file away"
+        raise RunBroken(message) from None
     if len(kept) < len(lines):
         rows.replace(rows.with_name("rows.previous.jsonl"))
     _replace_text(rows, "".join(kept))

@@ -248,3 +248,12 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert crankslider("report").code == 0
     assert crankslider("report", "--results", tmp_path, "--out", tmp_path / "r").code == 0
     assert calls == [(Path("results"), Path("report")), (tmp_path, tmp_path / "r")]
+
+
+def test_the_scene_is_not_overwritten_by_its_own_output(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(crankslider("show", "ideal-free").stdout)
+    before = file.read_text()
+    done = crankslider("simulate", file, *SHORT, "--out", file)
+    assert (done.code, file.read_text()) == (2, before)
+    assert "--out: expected another file than the scene" in done.stderr

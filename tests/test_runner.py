@@ -19,7 +19,7 @@ from engine_models.scene_library import ideal_free
 from studies import agreement
 from studies.case import Case
 from studies.provenance import fingerprint
-from studies.runner import run_case, run_study
+from studies.runner import RunBroken, run_case, run_study
 
 
 def in_process() -> Executor:
@@ -65,6 +65,14 @@ def test_rows_of_other_code_are_set_aside_not_mixed(tmp_path: Path) -> None:
     run_study("agreement", [case()], tmp_path, in_process)
     assert [row["fingerprint"] for row in rows(tmp_path)] == [fingerprint()]
     assert (tmp_path / "rows.previous.jsonl").read_text() == old
+
+
+@pytest.mark.parametrize("junk", [b"not json\n", b"{}\n", b"\x80\n", b"3\n"])
+def test_a_file_that_holds_no_rows_is_left_alone_and_named(tmp_path: Path, junk: bytes) -> None:
+    (tmp_path / "rows.jsonl").write_bytes(junk)
+    with pytest.raises(RunBroken, match=r"rows\.jsonl: expected a row"):
+        run_study("agreement", [case()], tmp_path, refused)
+    assert (tmp_path / "rows.jsonl").read_bytes() == junk
 
 
 def test_a_failure_and_a_refusal_are_rows_with_a_reason() -> None:
