@@ -9,12 +9,10 @@ from engine_models.scene import Scene
 def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities, each (3, 3): crank, rod, slider by (x, y, phi) of the centre of mass.
 
+    Those of a pendulum are (1, 3).
     The rod is on the side of its acute angle: the slider lies to the right of pin A.
     """
-    r, length = scene.crank.length_m, scene.rod.length_m
     theta, omega = angle_rad, speed_rad_s
-    phi = np.arcsin(-r / length * np.sin(theta))
-    phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
 
     def along(distance: float, angle: float) -> FloatArray:
         return distance * np.array([np.cos(angle), np.sin(angle)])
@@ -22,8 +20,14 @@ def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[Float
     def rate(distance: float, angle: float, angle_rate: float) -> FloatArray:
         return distance * angle_rate * np.array([-np.sin(angle), np.cos(angle)])
 
+    s = scene.crank.centre_of_mass_m
+    if not scene.is_crank_slider:
+        return np.array([[*along(s, theta), theta]]), np.array([[*rate(s, theta, omega), omega]])
+    crank, rod, _ = scene.crank_slider()
+    r, length, d = crank.length_m, rod.length_m, rod.centre_of_mass_m
+    phi = np.arcsin(-r / length * np.sin(theta))
+    phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
     pin, pin_rate = along(r, theta), rate(r, theta, omega)
-    s, d = scene.crank.centre_of_mass_m, scene.rod.centre_of_mass_m
     slider, slider_rate = pin + along(length, phi), pin_rate + rate(length, phi, phi_rate)
     position = np.array([[*along(s, theta), theta], [*(pin + along(d, phi)), phi], [slider[0], 0.0, 0.0]])
     velocity = np.array(

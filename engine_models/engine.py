@@ -50,6 +50,22 @@ class RunSettings:
 
 
 @dataclass(frozen=True)
+class Impacts:
+    """The m contacts of a joint with clearance that have ended, from touch to release, in the order of time.
+
+    ``time_s`` (m,) is that of touch, ``duration_s`` (m,) is 0 between rigid walls. ``approach_speed_m_s``
+    (m,) is the normal speed at touch, ``normal_impulse_N_s`` (m,) the integral of the normal force and
+    ``energy_lost_J`` (m,) what contact and friction dissipated.
+    """
+
+    time_s: FloatArray
+    duration_s: FloatArray
+    approach_speed_m_s: FloatArray
+    normal_impulse_N_s: FloatArray
+    energy_lost_J: FloatArray
+
+
+@dataclass(frozen=True)
 class Contact:
     """What a joint with clearance did, at the trajectory's n times.
 
@@ -58,6 +74,11 @@ class Contact:
     centre; ``friction_force_N`` (n,) acts on the pin 90 degrees counter-clockwise of the gap, None without
     friction. ``elastic_energy_J`` (n,) is stored in the contact. The bearing belongs to the body nearer the
     crank pivot.
+
+    Since t = 0, each (n,): ``normal_impulse_N_s`` is the integral of the normal force, the impulses of rigid
+    impacts included; ``normal_loss_J`` is dissipated by the normal force, ``friction_loss_J`` by friction
+    (None without), and ``clipped_loss_J`` is the elastic energy that went where the law would pull and the
+    force is zero (None where it never is).
     """
 
     gap_m: FloatArray
@@ -65,6 +86,17 @@ class Contact:
     normal_force_N: FloatArray
     friction_force_N: FloatArray | None
     elastic_energy_J: FloatArray
+    normal_impulse_N_s: FloatArray
+    normal_loss_J: FloatArray
+    friction_loss_J: FloatArray | None
+    clipped_loss_J: FloatArray | None
+    impacts: Impacts
+
+    @property
+    def dissipated_energy_J(self) -> FloatArray:
+        """Energy dissipated since t = 0 by all of these, (n,)."""
+        parts = (self.normal_loss_J, self.friction_loss_J, self.clipped_loss_J)
+        return np.asarray(sum(part for part in parts if part is not None))
 
 
 @dataclass(frozen=True)
@@ -73,36 +105,44 @@ class Trajectory:
 
     ``position`` and ``velocity`` are (n, 3, 3): body (crank, rod, slider) by (x, y, phi) of its centre of
     mass, angles unwrapped. ``joint_force_N`` is (n, 3, 2): joint (O, A, B) by (x, y), acting on the crank,
-    the rod and the slider. ``guide_normal_force_N`` (n,) acts on the slider along +y. ``driver_torque_N_m``
-    (n,) acts on the crank, None in a scene without a drive. ``driver_work_J`` (n,) is the work done by that
-    torque since t = 0 in the engine's own quadrature, None without a drive. ``solve_time_s`` is the wall
-    time of the native solve alone, without building the model or reading results out. ``contacts`` has an
-    entry for every joint with clearance, and ``dissipated_energy_J`` (n,) is what they have dissipated since
-    t = 0, None without any.
+    the rod and the slider. A pendulum has one body and one joint. ``guide_normal_force_N`` (n,) acts on the
+    slider along +y, None without one. ``driver_torque_N_m`` (n,) acts on the crank, None in a scene without
+    a drive. ``driver_work_J`` (n,) is the work done by that torque since t = 0 in the engine's own
+    quadrature, None without a drive. ``solve_time_s`` is the wall time of the native solve alone, without
+    building the model or reading results out. ``contacts`` has an entry for every joint with clearance.
+    ``stabilisation_loss_J`` (n,) is the energy that the stabilisation of constraints has removed since t = 0,
+    None where the engine does not tell it or has none.
     """
 
     time_s: FloatArray
     position: FloatArray
     velocity: FloatArray
     joint_force_N: FloatArray
-    guide_normal_force_N: FloatArray
+    guide_normal_force_N: FloatArray | None
     driver_torque_N_m: FloatArray | None
     driver_work_J: FloatArray | None
     step_s: float
     steps: int
     solve_time_s: float
     contacts: Mapping[str, Contact] = field(default_factory=dict)
-    dissipated_energy_J: FloatArray | None = None
+    stabilisation_loss_J: FloatArray | None = None
 
     @property
     def slider_position_m(self) -> FloatArray:
-        """Position of the slider's pin along the guide, (n,)."""
-        return self.position[:, 2, 0]
+        """Position of the slider's pin along the guide, (n,); of a pendulum's centre of mass along x."""
+        return self.position[:, -1, 0]
 
     @property
     def slider_velocity_m_s(self) -> FloatArray:
-        """Velocity of the slider along the guide, (n,)."""
-        return self.velocity[:, 2, 0]
+        """Velocity of the slider along the guide, (n,); of a pendulum's centre of mass along x."""
+        return self.velocity[:, -1, 0]
+
+    @property
+    def dissipated_energy_J(self) -> FloatArray | None:
+        """Energy dissipated in the joints with clearance since t = 0, (n,), None without any."""
+        if not self.contacts:
+            return None
+        return np.asarray(sum(contact.dissipated_energy_J for contact in self.contacts.values()))
 
 
 class Engine(Protocol):
@@ -112,17 +152,30 @@ class Engine(Protocol):
         """Raise UnsupportedScene, with the reason, if the engine at its settings cannot express the scene."""
         ...
 
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene that the engine really solves: the same, or with its own law in the contacts.
+
+        The reference's converged solution of it is the engine's model twin: what differs between the two
+        scenes is the form of the model, what differs between engine and twin is numerical error.
+
+        Raises:
+            UnsupportedScene: as ``check`` does.
+        """
+        ...
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
         ...
 
 
 def require_ideal(scene: Scene, engine: str) -> None:
-    """Refuse a scene with clearance.
+    """Refuse a scene with clearance, and a pendulum.
 
     Raises:
         UnsupportedScene: naming the joints with clearance.
     """
+    if not scene.is_crank_slider:
+        raise UnsupportedScene(f"{engine} runs crank-sliders only, not a pendulum")
     if scene.joints_with_clearance:
         joints = ", ".join(scene.joints_with_clearance)
         raise UnsupportedScene(f"{engine} has no joints with clearance yet (clearance at {joints})")

@@ -28,6 +28,7 @@ def simulate_with_uncertainty(
 
 def _arrays(run: Trajectory) -> dict[str, FloatArray]:
     named = {name: value for name, value in vars(run).items() if name != "time_s"}
+    named["dissipated_energy_J"] = run.dissipated_energy_J
     named["slider_position_m"], named["slider_velocity_m_s"] = run.slider_position_m, run.slider_velocity_m_s
     for joint, contact in run.contacts.items():
         named |= {f"contact_{joint}_{name}": value for name, value in vars(contact).items()}

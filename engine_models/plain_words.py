@@ -33,7 +33,7 @@ def fields(kind: Any) -> dict[str, JsonSchema]:
 
 def expectation(schema: JsonSchema) -> str:
     """Return what a field with this JSON schema takes: ``a finite number > 0``, ``"free" or "torque"``."""
-    schema = next((choice for choice in schema.get("anyOf", ()) if choice["type"] != "null"), schema)
+    schema = next((choice for choice in schema.get("anyOf", ()) if choice.get("type") != "null"), schema)
     if "enum" in schema or "const" in schema:
         return one_of([shown(value) for value in schema.get("enum", [schema.get("const")])])
     if schema.get("minLength"):

@@ -50,6 +50,11 @@ class ReferenceEngine:
         if scene.joints_with_clearance and self.kernel == "readable":
             raise UnsupportedScene("reference runs joints with clearance with kernel = compiled only")
 
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene itself: the reference solves every law."""
+        self.check(scene)
+        return scene
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with classical RK4.
 

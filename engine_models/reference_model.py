@@ -25,13 +25,12 @@ MINIMUM_IMPACT_SPEED_M_S = 1e-6
 
 def mechanism_of(scene: Scene) -> Mechanism:
     """Return the mechanism; a joint with clearance has no rows, and is a contact if its law is compliant."""
-    crank, rod, slider = scene.crank, scene.rod, scene.slider
     driven = scene.drive.kind == "constant-speed"
     return Mechanism(
-        bodies=tuple(Body(part.mass_kg, part.inertia_kg_m2) for part in (crank, rod, slider)),
+        bodies=tuple(Body(part.mass_kg, part.inertia_kg_m2) for part in scene.bodies),
         constraints=(
             *(joint for joint, clearance in _joints(scene) if clearance is None),
-            StraightGuide(SLIDER, (0.0, 0.0), 0.0),
+            *([StraightGuide(SLIDER, (0.0, 0.0), 0.0)] if scene.is_crank_slider else []),
             *([PrescribedSpeed(CRANK, scene.start.crank_speed_rad_s)] if driven else []),
         ),
         loads=(Torque(CRANK, scene.drive.torque_N_m),) if scene.drive.kind == "torque" else (),
@@ -77,9 +76,13 @@ def _joints(scene: Scene) -> list[tuple[RevoluteJoint, Clearance | None]]:
     def pins(link: Link) -> tuple[Point, Point]:
         return (-link.centre_of_mass_m, 0.0), (link.length_m - link.centre_of_mass_m, 0.0)
 
-    (crank_O, crank_A), (rod_A, rod_B) = pins(scene.crank), pins(scene.rod)
+    crank_O, crank_A = pins(scene.crank)
+    pivot = (RevoluteJoint(GROUND, (0.0, 0.0), CRANK, crank_O), scene.clearance.O)
+    if scene.rod is None:
+        return [pivot]
+    rod_A, rod_B = pins(scene.rod)
     return [
-        (RevoluteJoint(GROUND, (0.0, 0.0), CRANK, crank_O), scene.clearance.O),
+        pivot,
         (RevoluteJoint(CRANK, crank_A, ROD, rod_A), scene.clearance.A),
         (RevoluteJoint(ROD, rod_B, SLIDER, (0.0, 0.0)), scene.clearance.B),
     ]
@@ -100,6 +103,7 @@ def _contact(joint: RevoluteJoint, clearance: Clearance) -> ClearanceJoint:
             0.0 if factor is None or clearance.restitution is None else factor(clearance.restitution),
             clearance.damping_N_s_m or 0.0,
             clearance.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S,
+            clearance.may_pull,
         ),
         _friction(clearance.friction),
     )

@@ -1,19 +1,25 @@
 """Runs of the reference solver as trajectories: ideal joints, compliant clearance, rigid clearance."""
 
+from __future__ import annotations
+
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from engine_models.assembly import assembled
 from engine_models.contact_stiffness import elastic_energy_J
-from engine_models.engine import JOINTS, Contact, FloatArray, RunSettings, Trajectory
+from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, RunSettings, Trajectory
 from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
 from engine_models.scene import Clearance, Scene
 from reference_solver.arrays import row_slices
-from reference_solver.contact import ContactState
 from reference_solver.rigid_contact import solve_rigid
 from reference_solver.rigid_joint import JointGeometry
+from reference_solver.rigid_solution import RigidImpact
 from reference_solver.solver import Solution, Stabilisation, StepChoice, make_stepper, record
+
+if TYPE_CHECKING:  # it brings Numba
+    from reference_solver.contact_stepper import ContactSolution
 
 
 def _start(scene: Scene) -> tuple[FloatArray, FloatArray]:
@@ -33,7 +39,7 @@ def ideal_run(
         stepper, q.copy(), v, end_time_s=end, samples=settings.samples, steps_per_sample=per_sample
     )
     solve_time = time.perf_counter() - started
-    return _trajectory(scene, solution, {}, None, step, settings.samples * per_sample, solve_time)
+    return _trajectory(scene, solution, {}, step, settings.samples * per_sample, solve_time)
 
 
 def compliant_run(
@@ -48,11 +54,10 @@ def compliant_run(
     run = record_contacts(stepper, q.copy(), v, scene.end_time_s, settings.samples)
     solve_time = time.perf_counter() - started
     contacts = {
-        name: _contact(getattr(scene.clearance, name), states)
-        for name, states in zip(scene.joints_with_clearance, run.contacts, strict=True)
+        name: _contact(getattr(scene.clearance, name), run, k)
+        for k, name in enumerate(scene.joints_with_clearance)
     }
-    lost = run.losses_J.sum(axis=1)
-    trajectory = _trajectory(scene, run.motion, contacts, lost, rates.longest_s, run.steps, solve_time)
+    trajectory = _trajectory(scene, run.motion, contacts, rates.longest_s, run.steps, solve_time)
     for name, states in zip(scene.joints_with_clearance, run.contacts, strict=True):
         force = np.array([state.force_on_pin_N for state in states])
         trajectory.joint_force_N[:, JOINTS.index(name)] = force
@@ -88,18 +93,34 @@ def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
             normal_force_N=np.hypot(*run.joint_force_N[:, k].T),
             friction_force_N=None,
             elastic_energy_J=np.zeros(len(gap)),
+            normal_impulse_N_s=np.zeros(len(gap)),
+            normal_loss_J=run.impact_loss_J + run.closing_loss_J if k == 0 else np.zeros(len(gap)),
+            friction_loss_J=None,
+            clipped_loss_J=None,
+            impacts=_rigid_impacts(run.impacts, k),
         )
         for k, (name, joint) in enumerate(zip(scene.joints_with_clearance, joints, strict=True))
     }
     motion = Solution(run.time_s, run.q, run.v, run.multipliers, run.constraint_work_J)
-    lost = run.impact_loss_J + run.closing_loss_J
-    trajectory = _trajectory(scene, motion, contacts, lost, step, settings.samples * per_sample, solve_time)
+    trajectory = _trajectory(scene, motion, contacts, step, settings.samples * per_sample, solve_time)
     for k, name in enumerate(scene.joints_with_clearance):
         trajectory.joint_force_N[:, JOINTS.index(name)] = run.joint_force_N[:, k]
     return trajectory
 
 
-def _contact(clearance: Clearance, states: list[ContactState]) -> Contact:
+def _rigid_impacts(impacts: tuple[RigidImpact, ...], joint: int) -> Impacts:
+    mine = [impact for impact in impacts if impact.joint == joint]
+    return Impacts(
+        time_s=np.array([impact.time_s for impact in mine]),
+        duration_s=np.zeros(len(mine)),
+        approach_speed_m_s=np.array([impact.approach_speed_m_s for impact in mine]),
+        normal_impulse_N_s=np.array([impact.normal_impulse_N_s for impact in mine]),
+        energy_lost_J=np.array([impact.energy_lost_J for impact in mine]),
+    )
+
+
+def _contact(clearance: Clearance, run: ContactSolution, k: int) -> Contact:
+    states = run.contacts[k]
     penetration = np.array([state.penetration_m for state in states])
     friction = np.array([state.friction_force_N for state in states]) if clearance.friction else None
     return Contact(
@@ -108,6 +129,11 @@ def _contact(clearance: Clearance, states: list[ContactState]) -> Contact:
         normal_force_N=np.array([state.normal_force_N for state in states]),
         friction_force_N=friction,
         elastic_energy_J=elastic_energy_J(clearance, penetration),
+        normal_impulse_N_s=run.sums[f"normal{k}"],
+        normal_loss_J=run.sums[f"loss{k}"],
+        friction_loss_J=run.sums.get(f"slide{k}"),
+        clipped_loss_J=run.sums.get(f"clip{k}"),
+        impacts=Impacts(*run.impacts[k].T),
     )
 
 
@@ -115,19 +141,19 @@ def _trajectory(
     scene: Scene,
     solution: Solution,
     contacts: dict[str, Contact],
-    lost: FloatArray | None,
     step: float,
     steps: int,
     solve_time: float,
 ) -> Trajectory:
     """Sort the solver's rows by joint; the force of a joint with clearance is left at zero."""
     mechanism, multipliers = mechanism_of(scene), solution.multipliers
-    ideal = [name for name in JOINTS if name not in contacts]
-    *joint_rows, guide = row_slices(mechanism)[: len(ideal) + 1]
-    joint_force = np.zeros((len(multipliers), len(JOINTS), 2))
-    for name, rows in zip(ideal, joint_rows, strict=True):
+    ideal = [name for name in scene.joints if name not in contacts]
+    rows_of = row_slices(mechanism)
+    joint_force = np.zeros((len(multipliers), len(scene.joints), 2))
+    for name, rows in zip(ideal, rows_of, strict=False):
         joint_force[:, JOINTS.index(name)] = multipliers[:, rows]
-    position = solution.q.reshape(-1, 3, 3)
+    guide = multipliers[:, rows_of[len(ideal)].start] if scene.is_crank_slider else None
+    position = solution.q.reshape(len(multipliers), -1, 3)
     torque: FloatArray | None = None
     work: FloatArray | None = None
     if scene.drive.kind == "constant-speed":
@@ -138,14 +164,13 @@ def _trajectory(
     return Trajectory(
         time_s=solution.time_s,
         position=position,
-        velocity=solution.v.reshape(-1, 3, 3),
+        velocity=solution.v.reshape(position.shape),
         joint_force_N=joint_force,
-        guide_normal_force_N=multipliers[:, guide.start],
+        guide_normal_force_N=guide,
         driver_torque_N_m=torque,
         driver_work_J=work,
         step_s=step,
         steps=steps,
         solve_time_s=solve_time,
         contacts=contacts,
-        dissipated_energy_J=lost,
     )

@@ -1,9 +1,10 @@
-"""The physics of a planar crank-slider as frozen, validated data: no engine's setting appears here.
+"""The physics of a planar crank-slider, or of a pendulum, as frozen, validated data: no engine's setting.
 
 Conventions. SI units. The crank turns about joint O at the origin, the slider moves along the x axis,
 gravity acts along -y. Angles are counter-clockwise from +x. Joint A connects crank and rod, joint B rod and
 slider; the slider's centre of mass is its pin B. A link's centre of mass lies on the line of its joints, at
-the given distance from its first joint (O for the crank, A for the rod).
+the given distance from its first joint (O for the crank, A for the rod). A pendulum is a crank alone, hanging
+from joint O.
 """
 
 import math
@@ -119,7 +120,8 @@ class Clearance(SceneData):
     """A revolute joint whose pin has room in its bearing.
 
     ``stiffness`` is in N/m^exponent; without it, Hertz's value follows from the material that pin and bearing
-    share. ``exponent`` defaults to 1 for the linear and Kelvin-Voigt laws, else to 3/2.
+    share. ``exponent`` defaults to 1 for the linear and Kelvin-Voigt laws, else to 3/2. A law of the
+    dissipative family may pull on a pin that leaves fast: the force is zero there unless ``may_pull``.
     """
 
     radial_clearance_m: Positive
@@ -132,6 +134,7 @@ class Clearance(SceneData):
     damping_N_s_m: NonNegative | None = None
     restitution: Fraction | None = None
     minimum_impact_speed_m_s: Positive | None = None
+    may_pull: bool = False
     friction: Friction | None = None
 
     @model_validator(mode="after")
@@ -144,6 +147,8 @@ class Clearance(SceneData):
         _require_presence(law not in LAWS_WITHOUT_RESTITUTION, "restitution", e, with_law)
         if law in LAWS_DIVIDING_BY_RESTITUTION:
             _require(e != 0, "restitution", f"a number > 0 {with_law}", e)
+        if self.may_pull and (law in LAWS_WITHOUT_RESTITUTION or law == "rigid"):
+            raise ValueError(f"may_pull: expected false or nothing {with_law}, got true")
         if law in ("linear", "kelvin-voigt", "rigid"):
             _require(self.exponent in (None, 1.0), "exponent", f"1 or nothing {with_law}", self.exponent)
         return self
@@ -168,20 +173,26 @@ class Clearances(SceneData):
 
 
 class Scene(SceneData):
-    """One crank-slider in motion: bodies, joints, loads, drive, start and end."""
+    """One crank-slider in motion: bodies, joints, loads, drive, start and end.
+
+    Without rod and slider it is a physical pendulum: the crank alone, in joint O.
+    """
 
     name: Annotated[str, Field(min_length=1)]
     end_time_s: Positive
     gravity_m_s2: NonNegative = 0.0
     crank: Link
-    rod: Link
-    slider: Slider
+    rod: Link | None = None
+    slider: Slider | None = None
     start: Start
     drive: Drive
     clearance: Clearances = Clearances()
 
     @model_validator(mode="after")
     def _can_be_assembled(self) -> "Scene":
+        if self.rod is None or self.slider is None:
+            self._is_a_pendulum()
+            return self
         crank, rod = self.crank.length_m, self.rod.length_m
         if self.drive.kind != "free":
             expected = f"at least crank.length_m = {crank:g} with drive.kind = '{self.drive.kind}'"
@@ -191,7 +202,40 @@ class Scene(SceneData):
         _require(rod > height, "rod.length_m", f"{expected} (else the rod cannot reach the guide)", rod)
         return self
 
+    def _is_a_pendulum(self) -> None:
+        missing, there = ("rod", "slider") if self.rod is None else ("slider", "rod")
+        if getattr(self, there) is not None:
+            raise ValueError(f"{missing}: expected a section beside {there}, got nothing")
+        for joint in ("A", "B"):
+            if getattr(self.clearance, joint) is not None:
+                raise ValueError(f"clearance.{joint}: expected nothing without rod and slider, got a section")
+
+    @property
+    def is_crank_slider(self) -> bool:
+        """Whether there are a rod and a slider; otherwise the scene is a pendulum."""
+        return self.rod is not None
+
+    def crank_slider(self) -> tuple[Link, Link, Slider]:
+        """Return crank, rod and slider.
+
+        Raises:
+            ValueError: the scene is a pendulum.
+        """
+        if self.rod is None or self.slider is None:
+            raise ValueError(f"scene {self.name}: expected a crank-slider, got a pendulum")
+        return self.crank, self.rod, self.slider
+
+    @property
+    def bodies(self) -> tuple[Link | Slider, ...]:
+        """The bodies in the order crank, rod, slider, or the crank alone."""
+        return self.crank_slider() if self.is_crank_slider else (self.crank,)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints: O, A, B, or O alone."""
+        return ("O", "A", "B") if self.is_crank_slider else ("O",)
+
     @property
     def joints_with_clearance(self) -> tuple[str, ...]:
         """Names of the joints with clearance, in the order O, A, B."""
-        return tuple(name for name in ("O", "A", "B") if getattr(self.clearance, name) is not None)
+        return tuple(name for name in self.joints if getattr(self.clearance, name) is not None)

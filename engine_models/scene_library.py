@@ -142,6 +142,19 @@ def clearance_free_three() -> Scene:
     return _named("clearance-free-OAB", short, **everywhere)
 
 
+def clearance_pendulum() -> Scene:
+    """A physical pendulum let go at the height of its joint, which has 0.5 mm of clearance."""
+    return Scene(
+        name="clearance-pendulum",
+        end_time_s=0.3,
+        gravity_m_s2=9.81,
+        crank=rod(2.5e-4),
+        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0),
+        drive=FreeDrive(kind="free"),
+        clearance=Clearances(O=clearance(5e-4)),
+    )
+
+
 IDEAL_SCENES: dict[str, Callable[[], Scene]] = {
     "ideal-free": ideal_free,
     "ideal-driven": ideal_driven,
@@ -156,6 +169,7 @@ CLEARANCE_SCENES: dict[str, Callable[[], Scene]] = {
     "clearance-driven-AB": clearance_driven_two,
     "clearance-free-0.5mm": clearance_free,
     "clearance-free-OAB": clearance_free_three,
+    "clearance-pendulum": clearance_pendulum,
 }
 
 

@@ -20,7 +20,7 @@ def alarm(s: FloatArray, laws: FloatArray, gap: FloatArray, k: int, kind: int) -
     phase = s[2 * k]
     if kind == 0:
         return float(gap[k, 0] if phase == FLIGHT else -gap[k, 0])
-    if phase == FLIGHT or s[2 * k + 1] == 0.0:
+    if phase == FLIGHT or laws[k, 7] == 0.0:
         return -1.0
     clearance = laws[k, 4]
     factor = 1.0 + s[2 * k + 1] * gap[k, 1] * clearance / (clearance + gap[k, 3])

@@ -5,7 +5,7 @@ import re
 
 from reference_solver import contact_events, contact_loop
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
-from reference_solver.contact_source import gap_acceleration_lines, gap_lines, losses
+from reference_solver.contact_source import gap_acceleration_lines, gap_lines, rates
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_source import HEADER, call, drivers_power, function, mean, names, rk4_lines
@@ -24,7 +24,7 @@ def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, 
     """
     q, v = names("q", writer.n), names("v", writer.n)
     code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
-    results = [*accelerations, *lambda_, *all_losses(writer), ok]
+    results = [*accelerations, *lambda_, *all_rates(writer), ok]
     functions = [function("accelerations", ["p", "s", "t", *q, *v], code.lines, results, inline=True)]
     if projected:
         for of in ("q", "v"):
@@ -35,9 +35,9 @@ def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, 
     return "\n\n".join([CONTACT_HEADER + HEADER, *functions, _driver()]) + "\n"
 
 
-def all_losses(writer: EquationsWriter) -> list[str]:
-    """Return the names of the contacts' losses, in the order of the work array behind the drivers' work."""
-    return [name for k, joint in enumerate(writer.mechanism.contacts) for name in losses(k, joint)]
+def all_rates(writer: EquationsWriter) -> list[str]:
+    """Return the names of the contacts' rates, in the order of the work array behind the drivers' work."""
+    return [name for k, joint in enumerate(writer.mechanism.contacts) for name in rates(k, joint)]
 
 
 def _driver() -> str:
@@ -56,11 +56,11 @@ def _unpack(writer: EquationsWriter) -> list[str]:
 
 
 def _step(writer: EquationsWriter, projected: bool) -> str:
-    """Write ``step(p, s, q, v, t, h, new_q, new_v, work)``: an RK4 step and its losses; False on failure."""
-    n, loss = range(writer.n), all_losses(writer)
-    step, ok = rk4_lines(writer, ["p", "s"], loss, projected)
+    """Write ``step(p, s, q, v, t, h, new_q, new_v, work)``: an RK4 step and its sums; False on failure."""
+    n, added = range(writer.n), all_rates(writer)
+    step, ok = rk4_lines(writer, ["p", "s"], added, projected)
     lines = [*_unpack(writer), *step, f"work[0] = {drivers_power(writer) or ZERO}"]
-    lines += [f"work[{k}] = {mean(name)}" for k, name in enumerate(loss, 1)]
+    lines += [f"work[{k}] = {mean(name)}" for k, name in enumerate(added, 1)]
     lines += [f"new_q[{c}], new_v[{c}] = x{c}, y{c}" for c in n]
     arguments = ["p", "s", "q", "v", "t", "h", "new_q", "new_v", "work"]
     return function("step", arguments, lines, [ok])
@@ -86,5 +86,5 @@ def _multipliers(writer: EquationsWriter) -> str:
 
 
 def _accelerations(writer: EquationsWriter) -> str:
-    results = [*names("a", writer.n), *names("lambda", writer.m), *all_losses(writer), "ok"]
+    results = [*names("a", writer.n), *names("lambda", writer.m), *all_rates(writer), "ok"]
     return call(results, "accelerations", ["p", "s", "t", *names("q", writer.n), *names("v", writer.n)])

@@ -29,8 +29,8 @@ class ContactLaw:
     """Normal force K delta^n (1 + a delta'/v0) + c delta', K in N/m^n, c in N s/m.
 
     ``damping_factor`` is a; v0 is floored at ``minimum_impact_speed_m_s``. Where the first factor turns
-    negative the law would pull: the force is zero there. Kelvin-Voigt's force is left as it is until
-    delta = 0.
+    negative the law would pull: the force is zero there, unless it ``may_pull``. Kelvin-Voigt's force is left
+    as it is until delta = 0.
     """
 
     stiffness: float
@@ -38,6 +38,12 @@ class ContactLaw:
     damping_factor: float = 0.0
     damping_N_s_m: float = 0.0
     minimum_impact_speed_m_s: float = 1e-6
+    may_pull: bool = False
+
+    @property
+    def clipped(self) -> bool:
+        """Whether the force is clipped where the law would pull."""
+        return self.damping_factor != 0 and not self.may_pull
 
 
 @dataclass(frozen=True)

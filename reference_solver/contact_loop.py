@@ -5,9 +5,9 @@ and ``gap_accelerations``, parameters here, are functions of that module. It use
 
 A contact is in one of three phases: in flight, in contact, or in contact with the force clipped because
 the law would pull. Between events every right-hand side is smooth; an event is located by shortening the
-step until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance, mu/v_reg, c),
-``touch[k]`` (time of touch, expected duration, mobility), ``control`` (longest step, steps per contact, 1 to
-locate events).
+step until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance, mu/v_reg, c, 1 if
+clipped), ``touch[k]`` (time of touch, expected duration, mobility), ``control`` (longest step, steps per
+contact, 1 to locate events).
 """
 
 import numpy as np
@@ -36,7 +36,7 @@ def step_length(
     """Return the longest step that the phases allow."""
     h = control[0]
     for k in range(len(laws)):
-        stiffness, exponent, _, _, clearance, friction, damping = laws[k]
+        stiffness, exponent, _, _, clearance, friction, damping, _ = laws[k]
         if s[2 * k] == FLIGHT:
             if gap[k, 2] * h > 0.25 * clearance:  # a quarter of the way across
                 h = 0.25 * clearance / gap[k, 2]
@@ -80,7 +80,7 @@ def switch(
     if s[2 * k] != FLIGHT:
         s[2 * k] = FLIGHT
         return -1.0
-    stiffness, exponent, factor, slowest, clearance, _, _ = laws[k]
+    stiffness, exponent, factor, slowest, clearance, _, _, _ = laws[k]
     # The gap's answer to a unit force tells the effective mass, and with it how long the contact will take.
     gap_accelerations(p, s, t, q, v, spare)
     free = spare[k]
@@ -114,9 +114,9 @@ def advance(
 ) -> tuple[float, int, int, int]:
     """Advance q, v and the totals of work from t to ``end`` in place, event by event.
 
-    ``log`` (rows, 5) takes (time, contact, what, rate of g, depth) of each event. Returns the time reached,
-    the events logged, the steps taken and 0; or, short of the end, 1 (``budget`` of steps used), 2 (log
-    full), 3 (the step met a singular configuration or overflowed).
+    ``log`` (rows, 5 + totals) takes (time, contact, what, rate of g, depth) and the totals of each event.
+    Returns the time reached, the events logged, the steps taken and 0; or, short of the end, 1 (``budget`` of
+    steps used), 2 (log full), 3 (the step met a singular configuration or overflowed).
     """
     new_q, new_v, work = np.empty_like(q), np.empty_like(v), np.empty_like(totals)
     gap, new_gap = np.empty((len(laws), 4)), np.empty((len(laws), 4))
@@ -160,5 +160,7 @@ def advance(
             what = switch(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare)
             log[events, 0], log[events, 1], log[events, 2] = t, event // 2, what
             log[events, 3], log[events, 4] = gap[event // 2, 1], gap[event // 2, 3]
+            for c in range(len(totals)):
+                log[events, 5 + c] = totals[c]
             events += 1
     return t, events, steps, 0

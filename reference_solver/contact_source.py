@@ -17,23 +17,23 @@ def ends_of(joint: ClearanceJoint) -> Ends:
     return (joint.body_i, joint.point_i), (joint.body_j, joint.point_j)
 
 
-def losses(number: int, joint: ClearanceJoint) -> list[str]:
-    """Return the names of a contact's losses: by the normal force, where it is clipped, by friction."""
-    clip, slide = joint.law.damping_factor != 0, joint.friction is not None
-    return [f"loss{number}"] + clip * [f"clip{number}"] + slide * [f"slide{number}"]
+def rates(number: int, joint: ClearanceJoint) -> list[str]:
+    """Return the names of what a contact adds up: normal force and losses.
+
+    The losses are by the normal force, where it is clipped, and by friction.
+    """
+    clip, slide = joint.law.clipped, joint.friction is not None
+    return [f"normal{number}", f"loss{number}"] + clip * [f"clip{number}"] + slide * [f"slide{number}"]
 
 
 def write_contact(
     writer: MechanismWriter, code: StraightLine, number: int, joint: ClearanceJoint, terms: Terms
 ) -> None:
-    """Add the force of contact ``number`` to the accelerations' terms, and name its losses in W.
-
-    They are those of ``losses``.
-    """
+    """Add the force of contact ``number`` to the accelerations' terms, and name its ``rates``, in N and W."""
     k, ends = number, ends_of(joint)
     arms, (x, y), (rate_x, rate_y) = writer.between(code, f"n{k}", ends)
     clearance = writer.parameter(f"clearance {k}", joint.radial_clearance_m)
-    names = [f"force_x{k}", f"force_y{k}", *losses(k, joint)]
+    names = [f"force_x{k}", f"force_y{k}", *rates(k, joint)]
     inside = [
         f"distance{k} = sqrt({x}*{x} + {y}*{y})",
         f"n_x{k}, n_y{k} = {x}/distance{k}, {y}/distance{k}",
@@ -76,7 +76,7 @@ def _normal(writer: MechanismWriter, k: int, joint: ClearanceJoint) -> list[str]
         f"spring{k} = {stiffness}*{power}",
         f"normal{k} = {total(normal)}",
         f"loss{k} = {total(loss)}",
-        *(clipped if law.damping_factor else []),
+        *(clipped if law.clipped else []),
         f"if s[{2 * k}] == 3.0:",  # a probe for the gap's mobility
         f"    normal{k}, loss{k} = 1.0, 0.0",
     ]

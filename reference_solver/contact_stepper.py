@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
-from reference_solver.contact_kernel_source import all_losses, contact_kernel_source
+from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import NonFiniteState, Stalled
 from reference_solver.generator import EquationsWriter
@@ -20,24 +20,32 @@ FloatArray = NDArray[np.float64]
 CHUNK = 200_000
 #: Events per call of the kernel.
 LOG_ROWS = 256
+#: Columns of an event in the log, ahead of the totals at that time.
+EVENT = 5
 
 
 @dataclass(frozen=True)
 class ContactSolution:
     """The sampled motion, s times and K contacts, with what the contacts did.
 
-    ``contacts[k]`` lists the s states of contact k. ``losses_J`` (s, L) are the energies dissipated since
-    t = 0, named by ``loss_names``: lossk by the normal force of contact k, clipk where its force was clipped,
-    slidek by friction. ``events`` (E, 5) are (time, contact, what, rate of g, penetration) with what = 1 for
-    touch, -1 release, 2 force clipped, 3 force back. ``steps`` counts all steps taken.
+    ``contacts[k]`` lists the s states of contact k. ``sums`` holds integrals since t = 0 at the samples,
+    (s,) each, by RK4's own quadrature: normalk, the normal impulse of contact k in N s, and the energies
+    dissipated in J: lossk by its normal force, clipk where that was clipped, slidek by friction. ``events``
+    (E, 5) are (time, contact, what, rate of g, penetration) with what = 1 for touch, -1 release, 2 force
+    clipped, 3 force back. ``impacts[k]`` (I, 5) are the contacts k that have ended: time of touch, duration,
+    approach speed, normal impulse, energy lost. ``steps`` counts all steps taken.
     """
 
     motion: Solution
     contacts: list[list[ContactState]]
-    loss_names: tuple[str, ...]
-    losses_J: FloatArray
+    sums: dict[str, FloatArray]
     events: FloatArray
+    impacts: list[FloatArray]
     steps: int
+
+    def losses_J(self) -> FloatArray:
+        """Return the energy that all contacts have dissipated, (s,)."""
+        return np.asarray(sum(value for name, value in self.sums.items() if not name.startswith("normal")))
 
 
 class ContactStepper:
@@ -52,14 +60,14 @@ class ContactStepper:
         self._parameters = np.array(writer.parameters)
         self._equations = Equations(mechanism, q_start, baumgarte)
         self._mechanism, self._rows = mechanism, writer.m
-        self.loss_names = tuple(all_losses(writer))
-        self._laws = np.array([_constants(joint) for joint in mechanism.contacts]).reshape(-1, 7)
+        self.rate_names = tuple(all_rates(writer))
+        self._laws = np.array([_constants(joint) for joint in mechanism.contacts]).reshape(-1, 8)
         self._touch = np.zeros((len(self._laws), 3))
-        self._log = np.zeros((LOG_ROWS, 5))
+        self._log = np.zeros((LOG_ROWS, EVENT + 1 + len(self.rate_names)))
         self._control = np.array([choice.longest_s, choice.steps_per_contact, float(choice.locate_events)])
-        #: Phase and a/v0 of every contact, (2K,); drivers' work and losses since the start; events; steps.
+        #: Phase and a/v0 of every contact, (2K,); drivers' work and the rates' sums; events; steps.
         self.phases = np.zeros(2 * len(self._laws))
-        self.totals = np.zeros(1 + len(self.loss_names))
+        self.totals = np.zeros(1 + len(self.rate_names))
         self.events: list[FloatArray] = []
         self.steps = 0
         q = q_start.copy()
@@ -124,7 +132,19 @@ def _constants(joint: ClearanceJoint) -> tuple[float, ...]:
         slope = friction.coefficient / (friction.regularisation_speed_m_s - friction.dead_band_speed_m_s)
     speed = law.minimum_impact_speed_m_s
     first = (law.stiffness, law.exponent, law.damping_factor, speed)
-    return *first, joint.radial_clearance_m, slope, law.damping_N_s_m
+    return *first, joint.radial_clearance_m, slope, law.damping_N_s_m, float(law.clipped)
+
+
+def _impacts(contact: int, events: FloatArray, rate_names: tuple[str, ...]) -> FloatArray:
+    """Return a contact's ends: time, duration, approach speed, normal impulse and energy lost, (I, 5)."""
+    ends = events[(events[:, 1] == contact) & (np.abs(events[:, 2]) == 1)]
+    ends = ends[int(len(ends) > 0 and ends[0, 2] < 0) :]  # it may have been closed at the start
+    touches, releases = ends[: len(ends) // 2 * 2].reshape(-1, 2, events.shape[1]).swapaxes(0, 1)
+    change = (releases - touches)[:, EVENT + 1 :]
+    impulse = change[:, rate_names.index(f"normal{contact}")]
+    mine = [k for k, name in enumerate(rate_names) if name.endswith(str(contact)) and "normal" not in name]
+    lost = change[:, mine].sum(axis=1)
+    return np.column_stack([touches[:, 0], releases[:, 0] - touches[:, 0], touches[:, 3], impulse, lost])
 
 
 def solve_with_contacts(
@@ -161,11 +181,13 @@ def record_contacts(
         rows.append((q.copy(), v.copy(), stepper.multipliers(t, q, v), stepper.totals.copy()))
         states.append(stepper.states(q, v))
     qs, vs, multipliers, totals = (np.array(column) for column in zip(*rows, strict=True))
+    contacts = [list(one) for one in zip(*states, strict=True)]
+    events = np.array(stepper.events).reshape(-1, EVENT + totals.shape[1])
     return ContactSolution(
         motion=Solution(time, qs, vs, multipliers, totals[:, 0]),
-        contacts=[list(one) for one in zip(*states, strict=True)],
-        loss_names=stepper.loss_names,
-        losses_J=totals[:, 1:],
-        events=np.array(stepper.events).reshape(-1, 5),
+        contacts=contacts,
+        sums=dict(zip(stepper.rate_names, totals[:, 1:].T, strict=True)),
+        events=events[:, :EVENT],
+        impacts=[_impacts(k, events, stepper.rate_names) for k in range(len(contacts))],
         steps=stepper.steps,
     )

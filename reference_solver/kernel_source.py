@@ -73,11 +73,11 @@ def _advance(writer: EquationsWriter, projected: bool) -> str:
 
 
 def rk4_lines(
-    writer: EquationsWriter, inputs: list[str], losses: list[str], projected: bool, compensated: bool = False
+    writer: EquationsWriter, inputs: list[str], rates: list[str], projected: bool, compensated: bool = False
 ) -> tuple[list[str], str]:
     """Return one RK4 step of (11)-(13) from q, v at t to x, y at t + h, and the condition that it holds.
 
-    ``inputs`` come first in the call of ``accelerations``, ``losses`` last in its results; the value of
+    ``inputs`` come first in the call of ``accelerations``, ``rates`` last in its results; the value of
     ``name`` in stage k is called ``name_k``.
     """
     n, lines = range(writer.n), []
@@ -92,7 +92,7 @@ def rk4_lines(
             lines += [f"x{c} = q{c} + {fraction}*{start_v[c]}" for c in n]
             lines += [f"y{c}_{stage} = v{c} + {fraction}*a{c}_{stage - 1}" for c in n]
             start_q, start_v = names("x", writer.n), [f"y{c}_{stage}" for c in n]
-        results = [*names("a", writer.n), *names("lambda", writer.m), *losses, "ok"]
+        results = [*names("a", writer.n), *names("lambda", writer.m), *rates, "ok"]
         arguments = [*inputs, time, *start_q, *start_v]
         lines.append(call([f"{name}_{stage}" for name in results], "accelerations", arguments))
     for c in n:

@@ -4,20 +4,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from engine_models.engine import JOINTS, FloatArray, Trajectory
+from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene import Scene
 
 
 def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the kinetic energy of the three bodies, (n,)."""
-    parts = (scene.crank, scene.rod, scene.slider)
-    inertia = np.array([[part.mass_kg, part.mass_kg, part.inertia_kg_m2] for part in parts])
+    """Return the kinetic energy of the bodies, (n,)."""
+    inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
     return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
 
 
 def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the gravitational energy, zero at the guide's height, and the contacts' elastic one, (n,)."""
-    masses = np.array([scene.crank.mass_kg, scene.rod.mass_kg, scene.slider.mass_kg])
+    masses = np.array([body.mass_kg for body in scene.bodies])
     gravitational = scene.gravity_m_s2 * (trajectory.position[:, :, 1] @ masses)
     return np.asarray(gravitational + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
 
@@ -26,12 +25,12 @@ def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArra
     """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
     energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
     work = 0.0 if trajectory.driver_work_J is None else trajectory.driver_work_J
-    lost = 0.0 if trajectory.dissipated_energy_J is None else trajectory.dissipated_energy_J
-    return np.asarray(energy - energy[0] - work + lost)
+    losses = (trajectory.dissipated_energy_J, trajectory.stabilisation_loss_J)
+    return np.asarray(energy - energy[0] - work + sum(loss for loss in losses if loss is not None))
 
 
 def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the distance between the two sides of each joint, (n, 3) over O, A, B."""
+    """Return the distance between the two sides of each joint, (n, joints) over O, A, B."""
     centre, phi = trajectory.position[:, :, :2], trajectory.position[:, :, 2]
 
     def point(body: int, distance: float) -> FloatArray:
@@ -39,18 +38,21 @@ def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
         return centre[:, body] + distance * direction
 
     crank, rod = scene.crank, scene.rod
-    gaps = (
-        point(0, -crank.centre_of_mass_m),
-        point(1, -rod.centre_of_mass_m) - point(0, crank.length_m - crank.centre_of_mass_m),
-        centre[:, 2] - point(1, rod.length_m - rod.centre_of_mass_m),
-    )
+    gaps = [point(0, -crank.centre_of_mass_m)]
+    if rod is not None:
+        gaps += [
+            point(1, -rod.centre_of_mass_m) - point(0, crank.length_m - crank.centre_of_mass_m),
+            centre[:, 2] - point(1, rod.length_m - rod.centre_of_mass_m),
+        ]
     return np.stack([np.hypot(gap[:, 0], gap[:, 1]) for gap in gaps], axis=-1)
 
 
 def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the largest gap of the ideal joints and of the slider from its guide, (n,)."""
-    gaps = pin_gap_m(scene, trajectory)
-    return np.asarray(np.maximum(gaps.max(axis=1), np.abs(trajectory.position[:, 2, 1])))
+    ideal = [k for k, joint in enumerate(scene.joints) if joint not in scene.joints_with_clearance]
+    gaps = pin_gap_m(scene, trajectory)[:, ideal].max(axis=1, initial=0.0)
+    off_guide = np.abs(trajectory.position[:, -1, 1]) if scene.is_crank_slider else 0.0
+    return np.asarray(np.maximum(gaps, off_guide))
 
 
 def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
@@ -59,11 +61,16 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
     Joint forces are vectors, (n, 2). The driver torque is compared only where it is a reaction: under a
     constant-speed drive.
     """
-    yield "slider_position_m", trajectory.slider_position_m
-    yield "slider_velocity_m_s", trajectory.slider_velocity_m_s
-    for index, joint in enumerate(JOINTS):
+    if scene.is_crank_slider:
+        yield "slider_position_m", trajectory.slider_position_m
+        yield "slider_velocity_m_s", trajectory.slider_velocity_m_s
+    else:
+        yield "crank_angle_rad", trajectory.position[:, 0, 2]
+        yield "crank_speed_rad_s", trajectory.velocity[:, 0, 2]
+    for index, joint in enumerate(scene.joints):
         yield f"joint_{joint}_force_N", trajectory.joint_force_N[:, index]
-    yield "guide_normal_force_N", trajectory.guide_normal_force_N
+    if trajectory.guide_normal_force_N is not None:
+        yield "guide_normal_force_N", trajectory.guide_normal_force_N
     if scene.drive.kind == "constant-speed" and trajectory.driver_torque_N_m is not None:
         yield "driver_torque_N_m", trajectory.driver_torque_N_m
 

@@ -2,7 +2,7 @@
 
 import pandas as pd  # type: ignore[import-untyped,unused-ignore]
 
-from engine_models.engine import JOINTS, Trajectory
+from engine_models.engine import Trajectory
 from engine_models.scene import Scene
 from studies.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
 
@@ -16,12 +16,14 @@ def table(scene: Scene, trajectory: Trajectory) -> pd.DataFrame:
         "time_s": trajectory.time_s,
         "crank_angle_rad": trajectory.position[:, 0, 2],
         "crank_speed_rad_s": trajectory.velocity[:, 0, 2],
-        "slider_position_m": trajectory.slider_position_m,
-        "slider_velocity_m_s": trajectory.slider_velocity_m_s,
     }
-    for joint, force in zip(JOINTS, trajectory.joint_force_N.swapaxes(0, 1), strict=True):
+    if scene.is_crank_slider:
+        columns["slider_position_m"] = trajectory.slider_position_m
+        columns["slider_velocity_m_s"] = trajectory.slider_velocity_m_s
+    for joint, force in zip(scene.joints, trajectory.joint_force_N.swapaxes(0, 1), strict=True):
         columns |= {f"joint_{joint}_force_x_N": force[:, 0], f"joint_{joint}_force_y_N": force[:, 1]}
-    columns["guide_normal_force_N"] = trajectory.guide_normal_force_N
+    if trajectory.guide_normal_force_N is not None:
+        columns["guide_normal_force_N"] = trajectory.guide_normal_force_N
     if trajectory.driver_torque_N_m is not None:
         columns["driver_torque_N_m"] = trajectory.driver_torque_N_m
     columns["kinetic_energy_J"] = kinetic_energy_J(scene, trajectory)

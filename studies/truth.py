@@ -22,8 +22,9 @@ PIECES, TWIN_PIECES = 400, (500, 640)
 
 def configuration(scene: Scene, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return X, dX/dtheta and d2X/dtheta2, each (n, 3, 3): crank, rod, slider by (x, y, phi)."""
-    r, length = scene.crank.length_m, scene.rod.length_m
-    s, d = scene.crank.centre_of_mass_m, scene.rod.centre_of_mass_m
+    crank, rod, _ = scene.crank_slider()
+    r, length = crank.length_m, rod.length_m
+    s, d = crank.centre_of_mass_m, rod.centre_of_mass_m
     cos, sin = np.cos(theta), np.sin(theta)
     # Loop closure r sin(theta) + L sin(phi) = 0, differentiated twice.
     sin_phi = -r / length * sin
@@ -59,8 +60,7 @@ def configuration(scene: Scene, theta: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _masses(scene: Scene) -> FloatArray:
     """Return the diagonal of the mass matrix by body and coordinate, (3, 3)."""
-    parts = (scene.crank, scene.rod, scene.slider)
-    return np.array([[part.mass_kg, part.mass_kg, part.inertia_kg_m2] for part in parts])
+    return np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
 
 
 def crank_acceleration(scene: Scene, theta: FloatArray, speed: FloatArray) -> FloatArray:
@@ -114,13 +114,15 @@ def _reactions(
     inertial = _masses(scene) * acceleration
     inertial[..., 1] += _masses(scene)[:, 0] * scene.gravity_m_s2  # every force but the joints' moved left
     crank, rod, slider = (inertial[:, i] for i in range(3))
-    s, d = scene.crank.centre_of_mass_m, scene.rod.centre_of_mass_m
+    _, link, _ = scene.crank_slider()
+    length, d = link.length_m, link.centre_of_mass_m
+    s = scene.crank.centre_of_mass_m
     cos, sin = np.cos(X[:, 1, 2]), np.sin(X[:, 1, 2])
     B_x = slider[:, 0]
     A_x = rod[:, 0] + B_x
     # Moments on the rod about its pin A: I phi'' + r x (m a) = r_B x (-F_B).
     moment = rod[:, 2] + d * (cos * rod[:, 1] - sin * rod[:, 0])
-    B_y = (scene.rod.length_m * sin * B_x - moment) / (scene.rod.length_m * cos)
+    B_y = (length * sin * B_x - moment) / (length * cos)
     A_y = rod[:, 1] + B_y
     O_x, O_y = crank[:, 0] + A_x, crank[:, 1] + A_y
     cos, sin = np.cos(X[:, 0, 2]), np.sin(X[:, 0, 2])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from engine_models.contact_stiffness import exponent_of, stiffness_of
-from engine_models.scene import Clearance, Link, Scene, Slider
+from engine_models.scene import Clearance, Scene
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +66,13 @@ class Tree:
     size: int = field(init=False)
 
     def __post_init__(self) -> None:
-        crank, rod = self.scene.crank, self.scene.rod
+        self.free = [0, 1, 2]
+        if not self.scene.is_crank_slider:  # a pendulum: theta, then its centre's y and x
+            place = Place({0: 2, 1: 1})
+            self.size, self.places = 3, [place]
+            self.joints = {"O": (Place({}), place.plus(-self.scene.crank.centre_of_mass_m, 0), None, 0)}
+            return
+        crank, rod, _ = self.scene.crank_slider()
         s, r, d, length = crank.centre_of_mass_m, crank.length_m, rod.centre_of_mass_m, rod.length_m
         theta, phi, x = 0, 1, 2
         loose = set(self.scene.joints_with_clearance)
@@ -94,14 +100,14 @@ class Tree:
 
     def accelerations(self, u: FloatArray, rate: FloatArray, contacts: dict[str, float]) -> FloatArray:
         """Return u'' (n,) with the contacts named in force, each with its a/v0."""
-        parts: tuple[Link | Slider, ...] = (self.scene.crank, self.scene.rod, self.scene.slider)
         M, Q = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for part, place in zip(parts, self.places, strict=True):
+        for part, place in zip(self.scene.bodies, self.places, strict=True):
             J, bias = place.slopes(u, rate)
             M += part.mass_kg * J.T @ J
             Q -= part.mass_kg * J.T @ (bias + np.array([0, self.scene.gravity_m_s2]))
         M[0, 0] += self.scene.crank.inertia_kg_m2
-        M[1, 1] += self.scene.rod.inertia_kg_m2
+        if self.scene.rod is not None:
+            M[1, 1] += self.scene.rod.inertia_kg_m2
         Q[0] += getattr(self.scene.drive, "torque_N_m", 0.0)
         for name, damping in contacts.items():
             Q += self.contact_force(name, u, rate, damping)
@@ -195,10 +201,13 @@ def _start(tree: Tree) -> FloatArray:
     """Return coordinates and rates of the ideal assembly at the scene's start angle, which must be zero."""
     scene = tree.scene
     assert scene.start.crank_angle_rad == 0
-    r, length, omega = scene.crank.length_m, scene.rod.length_m, scene.start.crank_speed_rad_s
+    s, r, omega = scene.crank.centre_of_mass_m, scene.crank.length_m, scene.start.crank_speed_rad_s
     u, rate = np.zeros((2, tree.size))
+    if scene.rod is None:
+        u[2], rate[0], rate[1] = s, omega, s * omega
+        return np.concatenate([u, rate])
+    length, d = scene.rod.length_m, scene.rod.centre_of_mass_m
     u[2], rate[0], rate[1] = r + length, omega, -r / length * omega
-    s, d = scene.crank.centre_of_mass_m, scene.rod.centre_of_mass_m
     centres = ((s, s * omega), (r + d, r * omega - d * r / length * omega))
     for place, (x, y_rate) in zip(tree.places, centres, strict=False):
         if len(place.moves) == 2:

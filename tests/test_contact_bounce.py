@@ -60,10 +60,22 @@ def test_every_laws_restitution_and_loss_meet_the_lambert_w_formula(
     stiffness = HERTZ * 1e-5 ** (1.5 - exponent)  # the same force at 10 micrometres
     run = bounce(ContactLaw(stiffness, exponent, a))
     assert abs(restitution(run) - lambert(a)) < CLOSED_FORM, f"{restitution(run)} against {lambert(a)}"
-    lost = run.losses_J[-1, run.loss_names.index("loss0")]
+    lost = run.sums["loss0"][-1]
     expected = (1 - lambert(a) ** 2) * MASS * SPEED**2 / 2
     assert abs(lost - expected) < CLOSED_FORM * MASS * SPEED**2 / 2, f"lost {lost} J against {expected} J"
-    assert run.losses_J[-1, run.loss_names.index("clip0")] == 0, "a single bounce never pulls"
+    assert run.sums["clip0"][-1] == 0, "a single bounce never pulls"
+
+
+def test_an_impacts_record_is_that_of_hertz() -> None:
+    run = bounce(ContactLaw(HERTZ, 1.5))
+    ((touched, duration, speed, impulse, lost),) = run.impacts[0]
+    deepest = (5 * MASS * SPEED**2 / (4 * HERTZ)) ** 0.4
+    assert touched == run.events[0, 0]
+    assert duration == pytest.approx(2.94327518 * deepest / SPEED, rel=1e-8)  # digits of the factor
+    assert speed == pytest.approx(SPEED, rel=CLOSED_FORM)
+    assert impulse == pytest.approx(2 * MASS * SPEED, rel=CLOSED_FORM)
+    assert lost == 0
+    assert run.sums["normal0"][-1] == impulse
 
 
 @pytest.mark.parametrize(
@@ -175,9 +187,9 @@ def test_friction_slows_the_spin_and_closes_the_ledger(
     assert CLEARANCE / pin < orbit_change / spin_change < (CLEARANCE + deepest) / (pin - deepest / 2)
     before = (MASS * SPEED**2 + INERTIA * spin**2) / 2
     after = (MASS * (v[0] ** 2 + v[1] ** 2) + INERTIA * v[2] ** 2) / 2
-    lost = run.losses_J[-1]
+    lost = np.array([run.sums[name][-1] for name in ("loss0", "clip0", "slide0")])
     assert (lost >= 0).all(), f"{lost}"
-    assert lost[run.loss_names.index("slide0")] > 0
+    assert lost[2] > 0
     # Saturated friction has a kink where it begins to saturate, which no step ends on.
     assert abs(before - after - lost.sum()) < 1e-7 * before, f"residual {before - after - lost.sum():.1e} J"
 
@@ -185,15 +197,16 @@ def test_friction_slows_the_spin_and_closes_the_ledger(
 def test_a_pin_that_does_not_turn_feels_no_friction_in_a_central_impact() -> None:
     run = bounce(ContactLaw(HERTZ, 1.5), FINE, FRICTIONS[2], 0.0)
     assert run.motion.v[-1, 1] == 0
-    assert run.losses_J[-1, run.loss_names.index("slide0")] == 0
+    assert run.sums["slide0"][-1] == 0
 
 
-def test_a_law_that_would_pull_is_clipped_and_its_energy_has_a_line_of_its_own() -> None:
+@pytest.mark.parametrize("may_pull", [False, True])
+def test_a_law_that_would_pull_is_clipped_on_a_line_of_its_own_or_pulls(may_pull: bool) -> None:
     # A carriage on a guide moves up and takes a spring along that first presses the pin into its bearing,
     # then lifts it. The pin came slowly and leaves as fast as the spring unloads: 1 + a delta'/v0 turns
     # negative, and the law would hold the pin back.
     stiffness, carriage, rise, came = 1e6, 1.0, 0.02, 1e-4
-    law = ContactLaw(stiffness, 1.5, DAMPING_FACTORS["hunt-crossley"](0.1))
+    law = ContactLaw(stiffness, 1.5, DAMPING_FACTORS["hunt-crossley"](0.1), may_pull=may_pull)
     free_length, spring = 0.1, 1e3
     start = np.array([0.0, -CLEARANCE + 1e-9, 0.0, 0.0, -CLEARANCE + free_length - 1e-3, 0.0])
     mechanism = Mechanism(
@@ -211,13 +224,19 @@ def test_a_law_that_would_pull_is_clipped_and_its_energy_has_a_line_of_its_own()
         choice=StepChoice(2e-5, 1000),
     )
     q, v = run.motion.q, run.motion.v
-    lost = dict(zip(run.loss_names, run.losses_J.T, strict=True))
+    lost = run.losses_J()
     stretch = np.hypot(q[:, 3] - q[:, 0], q[:, 4] - q[:, 1]) - free_length
     stored = np.array([stiffness * max(c.penetration_m, 0.0) ** 2.5 / 2.5 for c in run.contacts[0]])
     kinetic = MASS * (v[:, 0] ** 2 + v[:, 1] ** 2) / 2 + carriage * v[:, 4] ** 2 / 2
-    balance = kinetic + spring * stretch**2 / 2 + stored + lost["loss0"] + lost["clip0"]
-    assert (run.events[:, 2] == 2).any(), "the force was clipped"
-    assert lost["clip0"][-1] > 0, f"{lost['clip0'][-1]} J"
-    assert all(c.normal_force_N >= 0 for c in run.contacts[0]), "it never pulled"
+    balance = kinetic + spring * stretch**2 / 2 + stored + lost
+    clipped, least = (run.events[:, 2] == 2).any(), min(c.normal_force_N for c in run.contacts[0])
+    if may_pull:
+        assert least < 0, f"it never pulled: {least} N"
+        assert not clipped
+        assert "clip0" not in run.sums
+    else:
+        assert least >= 0, f"it pulled: {least} N"
+        assert clipped
+        assert run.sums["clip0"][-1] > 0, f"{run.sums['clip0'][-1]} J"
     residual = np.abs(balance - balance[0]).max()
     assert residual < 1e-9 * balance[0], f"residual {residual:.1e} of {balance[0]:.1e} J"

@@ -55,13 +55,13 @@ def change_point() -> Scene:
     At steps of 50 us and less the default solver stops at 270 degrees; what it does at longer ones is chance.
     """
     scene = ideal_free()
-    rod = scene.rod.model_copy(update={"length_m": scene.crank.length_m})
+    rod = scene.crank_slider()[1].model_copy(update={"length_m": scene.crank.length_m})
     return shorter(scene.model_copy(update={"rod": rod}), 0.1)
 
 
 def overflowing(scene: Scene) -> Scene:
     """A slider so heavy that forces exceed the range of doubles: Exudyn reports success and infinities."""
-    slider = scene.slider.model_copy(update={"mass_kg": 1e306})
+    slider = scene.crank_slider()[2].model_copy(update={"mass_kg": 1e306})
     return shorter(scene.model_copy(update={"slider": slider}), 1e-3)
 
 
@@ -148,7 +148,7 @@ def test_the_pin_force_and_the_driver_torque_of_set_R_meet_the_closed_forms() ->
     plain = ideal_driven()
     on_axis = plain.crank.model_copy(update={"centre_of_mass_m": 0.0})  # as the torque was computed
     scene, steps = plain.model_copy(update={"crank": on_axis}), 2400
-    half_of_the_rods_weight = scene.rod.mass_kg * scene.gravity_m_s2 / 2
+    half_of_the_rods_weight = scene.crank_slider()[1].mass_kg * scene.gravity_m_s2 / 2
     found = run(scene, 1e-5, steps)
     torque = found.driver_torque_N_m
     assert torque is not None

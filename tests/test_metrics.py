@@ -30,12 +30,13 @@ def test_a_body_out_of_place_is_a_constraint_violation_of_that_size(body: int, a
 def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> None:
     scene = ideal_free().model_copy(update={"end_time_s": 0.02})
     truth = exact(scene, 4)
-    position, length = truth.position.copy(), scene.rod.length_m
+    _, rod, _ = scene.crank_slider()
+    position, length = truth.position.copy(), rod.length_m
     theta = position[2, 0, 2]
     pin = scene.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
     phi = np.arcsin((SHIFT - pin[1]) / length)
     along = np.array([np.cos(phi), np.sin(phi)])
-    position[2, 1] = [*(pin + scene.rod.centre_of_mass_m * along), phi]
+    position[2, 1] = [*(pin + rod.centre_of_mass_m * along), phi]
     position[2, 2, :2] = pin + length * along
     violation = constraint_violation_m(scene, replace(truth, position=position))
     assert violation[2] == pytest.approx(SHIFT, rel=1e-9)
@@ -63,12 +64,13 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
     """Momentum of all bodies together, and power, know nothing of the joints between them."""
     samples = 4000
     truth = exact(scene, samples)
-    masses = np.array([scene.crank.mass_kg, scene.rod.mass_kg, scene.slider.mass_kg])
+    masses = np.array([body.mass_kg for body in scene.bodies])
     # The crank pivot, the guide and gravity change the total momentum; by central differences of order 4.
     momentum = np.einsum("b,nbk->nk", masses, truth.velocity[:, :, :2])
     h = truth.time_s[1]
     rate = (8 * (momentum[3:-1] - momentum[1:-3]) - (momentum[4:] - momentum[:-4])) / (12 * h)
     outside = truth.joint_force_N[2:-2, 0].copy()
+    assert truth.guide_normal_force_N is not None
     outside[:, 1] += truth.guide_normal_force_N[2:-2] - masses.sum() * scene.gravity_m_s2
     scale = np.abs(outside).max()
     # h^4/30 times the fifth derivative: (n omega h)^4/30 of the force's n-th harmonic. Measured 3.4e-6 on
@@ -76,9 +78,7 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
     assert np.abs(rate - outside).max() < DIFFERENCES * scale
     torque = truth.driver_torque_N_m
     if scene.drive.kind == "constant-speed" and torque is not None:
-        inertia = np.array(
-            [[p.mass_kg, p.mass_kg, p.inertia_kg_m2] for p in (scene.crank, scene.rod, scene.slider)]
-        )
+        inertia = np.array([[p.mass_kg, p.mass_kg, p.inertia_kg_m2] for p in scene.bodies])
         energy = np.sum(inertia * truth.velocity**2, axis=(1, 2)) / 2
         energy = energy + scene.gravity_m_s2 * truth.position[:, :, 1] @ masses
         power = (8 * (energy[3:-1] - energy[1:-3]) - (energy[4:] - energy[:-4])) / (12 * h)

@@ -1,5 +1,6 @@
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -54,7 +55,7 @@ def frictions(draw: st.DrawFn) -> Friction:
 def clearances(draw: st.DrawFn) -> Clearance:
     law, radius = draw(st.sampled_from(LAWS)), draw(positive)
     by_material = draw(st.booleans())
-    contact = {"young_modulus_Pa": draw(positive), "poisson_ratio": draw(st.floats(0, 0.5))}
+    contact: dict[str, Any] = {"young_modulus_Pa": draw(positive), "poisson_ratio": draw(st.floats(0, 0.5))}
     smallest_restitution = 0.01 if law in LAWS_DIVIDING_BY_RESTITUTION else 0.0
     return Clearance(
         radial_clearance_m=radius * draw(st.floats(0.001, 0.999)),
@@ -225,7 +226,7 @@ def test_the_rod_must_reach_the_guide_at_the_start() -> None:
     scene = SCENES["ideal-free"]().model_dump()
     scene["rod"]["length_m"] = 0.04
     scene["start"]["crank_angle_rad"] = math.pi / 6
-    assert Scene.model_validate(scene).rod.length_m == 0.04
+    assert Scene.model_validate(scene).crank_slider()[1].length_m == 0.04
     scene["start"]["crank_angle_rad"] = math.pi / 2
     with pytest.raises(ValidationError, match=r"rod.length_m: expected more than .* = 0.05 .* got 0.04"):
         Scene.model_validate(scene)

@@ -55,8 +55,7 @@ def test_time_by_the_energy_integral_agrees_with_the_integrated_motion(scene: Sc
 
     def slowness(theta: float) -> float:
         X, X_1, _ = configuration(scene, np.array([theta]))
-        parts = (scene.crank, scene.rod, scene.slider)
-        mass = np.array([[p.mass_kg, p.mass_kg, p.inertia_kg_m2] for p in parts])
+        mass = np.array([[p.mass_kg, p.mass_kg, p.inertia_kg_m2] for p in scene.bodies])
         height = mass[:, 0] @ (X[0, :, 1] - truth.position[0, :, 1])
         torque = getattr(scene.drive, "torque_N_m", 0.0)
         energy = energy_0 - scene.gravity_m_s2 * height + torque * (theta - samples[0])
