@@ -3,7 +3,30 @@
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.scene import Scene
+from engine_models.scene import BodyState, Scene
+
+
+def start_state(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Return the positions and velocities at t = 0, as ``assembled`` does: those given, or the assembly's."""
+    if not scene.start.states:
+        return assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+    values = np.array([list(state.model_dump().values()) for state in scene.start.states])
+    return values[:, :3], values[:, 3:]
+
+
+def started_from(scene: Scene, position: FloatArray, velocity: FloatArray) -> Scene:
+    """Return the scene begun at other positions and velocities, each (bodies, 3)."""
+    names = ("crank", "rod", "slider")
+    states = {
+        name: BodyState(
+            **dict(zip(BodyState.model_fields, [float(number) for number in (*x, *v)], strict=True))
+        )
+        for name, x, v in zip(names, position, velocity, strict=False)
+    }
+    start = scene.start.model_copy(update={"crank_angle_rad": float(position[0, 2]), **states})
+    if scene.drive.kind != "constant-speed":
+        start = start.model_copy(update={"crank_speed_rad_s": float(velocity[0, 2])})
+    return scene.model_copy(update={"start": start})
 
 
 def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:

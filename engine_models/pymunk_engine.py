@@ -1,35 +1,29 @@
-"""The ideal crank-slider in Pymunk (Chipmunk): joint impulses and position-first semi-implicit Euler.
+"""The crank-slider in Pymunk (Chipmunk): joint impulses and position-first semi-implicit Euler.
 
 One ``space.step(dt)`` first moves the positions with the stored velocities, then kicks the velocities by the
-loads and by the joints' impulses, both at the new positions. The impulses also take the joints' position
-errors back. So after step k the positions x_k are those of t_k = k dt, and the step's kick was made at x_k.
+loads and by the impulses of joints and contacts, all at the new positions. The impulses also take the joints'
+position errors back. So after step k the positions x_k are those of t_k = k dt, and the kick was made at x_k.
 """
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.assembly import assembled
-from engine_models.engine import (
-    SETTINGS_CONFIG,
-    FloatArray,
-    RunSettings,
-    SimulationFailed,
-    Trajectory,
-    require_finite,
-    require_ideal,
-)
-from engine_models.pymunk_forces import joint_gaps, reactions
-from engine_models.pymunk_model import build, run
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
+from engine_models.pymunk_compliant import CompliantContact
+from engine_models.pymunk_model import build, pins
+from engine_models.pymunk_rigid import RigidContact, Sweeps
+from engine_models.pymunk_runs import Model, trajectory_of
+from engine_models.pymunk_twin import rigid_twin
 from engine_models.scene import Scene
 
-#: Pymunk's own defaults: a joint loses a tenth of its position error every sixtieth of a second.
+#: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
 LIBRARY_ITERATIONS, LIBRARY_ERROR_BIAS = 10, (1.0 - 0.1) ** 60.0
-#: With a joint this many crank lengths apart the bodies are no crank-slider any more, and the run has failed.
-LOST_GAP = 0.1
+LIBRARY_SLOP_M, LIBRARY_PERSISTENCE = 0.1, 3
+#: What fits into a C int.
+Count = Annotated[int, Field(gt=0, lt=2**31)]
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -52,121 +46,83 @@ class PymunkEngine:
     made kick k, all taken as those of t_k. There is no kick at t = 0, so step 1's acceleration stands there.
     Step 1 has no earlier impulses to start its sweeps from: forces at t = 0 and for some steps more are off
     by what ten sweeps leave, however short the step, and with ``error_bias`` 0 also by kick 1's extra half.
+
+    Contacts. With ``contact`` = "as-scene" a compliant law is applied as a force in every kick
+    (``pymunk_compliant``) and a rigid one is Pymunk's native contact (``pymunk_rigid``); "rigid" makes the
+    compliant ones native too, with the restitution they name (see ``twin``). All of it is of order 1, since
+    a contact is noticed in the first step that is past the wall. Forces at t_k are impulses of kick k over
+    dt, means over a step: a rigid impact's peak grows as 1/dt and means nothing, its impulse does. At a kick
+    that strikes a rigid wall (the first of a contact) the velocity reported is the one before, and losses
+    and work are those before.
+
+    The other settings are for native contacts alone. ``contact_iterations`` are the sweeps of a step in
+    contact: impulses must get through the joints within one step, or a bounce is lost (in the free scenes ten
+    sweeps lose up to 80 % of one at any step; 100 are within 1e-3 of 400). ``collision_bias`` is the fraction
+    of a penetration left after a second, ``collision_slop_m`` the penetration left alone. Pymunk takes it
+    back by moving the two bodies with no regard for their joints, whose own correction turns that into
+    velocity. At 0 all of it is taken back within a step: a pin that follows its wall leaves it at every other
+    step, with 4 times the error and 12 times the energy residual of 1e-300, a rate of 690/s (set R, 0.1 mm,
+    e = 0.5, over a revolution at dt = 1.2e-7 s). The library's own rate, 6.3/s, lets the drift along the wall
+    add up: twice the error at 1e-6 s. ``collision_persistence`` is the number of steps that a contact is
+    remembered.
     """
 
-    iterations: Annotated[int, Field(gt=0, lt=2**31)] = 20
+    iterations: Count = 20
     error_bias: Annotated[float, Field(ge=0, lt=1)] = 0.0
     half_kick_start: bool = True
+    contact: Literal["as-scene", "rigid"] = "as-scene"
+    contact_iterations: Count = 200
+    collision_bias: Annotated[float, Field(ge=0, le=1)] = 1e-300
+    collision_slop_m: Annotated[float, Field(ge=0)] = 0.0
+    collision_persistence: Count = 1
 
     @classmethod
     def out_of_the_box(cls) -> "PymunkEngine":
         """Return the engine as it is for a user who sets nothing."""
-        return cls(iterations=LIBRARY_ITERATIONS, error_bias=LIBRARY_ERROR_BIAS, half_kick_start=False)
+        return cls(
+            iterations=LIBRARY_ITERATIONS,
+            error_bias=LIBRARY_ERROR_BIAS,
+            half_kick_start=False,
+            contact_iterations=LIBRARY_ITERATIONS,
+            collision_bias=LIBRARY_ERROR_BIAS,
+            collision_slop_m=LIBRARY_SLOP_M,
+            collision_persistence=LIBRARY_PERSISTENCE,
+        )
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene if a joint has clearance."""
-        require_ideal(scene, "pymunk")
+        """Raise UnsupportedScene where a law that names no restitution would have to be rigid."""
+        self.twin(scene)
+
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+        """
+        return rigid_twin(scene) if self.contact == "rigid" else scene
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with fixed steps.
 
         Raises:
-            UnsupportedScene: the scene has joints with clearance.
-            SimulationFailed: a joint came apart by more than a tenth of the crank, or the rod turned over,
-                or the numbers overflowed.
+            UnsupportedScene: see ``check``.
+            SimulationFailed: a joint came apart by more than a tenth of the crank, a pin went through the
+                wall of its bearing, the rod turned over, or the numbers overflowed.
         """
-        self.check(scene)
-        dt, per_sample = settings.step_used_s(scene.end_time_s), settings.steps_per_sample(scene.end_time_s)
-        steps = settings.samples * per_sample
-        driven = scene.drive.kind == "constant-speed"
-        # The driver's work needs the torque at every step, all else is asked for at the samples alone.
-        wanted = np.arange(0, steps + 1, 1 if driven else per_sample)
-        sampled = slice(None, None, per_sample if driven else 1)
+        model = self._model(self.twin(scene))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            position, velocity, acceleration, solve_time = self._motion(scene, dt, wanted)
-            _require_the_mechanism(scene, position, np.asarray(dt * wanted, dtype=np.float64))
-            force, guide, torque = reactions(scene, position, acceleration)
-            work = _driver_work(scene, position, torque, dt)
-        if scene.drive.kind == "torque":
-            torque = np.full_like(torque, scene.drive.torque_N_m)
-        return require_finite(
-            Trajectory(
-                time_s=np.linspace(0.0, scene.end_time_s, settings.samples + 1),
-                position=position[sampled],
-                velocity=velocity[sampled],
-                joint_force_N=force[sampled],
-                guide_normal_force_N=guide[sampled],
-                driver_torque_N_m=None if work is None else torque[sampled],
-                driver_work_J=None if work is None else work[sampled],
-                step_s=dt,
-                steps=steps,
-                solve_time_s=solve_time,
-            )
-        )
+            return trajectory_of(model, settings, self.half_kick_start)
 
-    def _motion(
-        self, scene: Scene, dt: float, wanted: NDArray[np.int64]
-    ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """Return position, velocity, acceleration (n, 3, 3) at the wanted steps, and the solve time."""
+    def _model(self, scene: Scene) -> Model:
         space, bodies = build(scene, self.iterations, self.error_bias)
-        # The step before a wanted one tells the kick, the first few what kicks 0 and 1 should have been.
-        read = np.unique(np.concatenate([wanted, wanted[1:] - 1, np.arange(5)]))
-        x, v, solve_time = run(
-            space,
-            bodies,
-            dt,
-            crank_torque_N_m=scene.drive.torque_N_m if scene.drive.kind == "torque" else None,
-            half_kick_start=self.half_kick_start,
-            read_after=read,
-        )
-        at = np.searchsorted(read, wanted)
-        position, velocity = x[at], v[at]
-        acceleration = (velocity - v[at - 1]) / dt
-        kick_1, kick_2, kick_3, kick_4 = np.diff(v[:5], axis=0) / dt
-        acceleration[0] = kick_1
-        if self.half_kick_start:
-            acceleration[wanted == 0] = 6 * kick_2 - 8 * kick_3 + 3 * kick_4
-            acceleration[wanted == 1] = 3 * kick_2 - 3 * kick_3 + kick_4
-            velocity = velocity - acceleration * dt / 2
-            velocity[0] = assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)[1]
-        if scene.drive.kind == "constant-speed":
-            _place_driven_crank(scene, position, velocity, acceleration)
-        return position, velocity, acceleration, solve_time
-
-
-def _place_driven_crank(
-    scene: Scene, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
-) -> None:
-    """Fill in the motion of the crank's centre of mass, which circles about the kinematic body's origin O."""
-    theta, omega, s = position[:, 0, 2], scene.start.crank_speed_rad_s, scene.crank.centre_of_mass_m
-    radial = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
-    tangential = np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
-    position[:, 0, :2] = s * radial
-    velocity[:, 0, :2], velocity[:, 0, 2] = s * omega * tangential, omega
-    acceleration[:, 0, :2], acceleration[:, 0, 2] = -s * omega * omega * radial, 0.0
-
-
-def _driver_work(scene: Scene, position: FloatArray, torque: FloatArray, dt: float) -> FloatArray | None:
-    """Return the driver's work since t = 0 in J, at constant speed by the trapezoidal rule."""
-    if scene.drive.kind == "torque":
-        return np.asarray(scene.drive.torque_N_m * (position[:, 0, 2] - position[0, 0, 2]))
-    if scene.drive.kind == "free":
-        return None
-    power = torque * scene.start.crank_speed_rad_s
-    return np.concatenate([[0.0], np.cumsum(dt * (power[1:] + power[:-1]) / 2)])
-
-
-def _require_the_mechanism(scene: Scene, position: FloatArray, time_s: FloatArray) -> None:
-    """Check that the positions at the times, (n, 3, 3) at (n,), are still the scene's crank-slider.
-
-    Raises:
-        SimulationFailed: at the first time when a joint is too far apart or not finite, or when the rod has
-            gone over the vertical, which one as long as the crank or longer never does.
-    """
-    gap = joint_gaps(scene, position)
-    lost = ~(gap <= LOST_GAP * scene.crank.length_m)
-    over = (np.cos(position[:, 1, 2]) <= 0) & (scene.rod.length_m >= scene.crank.length_m)
-    if (lost | over).any():
-        first = int(np.argmax(lost | over))
-        what = f"constraints lost, a joint is {gap[first]:.3g} m apart," if lost[first] else "rod turned over"
-        raise SimulationFailed(f"{what} at t = {time_s[first]:.6g} s")
+        space.collision_bias, space.collision_slop = self.collision_bias, self.collision_slop_m
+        space.collision_persistence = self.collision_persistence
+        first_step = 0 if self.half_kick_start else 1
+        sweeps = Sweeps(space, self.iterations, self.contact_iterations)
+        contacts = {
+            pin.name: RigidContact(pin, number, sweeps, first_step)
+            if pin.room.law == "rigid"
+            else CompliantContact(space, pin, first_step)
+            for number, pin in enumerate(pins(scene, space, bodies))
+        }
+        return Model(scene, space, bodies, contacts)

@@ -69,11 +69,34 @@ class Slider(SceneData):
     inertia_kg_m2: Positive
 
 
+class BodyState(SceneData):
+    """Where a body's centre of mass is, and how fast it moves."""
+
+    x_m: float
+    y_m: float
+    angle_rad: float
+    velocity_x_m_s: float
+    velocity_y_m_s: float
+    angular_velocity_rad_s: float
+
+
 class Start(SceneData):
-    """Crank angle and speed at t = 0; everything else follows from the ideal joints."""
+    """Crank angle and speed at t = 0; everything else follows from the ideal joints.
+
+    Or every body's own state is given, for a start that is elsewhere in its clearances; ``crank_speed_rad_s``
+    is then that of the drive alone.
+    """
 
     crank_angle_rad: float
     crank_speed_rad_s: float
+    crank: BodyState | None = None
+    rod: BodyState | None = None
+    slider: BodyState | None = None
+
+    @property
+    def states(self) -> tuple[BodyState, ...]:
+        """The bodies' given states in the order crank, rod, slider."""
+        return tuple(state for state in (self.crank, self.rod, self.slider) if state is not None)
 
 
 class FreeDrive(SceneData):
@@ -190,6 +213,8 @@ class Scene(SceneData):
 
     @model_validator(mode="after")
     def _can_be_assembled(self) -> "Scene":
+        if self.start.states and len(self.start.states) != 1 + 2 * (self.rod is not None):
+            raise ValueError("start: expected the state of every body or of none, got some")
         if self.rod is None or self.slider is None:
             self._is_a_pendulum()
             return self

@@ -5,16 +5,11 @@ no more than its last difference once differences at least halve from one run to
 here, whatever the order, and nothing of the engine's own error control is used.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any, TypeVar
-
 import numpy as np
 
-from engine_models.engine import Contact, Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.samples import selected
 from engine_models.scene import Scene
-
-Record = TypeVar("Record", Trajectory, Contact)
 
 #: Runs are compared at no fewer samples than this: at a few times they may agree by chance.
 FEWEST_SAMPLES = 100
@@ -57,7 +52,7 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
             differences.append(float(np.abs(run.slider_position_m - coarser).max()))
             trouble = f"halving the step to {run.step_s:.3g} s still moved it by {differences[-1]:.3g} m"
         if _error_bound(differences) <= tolerance_m:
-            return _thinned(run, every)
+            return selected(run, slice(None, None, every))
         if _stalled(differences, scene.crank.length_m):
             trouble = f"halving the step stopped helping at differences of {min(differences):.3g} m"
             break
@@ -86,14 +81,3 @@ def _stalled(differences: list[float], crank_length_m: float) -> bool:
     """Return whether the differences are down at the round-off of this engine."""
     old, new = differences[:-STALLED_HALVINGS], differences[-STALLED_HALVINGS:]
     return bool(old) and min(old) <= min(new) and min(old) < STALLED_PART * crank_length_m
-
-
-def _thinned(record: Record, every: int) -> Record:
-    """Return a trajectory, or a contact within it, with one of so many samples kept."""
-    kept: dict[str, Any] = {}
-    for name, value in vars(record).items():
-        if isinstance(value, np.ndarray):
-            kept[name] = value[::every]
-        elif isinstance(value, Mapping):
-            kept[name] = {joint: _thinned(contact, every) for joint, contact in value.items()}
-    return replace(record, **kept)
