@@ -47,14 +47,11 @@ def rigid_joints_of(scene: Scene) -> tuple[RigidJoint, ...]:
     """Return the joints with rigid clearance, in the order O, A, B.
 
     Raises:
-        UnsupportedScene: they stand beside compliant ones, or have friction, which a pin that follows its
-            bearing would not feel.
+        UnsupportedScene: they stand beside compliant ones.
     """
     rigid = [(joint, c) for joint, c in _joints(scene) if c is not None and c.law == "rigid"]
     if rigid and len(rigid) < len(scene.joints_with_clearance):
         raise UnsupportedScene("reference does not mix rigid and compliant contact laws in one scene")
-    if any(c.friction is not None for _, c in rigid):
-        raise UnsupportedScene("reference has no friction in rigid contact (following is frictionless)")
     return tuple(
         RigidJoint(
             joint.body_i,
@@ -64,7 +61,8 @@ def rigid_joints_of(scene: Scene) -> tuple[RigidJoint, ...]:
             c.radial_clearance_m,
             c.bearing_radius_m,
             c.restitution or 0.0,
-            minimum_impact_speed_m_s=c.minimum_impact_speed_m_s or 0.0,
+            _friction(c.friction),
+            c.minimum_impact_speed_m_s or 0.0,
         )
         for joint, c in rigid
     )

@@ -174,7 +174,7 @@ CLEARANCE_SCENES: dict[str, Callable[[], Scene]] = {
 
 
 def _rigid_twin(make: Callable[[], Scene]) -> Callable[[], Scene]:
-    """Return what makes the same scene with rigid contact of the same nominal restitution."""
+    """Return what makes the same scene with rigid contact of the same nominal restitution and friction."""
 
     def twin() -> Scene:
         scene = make()
@@ -185,6 +185,7 @@ def _rigid_twin(make: Callable[[], Scene]) -> Callable[[], Scene]:
                 bearing_radius_m=joint.bearing_radius_m,
                 law="rigid",
                 restitution=joint.restitution,
+                friction=joint.friction,
             )
             for name, joint in joints.items()
         }
@@ -194,11 +195,8 @@ def _rigid_twin(make: Callable[[], Scene]) -> Callable[[], Scene]:
     return twin
 
 
-#: The rigid twins of the frictionless scenes: friction has no rigid twin yet.
 RIGID_SCENES: dict[str, Callable[[], Scene]] = {
-    name.replace("clearance", "rigid"): _rigid_twin(make)
-    for name, make in CLEARANCE_SCENES.items()
-    if name != "clearance-driven-damped"
+    name.replace("clearance", "rigid"): _rigid_twin(make) for name, make in CLEARANCE_SCENES.items()
 }
 
 SCENES = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}

@@ -56,23 +56,27 @@ def solve_rigid(
     for sample in range(samples + 1):
         if sample:
             run.advance((sample - 1) * steps_per_sample, sample * steps_per_sample)
-        ledger = (run.constraint_work_J, run.impact_loss_J, run.closing_loss_J)
-        records.append((run.q.copy(), run.v.copy(), *run.forces(), *energy(run.q, run.v), *ledger))
-    qs, vs, multipliers, following, force, kinetic, potential, work, impacts, closings = (
-        np.array(column) for column in zip(*records, strict=True)
-    )
+        ledger = (*energy(run.q, run.v), *run.ledger.entries())
+        records.append((run.q.copy(), run.v.copy(), *run.forces(), *ledger))
+    columns = [np.array(column) for column in zip(*records, strict=True)]
+    qs, vs, multipliers, following, normal, friction, force, *columns = columns
+    kinetic, potential, work, impulse, impact_loss, closing_loss, friction_loss = columns
     return RigidSolution(
-        np.linspace(0.0, end_time_s, samples + 1),
-        qs,
-        vs,
-        multipliers,
-        following,
-        force,
-        tuple(run.impacts),
-        tuple(run.mode_changes),
-        kinetic,
-        potential,
-        work,
-        impacts,
-        closings,
+        time_s=np.linspace(0.0, end_time_s, samples + 1),
+        q=qs,
+        v=vs,
+        multipliers=multipliers,
+        following=following,
+        normal_force_N=normal,
+        friction_force_N=friction,
+        joint_force_N=force,
+        impacts=tuple(run.impacts),
+        mode_changes=tuple(run.mode_changes),
+        kinetic_energy_J=kinetic,
+        potential_energy_J=potential,
+        constraint_work_J=work,
+        normal_impulse_N_s=impulse,
+        impact_loss_J=impact_loss,
+        closing_loss_J=closing_loss,
+        friction_loss_J=friction_loss,
     )

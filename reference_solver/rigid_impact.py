@@ -72,9 +72,12 @@ class Jump:
 
 
 class Eliminated:
-    """The mechanism's answer to impulses or forces along rows D (k, n), its ideal joints holding, at q."""
+    """The mechanism's answer to impulses or forces along rows D (k, n), its ideal joints holding, at q.
 
-    def __init__(self, equations: Equations, t: float, q: FloatArray, D: FloatArray) -> None:
+    The first ``normals`` rows have to leave it some motion.
+    """
+
+    def __init__(self, equations: Equations, t: float, q: FloatArray, D: FloatArray, normals: int) -> None:
         weighted = D.T * equations.inverse_mass[:, None]
         #: {q'} per unit of each (n, k); the ideal joints' multipliers per unit of each (m, k).
         self.motion, self.reactions = weighted, np.zeros((len(equations.C), len(D)))
@@ -86,7 +89,8 @@ class Eliminated:
         W = D @ self.motion
         #: W (k, k), the speeds along the rows per unit of each.
         self.W = (W + W.T) / 2
-        if np.any(self.W.diagonal() < DEPENDENT * np.sum(D.T * weighted, axis=0)):
+        blocked = self.W.diagonal() < DEPENDENT * np.sum(D.T * weighted, axis=0)
+        if blocked[:normals].any():
             raise BlockedImpact(t)
 
 
@@ -100,7 +104,7 @@ def impact(equations: Equations, t: float, q: FloatArray, v: FloatArray, touchin
     k = len(touching.normal)
     rubbing = touching.friction > 0
     D = np.concatenate([touching.normal, touching.tangent[rubbing]])
-    eliminated = Eliminated(equations, t, q, D)
+    eliminated = Eliminated(equations, t, q, D, k)
     W, u = eliminated.W, D @ v
     impulse = np.zeros(len(D))
     impulse[:k] = complementary(W[:k, :k], (1 + touching.restitution) * u[:k])

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver.contact_laws import FrictionLaw
 from reference_solver.equations import Equations
 from reference_solver.mechanism import GROUND, MasslessLink, Mechanism, Point, RevoluteJoint
 
@@ -24,9 +25,9 @@ ROUND_OFF = 64 * float(np.finfo(float).eps)
 class RigidJoint:
     """A pin of body j at ``point_j`` in a bearing of body i at ``point_i``, of ``bearing_radius_m`` R_i.
 
-    ``restitution`` is Newton's, of the normal speed; ``friction_coefficient`` is Coulomb's in impacts (a pin
-    that follows the wall slides without friction). An approach slower than ``minimum_impact_speed_m_s``
-    closes without rebound.
+    ``restitution`` is Newton's, of the normal speed. ``friction`` holds as it is while the pin follows the
+    wall; in impacts, which are over at once and leave no speed to regularise, its coefficient is Coulomb's.
+    An approach slower than ``minimum_impact_speed_m_s`` closes without rebound.
     """
 
     body_i: int
@@ -36,7 +37,7 @@ class RigidJoint:
     radial_clearance_m: float
     bearing_radius_m: float
     restitution: float
-    friction_coefficient: float = 0.0
+    friction: FrictionLaw | None = None
     minimum_impact_speed_m_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -48,7 +49,6 @@ class RigidJoint:
                 "a positive number below the bearing's radius",
             ),
             ("restitution", 0 <= self.restitution <= 1, "a number from 0 to 1"),
-            ("friction_coefficient", 0 <= self.friction_coefficient < float("inf"), "a number from 0"),
             (
                 "minimum_impact_speed_m_s",
                 0 <= self.minimum_impact_speed_m_s < float("inf"),
@@ -57,10 +57,29 @@ class RigidJoint:
         ):
             if not valid:
                 raise ValueError(f"RigidJoint.{field}: expected {wanted}, got {getattr(self, field)}")
+        if self.friction is not None:
+            _check(self.friction)
+
+    @property
+    def friction_coefficient(self) -> float:
+        """Coulomb's coefficient, 0 without friction."""
+        return 0.0 if self.friction is None else self.friction.coefficient
 
     def link(self) -> MasslessLink:
         """Return the constraint of a pin that follows the wall."""
         return MasslessLink(self.body_i, self.point_i, self.body_j, self.point_j, self.radial_clearance_m)
+
+
+def _check(friction: FrictionLaw) -> None:
+    """Refuse friction that is no number, and a law without a ramp."""
+    full = friction.regularisation_speed_m_s
+    for field, valid, wanted in (
+        ("coefficient", 0 <= friction.coefficient < float("inf"), "a number from 0"),
+        ("regularisation_speed_m_s", 0 < full < float("inf"), "a positive number"),
+        ("dead_band_speed_m_s", 0 <= friction.dead_band_speed_m_s < full, f"a number from 0 below {full}"),
+    ):
+        if not valid:
+            raise ValueError(f"FrictionLaw.{field}: expected {wanted}, got {getattr(friction, field)}")
 
 
 @dataclass(frozen=True)

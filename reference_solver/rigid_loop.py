@@ -1,6 +1,6 @@
 """The loop of rigid joints between events: RK4 steps up to the first that may hold one.
 
-This text is also part of every generated module with rigid joints, where Numba compiles it: ``advance``,
+This text is also part of every generated module with rigid joints, where Numba compiles it: ``step``,
 ``gaps`` and ``multipliers``, parameters here, are functions of that module. It uses arrays and numbers only.
 """
 
@@ -29,7 +29,7 @@ def alarmed(gap: FloatArray, new_gap: FloatArray, follows: NDArray[np.bool_], to
 
 
 def until_alarm(
-    advance: Function,
+    step: Function,
     gaps: Function,
     multipliers: Function,
     p: FloatArray,
@@ -41,38 +41,40 @@ def until_alarm(
     follows: NDArray[np.bool_],
     tolerance: FloatArray,
     lambda_: FloatArray,
-) -> tuple[int, float, int]:
+    sums: FloatArray,
+) -> tuple[int, int]:
     """Take up to ``count`` steps of h from t in place; stop before a step that may hold an event.
 
-    ``lambda_`` (m,) is room for the multipliers; those of the joints that follow are its last. Returns the
-    steps taken, the drivers' work, and 0, or 1 for an alarm in the next step, or 2 where it cannot be taken.
+    ``lambda_`` (m,) is room for the multipliers; those of the joints that follow are its last. The steps add
+    to ``sums`` (1 + 2J,). Returns the steps taken, and 0, or 1 for an alarm in the next step, or 2 where it
+    cannot be taken.
     """
     new_q, new_v = np.empty_like(q), np.empty_like(v)
     gap, new_gap = np.empty((len(follows), 2)), np.empty((len(follows), 2))
     following = 0
     for follow in follows:
         following += 1 if follow else 0
-    work, done = 0.0, 0
+    added, done = np.empty_like(sums), 0
     gaps(p, q, v, gap)
     while done < count:
         now = t + done * h
         new_q[:] = q
         new_v[:] = v
-        taken, added = advance(p, new_q, new_v, h, now / h, 1)
-        if taken == 0:
-            return done, work, 2
+        added[:] = 0.0
+        if not step(p, now, h, new_q, new_v, added):
+            return done, 2
         gaps(p, new_q, new_v, new_gap)
         if alarmed(gap, new_gap, follows, tolerance):
-            return done, work, 1
+            return done, 1
         if following > 0:
             if not multipliers(p, now + h, new_q, new_v, lambda_):
-                return done, work, 2
+                return done, 2
             for row in range(len(lambda_) - following, len(lambda_)):
                 if lambda_[row] > 0.0:
-                    return done, work, 1
+                    return done, 1
         q[:] = new_q
         v[:] = new_v
         gap, new_gap = new_gap, gap
-        work += added
+        sums += added
         done += 1
-    return done, work, 0
+    return done, 0

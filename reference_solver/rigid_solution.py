@@ -40,15 +40,47 @@ class ModeChange:
     following: tuple[int, ...]
 
 
+class Ledger:
+    """What has added up since t = 0: the drivers' work, and (J,) impulses and losses of every joint.
+
+    ``constraint_work_J`` includes the work of impulses. ``normal_impulse_N_s`` is the integral of the normal
+    force while pins follow, and the impulses of impacts. ``impact_loss_J`` and ``closing_loss_J`` include
+    friction's part; ``friction_loss_J`` is that of following.
+    """
+
+    def __init__(self, joints: int) -> None:
+        self.constraint_work_J = 0.0
+        self.normal_impulse_N_s, self.friction_loss_J = np.zeros(joints), np.zeros(joints)
+        self.impact_loss_J, self.closing_loss_J = np.zeros(joints), np.zeros(joints)
+
+    def add(self, sums: FloatArray) -> None:
+        """Add the sums (1 + 2J,) of steps (see ``rigid_modes``)."""
+        joints = len(self.friction_loss_J)
+        self.constraint_work_J += float(sums[0])
+        self.normal_impulse_N_s += sums[1 : 1 + joints]
+        self.friction_loss_J += sums[1 + joints :]
+
+    def entries(self) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return drivers' work, normal impulses, and losses in impacts, in closings and by friction."""
+        losses = (self.impact_loss_J, self.closing_loss_J, self.friction_loss_J)
+        impact, closing, friction = (loss.copy() for loss in losses)
+        return self.constraint_work_J, self.normal_impulse_N_s.copy(), impact, closing, friction
+
+
 @dataclass(frozen=True)
 class RigidSolution:
     """The motion of n coordinates, m ideal rows and J rigid joints at s equally spaced times.
 
-    ``time_s`` (s,), ``q`` and ``v`` (s, n), ``multipliers`` (s, m) of the ideal rows, ``following`` (s, J)
-    tells which pins follow their walls (the others fly), ``joint_force_N`` (s, J, 2) is the bearing's force
-    on the pin, without impulses. The ledger (s,): kinetic and potential energy, the drivers' work, that of
-    impulses included, and the losses up to then in impacts and in closings, those of pins kept on their
-    walls when another hits included, which are in the ledger only.
+    ``time_s`` (s,), ``q`` and ``v`` (s, n), ``multipliers`` (s, m) of the ideal rows. ``following`` (s, J)
+    tells which pins follow their walls; the others fly. Without impulses: ``normal_force_N`` (s, J) presses
+    the pin inwards, ``friction_force_N`` (s, J) is on the pin along t, ``joint_force_N`` (s, J, 2) is the
+    bearing's force on the pin, of both.
+
+    The ledger since t = 0: kinetic and potential energy and the drivers' work (s,), that of impulses
+    included, and of every joint (s, J) the losses in impacts, in closings and by friction in following. The
+    first two include friction's part in impulses. Closings include pins kept on their walls when another
+    hits, which are no entries in ``impacts``. ``normal_impulse_N_s`` (s, J) is the normal force's integral
+    in following and the impulses of all these; a pin that is kept on its wall gets a negative one.
     """
 
     time_s: FloatArray
@@ -56,21 +88,25 @@ class RigidSolution:
     v: FloatArray
     multipliers: FloatArray
     following: NDArray[np.bool_]
+    normal_force_N: FloatArray
+    friction_force_N: FloatArray
     joint_force_N: FloatArray
     impacts: tuple[RigidImpact, ...]
     mode_changes: tuple[ModeChange, ...]
     kinetic_energy_J: FloatArray
     potential_energy_J: FloatArray
     constraint_work_J: FloatArray
+    normal_impulse_N_s: FloatArray
     impact_loss_J: FloatArray
     closing_loss_J: FloatArray
+    friction_loss_J: FloatArray
 
     @property
     def energy_residual_J(self) -> FloatArray:
         """Return what the ledger leaves over (s,): the error of the steps, and what dampers took."""
         energy = self.kinetic_energy_J + self.potential_energy_J
-        lost = self.impact_loss_J + self.closing_loss_J
-        return np.asarray(energy - energy[0] - self.constraint_work_J + lost)
+        lost = self.impact_loss_J + self.closing_loss_J + self.friction_loss_J
+        return np.asarray(energy - energy[0] - self.constraint_work_J + lost.sum(axis=1))
 
 
 class Energy:

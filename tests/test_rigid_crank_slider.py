@@ -1,4 +1,4 @@
-"""Set R with a rigid clearance joint at B: minimal coordinates, the ledger, the limit of no clearance."""
+"""Set R with a rigid clearance joint at B: the ledger, the pin in its bearing, the limit of no clearance."""
 
 from functools import cache
 
@@ -18,15 +18,9 @@ from reference_solver.rigid_contact import solve_rigid
 from reference_solver.rigid_joint import RigidJoint
 from reference_solver.rigid_solution import RigidSolution
 from reference_solver.solver import solve
-from tests.independent_rigid_clearance import ClearanceCrankSlider
 
 FloatArray = NDArray[np.float64]
 CRANK, ROD, SPEED = 0.05, 0.12, 2 * np.pi * 5000 / 60
-#: An impact's time and the slider's place at it: far above both solvers' errors (measured 4e-14 s and 2e-14 m
-#: up to the tenth; the impacts amplify round-off), far below what a wrong term would leave.
-TIME, PLACE = 1e-10, 1e-9
-#: Approach speeds: the times' tolerance times the slider's acceleration, 2e4 m/s^2.
-APPROACH = 2e-6
 #: RK4's theory is 4; the steps are cut at events, differently for each step, which scatters the order.
 ORDER_TOLERANCE = 0.2
 
@@ -67,28 +61,6 @@ def run(
     )
 
 
-def test_the_first_ten_impacts_are_those_of_minimal_coordinates() -> None:
-    model = ClearanceCrankSlider(5e-4, 0.9)
-    expected, masses = model.impacts(10, np.array([0.0, CRANK + ROD, -CRANK * SPEED / ROD, 0.0]))
-    # A run that ends at the tenth impact's time has it, or not, and its slider where the impact leaves it.
-    found = run(5e-4, 0.9, 2e-3, 1000)
-    impacts = found.impacts[:10]
-    assert len(impacts) == 10
-    late = np.abs(np.array([i.time_s for i in impacts]) - expected[:, 0])
-    assert late.max() < TIME, f"impact times off by {late} s"
-    faster = np.abs(np.array([i.approach_speed_m_s for i in impacts]) - expected[:, 1])
-    assert faster.max() < APPROACH, f"approach speeds off by {faster} m/s"
-    # Between impacts the slider moves freely, so that the impacts' places give every sample's.
-    x = np.interp(found.time_s, np.append(0.0, expected[:, 0]), np.append(CRANK + ROD, expected[:, 2]))
-    inside = found.time_s <= expected[-1, 0]
-    off = np.abs(found.q[inside, 6] - x[inside])
-    assert off.max() < PLACE, f"slider off by {off.max():.1e} m"
-    for impact, mass in zip(impacts, masses, strict=True):
-        assert impact.effective_mass_kg == pytest.approx(mass, rel=1e-9)  # the places' tolerance, relative
-        exact = (1 - 0.9**2) / 2 * impact.approach_speed_m_s**2 * impact.effective_mass_kg
-        assert impact.energy_lost_J == pytest.approx(exact, rel=1e-13)  # a product of a few numbers
-
-
 def test_the_readable_and_the_compiled_run_have_the_same_impacts() -> None:
     readable, compiled = (run(5e-4, 0.9, 1.2e-3, 300, 10, face) for face in (False, True))
     assert len(readable.impacts) == len(compiled.impacts) == 6
@@ -106,8 +78,8 @@ def test_the_ledger_closes_at_order_four_over_a_revolution_with_impacts_closings
     residuals = [float(np.abs(one.energy_residual_J).max()) for one in runs]
     order = float(-np.polyfit(np.log(counts), np.log(residuals), 1)[0])
     assert abs(order - 4) < ORDER_TOLERANCE, f"order {order:.2f} of {residuals} J"
-    assert runs[-1].impact_loss_J[-1] > 1.0
-    assert 0 < runs[-1].closing_loss_J[-1] < 1e-6
+    assert runs[-1].impact_loss_J[-1, 0] > 1.0
+    assert 0 < runs[-1].closing_loss_J[-1, 0] < 1e-6
 
 
 def test_the_pin_stays_in_its_bearing_and_is_only_pushed() -> None:

@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reference_solver.complementarity import complementary
+from reference_solver.contact_laws import FrictionLaw
 from reference_solver.equations import Equations
 from reference_solver.mechanism import GROUND, Body, Mechanism, PrescribedSpeed, RevoluteJoint, StraightGuide
 from reference_solver.rigid_contact import solve_rigid
@@ -97,7 +98,9 @@ def chain(generator: np.random.Generator) -> tuple[Mechanism, FloatArray, FloatA
     cos, sin = np.cos(q[5]), np.sin(q[5])
     pin = q[3:5] + np.array([[cos, -sin], [sin, cos]]) @ points[2]
     e, mu = generator.uniform(0, 1), generator.uniform(0.05, 2)
-    joint = RigidJoint(GROUND, tuple(pin - centre), 1, tuple(points[2]), CLEARANCE, 0.05, e, mu)
+    joint = RigidJoint(
+        GROUND, tuple(pin - centre), 1, tuple(points[2]), CLEARANCE, 0.05, e, FrictionLaw("tanh", mu, 0.01)
+    )
     mechanism = Mechanism(bodies, (hinge,))
     equations = Equations(mechanism, q)
     B, v = equations.constraint_matrix(q), generator.uniform(-1, 1, 6)
