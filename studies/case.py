@@ -16,8 +16,26 @@ Curves = dict[str, FloatArray]
 
 
 @dataclass(frozen=True)
+class Limits:
+    """What a run may take before it is ended; whatever it does then is a row and not the end of the study.
+
+    ``time_limit_s`` is wall time from the call of ``measure`` to its return, so kernels that it compiles
+    and truths that it computes count. ``memory_limit_bytes`` is what the run may allocate beyond what its
+    process held before; only Linux enforces it.
+    """
+
+    time_limit_s: float
+    memory_limit_bytes: int
+
+
+@dataclass(frozen=True)
 class Case:
-    """A run to be made. ``arm`` names the engine's settings in tables and figures."""
+    """A run to be made. ``arm`` names the engine's settings in tables and figures.
+
+    A ``timed`` case runs with nothing beside it, after all others of its study, in the order given. Cases
+    with ``limits`` or ``timed`` run on this machine, whatever runs the others. ``columns`` are
+    the study's own in the row's head, where they tell runs apart.
+    """
 
     study: str
     scene: Scene
@@ -25,10 +43,15 @@ class Case:
     arm: str
     run: RunSettings
     settings: Mapping[str, Value] = field(default_factory=dict)
+    timed: bool = False
+    limits: Limits | None = None
+    columns: Mapping[str, Value] = field(default_factory=dict)
 
     def key(self, fingerprint: str) -> str:
         """Return what identifies this run together with the code and the libraries it is made with."""
-        run = [self.engine, self.arm, asdict(self.run), dict(self.settings)]
+        limits = None if self.limits is None else asdict(self.limits)
+        run = [self.engine, self.arm, asdict(self.run), dict(self.settings), self.timed, limits]
+        run.append(dict(self.columns))
         text = json.dumps([fingerprint, self.study, self.scene.model_dump(), *run], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -42,7 +65,10 @@ class Case:
             "end_time_s": self.scene.end_time_s,
             "samples": self.run.samples,
             "step_s": self.run.step_used_s(self.scene.end_time_s),
+            **({"timed": True} if self.timed else {}),
+            **(asdict(self.limits) if self.limits else {}),
             **{f"setting_{name}": value for name, value in self.settings.items()},
+            **self.columns,
         }
 
 

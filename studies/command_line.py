@@ -120,11 +120,19 @@ def run(
         str | None, typer.Option(metavar="N", help="Cases run at once; one for each core.")
     ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."
+        ),
+    ] = None,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
     from engine_models.plain_words import one_of, shown
+    from studies.execution import RunBroken
+    from studies.execution_cluster import cluster
     from studies.request import RunOptions, checked
-    from studies.runner import STUDIES, RunBroken, run_studies
+    from studies.runner import STUDIES, run_studies
 
     for name in studies or []:
         if name not in STUDIES:
@@ -132,8 +140,9 @@ def run(
     options = checked(RunOptions, "--", {"jobs": jobs or str(os.cpu_count() or 1)})
     names = list(dict.fromkeys(studies or STUDIES))
     try:
-        with writing("--out", out):
-            run_studies(names, full, options.jobs, out)
+        executors = nullcontext() if scheduler is None else cluster(scheduler)
+        with executors as executor, writing("--out", out):
+            run_studies(names, full, options.jobs, out, executor)
     except RunBroken as reason:
         raise Failed(str(reason)) from None
     say(f"note: the results are in {out}")

@@ -5,12 +5,11 @@ A study's folder holds ``rows.jsonl`` (a line per finished case), ``curves/KEY.n
 
 import json
 import os
-import signal
-from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, as_completed
 from importlib import import_module
-from multiprocessing import get_context
 from pathlib import Path
 from typing import cast
 
@@ -20,86 +19,139 @@ from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models.engine import SimulationFailed, UnsupportedScene
 from studies.case import Case, Curves, Row, Study
+from studies.execution import OUT_OF_MEMORY, CaseEnded, RunBroken
+from studies.execution_processes import Processes
+from studies.execution_worker import LIMITS_MEMORY
 from studies.provenance import fingerprint, sidecar
 
 #: The studies by name. A new study is a new file and a line here.
-STUDIES = {"agreement": "studies.agreement"}
+STUDIES = {"agreement": "studies.agreement", "energy": "studies.energy"}
 
 
-class RunBroken(Exception):
-    """A worker process died, or the rows kept are no rows; what was finished is kept."""
-
-
-def run_studies(names: list[str], full: bool, jobs: int, out: Path) -> None:
+def run_studies(
+    names: list[str], full: bool, jobs: int, out: Path, executor: Callable[[], Executor] | None = None
+) -> None:
     """Run the named studies into ``out/NAME``, skipping every case that is there already.
 
+    Cases run in ``jobs`` processes of this machine, or on what ``executor`` makes.
+
     Raises:
-        RunBroken: a worker process died.
+        RunBroken: the cases cannot go on, or the rows kept are no rows.
     """
     for name in names:
-        study = cast(Study, import_module(STUDIES[name]))
-        run_study(name, study.cases(full), out / name, lambda: _processes(jobs))
-        (out / name / "sidecar.json").write_text(json.dumps(sidecar(name, full), indent=2) + "\n")
+        cases = _study(name).cases(full)
+        run_study(name, cases, out / name, executor or (lambda: Processes(jobs)), jobs)
+        facts = {**sidecar(name, full), "memory_limits_enforced": LIMITS_MEMORY}
+        (out / name / "sidecar.json").write_text(json.dumps(facts, indent=2) + "\n")
 
 
-def _processes(jobs: int) -> Executor:
-    # A fresh process per worker; Ctrl-C ends workers silently, the parent reports it.
-    return ProcessPoolExecutor(
-        jobs, get_context("spawn"), initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_DFL)
-    )
+def run_study(
+    name: str, cases: list[Case], folder: Path, executor: Callable[[], Executor], jobs: int = 1
+) -> None:
+    """Run the cases that ``folder`` lacks, with a progress bar and at the end a line that counts failures.
 
+    Ordinary cases run on any ``concurrent.futures`` executor; then those with limits in ``jobs`` processes;
+    then the timed ones in a process of their own, one at a time and with nothing beside them.
 
-def run_study(name: str, cases: list[Case], folder: Path, executor: Callable[[], Executor]) -> None:
-    """Run the cases that ``folder`` lacks on any ``concurrent.futures`` executor, with a progress bar."""
+    Raises:
+        RunBroken: as ``run_studies``.
+    """
     (folder / "curves").mkdir(parents=True, exist_ok=True)
     rows = folder / "rows.jsonl"
-    done = _finished(rows)
-    pending = {key: case for case in cases if (key := case.key(fingerprint())) not in done}
+    wanted = {case.key(fingerprint()): case for case in cases}
+    statuses = {key: status for key, status in _finished(rows).items() if key in wanted}
+    pending = {key: case for key, case in wanted.items() if key not in statuses}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
-    progress = Progress(*columns, console=Console(stderr=True))
-    if not pending:
-        progress.console.print(f"{name}: all {len(cases)} cases are there")
-        return
-    with progress, executor() as pool, rows.open("a", encoding="utf-8") as file:
-        bar = progress.add_task(name, total=len(cases), completed=len(cases) - len(pending))
-        futures = {pool.submit(run_case, case): key for key, case in pending.items()}
+    progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
+    with progress, rows.open("a", encoding="utf-8") as file:
+        bar = progress.add_task(name, total=len(wanted), completed=len(statuses))
+
+        def keep(key: str, row: Row, curves: Curves) -> None:
+            if curves:
+                np.savez_compressed(folder / "curves" / f"{key}.npz", **curves)  # type: ignore[arg-type]
+            file.write(json.dumps({"case": key, "fingerprint": fingerprint(), **row}) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+            statuses[key] = str(row["status"])
+            progress.advance(bar)
+
+        for some, make in _phases(pending, executor, jobs):
+            _run(some, make, keep)
+    failures = Counter(status for status in statuses.values() if status != "ok")
+    counts = [f"{len(wanted)} cases", *(f"{n} {status}" for status, n in failures.most_common())]
+    progress.console.print(f"{name}: {', '.join(counts)}", highlight=False)
+
+
+def _phases(
+    cases: dict[str, Case], executor: Callable[[], Executor], jobs: int
+) -> Iterator[tuple[dict[str, Case], Callable[[], Executor]]]:
+    """Split cases into those that may run beside each other, and where."""
+    groups: list[dict[str, Case]] = [{}, {}, {}]
+    for key, case in cases.items():
+        groups[2 if case.timed else 1 if case.limits else 0][key] = case
+    makers = (executor, lambda: Processes(jobs), lambda: Processes(1))
+    return ((group, make) for group, make in zip(groups, makers, strict=True) if group)
+
+
+def _run(
+    cases: dict[str, Case], make: Callable[[], Executor], keep: Callable[[str, Row, Curves], None]
+) -> None:
+    """Run cases and keep each as soon as it is finished; whatever stops that stops those at work."""
+    with make() as pool:
         try:
+            futures = {_submitted(pool, case): key for key, case in cases.items()}
             for future in as_completed(futures):
-                row, curves = future.result()
-                key = futures[future]
-                if curves:
-                    np.savez_compressed(folder / "curves" / f"{key}.npz", **curves)  # type: ignore[arg-type]
-                file.write(json.dumps({"case": key, "fingerprint": fingerprint(), **row}) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-                progress.advance(bar)
-        except BrokenProcessPool:
-            message = f"{name}: a worker process died; finished cases are kept, run again to resume"
-            raise RunBroken(message) from None
+                key = futures.pop(future)
+                try:
+                    row, curves = future.result()
+                except CaseEnded as end:
+                    row, curves = {**cases[key].head(), "status": end.status, "reason": end.reason}, {}
+                keep(key, row, curves)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
 
 
+def _submitted(pool: Executor, case: Case) -> "Future[tuple[Row, Curves]]":
+    if isinstance(pool, Processes):
+        return pool.submit_within(case.limits, run_case, case)
+    return pool.submit(run_case, case)
+
+
 def run_case(case: Case) -> tuple[Row, Curves]:
-    """Run one case; a refusal or failure of the engine becomes a row with ``status`` and ``reason``."""
-    study = cast(Study, import_module(STUDIES[case.study]))
+    """Run one case; what the engine refuses or fails at becomes a row with ``status`` and ``reason``.
+
+    Raises:
+        RunBroken: there is a bug in the study or an engine's model.
+    """
     try:
-        measured, curves = study.measure(case)
+        measured, curves = _study(case.study).measure(case)
     except UnsupportedScene as refusal:
         return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
     except SimulationFailed as failure:
         return {**case.head(), "status": "failed", "reason": str(failure)}, {}
+    except MemoryError as error:
+        limit = f" (limit {case.limits.memory_limit_bytes} bytes)" if case.limits else ""
+        return {**case.head(), "status": OUT_OF_MEMORY, "reason": f"{error or 'no memory left'}{limit}"}, {}
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        bug = f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"
+        raise RunBroken(f"{case.engine} ({case.arm}) on {case.scene.name}: {bug}") from error
     return {**case.head(), "status": "ok", "reason": "", **measured}, curves
 
 
-def _finished(rows: Path) -> set[str]:
-    """Return the keys of the rows made by the present code; others move to ``rows.previous.jsonl``.
+def _study(name: str) -> Study:
+    """Return a study by its name here, or by the import path of its module."""
+    return cast(Study, import_module(STUDIES.get(name, name)))
+
+
+def _finished(rows: Path) -> dict[str, str]:
+    """Return key and status of the rows made by the present code; others move to ``rows.previous.jsonl``.
 
     A last line that a kill cut short is dropped.
     """
     if not rows.exists():
-        return set()
+        return {}
     try:
         text = rows.read_text(encoding="utf-8")
         lines = [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
@@ -110,7 +162,7 @@ def _finished(rows: Path) -> set[str]:
     if len(kept) < len(lines):
         rows.replace(rows.with_name("rows.previous.jsonl"))
     _replace_text(rows, "".join(kept))
-    return {json.loads(line)["case"] for line in kept}
+    return {row["case"]: row["status"] for row in map(json.loads, kept)}
 
 
 def _replace_text(path: Path, text: str) -> None:

@@ -235,8 +235,8 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert crankslider("run").code == 0
     assert crankslider("run", "agreement", "--full", "--jobs", 3, "--out", tmp_path).code == 0
     assert calls == [
-        (list(runner.STUDIES), False, os.cpu_count(), Path("results")),
-        (["agreement"], True, 3, tmp_path),
+        (list(runner.STUDIES), False, os.cpu_count(), Path("results"), None),
+        (["agreement"], True, 3, tmp_path, None),
     ]
 
 

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,10 @@ from engine_models.engine import RunSettings
 from engine_models.scene import Clearance, Clearances
 from engine_models.scene_library import ideal_free
 from studies import agreement
-from studies.case import Case
+from studies.case import Case, Limits
+from studies.execution import RunBroken
 from studies.provenance import fingerprint
-from studies.runner import RunBroken, run_case, run_study
+from studies.runner import run_case, run_study
 
 
 def in_process() -> Executor:
@@ -88,6 +90,20 @@ def test_a_failure_and_a_refusal_are_rows_with_a_reason() -> None:
     assert "clearance" in str(row["reason"])
 
 
+def test_a_row_tells_what_limits_it_had_and_whether_it_was_timed() -> None:
+    assert not {"timed", "time_limit_s", "memory_limit_bytes"} & set(case().head())
+    head = replace(case(), timed=True, limits=Limits(1.5, 10**8)).head()
+    assert (head["timed"], head["time_limit_s"], head["memory_limit_bytes"]) == (True, 1.5, 10**8)
+
+
+def test_the_last_line_counts_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    longer = ideal_free().model_copy(update={"end_time_s": 0.5})
+    few_sweeps = Case("agreement", longer, "pymunk", "arm", RunSettings(1e-3, 4), {"iterations": 2})
+    for _ in range(2):  # run, then found there
+        run_study("agreement", [case(), few_sweeps], tmp_path, in_process)
+        assert capsys.readouterr().err.endswith("agreement: 2 cases, 1 failed\n")
+
+
 def test_a_row_has_its_curves_beside_it_and_its_largest_errors_are_theirs(tmp_path: Path) -> None:
     run_study("agreement", [case()], tmp_path, in_process)
     (row,) = rows(tmp_path)
@@ -99,8 +115,10 @@ def test_a_row_has_its_curves_beside_it_and_its_largest_errors_are_theirs(tmp_pa
 def test_equal_cases_have_equal_keys_and_every_change_another() -> None:
     key: Callable[[Case], str] = lambda c: c.key("code")  # noqa: E731
     assert key(case()) == key(case())
-    others = [case("exudyn"), case(step=2e-3), case(iterations=3)]
-    assert len({key(c) for c in (case(), *others)}) == 4
+    limits = (Limits(1, 10**8), Limits(2, 10**8), Limits(1, 10**9))
+    others = [case("exudyn"), case(step=2e-3), case(iterations=3), replace(case(), timed=True)]
+    others += [replace(case(), limits=limit) for limit in limits]
+    assert len({key(c) for c in (case(), *others)}) == 8
     assert case().key("code") != case().key("other code")
 
 

@@ -1,0 +1,112 @@
+"""Runs that are killed or interrupted, for real: finished cases are kept and no process is left."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.execution_mischief import NAME
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+#: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
+CODE = (
+    f"from studies import runner; runner.STUDIES = {{'{NAME}': '{NAME}'}};"
+    "from studies.command_line import main; main()"
+)
+CASES = 15
+
+
+@contextmanager
+def started(out: Path, **environment: str) -> Iterator["subprocess.Popen[str]"]:
+    """Start a run of the study, which ends here at the latest."""
+    command = [sys.executable, "-c", CODE, "run", "--full", "--jobs", "2", "--out", str(out)]
+    environment = {**os.environ, **environment}
+    with subprocess.Popen(
+        command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as run:
+        try:
+            yield run
+        finally:
+            run.kill()
+
+
+def until(true: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def lines(out: Path) -> list[str]:
+    file = out / NAME / "rows.jsonl"
+    return file.read_text().splitlines(keepends=True) if file.exists() else []
+
+
+def measured(out: Path) -> list[dict[str, Any]]:
+    rows = [json.loads(line) for line in lines(out)]
+    return [{k: v for k, v in row.items() if k not in ("pid", "began", "ended")} for row in rows]
+
+
+def gone(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_path: Path) -> None:
+    killed, alone = tmp_path / "killed", tmp_path / "alone"
+    kept: list[str] = []
+    for n in (1, 6):
+        with started(killed) as run:
+            until(lambda n=n: len(lines(killed)) >= n)  # type: ignore[misc]
+            run.kill()
+        assert [line for line in kept if line.endswith("\n")] == lines(killed)[: len(kept)]
+        kept = [line for line in lines(killed) if line.endswith("\n")]
+        assert len(kept) >= n
+    for out in (killed, alone):
+        with started(out) as run:
+            _, stderr = run.communicate(timeout=60)
+        assert (run.returncode, f"{NAME}: {CASES} cases, 1 crashed\n" in stderr) == (0, True), stderr
+    assert lines(killed)[: len(kept)] == kept, "finished cases are not run again"
+    by_case = itemgetter("case")
+    assert sorted(measured(killed), key=by_case) == sorted(measured(alone), key=by_case)
+    assert [row["samples"] for row in measured(killed)[-2:]] == [99, 100], "timed cases are last, in order"
+
+
+@contextmanager
+def hanging(folder: Path) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
+    """Start a run of two cases that end and two that never will; give it and its workers when it hangs."""
+    files = [folder / f"pid{n}" for n in range(2)]
+    with started(folder, HANG_IN=str(folder)) as run:
+        until(lambda: len(lines(folder)) == 2 and all(file.exists() and file.read_text() for file in files))
+        yield run, [int(file.read_text()) for file in files]
+
+
+def test_ctrl_c_ends_a_run_that_hangs_with_one_word_and_keeps_what_was_finished(tmp_path: Path) -> None:
+    with hanging(tmp_path) as (run, workers):
+        os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to the workers too
+        _, stderr = run.communicate(timeout=30)
+    assert run.returncode == 130
+    assert stderr.endswith("error: interrupted\n")
+    assert "Traceback" not in stderr
+    assert all(gone(pid) for pid in workers)
+    assert [row["status"] for row in measured(tmp_path)] == ["ok", "ok"]
+
+
+def test_workers_that_hang_in_native_code_do_not_survive_their_parent(tmp_path: Path) -> None:
+    with hanging(tmp_path) as (run, workers):
+        assert not any(gone(pid) for pid in workers)
+        run.kill()
+        until(lambda: all(gone(pid) for pid in workers))
+    assert [row["status"] for row in measured(tmp_path)] == ["ok", "ok"]
