@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
@@ -64,7 +65,8 @@ class ReferenceEngine:
         """
         self.check(scene)
         try:
-            return require_finite(self._run(scene, settings))
+            with np.errstate(all="ignore"):  # require_finite is the judge
+                return require_finite(self._run(scene, settings))
         except SolverError as error:
             raise SimulationFailed(str(error)) from error
 

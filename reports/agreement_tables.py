@@ -18,7 +18,7 @@ def orders(runs: Sequence[Run], scene: str, quantity: Quantity) -> dict[tuple[st
     floor = quantity.floor(runs, scene)
     out = {}
     for name in ordered(run.name for run in runs):
-        points = [(r.step_s, quantity.value(r)) for r in runs if (r.scene, r.name) == (scene, name)]
+        points = [(r.mean_step_s, quantity.value(r)) for r in runs if (r.scene, r.name) == (scene, name)]
         seen = [(h, e) for h, e in points if e is not None]
         if seen:
             out[name] = observed_order([h for h, _ in seen], [e for _, e in seen], floor)
@@ -72,7 +72,7 @@ def conservation_table(
     return Table("agreement-conservation", "Energy and constraints at one step", reading, head, tuple(rows))
 
 
-def settings_table(runs: Sequence[Run]) -> Table:
+def settings_table(runs: Sequence[Run], study: str = "agreement") -> Table:
     """Return what each arm sets; what it does not is the default of the engine's model here."""
     rows = []
     for name in ordered(run.name for run in runs):
@@ -82,9 +82,8 @@ def settings_table(runs: Sequence[Run]) -> Table:
     reading = (
         "What is not set has the default of the engine's model here, which is meant as its best practice."
     )
-    return Table(
-        "agreement-settings", "Engines and arms", reading, ("engine", "arm", "settings"), tuple(rows)
-    )
+    head = ("engine", "arm", "settings")
+    return Table(f"{study}-settings", "Engines and arms", reading, head, tuple(rows))
 
 
 def smallest_table(runs: Sequence[Run]) -> Table:
@@ -120,7 +119,7 @@ def sweep_table(runs: Sequence[Run], setting: str, quantities: Sequence[Quantity
     return Table(f"agreement-{setting}", f"Errors against {setting}", reading, head, tuple(rows))
 
 
-def failures_table(runs: Sequence[Run]) -> Table | None:
+def failures_table(runs: Sequence[Run], study: str = "agreement") -> Table | None:
     """Return the runs that did not finish, with the reason; None if all did."""
     failed = [run for run in runs if not run.ok]
     if not failed:
@@ -130,7 +129,7 @@ def failures_table(runs: Sequence[Run]) -> Table | None:
     rows = tuple((r.scene, *r.name, number(r.step_s), r.status, r.reason) for r in failed)
     head = (*CASE, "step [s]", "status", "reason")
     reading = "The reason is the engine's own message."
-    return Table("agreement-failures", "Runs that did not finish", reading, head, rows)
+    return Table(f"{study}-failures", "Runs that did not finish", reading, head, rows)
 
 
 def _at_step(run: Run) -> tuple[str, ...]:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from reports.results import Run
 
-_JOINT_FORCE = re.compile(r"joint_\w_force_error_N")
-
 
 @dataclass(frozen=True)
 class Quantity:
@@ -58,5 +56,9 @@ def signal_errors(runs: Iterable[Run]) -> list[Quantity]:
 
 def largest_joint_force_error(runs: Iterable[Run]) -> Quantity:
     """Return the largest force error of all joints."""
-    columns = [q.name for q in signal_errors(runs) if _JOINT_FORCE.fullmatch(q.name)]
-    return Quantity("largest_joint_force_error_N", tuple(columns))
+    return largest("largest_joint_force_error_N", runs, r"joint_\w_force_error_N")
+
+
+def largest(name: str, runs: Iterable[Run], pattern: str) -> Quantity:
+    """Return the largest of the signal errors whose columns match a pattern."""
+    return Quantity(name, tuple(q.name for q in signal_errors(runs) if re.fullmatch(pattern, q.name)))

@@ -57,6 +57,11 @@ class Run:
         return self.status == "ok"
 
     @property
+    def mean_step_s(self) -> float:
+        """The mean step where the engine chooses its own, else the step."""
+        return self.values.get("mean_step_s", self.step_s)
+
+    @property
     def name(self) -> tuple[str, str]:
         """Engine and arm."""
         return self.engine, self.arm

@@ -38,7 +38,7 @@ def against_step(runs: Sequence[Run], panels: Sequence[Panel], orders: Sequence[
         ax.set_xlabel(label("step_s"))
         ax.set_ylabel(label(quantity.name))
         for name in names:
-            points = [(r.step_s, quantity.value(r)) for r in here if r.name == name]
+            points = sorted((r.mean_step_s, quantity.value(r)) for r in here if r.name == name and r.ok)
             shown = [(h, e) for h, e in points if e is not None and e > 0]
             if shown:
                 ax.loglog(*zip(*shown, strict=True), **line_style(name, names))
@@ -88,7 +88,10 @@ def engine_legend(drawing: Drawing, names: Sequence[Name], failures: bool) -> No
     if failures:
         handles.append(failed_entry())
         columns += 1
-    drawing.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=3.2)
+    narrow = (
+        {"fontsize": 7, "handlelength": 2.4, "columnspacing": 1.2} if columns > 4 else {"handlelength": 3.2}
+    )
+    drawing.legend(handles=handles, loc="outside lower center", ncols=columns, **narrow)
 
 
 def _finish(ax: Axes, uncertainty: float, orders: Sequence[int]) -> None:

@@ -58,8 +58,8 @@ def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
 def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
     """Yield the compared signals by column name: ``slider_position_m`` (n,) and so on.
 
-    Joint forces are vectors, (n, 2). The driver torque is compared only where it is a reaction: under a
-    constant-speed drive.
+    Joint forces, and the pins' places in their bearings, are vectors, (n, 2). The driver torque is compared
+    only where it is a reaction: under a constant-speed drive.
     """
     if scene.is_crank_slider:
         yield "slider_position_m", trajectory.slider_position_m
@@ -73,6 +73,10 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
         yield "guide_normal_force_N", trajectory.guide_normal_force_N
     if scene.drive.kind == "constant-speed" and trajectory.driver_torque_N_m is not None:
         yield "driver_torque_N_m", trajectory.driver_torque_N_m
+    for joint, contact in trajectory.contacts.items():
+        yield f"clearance_{joint}_m", contact.gap_m
+        yield f"contact_{joint}_normal_force_N", contact.normal_force_N
+        yield f"contact_{joint}_normal_impulse_N_s", contact.normal_impulse_N_s
 
 
 def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
@@ -104,7 +108,7 @@ def uncertainties(scene: Scene, truth: Trajectory, twins: list[Trajectory]) -> d
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 
 #: Units at the end of column names, longest first.
-UNITS = ("rad_s", "m_s", "N_m", "rad", "m", "N", "J", "s")
+UNITS = ("rad_s", "m_s", "N_m", "N_s", "rad", "m", "N", "J", "s")
 
 
 def with_suffix(column: str, word: str) -> str:

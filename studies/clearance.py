@@ -1,0 +1,133 @@
+"""Clearance: every engine on every scene with clearance, against the converged solution of its own law."""
+
+import numpy as np
+
+from engine_models.engine import FloatArray, RunSettings, Trajectory
+from engine_models.engines import make_engine
+from engine_models.samples import selected
+from engine_models.scene import Scene
+from engine_models.scene_library import CLEARANCE_SCENES, RIGID_SCENES
+from studies.case import Case, Curves, Row
+from studies.converged import converged, reach
+from studies.impact_matching import impact_errors
+from studies.ladders import Rung, clearance_ladder
+from studies.local_error import local_errors
+from studies.metrics import (
+    constraint_violation_m,
+    energy_balance_residual_J,
+    errors,
+    kinetic_energy_J,
+    uncertainties,
+    with_suffix,
+)
+
+#: How far each scene is followed in s: through some ten impacts at least, and within the reach of the
+#: converged solution. Scenes that settle to continuous contact are followed for two revolutions.
+END_S = {
+    "clearance-driven-0.5mm": 0.006,
+    "clearance-driven-0.1mm": 0.006,
+    "clearance-driven-0.02mm": 0.012,
+    "clearance-driven-damped": 0.024,
+    "clearance-driven-A": 0.006,
+    "clearance-driven-AB": 0.004,
+    "clearance-free-0.5mm": 0.05,
+    "clearance-free-OAB": 0.02,
+    "clearance-pendulum": 0.08,
+    "rigid-driven-0.5mm": 0.004,
+    "rigid-driven-damped": 0.006,
+    "rigid-free-0.5mm": 0.05,
+    "rigid-pendulum": 0.07,
+}
+#: The scenes of the quick set; the full set has all.
+QUICK = (
+    "clearance-driven-0.5mm",
+    "clearance-driven-0.02mm",
+    "clearance-driven-AB",
+    "clearance-free-0.5mm",
+    "rigid-free-0.5mm",
+)
+SAMPLES = 120
+
+
+def scenes(full: bool) -> list[Scene]:
+    """Return the scenes, cut to the time for which they are followed."""
+    library = {**CLEARANCE_SCENES, **RIGID_SCENES}
+    names = END_S if full else QUICK
+    return [library[name]().model_copy(update={"end_time_s": END_S[name]}) for name in names]
+
+
+def cases(full: bool) -> list[Case]:
+    """Return a ladder of every engine's own best settings for every scene."""
+    return [case(scene, rung) for scene in scenes(full) for rung in clearance_ladder(scene, full, fast=False)]
+
+
+def case(scene: Scene, rung: Rung) -> Case:
+    """Return the recorded run of a rung of a ladder."""
+    run = RunSettings(rung.step_s, SAMPLES)
+    return Case("clearance", scene, rung.engine, rung.arm, run, dict(rung.settings))
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Return a run's errors against its own law's solution, and that law's distance from the scene's.
+
+    Errors are the largest until the twins of the converged solution part, ``compared_until_s``.
+    """
+    engine = make_engine(case.engine, **case.settings)
+    own = engine.twin(case.scene)
+    truth, twins = converged(own, case.run.samples)
+    run = engine.simulate(case.scene, case.run)
+    until = reach(truth, twins)
+    first = slice(None, until)
+    end = float(truth.time_s[until - 1])
+    row: Row = {"steps": run.steps, "mean_step_s": case.scene.end_time_s / run.steps, "compared_until_s": end}
+    curves = errors(own, selected(run, first), selected(truth, first))
+    row |= {name: float(curve.max()) for name, curve in curves.items()}
+    row |= uncertainties(own, selected(truth, first), [selected(twin, first) for twin in twins])
+    if own != case.scene:
+        row |= _model_differences(case, own)
+    row |= _impacts(run, truth, twins, end)
+    row |= local_errors(engine, case.scene, truth, case.run, until)
+    curves["energy_balance_residual_J"] = energy_balance_residual_J(case.scene, run)
+    curves["constraint_violation_m"] = constraint_violation_m(case.scene, run)
+    row |= _ledger(case.scene, run, curves)
+    curves["time_s"] = run.time_s
+    return row, curves
+
+
+def _model_differences(case: Case, own: Scene) -> Row:
+    """Return how far the converged solution of the engine's own law is from that of the scene's."""
+    (truth, twins), (other, others) = (converged(s, case.run.samples) for s in (case.scene, own))
+    both = slice(None, min(reach(truth, twins), reach(other, others)))
+    found = errors(own, selected(other, both), selected(truth, both))
+    return {
+        name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in found.items()
+    }
+
+
+def _impacts(run: Trajectory, truth: Trajectory, twins: tuple[Trajectory, ...], end_s: float) -> Row:
+    """Return what all joints' impacts miss: counts summed, the largest errors; and the truth's doubt."""
+    row: Row = {}
+    for joint, contact in run.contacts.items():
+        found = impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
+        for name, value in found.items():
+            so_far = row.get(name, 0)
+            assert isinstance(value, (int, float))
+            assert isinstance(so_far, (int, float))
+            row[name] = value + so_far if name.startswith("impacts_") else max(value, so_far)
+    doubts = [
+        impact_errors(twin.contacts[joint].impacts, contact.impacts, end_s).get("impact_time_error_s", 0.0)
+        for twin in twins
+        for joint, contact in truth.contacts.items()
+    ]
+    row[with_suffix("impact_time_s", "uncertainty")] = max(float(d) for d in doubts if isinstance(d, float))
+    return row
+
+
+def _ledger(scene: Scene, run: Trajectory, curves: dict[str, FloatArray]) -> Row:
+    assert run.dissipated_energy_J is not None
+    return {
+        "energy_balance_residual_J": float(np.abs(curves["energy_balance_residual_J"]).max()),
+        "constraint_violation_m": float(curves["constraint_violation_m"].max()),
+        "largest_kinetic_energy_J": float(kinetic_energy_J(scene, run).max()),
+        "dissipated_energy_J": float(run.dissipated_energy_J[-1]),
+    }

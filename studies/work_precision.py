@@ -1,0 +1,105 @@
+"""Work-precision: the error of every engine against its run time and its steps, at a ladder of its settings.
+
+Errors come from recorded runs, which may share the machine; times from bare repeats that run alone, in
+rounds over all engines, so that what slows the machine for a while slows them all.
+"""
+
+import time
+
+import numpy as np
+
+from engine_models.engine import RunSettings
+from engine_models.engines import make_engine
+from engine_models.samples import selected
+from engine_models.scene import Scene
+from engine_models.scene_library import IDEAL_SCENES
+from studies import clearance
+from studies.case import Case, Curves, Row, Value
+from studies.converged import converged, reach
+from studies.ladders import Rung, clearance_ladder, ideal_ladder
+from studies.metrics import errors, uncertainties
+
+#: Few, since no step is longer than the time between two samples.
+SAMPLES = 24
+#: Rounds of timed runs over all engines, quick and full.
+ROUNDS, FULL_ROUNDS = 3, 9
+#: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
+REPEAT_S, REPEATS = 0.03, 100
+#: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows.
+QUICK_IDEAL, QUICK_CLEARANCE = (
+    ("ideal-free", "ideal-driven"),
+    ("clearance-free-0.5mm", "clearance-driven-0.5mm"),
+)
+
+
+def scenes(full: bool) -> list[Scene]:
+    """Return the scenes, those with clearance cut to the time for which they are followed."""
+    ideal = IDEAL_SCENES if full else QUICK_IDEAL
+    loose = clearance.scenes(full)
+    return [IDEAL_SCENES[name]() for name in ideal] + [s for s in loose if full or s.name in QUICK_CLEARANCE]
+
+
+def cases(full: bool) -> list[Case]:
+    """Return the recorded run of every rung, then rounds of bare runs of all."""
+    rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
+    recorded = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
+    rounds = FULL_ROUNDS if full else ROUNDS
+    return recorded + [_case(scene, rung, 1, k) for k in range(rounds) for scene, rung in rungs]
+
+
+def ladder(scene: Scene, full: bool) -> list[Rung]:
+    """Return all engines' ladders for a scene."""
+    return clearance_ladder(scene, full) if scene.joints_with_clearance else ideal_ladder(scene, full)
+
+
+def _case(scene: Scene, rung: Rung, samples: int, timed_round: int | None = None) -> Case:
+    kind: dict[str, Value] = {} if timed_round is None else {"round": timed_round}
+    step = RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s)
+    run = RunSettings(step, samples)
+    return Case(
+        "work-precision",
+        scene,
+        rung.engine,
+        rung.arm,
+        run,
+        dict(rung.settings),
+        timed=timed_round is not None,
+        columns=kind,
+    )
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Return the largest error of every signal of a recorded run, or the run times of a bare one."""
+    return (_times(case) if case.timed else _errors(case)), {}
+
+
+def _errors(case: Case) -> Row:
+    engine = make_engine(case.engine, **case.settings)
+    own = engine.twin(case.scene)
+    run = engine.simulate(case.scene, case.run)
+    truth, twins = converged(own, case.run.samples)
+    first = slice(None, reach(truth, twins))
+    judged = selected(truth, first)
+    row: Row = {"steps": run.steps, "compared_until_s": float(judged.time_s[-1])}
+    row |= {name: float(curve.max()) for name, curve in errors(own, selected(run, first), judged).items()}
+    return row | uncertainties(own, judged, [selected(twin, first) for twin in twins])
+
+
+def _times(case: Case) -> Row:
+    """Return the native solve's median and least time over repeats, and what building took besides."""
+    engine = make_engine(case.engine, **case.settings)
+    solves: list[float] = []
+    builds: list[float] = []
+    began = time.perf_counter()
+    while not solves or (time.perf_counter() - began < REPEAT_S and len(solves) < REPEATS):
+        start = time.perf_counter()
+        solves.append(engine.simulate(case.scene, case.run).solve_time_s)
+        builds.append(time.perf_counter() - start - solves[-1])
+    if len(solves) > 1:  # the first run of a process loads kernels and fills caches
+        solves, builds = solves[1:], builds[1:]
+    return {
+        "solve_time_s": float(np.median(solves)),
+        "least_solve_time_s": min(solves),
+        "build_time_s": float(np.median(builds)),
+        "repeats": len(solves),
+    }
