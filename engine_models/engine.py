@@ -163,6 +163,10 @@ class Engine(Protocol):
         """
         ...
 
+    def sharper(self) -> "Engine":
+        """Return the engine to take with half the step: its own tolerance, if it has one, a tenth."""
+        ...
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
         ...

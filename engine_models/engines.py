@@ -9,6 +9,7 @@ _CLASSES = {
     "reference": ("engine_models.reference_engine", "ReferenceEngine"),
     "exudyn": ("engine_models.exudyn_engine", "ExudynEngine"),
     "pymunk": ("engine_models.pymunk_engine", "PymunkEngine"),
+    "scipy": ("engine_models.scipy_engine", "ScipyEngine"),
 }
 
 ENGINES = tuple(_CLASSES)

@@ -1,172 +1,171 @@
-"""Exudyn's implicit solvers on the crank-slider: settings, the run, and the reading of its sensors."""
+"""Exudyn on the crank-slider: settings, what they can and cannot express, and the choice of model."""
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Annotated, Literal
+from __future__ import annotations
 
-import exudyn as exu
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Literal
+
 import numpy as np
 import pydantic
 from pydantic import Field
-from scipy.integrate import cumulative_trapezoid
 
 from engine_models.engine import (
-    BODIES,
-    JOINTS,
     SETTINGS_CONFIG,
-    FloatArray,
     RunSettings,
-    SimulationFailed,
     Trajectory,
+    UnsupportedScene,
     require_finite,
-    require_ideal,
 )
-from engine_models.exudyn_model import Model, build_model
+from engine_models.exudyn_build import load_build, require_build
+from engine_models.exudyn_laws import native_twin
 from engine_models.scene import Scene
 
-#: A recorded time may differ from its place on the grid by rounding, never by this part of an interval.
-TIME_TOLERANCE = 1e-6
+if TYPE_CHECKING:  # its build is chosen when an engine runs
+    import exudyn as exu
+
+    from engine_models.exudyn_model import Model
+
+IMPLICIT, ADAPTIVE = ("TrapezoidalIndex2", "GeneralizedAlpha"), ("DOPRI5", "ODE23")
 
 
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Keep Exudyn off the terminal: it prints its failures even at verbosity 0."""
-    before = exu.config.printToConsole, exu.config.suppressWarnings
-    exu.config.printToConsole, exu.config.suppressWarnings = False, True
-    try:
-        yield
-    finally:
-        exu.config.printToConsole, exu.config.suppressWarnings = before
+#: The smallest tolerance that ``sharper`` goes to.
+SHARPEST = 1e-14
 
 
 @pydantic.dataclasses.dataclass(frozen=True, config=SETTINGS_CONFIG)
 class ExudynEngine:
-    """Exudyn's implicit solvers at a fixed step.
+    """Settings of Exudyn's solvers; the defaults are its best practice.
+
+    ``solver = auto`` is the implicit trapezoidal rule for ideal joints and DOPRI5 for joints with clearance,
+    wherever its model can be built. Implicit solvers run the absolute model: every ideal joint is a
+    constraint. Explicit ones run the tree model, which has no constraint, and only scenes with clearance.
+    DOPRI5 and ODE23 choose their steps, up to the run's, for a local error of ``tolerance`` in m, rad, m/s
+    and rad/s; the others take the run's step. With ``locate_events`` steps are shortened to end on touch and
+    release, and grow again; without it they are as they come.
 
     ``spectral_radius`` (at infinite frequency) matters to the generalized-alpha method alone: 1 would keep
     the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps. Newton's
     method ends when its increment, in m and rad, is below ``newton_tolerance``: residuals are forces, and no
     bound on those fits both a light mechanism and a heavy one. ``modified_newton`` factorises one Jacobian
     a step, not one an iteration.
+
+    ``fast`` takes Exudyn's build without range checks. A process has the build of its first run.
+    A run that takes longer than ``timeout_s`` has failed.
     """
 
-    solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "TrapezoidalIndex2"
+    solver: Literal[
+        "auto",
+        "TrapezoidalIndex2",
+        "GeneralizedAlpha",
+        "DOPRI5",
+        "ODE23",
+        "RK67",
+        "RK44",
+        "RK33",
+        "ExplicitMidpoint",
+    ] = "auto"
+    tolerance: Annotated[float, Field(gt=0, le=1e-3)] = 1e-10
+    locate_events: bool = True
     spectral_radius: Annotated[float, Field(ge=0, lt=1)] = 0.5
     newton_tolerance: Annotated[float, Field(gt=0, le=1e-6)] = 1e-12
     modified_newton: bool = True
+    fast: bool = False
+    timeout_s: Annotated[float, Field(gt=0)] = 120.0
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene if a joint has clearance."""
-        require_ideal(scene, "exudyn")
+        """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
+        native_twin(scene)
+        if self._solver(scene) not in IMPLICIT:
+            reason = _no_tree(scene)
+            if reason:
+                raise UnsupportedScene(f"exudyn's solver {self.solver} cannot run this scene: {reason}")
+        require_build(self.fast)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        """Run an ideal scene.
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene with the contacts as Exudyn has them: they may pull, friction saturates linearly.
 
-        Raises:
-            UnsupportedScene: a joint has clearance.
-            SimulationFailed: Exudyn gave up, stopped short or returned non-finite numbers.
+        A friction law that is a hyperbolic tangent becomes linear up to the same speed.
         """
         self.check(scene)
-        with _silence(), np.errstate(over="ignore", invalid="ignore"):  # require_finite is the judge
-            model = build_model(scene)
-            solve_time = _solve(model, self._simulation_settings(scene, settings))
-            return require_finite(_trajectory(model, scene, settings, solve_time))
+        return native_twin(scene)
+
+    def sharper(self) -> ExudynEngine:
+        """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""
+        return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
+
+    def bare_solve_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return the wall time of the solve with nothing recorded but its ends.
+
+        Raises:
+            UnsupportedScene, SimulationFailed: as ``simulate`` does.
+        """
+        self.check(scene)
+        load_build(self.fast)
+        from engine_models.exudyn_solver import silence, solve
+
+        with silence(), np.errstate(all="ignore"):
+            model, chosen = self._model(scene), self._simulation_settings(scene, settings)
+            chosen.solution.sensors.writePeriod = scene.end_time_s
+            return solve(model, chosen, self.timeout_s)
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        """Run a scene.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+            SimulationFailed: Exudyn gave up, stopped short, ran out of time or returned non-finite numbers.
+        """
+        self.check(scene)
+        load_build(self.fast)
+        from engine_models.exudyn_runs import clearance_run, ideal_run
+        from engine_models.exudyn_solver import silence
+
+        with silence(), np.errstate(all="ignore"):  # require_finite is the judge
+            model = self._model(scene)
+            run = clearance_run if scene.joints_with_clearance else ideal_run
+            return require_finite(
+                run(scene, settings, model, self._simulation_settings(scene, settings), self.timeout_s)
+            )
+
+    def _model(self, scene: Scene) -> Model:
+        from engine_models.exudyn_model import build_model, build_tree_model
+
+        return build_model(scene) if self._solver(scene) in IMPLICIT else build_tree_model(scene)
+
+    def _solver(self, scene: Scene) -> str:
+        if self.solver != "auto":
+            return self.solver
+        return "TrapezoidalIndex2" if _no_tree(scene) else "DOPRI5"
 
     def _simulation_settings(self, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
-        step = run.step_used_s(scene.end_time_s)
-        settings = exu.SimulationSettings()
-        settings.solution.file.write = False
-        settings.solution.sensors.writePeriod = step * _steps_per_record(scene, run)
-        settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
-        settings.parallel.numberOfThreads = 1
-        integration = settings.timeIntegration
-        integration.solverType = getattr(exu.DynamicSolverType, self.solver)
-        integration.startTime, integration.endTime = 0.0, scene.end_time_s
-        integration.numberOfSteps = run.samples * run.steps_per_sample(scene.end_time_s)
-        integration.adaptiveStep = False
-        integration.generalizedAlpha.spectralRadius = self.spectral_radius
-        integration.generalizedAlpha.computeInitialAccelerations = True
-        newton = integration.newton
-        newton.useModifiedNewton = self.modified_newton
-        newton.modifiedNewtonJacUpdatePerStep = True
-        newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
-        newton.relativeTolerance = newton.absoluteTolerance = self.newton_tolerance
-        newton.maxIterations = 25
-        # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
-        # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
-        newton.numericalDifferentiation.relativeEpsilon = 1e-8
-        newton.numericalDifferentiation.minimumCoordinateSize = 1.0
+        from engine_models.exudyn_runs import record_every
+        from engine_models.exudyn_solver import (
+            set_adaptive,
+            set_events,
+            set_explicit,
+            set_implicit,
+            simulation_settings,
+        )
+
+        solver, steps = self._solver(scene), run.samples * run.steps_per_sample(scene.end_time_s)
+        kind: Literal["implicit", "explicit"] = "implicit" if solver in IMPLICIT else "explicit"
+        every = 0 if scene.joints_with_clearance else record_every(scene, run)
+        settings = simulation_settings(scene, solver, steps, every)
+        if scene.joints_with_clearance:
+            set_events(settings, scene, kind, self.locate_events)
+        if solver in IMPLICIT:
+            set_implicit(settings, self.spectral_radius, self.newton_tolerance, self.modified_newton)
+        else:
+            set_explicit(settings)
+        if solver in ADAPTIVE:
+            set_adaptive(settings, self.tolerance)
         return settings
 
 
-def _steps_per_record(scene: Scene, run: RunSettings) -> int:
-    """Return 1 where the driver's work has to be integrated over every step, else samples are enough."""
-    return 1 if scene.drive.kind == "constant-speed" else run.steps_per_sample(scene.end_time_s)
-
-
-def _solve(model: Model, settings: exu.SimulationSettings) -> float:
-    """Run the solver; return its wall time in s."""
-    began = time.perf_counter()
-    try:
-        succeeded, reason = model.mbs.SolveDynamic(settings), "no reason given"
-    except exu.ExudynError as error:
-        succeeded, reason = False, model.mbs.sys["dynamicSolver"].GetErrorString() or str(error)
-    solve_time = time.perf_counter() - began
-    if not succeeded:
-        when = model.mbs.sys["dynamicSolver"].it.currentTime
-        raise SimulationFailed(f"Exudyn failed at t = {when:.6g} s: {' '.join(reason.split())}")
-    return solve_time
-
-
-def _read(model: Model, sensor: int, grid_s: FloatArray) -> FloatArray:
-    """Return what a sensor recorded at the grid's times, (n, components); one missing is a failed run."""
-    record = np.asarray(model.mbs.GetSensorStoredData(sensor), dtype=np.float64)
-    tolerance = TIME_TOLERANCE * (grid_s[1] - grid_s[0])
-    common = min(len(record), len(grid_s))
-    right = np.abs(record[:common, 0] - grid_s[:common]) <= tolerance
-    if not right.all() or len(record) != len(grid_s):
-        missed = common if right.all() else int(np.argmin(right))
-        when = grid_s[min(missed, len(grid_s) - 1)]
-        raise SimulationFailed(f"Exudyn recorded nothing at t = {when:.6g} s")
-    return record[:, 1:]
-
-
-def _trajectory(model: Model, scene: Scene, run: RunSettings, solve_time_s: float) -> Trajectory:
-    per_sample, step = run.steps_per_sample(scene.end_time_s), run.step_used_s(scene.end_time_s)
-    per_record = _steps_per_record(scene, run)
-    grid = np.linspace(0.0, scene.end_time_s, run.samples * per_sample // per_record + 1)
-    samples = slice(None, None, per_sample // per_record)
-    coordinates, speeds, forces = (
-        [_read(model, sensor, grid) for sensor in sensors]
-        for sensors in (model.coordinates, model.speeds, model.joint_forces)
-    )
-    position, velocity = np.zeros((2, run.samples + 1, len(BODIES), 3))
-    for body, (at, rate) in enumerate(zip(coordinates, speeds, strict=True)):  # the slider has x alone
-        position[:, body, : at.shape[1]] = at[samples]
-        velocity[:, body, : rate.shape[1]] = rate[samples]
-    position += model.reference
-    position[:, 0, 2] += scene.start.crank_angle_rad - model.reference[0, 2]  # whole turns
-    joint_force = np.stack([force[samples, :2] for force in forces], axis=1)
-    torque: FloatArray | None = None
-    work: FloatArray | None = None
-    if scene.drive.kind == "torque":
-        torque = np.full(run.samples + 1, scene.drive.torque_N_m)
-        work = scene.drive.torque_N_m * (position[:, 0, 2] - position[0, 0, 2])
-    elif model.driver is not None:
-        torque = -_read(model, model.driver, grid)[:, 0]
-        work = cumulative_trapezoid(torque * speeds[0][:, 2], dx=step, initial=0.0)[samples]
-        torque = torque[samples]
-    return Trajectory(
-        time_s=grid[samples],
-        position=position,
-        velocity=velocity,
-        joint_force_N=joint_force,
-        # The slider does not accelerate along y: N + F_B,y - m g = 0.
-        guide_normal_force_N=scene.slider.mass_kg * scene.gravity_m_s2 - joint_force[:, JOINTS.index("B"), 1],
-        driver_torque_N_m=torque,
-        driver_work_J=work,
-        step_s=step,
-        steps=run.samples * per_sample,
-        solve_time_s=solve_time_s,
-    )
+def _no_tree(scene: Scene) -> str:
+    """Return why the scene has no model without constraints, nothing if it has one."""
+    if not scene.joints_with_clearance:
+        return "explicit solvers take no constraints, and ideal joints alone form a closed loop"
+    if scene.drive.kind == "constant-speed" and scene.joints_with_clearance == ("O",):
+        return "with clearance at O alone no coordinate is the crank's angle, whose speed is prescribed"
+    return ""

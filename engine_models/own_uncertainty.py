@@ -21,7 +21,7 @@ def simulate_with_uncertainty(
     """
     coarse = engine.simulate(scene, settings)
     half = RunSettings(settings.step_used_s(scene.end_time_s) / 2, settings.samples)
-    fine = engine.simulate(scene, half)
+    fine = engine.sharper().simulate(scene, half)
     before = _arrays(coarse)
     return fine, {name: np.abs(value - before[name]) for name, value in _arrays(fine).items()}
 

@@ -101,6 +101,10 @@ class PymunkEngine:
         """
         return rigid_twin(scene) if self.contact == "rigid" else scene
 
+    def sharper(self) -> "PymunkEngine":
+        """Return the engine itself: the step alone decides."""
+        return self
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with fixed steps.
 

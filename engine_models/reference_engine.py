@@ -56,6 +56,10 @@ class ReferenceEngine:
         self.check(scene)
         return scene
 
+    def sharper(self) -> "ReferenceEngine":
+        """Return the engine itself: the step alone decides."""
+        return self
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with classical RK4.
 

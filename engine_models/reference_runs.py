@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine_models.assembly import assembled
+from engine_models.assembly import start_state
 from engine_models.contact_stiffness import elastic_energy_J
 from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, RunSettings, Trajectory
 from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # it brings Numba
 
 
 def _start(scene: Scene) -> tuple[FloatArray, FloatArray]:
-    q, v = assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+    q, v = start_state(scene)
     return q.ravel(), v.ravel()
 
 
@@ -39,15 +39,22 @@ def ideal_run(
         stepper, q.copy(), v, end_time_s=end, samples=settings.samples, steps_per_sample=per_sample
     )
     solve_time = time.perf_counter() - started
-    return _trajectory(scene, solution, {}, step, settings.samples * per_sample, solve_time)
+    steps, stabilised = settings.samples * per_sample, stabilisation != "none"
+    return _trajectory(scene, solution, {}, step, steps, solve_time, stabilised)
 
 
 def compliant_run(
     scene: Scene, settings: RunSettings, rates: StepChoice, stabilisation: Stabilisation
 ) -> Trajectory:
-    """Run a scene with compliant clearance at the two rates."""
+    """Run a scene with compliant clearance at the two rates.
+
+    Samples denser than the steps asked for do not shorten them: they are interpolated (see
+    ``record_contacts``).
+    """
     from reference_solver.contact_stepper import ContactStepper, record_contacts  # brings Numba
 
+    if rates.locate_events and settings.steps_per_sample(scene.end_time_s) == 1:
+        rates = rates.at(settings.step_s)
     q, v = _start(scene)
     stepper = ContactStepper(mechanism_of(scene), q, rates, stabilisation)
     started = time.perf_counter()
@@ -57,7 +64,8 @@ def compliant_run(
         name: _contact(getattr(scene.clearance, name), run, k)
         for k, name in enumerate(scene.joints_with_clearance)
     }
-    trajectory = _trajectory(scene, run.motion, contacts, rates.longest_s, run.steps, solve_time)
+    step, stabilised = rates.longest_s, stabilisation != "none"
+    trajectory = _trajectory(scene, run.motion, contacts, step, run.steps, solve_time, stabilised)
     for name, states in zip(scene.joints_with_clearance, run.contacts, strict=True):
         force = np.array([state.force_on_pin_N for state in states])
         trajectory.joint_force_N[:, JOINTS.index(name)] = force
@@ -90,12 +98,12 @@ def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
         name: Contact(
             gap_m=gap[:, k],
             penetration_m=distance[:, k] - joint.radial_clearance_m,
-            normal_force_N=np.hypot(*run.joint_force_N[:, k].T),
-            friction_force_N=None,
+            normal_force_N=run.normal_force_N[:, k],
+            friction_force_N=None if joint.friction is None else run.friction_force_N[:, k],
             elastic_energy_J=np.zeros(len(gap)),
-            normal_impulse_N_s=np.zeros(len(gap)),
-            normal_loss_J=run.impact_loss_J + run.closing_loss_J if k == 0 else np.zeros(len(gap)),
-            friction_loss_J=None,
+            normal_impulse_N_s=run.normal_impulse_N_s[:, k],
+            normal_loss_J=run.impact_loss_J[:, k] + run.closing_loss_J[:, k],
+            friction_loss_J=None if joint.friction is None else run.friction_loss_J[:, k],
             clipped_loss_J=None,
             impacts=_rigid_impacts(run.impacts, k),
         )
@@ -144,6 +152,7 @@ def _trajectory(
     step: float,
     steps: int,
     solve_time: float,
+    stabilised: bool = True,
 ) -> Trajectory:
     """Sort the solver's rows by joint; the force of a joint with clearance is left at zero."""
     mechanism, multipliers = mechanism_of(scene), solution.multipliers
@@ -173,4 +182,5 @@ def _trajectory(
         steps=steps,
         solve_time_s=solve_time,
         contacts=contacts,
+        stabilisation_loss_J=solution.stabilisation_loss_J if stabilised else None,
     )

@@ -12,7 +12,7 @@ Record = TypeVar("Record", Trajectory, Contact)
 
 
 def selected(record: Record, which: slice) -> Record:
-    """Return a trajectory, or a contact within it, with the samples that a slice selects; impacts all stay."""
+    """Return a trajectory, or a contact within it, with the samples of a slice; impacts all stay."""
     kept: dict[str, Any] = {}
     for name, value in vars(record).items():
         if isinstance(value, np.ndarray):

@@ -11,10 +11,10 @@ import numpy as np
 import pydantic
 import pytest
 
-from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn_engine import ExudynEngine
 from engine_models.exudyn_model import build_model
-from engine_models.scene import Clearance, Clearances, Scene, TorqueDrive
+from engine_models.scene import Scene, TorqueDrive
 from engine_models.scene_library import ideal_driven, ideal_free, ideal_torque
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, errors
 from studies.truth import exact
@@ -239,7 +239,7 @@ def test_a_model_holds_what_its_scene_needs_and_nothing_else() -> None:
     weightless = {"gravity_m_s2": 0.0}
     assert contents(ideal_free()) == (IDEAL, WEIGHTS, 9)
     assert contents(ideal_free().model_copy(update=weightless)) == (IDEAL, [], 9)
-    assert contents(ideal_torque()) == (IDEAL, ["Coordinate", *WEIGHTS], 9)
+    assert contents(ideal_torque()) == (IDEAL, [*WEIGHTS, "TorqueVector"], 9)
     assert contents(ideal_driven()) == (["ConnectorCoordinate", *IDEAL], WEIGHTS, 10)
     assert contents(ideal_driven().model_copy(update=weightless)) == (["ConnectorCoordinate", *IDEAL], [], 10)
 
@@ -305,17 +305,10 @@ def test_samples_lie_on_steps_of_the_size_reported() -> None:
     assert 0 < found.solve_time_s < 5
 
 
-def test_a_scene_with_clearance_is_refused_by_name() -> None:
-    gap = Clearance(radial_clearance_m=5e-4, bearing_radius_m=0.01, law="hertz", stiffness=1e10)
-    scene = ideal_free().model_copy(update={"clearance": Clearances(B=gap)})
-    with pytest.raises(UnsupportedScene, match=r"exudyn .* B\)"):
-        run(scene, 1e-5)
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("solver", "RK44"),
+        ("solver", "DVERK6"),
         ("spectral_radius", 1.0),
         ("spectral_radius", -0.1),
         ("newton_tolerance", 0.0),

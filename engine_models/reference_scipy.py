@@ -1,0 +1,168 @@
+"""The reference's equations as a right-hand side y' = f(t, y) that an integrator from outside can call.
+
+y = (q, q', sums) holds n coordinates, n velocities, and integrals since t = 0: a driver's work where there is
+one, then what every contact adds up (``contact_source.rates``). The text is the reference's own, (1)-(10)
+without stabilisation, compiled: a call from Python takes 1-2 us, most of it Python's and not the equations'.
+"""
+
+import numpy as np
+
+from engine_models.assembly import start_state
+from engine_models.engine import FloatArray
+from engine_models.reference_model import mechanism_of
+from engine_models.scene import Scene
+from reference_solver.compiled import load_kernel
+from reference_solver.contact import ContactState, contact_state
+from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, alarm
+from reference_solver.contact_kernel_source import CONTACT_HEADER, all_rates
+from reference_solver.contact_source import gap_lines
+from reference_solver.equations import Equations
+from reference_solver.errors import SolverError
+from reference_solver.generator import EquationsWriter
+from reference_solver.kernel_source import HEADER, function
+from reference_solver.straight_line import ZERO, StraightLine, product
+
+
+def derivative_source(writer: EquationsWriter) -> str:
+    """Return a module with ``evaluate`` and, for contacts, ``gaps``; ``writer.parameters`` is then complete.
+
+    ``evaluate(p, s, t, y, rate, multipliers)`` writes y' and {lambda} and tells whether it could; s are the
+    contacts' phases. ``gaps(p, y, out)`` writes the rows of ``contact_source.gap_lines``.
+    """
+    n, contacts = writer.n, writer.mechanism.contacts
+    code, accelerations, lambda_, ok = writer.accelerations(None)
+    velocities = [f"v{c}" for c in range(n)]
+    rates = [*velocities, *accelerations, *_drivers_power(writer), *all_rates(writer)]
+    unpack = [f"q{c}, v{c} = y[{c}], y[{n + c}]" for c in range(n)]
+    lines = [*unpack, *code.lines, *(f"rate[{k}] = {name}" for k, name in enumerate(rates))]
+    lines += [f"multipliers[{r}] = {name}" for r, name in enumerate(lambda_)]
+    functions = [function("evaluate", ["p", "s", "t", "y", "rate", "multipliers"], lines, [ok])]
+    if contacts:
+        lines = [*unpack, *(line for k, joint in enumerate(contacts) for line in gap_lines(writer, k, joint))]
+        functions.append(function("gaps", ["p", "y", "out"], lines, ["True"]))
+    return "\n\n".join([(CONTACT_HEADER if contacts else "") + HEADER, *functions]) + "\n"
+
+
+def _drivers_power(writer: EquationsWriter) -> list[str]:
+    """Return the power of every prescribed speed: its share of {lambda}^T{C}."""
+    rows = enumerate(writer.rows(StraightLine()))
+    return [product(row.C, f"lambda{r}") for r, row in rows if row.C != ZERO]
+
+
+class Derivative:
+    """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
+
+    ``phases`` (2K,) has phase and a/v0 of every contact, in flight to begin with (see ``contact_loop``).
+    ``start`` is y at t = 0; ``sums`` names the integrals behind q and q' in it, "work" for the driver's.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        q, v = start_state(scene)
+        mechanism = mechanism_of(scene)
+        writer = EquationsWriter(mechanism, q.ravel())
+        self._kernel = load_kernel(derivative_source(writer))
+        self._parameters = np.array(writer.parameters)
+        self._readable = Equations(mechanism, q.ravel())
+        self._joints, self._rows = mechanism.contacts, writer.m
+        self._multipliers = np.empty(writer.m)
+        # As contact_events reads them: the clearance, and whether the force is clipped.
+        self._laws = np.zeros((len(self._joints), 8))
+        self._laws[:, 4] = [joint.radial_clearance_m for joint in self._joints]
+        self._laws[:, 7] = [joint.law.clipped for joint in self._joints]
+        self.n = writer.n
+        self.sums = (*("work" for _ in _drivers_power(writer)), *all_rates(writer))
+        self.contact_count = len(self._joints)
+        #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
+        clipped = [k for k, joint in enumerate(self._joints) if joint.law.clipped]
+        self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
+        self.phases = np.zeros(2 * self.contact_count)
+        self.start = np.concatenate([q.ravel(), v.ravel(), np.zeros(len(self.sums))])
+        self._refused: tuple[float, FloatArray] | None = None
+        # Compiled or loaded here, out of any timing.
+        self(0.0, self.start)
+        if self._joints:
+            self.gaps(self.start)
+
+    def __call__(self, t: float, y: FloatArray) -> FloatArray:
+        """Return y' in the present phases, NaN where [B] has lost rank: an integrator rejects such a step."""
+        rate = np.empty_like(y)
+        if not self._kernel.evaluate(self._parameters, self.phases, t, y, rate, self._multipliers):
+            rate[:] = np.nan
+            self._refused = (t, y.copy())
+        return rate
+
+    def diagnosis(self, since_s: float) -> str:
+        """Return what is wrong at the last state without y', empty if there was none since a time."""
+        if self._refused is None or self._refused[0] < since_s or not np.isfinite(self._refused[1]).all():
+            return ""
+        t, y = self._refused
+        self._readable.phases = self.phases
+        try:
+            self._readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n])
+        except SolverError as error:
+            return str(error)
+        return f"the constraint matrix is about to lose rank at t = {t:.6g} s"
+
+    def multipliers(self, t: float, y: FloatArray) -> FloatArray:
+        """Return {lambda} (m,) in the present phases."""
+        out = np.empty(self._rows)
+        self._kernel.evaluate(self._parameters, self.phases, t, y, np.empty_like(y), out)
+        return out
+
+    def named_sums(self, y: FloatArray) -> dict[str, FloatArray]:
+        """Return the integrals in y, (..., size), by name."""
+        return dict(zip(self.sums, np.moveaxis(y, -1, 0)[2 * self.n :], strict=True))
+
+    def gaps(self, y: FloatArray) -> FloatArray:
+        """Return every contact's g in m, the sign that of the penetration, g', speed, penetration, (K, 4)."""
+        out = np.empty((len(self._joints), 4))
+        self._kernel.gaps(self._parameters, y, out)
+        return out
+
+    def contacts(self, y: FloatArray) -> list[ContactState]:
+        """Return every contact in the present phases."""
+        pairs = zip(self._joints, self.phases.reshape(-1, 2), strict=True)
+        q, v = y[: self.n], y[self.n : 2 * self.n]
+        return [contact_state(joint, phase, damping, q, v) for joint, (phase, damping) in pairs]
+
+    def flying(self, contact: int) -> bool:
+        """Return whether a contact is in flight."""
+        return bool(self.phases[2 * contact] == FLIGHT)
+
+    def alarm(self, contact: int, kind: int, y: FloatArray) -> float:
+        """Return a number positive past an event: of kind 0, touch or release, or 1, clip or resume."""
+        return alarm(self.phases, self._laws, self.gaps(y), contact, kind)
+
+    def switch(self, contact: int, kind: int, y: FloatArray) -> None:
+        """Change a contact's phase at an event, where a touch stores its a/v0."""
+        if kind == 1:
+            self.phases[2 * contact] = CLIPPED if self.phases[2 * contact] == CONTACT else CONTACT
+        elif self.flying(contact):
+            damping = self._damping(contact, self.gaps(y)[contact, 1])
+            self.phases[2 * contact : 2 * contact + 2] = CONTACT, damping
+        else:
+            self.phases[2 * contact] = FLIGHT
+
+    def sense(self, y: FloatArray, memory: FloatArray) -> None:
+        """Set every phase by the signs of penetration and force at y.
+
+        ``memory`` (K,) has the contacts' a/v0; where that is NaN the present speed stands for v0.
+        """
+        gaps = self.gaps(y)
+        for k in range(len(memory)):
+            if gaps[k, 0] <= 0:
+                self.phases[2 * k] = FLIGHT
+                continue
+            damping = self._damping(k, abs(gaps[k, 1])) if np.isnan(memory[k]) else memory[k]
+            self.phases[2 * k : 2 * k + 2] = CONTACT, damping
+            if alarm(self.phases, self._laws, gaps, k, 1) > 0:
+                self.phases[2 * k] = CLIPPED
+
+    def remember(self, y: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the memory after a step that ended at y: a/v0 of contacts begun in it, NaN in flight."""
+        self.sense(y, memory)
+        return np.where(self.phases[::2] == FLIGHT, np.nan, self.phases[1::2])
+
+    def _damping(self, contact: int, speed_m_s: float) -> float:
+        law = self._joints[contact].law
+        return law.damping_factor / max(speed_m_s, law.minimum_impact_speed_m_s)

@@ -1,0 +1,43 @@
+"""What a run leaves behind: samples with the contacts' phases, and the contacts that have ended."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from engine_models.engine import FloatArray, Impacts
+from engine_models.reference_scipy import Derivative
+
+
+class Record:
+    """Samples and impacts of one run; ``y`` and ``phases`` list a row for every sample."""
+
+    def __init__(self, derivative: Derivative) -> None:
+        self._derivative = derivative
+        self._touches: dict[int, tuple[float, FloatArray]] = {}
+        self._impacts: list[list[tuple[float, ...]]] = [[] for _ in range(derivative.contact_count)]
+        self.y: list[FloatArray] = []
+        self.phases: list[FloatArray] = []
+
+    def sample(self, rows: Sequence[FloatArray]) -> None:
+        """Record samples, each (size of y,), in the present phases."""
+        self.y.extend(rows)
+        self.phases.extend(self._derivative.phases.copy() for _ in rows)
+
+    def touch(self, contact: int, t: float, y: FloatArray) -> None:
+        """Begin a contact."""
+        self._touches[contact] = (t, y)
+
+    def release(self, contact: int, t: float, y: FloatArray) -> None:
+        """End a contact, if it has begun."""
+        if contact not in self._touches:
+            return
+        begin, before = self._touches.pop(contact)
+        speed = float(self._derivative.gaps(before)[contact, 1])
+        change = self._derivative.named_sums(y - before)
+        impulse = float(change[f"normal{contact}"])
+        lost = sum(float(change.get(f"{part}{contact}", 0.0)) for part in ("loss", "clip", "slide"))
+        self._impacts[contact].append((begin, t - begin, speed, impulse, lost))
+
+    def impacts(self, contact: int) -> Impacts:
+        """Return the contacts of one joint that have ended."""
+        return Impacts(*np.array(self._impacts[contact]).reshape(-1, 5).T)
