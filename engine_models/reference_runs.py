@@ -14,9 +14,13 @@ from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
 from engine_models.scene import Clearance, Scene
 from reference_solver.arrays import row_slices
 from reference_solver.rigid_contact import solve_rigid
+from reference_solver.rigid_friction import FrictionTooStiff
 from reference_solver.rigid_joint import JointGeometry
 from reference_solver.rigid_solution import RigidImpact
 from reference_solver.solver import Solution, Stabilisation, StepChoice, make_stepper, record
+
+#: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
+MOST_TRIES, ROOM = 5, 0.8
 
 if TYPE_CHECKING:  # it brings Numba
     from reference_solver.contact_stepper import ContactSolution
@@ -73,6 +77,20 @@ def compliant_run(
 
 
 def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
+    """Run a scene with rigid clearance as ``_rigid_run`` does, with shorter steps if friction needs them.
+
+    Raises:
+        FrictionTooStiff: it still needs shorter ones after ``MOST_TRIES``.
+    """
+    for _ in range(MOST_TRIES):
+        try:
+            return _rigid_run(scene, settings)
+        except FrictionTooStiff as stiff:
+            settings = RunSettings(ROOM * stiff.needed_s, settings.samples)
+    return _rigid_run(scene, settings)
+
+
+def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
     """Run a scene with rigid clearance; the joints' forces are those of following, without impulses.
 
     The solve time includes the making of kernels, one for every set of following joints that occurs.

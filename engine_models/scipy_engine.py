@@ -18,7 +18,7 @@ from engine_models.engine import (
 from engine_models.reference_scipy import Derivative
 from engine_models.scene import Scene
 from engine_models.scipy_calls import Calls, Choice
-from engine_models.scipy_runs import located_run, switching_run
+from engine_models.scipy_runs import LocatedRun, switching_run
 from engine_models.scipy_trajectory import trajectory_of
 
 #: Room for rounding in the longest step, so that as many of them fill a run as should.
@@ -100,6 +100,9 @@ class ScipyEngine:
         calls = Calls(derivative, choice, memory)
         times = np.linspace(0.0, scene.end_time_s, settings.samples + 1)
         started = time.perf_counter()
-        record = (located_run if located else switching_run)(derivative, calls, times)
+        if located:
+            record = LocatedRun(derivative, calls, times).run()
+        else:
+            record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
         return require_finite(trajectory_of(scene, derivative, record, longest, calls.steps, solve_time))

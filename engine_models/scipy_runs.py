@@ -13,17 +13,14 @@ Event = tuple[int, int]
 
 
 class LocatedRun:
-    """A run in which every event is located by ``solve_ivp`` and the integration begun anew from there.
-
-    ``record`` gets a row for every one of ``times`` (s,), of which the first is the start's.
-    """
+    """A run in which every event is located by ``solve_ivp`` and the integration begun anew from there."""
 
     def __init__(self, derivative: Derivative, calls: Calls, times: FloatArray) -> None:
         self._derivative, self._calls, self._times = derivative, calls, times
         self.record = Record(derivative)
 
     def run(self) -> Record:
-        """Run to the end and return the record.
+        """Run through all times and return their record.
 
         Raises:
             SimulationFailed: see ``Calls.solve``.
@@ -71,17 +68,8 @@ class LocatedRun:
         return stop, states[-1], None
 
 
-def located_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Record:
-    """Return the record of a run at the times (s,), every event located.
-
-    Raises:
-        SimulationFailed: see ``Calls.solve``.
-    """
-    return LocatedRun(derivative, calls, times).run()
-
-
 def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Record:
-    """Return the record of a run whose right-hand side switches; impacts are read off it afterwards.
+    """Return the record of a run whose right-hand side switches; impacts are read off afterwards.
 
     Raises:
         SimulationFailed: see ``Calls.solve``.

@@ -53,12 +53,13 @@ class PainleveParadox(SolverError):
 
 
 class FrictionTooStiff(SolverError):
-    """The step is too long for the damping by regularised friction."""
+    """The step is too long for the damping by regularised friction; one below ``needed_s`` is not."""
 
     def __init__(self, time_s: float, h: float, rate: float) -> None:
+        self.needed_s = RK4_DAMPER_LIMIT / rate
         super().__init__(
             f"step {h:.3g} s at t = {time_s:.6g} s: friction in rigid joints damps sliding at {rate:.3g} 1/s "
-            f"and needs a step below {RK4_DAMPER_LIMIT / rate:.3g} s: shorten the step or raise the "
+            f"and needs a step below {self.needed_s:.3g} s: shorten the step or raise the "
             "regularisation speed"
         )
 

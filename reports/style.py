@@ -11,7 +11,12 @@ from typing import Any
 BLACK, VERMILLION, BLUE, GREY = "#000000", "#D55E00", "#0072B2", "#8C8C8C"
 
 #: Colour and marker of each engine, in the order of legends. A new engine is a line here.
-ENGINES = {"reference": (BLACK, "o"), "exudyn": (VERMILLION, "s"), "pymunk": (BLUE, "^")}
+ENGINES = {
+    "reference": (BLACK, "o"),
+    "exudyn": (VERMILLION, "s"),
+    "pymunk": (BLUE, "^"),
+    "scipy": ("#009E73", "D"),
+}
 
 #: Arms in the order of legends, each engine's best practice first; others follow by number and name.
 ARMS = ("projection", "Baumgarte", "none", "trapezoidal", "generalized-alpha", "tuned", "out of the box")
@@ -48,7 +53,17 @@ RC: Any = {
 WIDTH_IN = 7.5
 
 #: Units at the end of column names as they are written, longest first.
-UNITS = {"rad_s": "rad/s", "m_s": "m/s", "N_m": "N·m", "rad": "rad", "m": "m", "N": "N", "J": "J", "s": "s"}
+UNITS = {
+    "rad_s": "rad/s",
+    "m_s": "m/s",
+    "N_m": "N·m",
+    "N_s": "N·s",
+    "rad": "rad",
+    "m": "m",
+    "N": "N",
+    "J": "J",
+    "s": "s",
+}
 
 Name = tuple[str, str]
 

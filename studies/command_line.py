@@ -55,7 +55,7 @@ def show(scene: SceneName) -> None:
 @app.command()
 def simulate(
     scene: SceneName,
-    engine: Annotated[str, typer.Option(metavar="NAME", help="reference, exudyn or pymunk.")] = "reference",
+    engine: Annotated[str, typer.Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")] = "reference",
     assignments: Annotated[
         list[str] | None,
         typer.Option(

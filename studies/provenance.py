@@ -26,6 +26,15 @@ def fingerprint() -> str:
     return digest.hexdigest()[:16]
 
 
+def code_digest() -> str:
+    """Return a hash of the numerical code as it is written, the same for every version of Python."""
+    digest = hashlib.sha256()
+    for folder in NUMERICAL_CODE:
+        for path in sorted((ROOT / folder).glob("*.py")):
+            digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the libraries that take part in a number."""
     return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
@@ -37,6 +46,7 @@ def sidecar(study: str, full: bool) -> dict[str, object]:
         "study": study,
         "set": "full" if full else "quick",
         "fingerprint": fingerprint(),
+        "code": code_digest(),
         "commit": _commit(),
         "versions": versions(),
         "machine": {"system": platform.system(), "processor": _processor()},

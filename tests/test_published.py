@@ -1,13 +1,15 @@
 """The published report tells the truth about this code: its numbers come out again."""
 
 import json
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from studies import agreement
 from studies.case import Case
-from studies.runner import run_case
+from studies.provenance import code_digest
+from studies.runner import STUDIES, run_case
 
 PUBLISHED = Path(__file__).parent.parent / "reports" / "published"
 ROWS = [
@@ -38,6 +40,15 @@ CASES = [
 
 def test_every_case_of_the_quick_study_is_published() -> None:
     assert len(ROWS) == len(agreement.cases(full=False))
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_every_study_is_published_whole_and_by_this_code(study: str) -> None:
+    folder = PUBLISHED / "results" / study
+    sidecar = json.loads((folder / "sidecar.json").read_text(encoding="utf-8"))
+    assert sidecar["code"] == code_digest(), "the code has changed: make publish"
+    rows = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == len(import_module(STUDIES[study]).cases(full=False))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.scene.name}-{case.engine}-{case.arm}")
