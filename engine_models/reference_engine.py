@@ -73,6 +73,8 @@ class ReferenceEngine:
                 return require_finite(self._run(scene, settings))
         except SolverError as error:
             raise SimulationFailed(str(error)) from error
+        except OverflowError:  # Python's own numbers raise where NumPy's become infinite
+            raise SimulationFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
 
     def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
         if rigid_joints_of(scene):

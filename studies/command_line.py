@@ -55,7 +55,9 @@ def show(scene: SceneName) -> None:
 @app.command()
 def simulate(
     scene: SceneName,
-    engine: Annotated[str, typer.Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")] = "reference",
+    engine: Annotated[
+        str, typer.Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")
+    ] = "reference",
     assignments: Annotated[
         list[str] | None,
         typer.Option(
