@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from reports import agreement
+from reports import agreement, clearance, energy, extremes, predictability, stability, work_precision
 from reports.parts import Contradiction, Section
 from reports.results import BrokenResults, NoResults, Results, read_results
 from reports.style import RC
@@ -33,7 +33,15 @@ class StudyReport(Protocol):
 
 
 #: The studies on the page, by the name of their folder. A new study is a new file and a line here.
-STUDIES: dict[str, StudyReport] = {"agreement": agreement}
+STUDIES: dict[str, StudyReport] = {
+    "agreement": agreement,
+    "clearance": clearance,
+    "work-precision": work_precision,
+    "energy": energy,
+    "predictability": predictability,
+    "stability": stability,
+    "extremes": extremes,
+}
 
 
 @dataclass(frozen=True)

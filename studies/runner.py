@@ -25,7 +25,15 @@ from studies.execution_worker import LIMITS_MEMORY
 from studies.provenance import fingerprint, sidecar
 
 #: The studies by name. A new study is a new file and a line here.
-STUDIES = {"agreement": "studies.agreement", "energy": "studies.energy"}
+STUDIES = {
+    "agreement": "studies.agreement",
+    "clearance": "studies.clearance",
+    "work-precision": "studies.work_precision",
+    "energy": "studies.energy",
+    "predictability": "studies.predictability",
+    "stability": "studies.stability",
+    "extremes": "studies.extremes",
+}
 
 
 def run_studies(
