@@ -62,8 +62,9 @@ def laws(runs: Sequence[Run]) -> Table:
         finest = _finest(here)
         if finest is None:
             continue
-        form = finest.values.get("slider_position_model_difference_m")
-        cells = (error(form) if form is not None else "the scene's own", error(SLIDER.value(finest)))
+        form, off = finest.values.get("slider_position_model_difference_m"), SLIDER.value(finest)
+        doubt = SLIDER.uncertainty(finest)
+        cells = (error(form, doubt) if form is not None else "the scene's own", error(off, doubt))
         rows.append((scene, *name, *cells))
     head = (*CASE, "model form [m]", "numerical error [m]")
     reading = (

@@ -97,8 +97,10 @@ def _coarse_to_fine(steps: Sequence[float], errors: Sequence[float]) -> tuple[np
     if h.shape != e.shape or h.ndim != 1:
         raise ValueError(f"errors: expected one for each of {h.size} steps, got {e.size}")
     good = np.isfinite(h) & np.isfinite(e) & (h > 0)
-    order = np.argsort(-h[good], kind="stable")
-    return h[good][order], e[good][order]
+    h, e = h[good], e[good]
+    order = np.lexsort((e, -h))  # of two runs at one mean step, the better
+    first = np.concatenate([[True], np.diff(h[order]) != 0]) if len(h) else np.zeros(0, dtype=bool)
+    return h[order][first], e[order][first]
 
 
 def _falling_stretch(local: np.ndarray) -> tuple[int, int]:
