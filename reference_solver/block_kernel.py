@@ -136,6 +136,32 @@ def add_violation(p: Plan, scale: float, t: float, q: FloatArray) -> None:
 
 
 @inlined
+def keep_weights(p: Plan) -> None:
+    """Keep z as the weights of ``weighed``."""
+    for k in range(len(p.rows)):
+        row = p.rows[k]
+        row.weight_x, row.weight_y = row.z_x, row.z_y
+
+
+@inlined
+def weighed(p: Plan) -> float:
+    """Return the sum of z times the weights kept."""
+    sum_ = 0.0
+    for k in range(len(p.rows)):
+        row = p.rows[k]
+        sum_ += row.z_x * row.weight_x + row.z_y * row.weight_y
+    return sum_
+
+
+@inlined
+def start_rows(p: Plan, of_C: float) -> None:
+    """Overwrite z with C times a factor."""
+    for k in range(len(p.rows)):
+        row = p.rows[k]
+        row.z_x, row.z_y = of_C * row.C, 0.0
+
+
+@inlined
 def add_springs(p: Plan, q: FloatArray, v: FloatArray, a: FloatArray) -> None:
     """Add [M]^-1{F} of the springs and dampers to the accelerations a."""
     for n in range(len(p.springs)):
@@ -164,9 +190,7 @@ def accelerations(p: Plan, t: float, q: FloatArray, v: FloatArray, a: FloatArray
     for c in range(len(a)):
         a[c] = p.free[c]
     add_springs(p, q, v, a)
-    for k in range(len(p.rows)):
-        row = p.rows[k]
-        row.z_x, row.z_y = p.two_alpha * row.C, 0.0
+    start_rows(p, p.two_alpha)
     for e in range(len(p.ends)):
         end = p.ends[e]
         row, rate = p.rows[end.row], v[3 * end.body + 2]
@@ -184,22 +208,16 @@ def accelerations(p: Plan, t: float, q: FloatArray, v: FloatArray, a: FloatArray
 
 
 @inlined
-def project(p: Plan, t: float, q: FloatArray, v: FloatArray) -> bool:
-    """Move q by one Newton step, then v exactly, onto the constraints; return as ``accelerations``."""
-    ok = True
-    for of in range(2):
-        turn(p, q)
-        for k in range(len(p.rows)):
-            row = p.rows[k]
-            row.z_x, row.z_y = -of * row.C, 0.0
-        if of == 0:
-            add_violation(p, 1.0, t, q)
-        else:
-            add_rows(p, 1.0, v)
-        ok &= factor(p)
-        solve(p)
-        add_forces(p, -1.0, v if of else q)
-    return ok
+def feedback_power(p: Plan, t: float, q: FloatArray, v: FloatArray) -> float:
+    """Return ``Equations.feedback_power`` at the state of the last ``accelerations``, overwriting z."""
+    start_rows(p, -p.two_alpha)
+    add_rows(p, p.two_alpha, v)
+    add_violation(p, p.beta_squared, t, q)
+    keep_weights(p)
+    start_rows(p, -1.0)
+    add_rows(p, 1.0, v)
+    solve(p)
+    return weighed(p)
 
 
 @inlined
@@ -207,6 +225,43 @@ def copy(source: FloatArray, target: FloatArray) -> None:
     """Overwrite the leading entries of the target; a slice would take Numba seconds to compile."""
     for c in range(min(len(source), len(target))):
         target[c] = source[c]
+
+
+@inlined
+def project(
+    p: Plan, t: float, q: FloatArray, v: FloatArray, a: FloatArray, rest: FloatArray
+) -> tuple[bool, float]:
+    """Move q by one Newton step, then v exactly, onto the constraints; return as ``accelerations``.
+
+    Returned with it is the energy removed (see ``readable.project_with_loss``). ``a`` is room of the size of
+    q, ``rest`` holds zeros.
+    """
+    turn(p, q)
+    for c in range(len(a)):
+        a[c] = p.free[c]
+    add_springs(p, q, rest, a)
+    start_rows(p, 0.0)
+    add_rows(p, -1.0, a)
+    keep_weights(p)
+    start_rows(p, 0.0)
+    add_violation(p, 1.0, t, q)
+    ok = factor(p)
+    solve(p)
+    removed = weighed(p)
+    add_forces(p, -1.0, q)
+    turn(p, q)
+    start_rows(p, -1.0)
+    add_rows(p, 1.0, v)
+    ok &= factor(p)
+    solve(p)
+    copy(v, a)
+    add_forces(p, -1.0, v)
+    for b in range(len(p.bodies) - 1):
+        x, y, phi = 3 * b, 3 * b + 1, 3 * b + 2
+        straight = (a[x] - v[x]) * (a[x] + v[x]) + (a[y] - v[y]) * (a[y] + v[y])
+        removed += 0.5 * straight / p.bodies[b].inverse_mass
+        removed += 0.5 * (a[phi] - v[phi]) * (a[phi] + v[phi]) / p.bodies[b].inverse_inertia
+    return ok, removed
 
 
 @inlined
@@ -223,20 +278,21 @@ def add_mean(
 @compiled
 def advance(
     p: Plan, q: FloatArray, v: FloatArray, h: float, first: int, count: int, projected: bool
-) -> tuple[int, float]:
-    """Take RK4 steps number first to first + count - 1 in place; return how many, and the drivers' work.
+) -> tuple[int, float, float]:
+    """Take RK4 steps number first to first + count - 1 in place.
 
-    Fewer than ``count`` mean that the step begun from the state left in q and v met a singular configuration
-    or overflowed.
+    Returns how many, the drivers' work, and the energy that the stabilisation has removed. Fewer than
+    ``count`` mean that the step begun from the state left in q and v met a singular configuration or
+    overflowed.
     """
     n = len(q) + 3
-    q_now, x, x_mean, x_lost = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    q_now, x, x_mean, x_lost, rest = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     v_now, y, y_mean, y_lost, a = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     copy(q, q_now)
     copy(v, v_now)
-    done, work = 0, 0.0
+    done, work, removed = 0, 0.0, 0.0
     while done < count:
-        t, ok, power = (first + done) * h, True, 0.0
+        t, ok, power, loss = (first + done) * h, True, 0.0, 0.0
         for c in range(n):
             x[c], y[c], x_mean[c], y_mean[c] = q_now[c], v_now[c], 0.0, 0.0
         for k in range(4):
@@ -244,6 +300,8 @@ def advance(
             ok &= accelerations(p, t + TIME[k] * h, x, y, a)
             for driver in p.drivers:
                 power += weight * p.rows[driver].C * p.rows[driver].z_x
+            if k == 0 and (p.two_alpha != 0.0 or p.beta_squared != 0.0):
+                loss = h * feedback_power(p, t, x, y)
             for c in range(n):
                 x_mean[c] += weight * y[c]
                 y_mean[c] += weight * a[c]
@@ -251,16 +309,18 @@ def advance(
         add_mean(q_now, h, x_mean, x_lost, x)
         add_mean(v_now, h, y_mean, y_lost, y)
         if projected:
-            ok &= project(p, t + h, x, y)
+            held, loss = project(p, t + h, x, y, a, rest)
+            ok &= held
         if not ok:
             break
         copy(x, q_now)
         copy(y, v_now)
         work += h / 6.0 * power
+        removed += loss
         done += 1
     copy(q_now, q)
     copy(v_now, v)
-    return done, work
+    return done, work, removed
 
 
 @compiled

@@ -41,12 +41,13 @@ BODY = _record("", "inverse_mass inverse_inertia", computed="cos sin")
 #: The point is in the body's frame, in m, and negative on body i of a joint.
 END = _record("body row", "xx xy yx yy w0_x w0_y point_x point_y", computed="arm_x arm_y w_x w_y")
 #: The two rows of a constraint: the first in [B]; where its column of blocks below the diagonal and its
-#: elimination steps begin and end; C and the constant part d of {g}; the right-hand side, then solution z; of
-#: the pivot block the least values and the inverse.
+#: elimination steps begin and end; C and the constant part d of {g}; the right-hand side, then solution z;
+#: the weights of z in the energy that a stabilisation removes; of the pivot block the least values and the
+#: inverse.
 ROWS = _record(
     "row first_below last_below first_update last_update",
     "C d_x d_y",
-    computed="z_x z_y floor_x floor_y inverse_xx inverse_xy inverse_yy",
+    computed="z_x z_y weight_x weight_y floor_x floor_y inverse_xx inverse_xy inverse_yy",
 )
 #: First all diagonal blocks, then column by column those below; the constant part, the matrix, and L.
 BLOCK = _record("row", "xx_0 xy_0 yx_0 yy_0", computed="xx xy yx yy L_xx L_xy L_yx L_yy")

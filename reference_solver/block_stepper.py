@@ -27,6 +27,7 @@ class BlockStepper:
     ) -> None:
         self._plan, self._h, self._projected = make_plan(mechanism, q_start, baumgarte), h, projected
         self._size = row_slices(mechanism)[-1].stop if mechanism.constraints else 0
+        self._removed = 0.0
         self._readable = ReadableStepper(Equations(mechanism, q_start, baumgarte), h, projected)
         # Compiled or loaded here, so that what follows runs at full speed.
         q, v = q_start.copy(), np.zeros_like(q_start)
@@ -34,8 +35,15 @@ class BlockStepper:
         block_kernel.multipliers(self._plan, 0.0, q, v)
 
     def _advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> tuple[int, float]:
-        done, work = block_kernel.advance(self._plan, q, v, self._h, first, count, self._projected)
+        arguments = (self._plan, q, v, self._h, first, count, self._projected)
+        done, work, removed = block_kernel.advance(*arguments)
+        self._removed += removed
         return done, work
+
+    @property
+    def stabilisation_loss_J(self) -> float:
+        """Energy that the stabilisation has removed in all steps so far."""
+        return self._removed + self._readable.stabilisation_loss_J
 
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps number first to first + count - 1 in place; return the drivers' work.

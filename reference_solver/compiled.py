@@ -65,7 +65,7 @@ class CompiledStepper:
         writer = EquationsWriter(mechanism, q_start)
         self._kernel = load_kernel(kernel_source(writer, baumgarte, projected))
         self._parameters = np.array(writer.parameters)
-        self._rows, self._h = writer.m, h
+        self._rows, self._h, self._removed = writer.m, h, 0.0
         self._readable = ReadableStepper(Equations(mechanism, q_start, baumgarte), h, projected)
         # Compiled or loaded here, so that what follows runs at full speed.
         q, v = q_start.copy(), np.zeros_like(q_start)
@@ -73,8 +73,14 @@ class CompiledStepper:
         self._kernel.multipliers(self._parameters, 0.0, q, v, np.empty(self._rows))
 
     def _advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> tuple[int, float]:
-        done, work = self._kernel.advance(self._parameters, q, v, self._h, first, count)
+        done, work, *removed = self._kernel.advance(self._parameters, q, v, self._h, first, count)
+        self._removed += sum(removed)  # a kernel without stabilisation has none
         return done, work
+
+    @property
+    def stabilisation_loss_J(self) -> float:
+        """Energy that the stabilisation has removed in all steps so far."""
+        return self._removed + self._readable.stabilisation_loss_J
 
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps number first to first + count - 1 in place; return the drivers' work.

@@ -83,7 +83,8 @@ def contact_state(
         arm_i = joint.bearing_radius_m + depth / 2
         arm_j = joint.bearing_radius_m - joint.radial_clearance_m - depth / 2
         sliding = float(n[0] * d_rate[1] - n[1] * d_rate[0]) + pin_spin * arm_j - bearing_spin * arm_i
-        friction = -joint.friction.coefficient * max(normal, 0.0) * friction_share(joint.friction, sliding)
+        pressing = normal if law.may_pull else max(normal, 0.0)
+        friction = -joint.friction.coefficient * pressing * friction_share(joint.friction, sliding)
     return ContactState(d, penetration, rate, normal, friction)
 
 

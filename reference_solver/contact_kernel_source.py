@@ -3,18 +3,34 @@
 import inspect
 import re
 
-from reference_solver import contact_events, contact_loop
+from reference_solver import contact_events, contact_loop, contact_samples
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
 from reference_solver.contact_source import gap_acceleration_lines, gap_lines, rates
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
-from reference_solver.kernel_source import HEADER, call, drivers_power, function, mean, names, rk4_lines
+from reference_solver.kernel_source import (
+    HEADER,
+    call,
+    drivers_power,
+    function,
+    mean,
+    names,
+    projections,
+    removing,
+    rk4_lines,
+    stabilisation_loss,
+)
 from reference_solver.straight_line import ZERO
 
 CONTACT_HEADER = (
     "from __future__ import annotations\n\nfrom math import copysign, tanh\n\nimport numpy as np\n"
 )
-PHASES = f"FLIGHT, CONTACT, CLIPPED, PROBE = {FLIGHT}, {CONTACT}, {CLIPPED}, {PROBE}"
+CONSTANTS = (
+    f"FLIGHT, CONTACT, CLIPPED, PROBE = {FLIGHT}, {CONTACT}, {CLIPPED}, {PROBE}\n"
+    f"INSIDE = {contact_samples.INSIDE!r}"
+)
+#: Functions of the generated module that the driver's text takes as parameters.
+OWN = "step|gaps|gap_accelerations|slopes"
 
 
 def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, projected: bool) -> str:
@@ -24,14 +40,17 @@ def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, 
     """
     q, v = names("q", writer.n), names("v", writer.n)
     code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
-    results = [*accelerations, *lambda_, *all_rates(writer), ok]
+    rates = [*all_rates(writer), *removing(baumgarte)]
+    results = [*accelerations, *lambda_, *rates, ok]
     functions = [function("accelerations", ["p", "s", "t", *q, *v], code.lines, results, inline=True)]
     if projected:
-        for of in ("q", "v"):
-            code, moved, ok = writer.projection(of)
-            arguments = ["p", "t", *q, *(v if of == "v" else [])]
-            functions.append(function(f"project_{of}", arguments, code.lines, [*moved, ok], inline=True))
-    functions += [_step(writer, projected), _gaps(writer), _gap_accelerations(writer), _multipliers(writer)]
+        functions += projections(writer, ["p", "s"])
+    functions += [
+        _step(writer, rates, projected),
+        _gaps(writer),
+        _gap_accelerations(writer, rates),
+        _slopes(writer, rates, projected),
+    ]
     return "\n\n".join([CONTACT_HEADER + HEADER, *functions, _driver()]) + "\n"
 
 
@@ -43,24 +62,29 @@ def all_rates(writer: EquationsWriter) -> list[str]:
 def _driver() -> str:
     """Return the text of the driver with the module's own functions in place of its parameters."""
     texts = []
-    for module in (contact_events, contact_loop):
+    for module in (contact_events, contact_samples, contact_loop):
         source = inspect.getsource(module)
         texts.append(source[source.index("\n\n\ndef ") :])
-    text = re.sub(r"^    (step|gaps|gap_accelerations): Function,\n", "", "".join(texts), flags=re.MULTILINE)
-    text = re.sub(r"\b(step|gaps|gap_accelerations), ", "", text)
-    return PHASES + text.replace("\ndef ", "\n@njit(**OPTIONS)\ndef ")
+    text = re.sub(rf"^    ({OWN}): Function,\n", "", "".join(texts), flags=re.MULTILINE)
+    text = re.sub(rf"\b({OWN}), ", "", text)
+    return CONSTANTS + text.replace("\ndef ", "\n@njit(**OPTIONS)\ndef ")
 
 
 def _unpack(writer: EquationsWriter) -> list[str]:
     return [f"{name}{c} = {name}[{c}]" for name in "qv" for c in range(writer.n)]
 
 
-def _step(writer: EquationsWriter, projected: bool) -> str:
-    """Write ``step(p, s, q, v, t, h, new_q, new_v, work)``: an RK4 step and its sums; False on failure."""
-    n, added = range(writer.n), all_rates(writer)
-    step, ok = rk4_lines(writer, ["p", "s"], added, projected)
+def _step(writer: EquationsWriter, rates: list[str], projected: bool) -> str:
+    """Write ``step(p, s, q, v, t, h, new_q, new_v, work)``: an RK4 step and its sums; False on failure.
+
+    The sums are the drivers' work, those of ``all_rates``, and with a stabilisation the energy it removes.
+    """
+    n, contacts = range(writer.n), all_rates(writer)
+    step, ok = rk4_lines(writer, ["p", "s"], rates, projected, ledger=True)
     lines = [*_unpack(writer), *step, f"work[0] = {drivers_power(writer) or ZERO}"]
-    lines += [f"work[{k}] = {mean(name)}" for k, name in enumerate(added, 1)]
+    lines += [f"work[{k}] = {mean(name)}" for k, name in enumerate(contacts, 1)]
+    if removed := stabilisation_loss(rates, projected):
+        lines.append(f"work[{1 + len(contacts)}] = {removed}")
     lines += [f"new_q[{c}], new_v[{c}] = x{c}, y{c}" for c in n]
     arguments = ["p", "s", "q", "v", "t", "h", "new_q", "new_v", "work"]
     return function("step", arguments, lines, [ok])
@@ -73,18 +97,27 @@ def _gaps(writer: EquationsWriter) -> str:
     return function("gaps", ["p", "q", "v", "out"], lines, ["True"])
 
 
-def _gap_accelerations(writer: EquationsWriter) -> str:
-    lines = [*_unpack(writer), _accelerations(writer)]
+def _gap_accelerations(writer: EquationsWriter, rates: list[str]) -> str:
+    lines = [*_unpack(writer), _accelerations(writer, rates)]
     for k, joint in enumerate(writer.mechanism.contacts):
         lines += gap_acceleration_lines(writer, k, joint)
     return function("gap_accelerations", ["p", "s", "t", "q", "v", "out"], lines, ["ok"])
 
 
-def _multipliers(writer: EquationsWriter) -> str:
-    lines = [*_unpack(writer), _accelerations(writer), *(f"out[{r}] = lambda{r}" for r in range(writer.m))]
-    return function("multipliers", ["p", "s", "t", "q", "v", "out"], lines, ["ok"])
+def _slopes(writer: EquationsWriter, rates: list[str], projected: bool) -> str:
+    """Write ``slopes(p, s, t, q, v, a, rate, multipliers)``: {q''}, the sums' rates and {lambda} at a state.
+
+    A projection acts between steps: the rate of what it removes is zero.
+    """
+    lines = [*_unpack(writer), _accelerations(writer, rates)]
+    lines += [f"a[{c}] = a{c}" for c in range(writer.n)]
+    sums = [drivers_power(writer, str) or ZERO, *rates, *([ZERO] if projected else [])]
+    lines += [f"rate[{k}] = {name}" for k, name in enumerate(sums)]
+    lines += [f"multipliers[{r}] = lambda{r}" for r in range(writer.m)]
+    arguments = ["p", "s", "t", "q", "v", "a", "rate", "multipliers"]
+    return function("slopes", arguments, lines, ["ok"])
 
 
-def _accelerations(writer: EquationsWriter) -> str:
-    results = [*names("a", writer.n), *names("lambda", writer.m), *all_rates(writer), "ok"]
+def _accelerations(writer: EquationsWriter, rates: list[str]) -> str:
+    results = [*names("a", writer.n), *names("lambda", writer.m), *rates, "ok"]
     return call(results, "accelerations", ["p", "s", "t", *names("q", writer.n), *names("v", writer.n)])

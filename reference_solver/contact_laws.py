@@ -48,7 +48,9 @@ class ContactLaw:
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """Friction force of size mu F_n f(v) against the sliding speed v at the contact point.
+    """Friction force mu F_n f(v) against the sliding speed v at the contact point; none where F_n is clipped.
+
+    Where a law may pull, F_n is negative and friction drives the sliding, as Exudyn's contact has it.
 
     f is: saturated linear, v/v_reg up to 1; Ambrosio's (2003), 0 below the dead band, linear from there to 1
     at v_reg; or tanh(v/v_reg).

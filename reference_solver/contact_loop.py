@@ -1,7 +1,8 @@
 """The driver of contacts: RK4 steps that land on every touch and release, graded into and out of contact.
 
-This text is also part of every generated module with contacts, where Numba compiles it: ``step``, ``gaps``
-and ``gap_accelerations``, parameters here, are functions of that module. It uses arrays and numbers only.
+This text is also part of every generated module with contacts, where Numba compiles it: ``step``, ``gaps``,
+``gap_accelerations`` and ``slopes``, parameters here, are functions of that module. It uses arrays and
+numbers only.
 
 A contact is in one of three phases: in flight, in contact, or in contact with the force clipped because
 the law would pull. Between events every right-hand side is smooth; an event is located by shortening the
@@ -23,6 +24,7 @@ from reference_solver.contact_events import (
     first_alarm,
     locate,
 )
+from reference_solver.contact_samples import within, write
 
 
 def graded(h: float, duration: float, distance: float) -> float:
@@ -99,6 +101,7 @@ def advance(
     step: Function,
     gaps: Function,
     gap_accelerations: Function,
+    slopes: Function,
     p: FloatArray,
     s: FloatArray,
     laws: FloatArray,
@@ -110,32 +113,42 @@ def advance(
     end: float,
     control: FloatArray,
     log: FloatArray,
+    times: FloatArray,
+    samples: FloatArray,
     budget: int,
-) -> tuple[float, int, int, int]:
+) -> tuple[float, int, int, int, int]:
     """Advance q, v and the totals of work from t to ``end`` in place, event by event.
 
-    ``log`` (rows, 5 + totals) takes (time, contact, what, rate of g, depth) and the totals of each event.
-    Returns the time reached, the events logged, the steps taken and 0; or, short of the end, 1 (``budget`` of
-    steps used), 2 (log full), 3 (the step met a singular configuration or overflowed).
+    ``log`` (rows, 5 + totals) takes (time, contact, what, rate of g, depth) and the totals of each event,
+    ``samples`` a row (see ``contact_samples``) for each of the ``times`` from t to ``end``; steps do not
+    depend on them. Returns the time reached, the events logged, the samples and the steps taken, and 0; or,
+    short of the end, 1 (``budget`` of steps used), 2 (log full), 3 (the step met a singular configuration or
+    overflowed).
     """
     new_q, new_v, work = np.empty_like(q), np.empty_like(v), np.empty_like(totals)
     gap, new_gap = np.empty((len(laws), 4)), np.empty((len(laws), 4))
     spare = np.empty(len(laws))
-    events, steps = 0, 0
+    events, steps, taken = 0, 0, 0
+    lost = 0.0  # of h in the sum of times, carried on to the next step (Kahan 1965)
     gaps(p, q, v, gap)
-    while t < end:
+    while True:
+        while taken < len(times) and times[taken] <= t:
+            write(slopes, p, s, t, q, v, totals, samples[taken])
+            taken += 1
+        if t >= end:
+            return t, events, taken, steps, 0
         if steps >= budget:
-            return t, events, steps, 1
+            return t, events, taken, steps, 1
         if events >= len(log):
-            return t, events, steps, 2
+            return t, events, taken, steps, 2
         h = control[0]
         if control[2] > 0.0:
             h = step_length(s, laws, touch, gap, t, control)
-        last = t + h >= end - 1e-9 * h
+        last = t + h >= end - 1e-6 * h
         if last:
             h = end - t
         if not step(p, s, q, v, t, h, new_q, new_v, work):
-            return t, events, steps, 3
+            return t, events, taken, steps, 3
         gaps(p, new_q, new_v, new_gap)
         event, whole = first_alarm(s, laws, new_gap, -1), h
         if control[2] > 0.0:
@@ -149,7 +162,11 @@ def advance(
                 event, h = other, shorter
                 other = first_alarm(s, laws, new_gap, event)
         last = last and h == whole
-        t = end if last else t + h
+        if taken < len(times) and times[taken] < t + h:
+            taken = within(slopes, p, s, t, h, q, v, totals, new_q, new_v, work, times, taken, samples)
+        begin, change = t, h + lost
+        t = end if last else begin + change
+        lost = change - (t - begin)
         for c in range(len(q)):
             q[c], v[c] = new_q[c], new_v[c]
         for c in range(len(totals)):
@@ -163,4 +180,3 @@ def advance(
             for c in range(len(totals)):
                 log[events, 5 + c] = totals[c]
             events += 1
-    return t, events, steps, 0

@@ -55,11 +55,32 @@ def write_contact(
     writer.push(ends, arms, (f"force_x{k}", f"force_y{k}"), terms, twist)
 
 
+def write_elastic(
+    writer: MechanismWriter, code: StraightLine, number: int, joint: ClearanceJoint, terms: Terms
+) -> None:
+    """Add to the accelerations' terms what contact ``number`` pushes with at rest, clipped or not."""
+    k, ends = number, ends_of(joint)
+    arms, (x, y) = writer.reach(code, f"n{k}", ends)
+    clearance = writer.parameter(f"clearance {k}", joint.radial_clearance_m)
+    code.lines += [
+        f"pull{k} = 0.0",
+        f"if s[{2 * k}] > 0.0:",
+        f"    distance{k} = sqrt({x}*{x} + {y}*{y})",
+        f"    depth{k} = max(distance{k} - {clearance}, 0.0)",
+        f"    pull{k} = -{_spring(writer, k, joint)}/distance{k}",
+    ]
+    writer.push(ends, arms, (f"pull{k}*{x}", f"pull{k}*{y}"), terms)
+
+
+def _spring(writer: MechanismWriter, k: int, joint: ClearanceJoint) -> str:
+    """Return K delta^n."""
+    stiffness = writer.parameter(f"stiffness {k}", joint.law.stiffness)
+    power = {1.0: f"depth{k}", 1.5: f"depth{k}*sqrt(depth{k})"}.get(joint.law.exponent)
+    return f"{stiffness}*{power or f'depth{k}**' + writer.parameter(f'exponent {k}', joint.law.exponent)}"
+
+
 def _normal(writer: MechanismWriter, k: int, joint: ClearanceJoint) -> list[str]:
     law = joint.law
-    stiffness = writer.parameter(f"stiffness {k}", law.stiffness)
-    power = {1.0: f"depth{k}", 1.5: f"depth{k}*sqrt(depth{k})"}.get(law.exponent)
-    power = power or f"depth{k}**{writer.parameter(f'exponent {k}', law.exponent)}"
     normal, loss = [f"spring{k}"], []
     if law.damping_factor:
         normal.append(f"spring{k}*s[{2 * k + 1}]*rate{k}")
@@ -73,7 +94,7 @@ def _normal(writer: MechanismWriter, k: int, joint: ClearanceJoint) -> list[str]
         f"    normal{k}, loss{k}, clip{k} = 0.0, 0.0, -spring{k}*rate{k}",
     ]
     return [
-        f"spring{k} = {stiffness}*{power}",
+        f"spring{k} = {_spring(writer, k, joint)}",
         f"normal{k} = {total(normal)}",
         f"loss{k} = {total(loss)}",
         *(clipped if law.clipped else []),
@@ -92,6 +113,8 @@ def _friction(
     pin = writer.parameter(f"pin {k}", joint.bearing_radius_m - joint.radial_clearance_m)
     sliding = [f"n_x{k}*{rate[1]} - n_y{k}*{rate[0]}", product(spins[1], f"arm_j{k}")]
     sliding.append(negative(product(spins[0], f"arm_i{k}")))
+    # Where a law pulls, friction with the force's sign drives the sliding (Exudyn's contact has it so).
+    pressing = f"normal{k}" if joint.law.may_pull else f"max(normal{k}, 0.0)"
     if friction.kind == "tanh":
         share = f"tanh(sliding{k}/{full})"
     elif friction.kind == "saturated-linear":
@@ -102,7 +125,7 @@ def _friction(
     return [
         f"arm_i{k}, arm_j{k} = {bearing} + 0.5*depth{k}, {pin} - 0.5*depth{k}",
         f"sliding{k} = {total(sliding)}",
-        f"tangential{k} = -{coefficient}*max(normal{k}, 0.0)*{share}",
+        f"tangential{k} = -{coefficient}*{pressing}*{share}",
         f"slide{k} = -tangential{k}*sliding{k}",
         f"twist_i{k}, twist_j{k} = -arm_i{k}*tangential{k}, arm_j{k}*tangential{k}",
     ]

@@ -1,6 +1,7 @@
 """Runs a mechanism with compliant contacts: the compiled driver of ``contact_loop``, events, energies."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
+from reference_solver.contact_log import EVENT, impacts_of
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import NonFiniteState, Stalled
 from reference_solver.generator import EquationsWriter
@@ -20,28 +22,41 @@ FloatArray = NDArray[np.float64]
 CHUNK = 200_000
 #: Events per call of the kernel.
 LOG_ROWS = 256
-#: Columns of an event in the log, ahead of the totals at that time.
-EVENT = 5
+#: No samples asked for.
+NONE = np.empty(0)
 
 
 @dataclass(frozen=True)
 class ContactSolution:
     """The sampled motion, s times and K contacts, with what the contacts did.
 
-    ``contacts[k]`` lists the s states of contact k. ``sums`` holds integrals since t = 0 at the samples,
-    (s,) each, by RK4's own quadrature: normalk, the normal impulse of contact k in N s, and the energies
-    dissipated in J: lossk by its normal force, clipk where that was clipped, slidek by friction. ``events``
-    (E, 5) are (time, contact, what, rate of g, penetration) with what = 1 for touch, -1 release, 2 force
-    clipped, 3 force back. ``impacts[k]`` (I, 5) are the contacts k that have ended: time of touch, duration,
-    approach speed, normal impulse, energy lost. ``steps`` counts all steps taken.
+    ``joints`` (K,) are the contacts, ``phases`` (s, 2K) the phase and a/v0 of each. ``sums`` holds integrals
+    since t = 0 at the samples, (s,) each, by RK4's own quadrature: normalk, the normal impulse of contact k
+    in N s, and the energies dissipated in J: lossk by its normal force, clipk where that was clipped, slidek
+    by friction. ``events`` (E, 5) are (time, contact, what, rate of g, penetration) with what = 1 for touch,
+    -1 release, 2 force clipped, 3 force back. ``impacts[k]`` (I, 5) are the contacts k that have ended: time
+    of touch, duration, approach speed, normal impulse, energy lost. ``steps`` counts all steps taken.
     """
 
     motion: Solution
-    contacts: list[list[ContactState]]
+    joints: tuple[ClearanceJoint, ...]
+    phases: FloatArray
     sums: dict[str, FloatArray]
     events: FloatArray
     impacts: list[FloatArray]
     steps: int
+
+    @cached_property
+    def contacts(self) -> list[list[ContactState]]:
+        """Of every contact k the list of its s states, read out of the motion when first asked for."""
+        states = list(zip(self.motion.q, self.motion.v, strict=True))
+        return [
+            [
+                contact_state(joint, phase, damping, q, v)
+                for (q, v), (phase, damping) in zip(states, self.phases[:, 2 * k : 2 * k + 2], strict=True)
+            ]
+            for k, joint in enumerate(self.joints)
+        ]
 
     def losses_J(self) -> FloatArray:
         """Return the energy that all contacts have dissipated, (s,)."""
@@ -59,50 +74,58 @@ class ContactStepper:
         self._kernel = load_kernel(contact_kernel_source(writer, baumgarte, stabilisation == "projection"))
         self._parameters = np.array(writer.parameters)
         self._equations = Equations(mechanism, q_start, baumgarte)
-        self._mechanism, self._rows = mechanism, writer.m
+        self.mechanism, self.choice = mechanism, choice
         self.rate_names = tuple(all_rates(writer))
         self._laws = np.array([_constants(joint) for joint in mechanism.contacts]).reshape(-1, 8)
         self._touch = np.zeros((len(self._laws), 3))
-        self._log = np.zeros((LOG_ROWS, EVENT + 1 + len(self.rate_names)))
         self._control = np.array([choice.longest_s, choice.steps_per_contact, float(choice.locate_events)])
-        #: Phase and a/v0 of every contact, (2K,); drivers' work and the rates' sums; events; steps.
+        #: Phase and a/v0 of every contact, (2K,); drivers' work, the rates' sums and, with a stabilisation,
+        #: the energy removed by it; events; steps.
         self.phases = np.zeros(2 * len(self._laws))
-        self.totals = np.zeros(1 + len(self.rate_names))
+        self.totals = np.zeros(1 + len(self.rate_names) + (stabilisation != "none"))
         self.events: list[FloatArray] = []
         self.steps = 0
+        self._log = np.zeros((LOG_ROWS, EVENT + len(self.totals)))
+        #: Columns of a sample: q, q', totals, phases, {lambda}.
+        self.columns = np.cumsum([2 * writer.n, len(self.totals), len(self.phases), writer.m])
+        self.columns = np.insert(self.columns, 0, writer.n)
         q = q_start.copy()
-        self._call(q, np.zeros_like(q), 0.0, 0.0)  # compiled or loaded here, out of any timing
+        self.advance(q, np.zeros_like(q), 0.0, 0.0)  # compiled or loaded here, out of any timing
 
-    def _call(self, q: FloatArray, v: FloatArray, t: float, end: float) -> tuple[float, int, int, int]:
-        reached: tuple[float, int, int, int] = self._kernel.advance(
-            self._parameters,
-            self.phases,
-            self._laws,
-            self._touch,
-            q,
-            v,
-            self.totals,
-            t,
-            end,
-            self._control,
-            self._log,
-            CHUNK,
-        )
-        return reached
+    def advance(
+        self, q: FloatArray, v: FloatArray, t: float, end: float, times: FloatArray = NONE
+    ) -> FloatArray:
+        """Advance q and v in place from t to ``end``; return a row (see ``columns``) for each of the times.
 
-    def advance(self, q: FloatArray, v: FloatArray, t: float, end: float) -> None:
-        """Advance q and v in place from t to ``end``.
+        The ``times`` (s,) ascend from t to ``end``; a step lands on ``end``, and on no other of them.
 
         Raises:
             SingularConfiguration: the constraint matrix loses full row rank.
             NonFiniteState: the state overflows.
             Stalled: steps have become too short to move time on.
         """
-        while t < end:
+        samples, taken, status = np.empty((len(times), self.columns[-1])), 0, 1
+        while status:
             begin = t
-            t, events, steps, status = self._call(q, v, t, end)
+            t, events, added, steps, status = self._kernel.advance(
+                self._parameters,
+                self.phases,
+                self._laws,
+                self._touch,
+                q,
+                v,
+                self.totals,
+                t,
+                end,
+                self._control,
+                self._log,
+                times[taken:],
+                samples[taken:],
+                CHUNK,
+            )
             if t == begin and status == 1:
                 raise Stalled(t, steps)
+            taken += added
             self.steps += steps
             self.events.extend(self._log[:events].copy())
             if status == 3:
@@ -111,17 +134,13 @@ class ContactStepper:
                 raise NonFiniteState(t, self._control[0])
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise NonFiniteState(end, self._control[0])
+        return samples
 
     def multipliers(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return {lambda} (m,) at a state in the present phases."""
-        out = np.empty(self._rows)
-        self._kernel.multipliers(self._parameters, self.phases, t, q, v, out)
+        a, rate, out = np.empty_like(q), np.empty_like(self.totals), np.empty(len(self._equations.C))
+        self._kernel.slopes(self._parameters, self.phases, t, q, v, a, rate, out)
         return out
-
-    def states(self, q: FloatArray, v: FloatArray) -> list[ContactState]:
-        """Return every contact at a state in the present phases."""
-        pairs = zip(self._mechanism.contacts, self.phases.reshape(-1, 2), strict=True)
-        return [contact_state(joint, phase, damping, q, v) for joint, (phase, damping) in pairs]
 
 
 def _constants(joint: ClearanceJoint) -> tuple[float, ...]:
@@ -133,18 +152,6 @@ def _constants(joint: ClearanceJoint) -> tuple[float, ...]:
     speed = law.minimum_impact_speed_m_s
     first = (law.stiffness, law.exponent, law.damping_factor, speed)
     return *first, joint.radial_clearance_m, slope, law.damping_N_s_m, float(law.clipped)
-
-
-def _impacts(contact: int, events: FloatArray, rate_names: tuple[str, ...]) -> FloatArray:
-    """Return a contact's ends: time, duration, approach speed, normal impulse and energy lost, (I, 5)."""
-    ends = events[(events[:, 1] == contact) & (np.abs(events[:, 2]) == 1)]
-    ends = ends[int(len(ends) > 0 and ends[0, 2] < 0) :]  # it may have been closed at the start
-    touches, releases = ends[: len(ends) // 2 * 2].reshape(-1, 2, events.shape[1]).swapaxes(0, 1)
-    change = (releases - touches)[:, EVENT + 1 :]
-    impulse = change[:, rate_names.index(f"normal{contact}")]
-    mine = [k for k, name in enumerate(rate_names) if name.endswith(str(contact)) and "normal" not in name]
-    lost = change[:, mine].sum(axis=1)
-    return np.column_stack([touches[:, 0], releases[:, 0] - touches[:, 0], touches[:, 3], impulse, lost])
 
 
 def solve_with_contacts(
@@ -172,22 +179,28 @@ def solve_with_contacts(
 def record_contacts(
     stepper: ContactStepper, q: FloatArray, v: FloatArray, end_time_s: float, samples: int
 ) -> ContactSolution:
-    """Run a stepper from q and v, which it overwrites, and return ``samples + 1`` states."""
+    """Run a stepper from q and v, which it overwrites, and return ``samples + 1`` states.
+
+    Where events are located, steps are the run's own, whatever the samples: those within a step are
+    interpolated, at the order of the step (see ``contact_samples``). The plain algorithm, whose steps all
+    have one length, which is to fit into the samples' interval, lands on every sample.
+    """
     time = np.linspace(0.0, end_time_s, samples + 1)
-    rows, states = [], []
-    for k, t in enumerate(time):
-        if k:
-            stepper.advance(q, v, time[k - 1], t)
-        rows.append((q.copy(), v.copy(), stepper.multipliers(t, q, v), stepper.totals.copy()))
-        states.append(stepper.states(q, v))
-    qs, vs, multipliers, totals = (np.array(column) for column in zip(*rows, strict=True))
-    contacts = [list(one) for one in zip(*states, strict=True)]
+    if stepper.choice.locate_events:
+        rows = stepper.advance(q, v, 0.0, end_time_s, time)
+    else:
+        landings = zip(np.append(0.0, time), time, time[:, None], strict=False)
+        rows = np.concatenate([stepper.advance(q, v, *landing) for landing in landings])
+    qs, vs, totals, phases, multipliers = np.split(rows, stepper.columns[:-1], axis=1)
+    names = stepper.rate_names
     events = np.array(stepper.events).reshape(-1, EVENT + totals.shape[1])
+    removed = totals[:, -1] if totals.shape[1] > 1 + len(names) else np.zeros(len(time))
     return ContactSolution(
-        motion=Solution(time, qs, vs, multipliers, totals[:, 0]),
-        contacts=contacts,
-        sums=dict(zip(stepper.rate_names, totals[:, 1:].T, strict=True)),
+        motion=Solution(time, qs, vs, multipliers, totals[:, 0], removed),
+        joints=stepper.mechanism.contacts,
+        phases=phases,
+        sums=dict(zip(names, totals[:, 1 : 1 + len(names)].T, strict=True)),
         events=events[:, :EVENT],
-        impacts=[_impacts(k, events, stepper.rate_names) for k in range(len(contacts))],
+        impacts=[impacts_of(k, events, names) for k in range(len(stepper.mechanism.contacts))],
         steps=stepper.steps,
     )

@@ -13,6 +13,7 @@ from scipy.linalg import lapack
 
 from reference_solver.arrays import MechanismArrays
 from reference_solver.contact import add_contact_force
+from reference_solver.contact_events import CONTACT
 from reference_solver.errors import SingularConfiguration
 from reference_solver.mechanism import GROUND, Mechanism, SpringDamper
 
@@ -101,12 +102,24 @@ class Equations:
 
     def applied_force(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers, contacts."""
+        return self._force(q, v, self.phases)
+
+    def stored_force(self, q: FloatArray) -> FloatArray:
+        """Return the part of {F} (n,) that has a potential: gravity, torques, springs, elastic contacts.
+
+        It is what is applied at rest; a clipped contact still stores its elastic energy.
+        """
+        phases = self.phases.copy()
+        phases[::2] = np.minimum(phases[::2], CONTACT)
+        return self._force(q, np.zeros(self._n), phases)
+
+    def _force(self, q: FloatArray, v: FloatArray, phases: FloatArray) -> FloatArray:
         if not self._springs and not self._contacts:
             return np.asarray(self._arrays.F)
         F: FloatArray = self._arrays.F.copy()
         for spring in self._springs:
             self._add_spring(F, spring, q, v)
-        for joint, (phase, damping) in zip(self._contacts, self.phases.reshape(-1, 2), strict=True):
+        for joint, (phase, damping) in zip(self._contacts, phases.reshape(-1, 2), strict=True):
             add_contact_force(F, joint, phase, damping, q, v)
         return F
 
@@ -160,12 +173,33 @@ class Equations:
         # (4), (5): {C'} is zero, since prescribed speeds are constant.
         right = -self.centripetal(q, v) - B @ (self.inverse_mass * F)
         if self._baumgarte is not None:
-            right -= 2 * self._baumgarte.alpha_s * (B @ v - self.C)
-            right -= self._baumgarte.beta_s**2 * self.violation(t, q)
+            right -= self._feedback(self._baumgarte, t, q, v, B)
         # (6)-(8)
         lambda_, _ = lapack.dpotrs(self.factor(t, q, B), right, lower=1)
         # (9), (10)
         return self.inverse_mass * (F + B.T @ lambda_), lambda_
+
+    def feedback_power(self, t: float, q: FloatArray, v: FloatArray) -> float:
+        """Return the power in W that Baumgarte's feedback takes away; 0 without one.
+
+        The feedback adds -[M]*(2 alpha g' + beta^2 g) to {lambda}, with g' = [B]{q'} - {C}, and its forces do
+        the power of these multipliers times [B]{q'}. The part times {C} is in the drivers' work already; what
+        is left, and removed, is g'^T [M]* (2 alpha g' + beta^2 g): a damper and a spring of the violation.
+
+        The other multipliers' power on the violation, {lambda}^T g', is not counted. It pays for a violation
+        that RK4's error has put in without work, and with it the ledger's residual is larger, not smaller.
+        """
+        if self._baumgarte is None or not len(self.C):
+            return 0.0
+        B = self.constraint_matrix(q)
+        x, _ = lapack.dpotrs(self.factor(t, q, B), B @ v - self.C, lower=1)
+        return float(x @ self._feedback(self._baumgarte, t, q, v, B))
+
+    def _feedback(
+        self, gains: Baumgarte, t: float, q: FloatArray, v: FloatArray, B: FloatArray
+    ) -> FloatArray:
+        drift = B @ v - self.C
+        return np.asarray(2 * gains.alpha_s * drift + gains.beta_s**2 * self.violation(t, q))
 
 
 def _turned(angle: FloatArray, point: FloatArray) -> FloatArray:

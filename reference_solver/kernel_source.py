@@ -1,5 +1,7 @@
 """The source of a compiled kernel: RK4 around the straight-line equations, in functions that Python calls."""
 
+from collections.abc import Callable
+
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
 from reference_solver.straight_line import ZERO, StraightLine, product
@@ -21,17 +23,29 @@ def kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, projecte
     """
     q, v = names("q", writer.n), names("v", writer.n)
     code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
-    functions = [
-        function("accelerations", ["p", "t", *q, *v], code.lines, [*accelerations, *lambda_, ok], inline=True)
-    ]
+    rates = removing(baumgarte)
+    results = [*accelerations, *lambda_, *rates, ok]
+    functions = [function("accelerations", ["p", "t", *q, *v], code.lines, results, inline=True)]
     if projected:
-        for of in ("q", "v"):
-            code, moved, ok = writer.projection(of)
-            arguments = ["p", "t", *q, *(v if of == "v" else [])]
-            functions.append(function(f"project_{of}", arguments, code.lines, [*moved, ok], inline=True))
-    functions.append(_advance(writer, projected))
-    functions.append(_multipliers(writer))
+        functions += projections(writer, ["p"])
+    functions.append(_advance(writer, rates, projected))
+    functions.append(_multipliers(writer, rates))
     return "\n\n".join([HEADER, *functions]) + "\n"
+
+
+def projections(writer: EquationsWriter, inputs: list[str]) -> list[str]:
+    """Return ``project_q`` and ``project_v``: their results are the new q or v, energy removed, success."""
+    functions = []
+    for of, state in (("q", "q"), ("v", "qv")):
+        code, results, ok = writer.projection(of, ledger=True)
+        arguments = [*inputs, "t", *(name for letter in state for name in names(letter, writer.n))]
+        functions.append(function(f"project_{of}", arguments, code.lines, [*results, ok], inline=True))
+    return functions
+
+
+def removing(baumgarte: Baumgarte | None) -> list[str]:
+    """Return the name of the power that Baumgarte's feedback takes away, if there is any."""
+    return [] if baumgarte is None else ["removing"]
 
 
 def names(letter: str, count: int) -> list[str]:
@@ -53,32 +67,44 @@ def call(results: list[str], called: str, arguments: list[str]) -> str:
     return f"{', '.join(results)} = {called}({', '.join(arguments)})"
 
 
-def _advance(writer: EquationsWriter, projected: bool) -> str:
+def _advance(writer: EquationsWriter, rates: list[str], projected: bool) -> str:
     """Write ``advance(p, q, v, h, first, count)``: RK4 steps number first to first + count - 1, in place.
 
-    It returns the number of steps done and the drivers' work over them; fewer than ``count`` steps mean that
-    the step begun from the state left in q and v met a singular configuration or overflowed.
+    It returns the number of steps done and the drivers' work over them, and with a stabilisation the energy
+    that it has removed; fewer than ``count`` steps mean that the step begun from the state left in q and v
+    met a singular configuration or overflowed.
     """
     n = range(writer.n)
-    lines, ok = rk4_lines(writer, ["p"], [], projected, compensated=True)
+    lines, ok = rk4_lines(writer, ["p"], rates, projected, compensated=True, ledger=True)
     step = ["t = (first + done)*h", *lines, f"if not ({ok}):", "    break"]
-    if power := drivers_power(writer):
-        step.append(f"work += {power}")
+    sums = {"work": drivers_power(writer), "removed": stabilisation_loss(rates, projected)}
+    step += [f"{name} += {added}" for name, added in sums.items() if added]
     step += [f"q{c} = x{c}" for c in n] + [f"v{c} = y{c}" for c in n] + ["done += 1"]
     lines = [f"{name}{c} = {name}[{c}]" for name in "qv" for c in n]
     lines += [f"lost_{name}{c} = 0.0" for name in "qv" for c in n]
-    lines += ["done, work = 0, 0.0", "while done < count:", *(f"    {line}" for line in step)]
+    results = ["done", "work"]
+    lines.append("done, work = 0, 0.0")
+    if sums["removed"]:
+        results.append("removed")
+        lines.append("removed = 0.0")
+    lines += ["while done < count:", *(f"    {line}" for line in step)]
     lines += [f"{name}[{c}] = {name}{c}" for name in "qv" for c in n]
-    return function("advance", ["p", "q", "v", "h", "first", "count"], lines, ["done", "work"])
+    return function("advance", ["p", "q", "v", "h", "first", "count"], lines, results)
 
 
 def rk4_lines(
-    writer: EquationsWriter, inputs: list[str], rates: list[str], projected: bool, compensated: bool = False
+    writer: EquationsWriter,
+    inputs: list[str],
+    rates: list[str],
+    projected: bool,
+    compensated: bool = False,
+    ledger: bool = False,
 ) -> tuple[list[str], str]:
     """Return one RK4 step of (11)-(13) from q, v at t to x, y at t + h, and the condition that it holds.
 
     ``inputs`` come first in the call of ``accelerations``, ``rates`` last in its results; the value of
-    ``name`` in stage k is called ``name_k``.
+    ``name`` in stage k is called ``name_k``. With the ``ledger`` a projection's results have the energy
+    removed, called ``removed_q`` and ``removed_v``.
     """
     n, lines = range(writer.n), []
     start_q, start_v = names("q", writer.n), names("v", writer.n)
@@ -102,10 +128,18 @@ def rk4_lines(
     conditions = ["ok_1", "ok_2", "ok_3", "ok_4"]
     if projected:
         x, y = names("x", writer.n), names("y", writer.n)
-        lines.append(call([*x, "ok_q"], "project_q", ["p", "t + h", *x]))
-        lines.append(call([*y, "ok_v"], "project_v", ["p", "t + h", *x, *y]))
+        for of, moved, state in (("q", x, x), ("v", y, [*x, *y])):
+            results = [*moved, *([f"removed_{of}"] if ledger else []), f"ok_{of}"]
+            lines.append(call(results, f"project_{of}", [*inputs, "t + h", *state]))
         conditions += ["ok_q", "ok_v"]
     return lines, " and ".join(conditions)
+
+
+def stabilisation_loss(rates: list[str], projected: bool) -> str:
+    """Return the energy that the stabilisation removes in a step (see ``readable``); empty without one."""
+    if projected:
+        return "removed_q + removed_v"
+    return "h*removing_1" if "removing" in rates else ""
 
 
 def mean(name: str) -> str:
@@ -113,10 +147,10 @@ def mean(name: str) -> str:
     return f"h/6.0*({name}_1 + 2.0*({name}_2 + {name}_3) + {name}_4)"
 
 
-def drivers_power(writer: EquationsWriter) -> str:
-    """Return the drivers' work in a step, {lambda}^T{C} by RK4's quadrature; empty without drivers."""
+def drivers_power(writer: EquationsWriter, of: Callable[[str], str] = mean) -> str:
+    """Return the drivers' {lambda}^T{C}, by default their work in a step; empty without drivers."""
     rows = enumerate(writer.rows(StraightLine()))
-    return " + ".join(product(row.C, mean(f"lambda{r}")) for r, row in rows if row.C != ZERO)
+    return " + ".join(product(row.C, of(f"lambda{r}")) for r, row in rows if row.C != ZERO)
 
 
 def _sum(new: str, old: str, change: str, compensated: bool) -> list[str]:
@@ -130,11 +164,12 @@ def _sum(new: str, old: str, change: str, compensated: bool) -> list[str]:
     ]
 
 
-def _multipliers(writer: EquationsWriter) -> str:
+def _multipliers(writer: EquationsWriter, rates: list[str]) -> str:
     """Write ``multipliers(p, t, q, v, out)``: {lambda} at a state into ``out``; returns whether it could."""
     q, v = names("q", writer.n), names("v", writer.n)
     lambda_ = names("lambda", writer.m)
     lines = [f"{name}{c} = {name}[{c}]" for name in "qv" for c in range(writer.n)]
-    lines.append(call([*names("a", writer.n), *lambda_, "ok"], "accelerations", ["p", "t", *q, *v]))
+    results = [*names("a", writer.n), *lambda_, *rates, "ok"]
+    lines.append(call(results, "accelerations", ["p", "t", *q, *v]))
     lines += [f"out[{r}] = {name}" for r, name in enumerate(lambda_)]
     return function("multipliers", ["p", "t", "q", "v", "out"], lines, ["ok"])

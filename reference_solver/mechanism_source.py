@@ -40,10 +40,17 @@ class MechanismWriter:
 
     def inverse_mass(self, column: int) -> str:
         """Return the diagonal entry of [M]^-1 of a coordinate."""
+        kind, value = self._mass(column)
+        return self.parameter(f"{kind} {column // 3}", 1 / value)
+
+    def half_mass(self, column: int) -> str:
+        """Return half the diagonal entry of [M] of a coordinate."""
+        kind, value = self._mass(column)
+        return self.parameter(f"half {kind} {column // 3}", value / 2)
+
+    def _mass(self, column: int) -> tuple[str, float]:
         body = self.mechanism.bodies[column // 3]
-        if column % 3 == 2:
-            return self.parameter(f"inertia {column // 3}", 1 / body.inertia_kg_m2)
-        return self.parameter(f"mass {column // 3}", 1 / body.mass_kg)
+        return ("inertia", body.inertia_kg_m2) if column % 3 == 2 else ("mass", body.mass_kg)
 
     def arm(self, code: StraightLine, name: str, body: int, point: Point) -> tuple[str, str]:
         """Return the arm from a body's centre of mass to a point of it, in the global frame."""
@@ -61,12 +68,14 @@ class MechanismWriter:
         self, code: StraightLine, name: str, ends: Ends
     ) -> tuple[Arms, tuple[str, ...], tuple[str, ...]]:
         """Return the arms of two points, the vector from the first to the second, and its rate."""
-        arms, reach, rate = self.relative(code, name, ends)
-        return (
-            arms,
-            tuple(code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1)),
-            tuple(code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1)),
-        )
+        arms, reach = self.reach(code, name, ends)
+        _, _, rate = self.relative(code, name, ends)
+        return arms, reach, tuple(code.let(f"{name}_rate{'xy'[k]}", total(rate[k])) for k in (0, 1))
+
+    def reach(self, code: StraightLine, name: str, ends: Ends) -> tuple[Arms, tuple[str, ...]]:
+        """Return the arms of two points, and the vector from the first to the second."""
+        arms, reach, _ = self.relative(code, name, ends)
+        return arms, tuple(code.let(f"{name}{'xy'[k]}", total(reach[k])) for k in (0, 1))
 
     def relative(
         self, code: StraightLine, name: str, ends: Ends

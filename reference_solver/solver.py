@@ -23,6 +23,9 @@ START_TOLERANCE = 1e-9
 #: them the block kernel runs.
 LARGEST_COMPILED = 16
 
+#: Fewer steps do not follow a contact.
+FEWEST_STEPS_PER_CONTACT = 10.0
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -30,7 +33,9 @@ class Solution:
 
     ``time_s`` (s,), ``q`` and ``v`` (s, n), ``multipliers`` (s, m) by the rows of [B] (see ``row_slices``),
     and ``constraint_work_J`` (s,), the work of the drivers: the integral of {lambda}^T{C} by RK4's own
-    quadrature.
+    quadrature. ``stabilisation_loss_J`` (s,) is the energy that the stabilisation has removed since t = 0,
+    negative where it has added some: by projection (see ``readable.project_with_loss``) or by Baumgarte's
+    feedback (see ``Equations.feedback_power``). It is zero without one, and None where it is not counted.
     """
 
     time_s: FloatArray
@@ -38,6 +43,7 @@ class Solution:
     v: FloatArray
     multipliers: FloatArray
     constraint_work_J: FloatArray
+    stabilisation_loss_J: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -52,9 +58,19 @@ class StepChoice:
     steps_per_contact: float = 100.0
     locate_events: bool = True
 
+    def at(self, longest_s: float) -> "StepChoice":
+        """Return both rates in proportion, at another longest step."""
+        per_contact = self.steps_per_contact * self.longest_s / longest_s
+        return StepChoice(longest_s, max(FEWEST_STEPS_PER_CONTACT, per_contact), self.locate_events)
+
 
 class Stepper(Protocol):
     """One of the two faces of the algorithm, at a fixed step."""
+
+    @property
+    def stabilisation_loss_J(self) -> float:
+        """Energy that the stabilisation has removed in all steps so far."""
+        ...
 
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps number first to first + count - 1 in place; return the drivers' work."""
@@ -103,13 +119,13 @@ def record(
     stepper: Stepper, q: FloatArray, v: FloatArray, *, end_time_s: float, samples: int, steps_per_sample: int
 ) -> Solution:
     """Run a stepper from q and v, which it overwrites, and return ``samples + 1`` states."""
-    time, work = np.linspace(0.0, end_time_s, samples + 1), 0.0
-    records = [(q.copy(), v.copy(), stepper.multipliers(0.0, q, v), work)]
+    time, work, before = np.linspace(0.0, end_time_s, samples + 1), 0.0, stepper.stabilisation_loss_J
+    records = [(q.copy(), v.copy(), stepper.multipliers(0.0, q, v), work, 0.0)]
     for sample in range(samples):
         work += stepper.advance(q, v, sample * steps_per_sample, steps_per_sample)
-        records.append((q.copy(), v.copy(), stepper.multipliers(time[sample + 1], q, v), work))
-    qs, vs, multipliers, works = (np.array(column) for column in zip(*records, strict=True))
-    return Solution(time, qs, vs, multipliers, works)
+        multipliers = stepper.multipliers(time[sample + 1], q, v)
+        records.append((q.copy(), v.copy(), multipliers, work, stepper.stabilisation_loss_J - before))
+    return Solution(time, *(np.array(column) for column in zip(*records, strict=True)))
 
 
 def solve(

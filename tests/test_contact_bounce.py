@@ -240,3 +240,31 @@ def test_a_law_that_would_pull_is_clipped_on_a_line_of_its_own_or_pulls(may_pull
         assert run.sums["clip0"][-1] > 0, f"{run.sums['clip0'][-1]} J"
     residual = np.abs(balance - balance[0]).max()
     assert residual < 1e-9 * balance[0], f"residual {residual:.1e} of {balance[0]:.1e} J"
+
+
+@pytest.mark.parametrize(
+    ("law", "expected"),
+    [(ContactLaw(LINEAR, 1.0), 2.0), (ContactLaw(HERTZ, 1.5), 2.5)],
+    ids=["linear", "hertz"],
+)
+def test_the_plain_algorithm_takes_equal_steps_and_falls_to_the_order_of_its_unlocated_events(
+    law: ContactLaw, expected: float
+) -> None:
+    pin = Mechanism(
+        (Body(MASS, INERTIA),),
+        (),
+        contacts=(ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), CLEARANCE, BEARING, law),),
+    )
+    end, start, rate = 1.5 * CLEARANCE / SPEED, np.zeros(3), np.array([SPEED, 0.0, 0.0])
+    counts, errors = [5000.0, 20_000.0, 80_000.0], []
+    for count in counts:
+        lost = []
+        for more in range(0, 175, 7):  # touch and release fall anywhere within a step
+            steps = int(count) + more
+            choice = StepChoice(end / steps, locate_events=False)
+            run = solve_with_contacts(pin, start, rate, end_time_s=end, samples=1, choice=choice)
+            assert run.steps == steps
+            lost.append(1 - restitution(run))
+        errors.append(float(np.sqrt(np.mean(np.square(lost)))))
+    found = order(errors, counts)
+    assert abs(found - expected) < ORDER_TOLERANCE, f"order {found:.3f} of {errors}"

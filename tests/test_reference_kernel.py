@@ -113,6 +113,8 @@ def test_a_kernel_contains_nothing_that_its_mechanism_does_not() -> None:
     assert "work +=" not in free_source, "no driver, no driver's work"
     assert "work +=" in driven_source
     assert "project" not in free_source
+    assert "remov" not in driven_source, "no stabilisation, no energy that it removes"
+    assert "removed +=" in source_of(*driven[:2], projected=True)
     # Eight rows and the two angles that carry arms: the slider's angle has neither sine nor cosine.
     assert free_source.count("cos(") == free_source.count("sin(") == 2
     assert row_slices(free[0])[-1].stop == 8

@@ -1,0 +1,180 @@
+"""Energy: what every engine makes or loses over long runs, where it goes, and how constraints drift."""
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from engine_models.engine import FloatArray, RunSettings, Trajectory
+from engine_models.engines import make_engine
+from engine_models.pymunk_engine import PymunkEngine
+from engine_models.scene import Scene
+from engine_models.scene_library import SCENES
+from studies import energy_ledger as ledger
+from studies.case import Case, Curves, Row, Value
+from studies.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
+from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+
+Settings = dict[str, Value]
+
+
+@dataclass(frozen=True)
+class Length:
+    """How long a scene runs: ``intervals`` samples, and the steps between two of them on each rung.
+
+    A long run keeps the steps of a short one, of which it may leave out the finest.
+    """
+
+    scene: str
+    end_s: float
+    intervals: int
+    steps_per_sample: tuple[int, ...]
+    name: str = ""
+
+    def scene_cut(self) -> Scene:
+        """Return the scene with this end, under this name."""
+        update = {"end_time_s": self.end_s, "name": self.name or self.scene}
+        return SCENES[self.scene]().model_copy(update=update)
+
+
+#: One turn of set R's crank. Its runs are whole turns, sampled equally often in each.
+TURN_S = 60 / 5000
+#: Quick: some 70 to 100 turns without clearance, 3 to 10 with it.
+SHORT = (
+    Length("ideal-free", 10.0, 1000, (25, 50, 100)),
+    Length("ideal-driven", 100 * TURN_S, 1000, (15, 30, 60)),
+    Length("clearance-free-0.5mm", 0.6, 300, (50, 100, 200)),
+    Length("clearance-driven-damped", 10 * TURN_S, 1200, (10, 20, 40)),
+    Length("rigid-free-0.5mm", 0.4, 200, (50, 100, 200)),
+)
+#: What the full set adds: ten times as many turns.
+LONG = (
+    Length("ideal-free", 100.0, 5000, (50, 100, 200), "ideal-free-long"),
+    Length("ideal-driven", 1000 * TURN_S, 5000, (30, 60, 120), "ideal-driven-long"),
+    Length("clearance-free-0.5mm", 10.0, 2000, (125, 250), "clearance-free-0.5mm-long"),
+    Length("clearance-driven-damped", 100 * TURN_S, 1200, (100, 200), "clearance-driven-damped-long"),
+    Length("rigid-free-0.5mm", 10.0, 2000, (125,), "rigid-free-0.5mm-long"),
+)
+
+#: Methods that choose their steps have a tolerance on each rung in place of the step, by its settings' names.
+TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8, 1e-10), (1e-5, 1e-7, 1e-9)
+ADAPTIVE = {"DOPRI5": ("tolerance",), "DOP853": ("rtol", "atol")}
+IDEAL_ARMS: dict[tuple[str, str], Settings] = {
+    ("reference", "projection"): {"stabilisation": "projection"},
+    ("reference", "Baumgarte"): {"stabilisation": "baumgarte"},
+    ("reference", "none"): {"stabilisation": "none"},
+    ("exudyn", "trapezoidal"): {"solver": "TrapezoidalIndex2"},
+    ("exudyn", "generalized-alpha"): {"solver": "GeneralizedAlpha"},
+    ("pymunk", "tuned"): {},
+    ("pymunk", "out of the box"): asdict(PymunkEngine.out_of_the_box()),
+    ("scipy", "DOP853"): {"method": "DOP853"},
+}
+#: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel. Of an
+#: engine without rigid contact one arm tells that it has none.
+CLEARANCE_ARMS: dict[tuple[str, str], Settings] = {
+    ("exudyn", "DOPRI5"): {"solver": "DOPRI5"},
+    **{name: settings for name, settings in IDEAL_ARMS.items() if name[1] != "Baumgarte"},
+}
+RIGID_ARMS = {
+    name: settings
+    for name, settings in CLEARANCE_ARMS.items()
+    if name[1] not in ("none", "trapezoidal", "generalized-alpha")
+}
+#: Samples of a curve that are kept.
+KEPT = 240
+#: Round-off of a constraint in places of the largest coordinate or speed, below which no growth is told: so
+#: many, and so many for each rad of an angle, which after many turns is rounded by that much more.
+PLACES, PLACES_PER_RAD = 1000, 2
+
+
+def cases(full: bool) -> list[Case]:
+    """Return every engine and arm on every scene at a ladder of steps; the full set adds the long runs."""
+    return [case for length in SHORT + (LONG if full else ()) for case in _ladder(length)]
+
+
+def _ladder(length: Length) -> list[Case]:
+    scene, out = length.scene_cut(), []
+    for (engine, arm), settings in _arms(scene).items():
+        tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
+        for rung, count in enumerate(length.steps_per_sample):
+            names = ADAPTIVE.get(arm, ())
+            step = scene.end_time_s / (1 if names else length.intervals * count)
+            run = RunSettings(step, length.intervals)
+            own = dict.fromkeys(names, tolerances[rung])
+            out.append(Case("energy", scene, engine, arm, run, {**settings, **own}, columns={"rung": rung}))
+    return out
+
+
+def _arms(scene: Scene) -> dict[tuple[str, str], Settings]:
+    joints = [getattr(scene.clearance, name) for name in scene.joints_with_clearance]
+    if not joints:
+        return IDEAL_ARMS
+    return RIGID_ARMS if all(joint.law == "rigid" for joint in joints) else CLEARANCE_ARMS
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Run one case and return its hidden power, its ledger at the end, its drift, and curves of all three."""
+    scene = case.scene
+    run = make_engine(case.engine, **case.settings).simulate(scene, case.run)
+    gain = ledger.numerical_gain_J(scene, run)
+    turns = float(np.ptp(run.position[:, 0, 2])) / (2 * math.pi)
+    row: Row = {
+        "steps": run.steps,
+        "mean_step_s": scene.end_time_s / run.steps,
+        "turns": turns,
+        "largest_kinetic_energy_J": float(kinetic_energy_J(scene, run).max()),
+        "largest_numerical_gain_J": float(np.abs(gain).max()),
+        **_powers(scene, run, gain),
+    }
+    lines = {
+        **ledger.stored(scene, run),
+        **ledger.given(run),
+        **ledger.dissipated(run),
+        **ledger.stabilised(run),
+        "energy_balance_residual_J": energy_balance_residual_J(scene, run),
+    }
+    row |= {name: float(line[-1]) for name, line in lines.items()}
+    drift, curves = _drift(scene, run)
+    curves |= {"numerical_gain_so_far_J": so_far(gain), "time_s": run.time_s}
+    if run.contacts:  # without, none of them says where energy goes
+        curves |= lines
+    return {**row, **drift}, {name: thinned(curve, KEPT) for name, curve in curves.items()}
+
+
+def _powers(scene: Scene, run: Trajectory, gain: FloatArray) -> Row:
+    """Return the power that no physics accounts for with its interval, and mean powers over the whole run."""
+    nominal = abs(scene.start.crank_speed_rad_s) * scene.end_time_s / (2 * math.pi)
+    rate = drift_rate(run.time_s, gain, blocks_of(nominal))
+    row: Row = {
+        "hidden_power_W": rate.per_s,
+        "hidden_power_low_W": rate.low_per_s,
+        "hidden_power_high_W": rate.high_per_s,
+        "mean_hidden_power_W": float(gain[-1]) / scene.end_time_s,
+    }
+    if run.dissipated_energy_J is not None:
+        row["dissipated_power_W"] = float(run.dissipated_energy_J[-1]) / scene.end_time_s
+    if run.stabilisation_loss_J is not None:
+        row["stabilisation_power_W"] = -float(run.stabilisation_loss_J[-1]) / scene.end_time_s
+    return row
+
+
+def _drift(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
+    """Return the largest violation of the constraints in position and speed, and how each grows with time."""
+    row: Row = {}
+    curves: Curves = {}
+    if not scene.is_crank_slider and scene.joints_with_clearance:
+        return row, curves  # nothing is constrained
+    angle = float(np.abs(run.position[:, :, 2]).max())
+    round_off = (PLACES + PLACES_PER_RAD * angle) * float(np.finfo(float).eps)
+    judged = {
+        "constraint_violation": ("m", constraint_violation_m(scene, run), run.position),
+        "constraint_speed": ("m_s", ledger.constraint_speed_m_s(scene, run), run.velocity),
+    }
+    for name, (unit, curve, coordinates) in judged.items():
+        largest = float(curve.max())
+        row[f"{name}_{unit}"] = largest
+        curves[f"{name}_so_far_{unit}"] = so_far(curve)
+        # Impacts are no steady cause: what grows from one to the next follows no power of time.
+        if not run.contacts and largest > round_off * np.abs(coordinates[:, :, :2]).max():
+            row[f"{name}_exponent"] = growth_exponent(run.time_s, curve)
+    return row, curves

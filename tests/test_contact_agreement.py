@@ -1,0 +1,199 @@
+"""The generated contact step agrees with the readable one: every scene, variant, phase and law."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from engine_models.assembly import start_state
+from engine_models.reference_model import mechanism_of
+from engine_models.scene_library import CLEARANCE_SCENES
+from reference_solver.compiled import load_kernel
+from reference_solver.contact import ContactState, add_contact_force, contact_state
+from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT
+from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
+from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
+from reference_solver.contact_stepper import solve_with_contacts
+from reference_solver.equations import Baumgarte, Equations
+from reference_solver.generator import EquationsWriter
+from reference_solver.mechanism import Mechanism
+from reference_solver.readable import project_with_loss, rk4_step
+from reference_solver.solver import Stabilisation, StepChoice
+
+FloatArray = NDArray[np.float64]
+#: How far the two faces may part in a step, in units in the last place of what enters the sums. Measured: 25.
+ROUND_OFF = 50 * float(np.finfo(float).eps)
+VARIANTS: dict[str, Stabilisation] = {
+    "none": "none",
+    "baumgarte": Baumgarte(100.0, 70.0),
+    "projection": "projection",
+}
+#: By how much states are moved off the constraints, in m and m/s, so that a stabilisation has work to do.
+OFF_M, OFF_M_S = 1e-9, 1e-4
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A mechanism, its start, and a state of a run at time t with a step h to take from there."""
+
+    mechanism: Mechanism
+    q_start: FloatArray
+    t: float
+    q: FloatArray
+    v: FloatArray
+    phases: FloatArray
+    h: float
+
+    def depth_m(self) -> float:
+        return max(c.penetration_m for c in self.contacts())
+
+    def contacts(self) -> list[ContactState]:
+        pairs = zip(self.mechanism.contacts, self.phases.reshape(-1, 2), strict=True)
+        return [contact_state(joint, phase, a, self.q, self.v) for joint, (phase, a) in pairs]
+
+    def condition(self) -> float:
+        """Return by how much contact forces magnify the rounding of coordinates and speeds."""
+        worst = 1.0
+        for joint, state in zip(self.mechanism.contacts, self.contacts(), strict=True):
+            if state.penetration_m > 0:
+                worst = max(worst, joint.law.exponent * np.abs(self.q).max() / state.penetration_m)
+            if state.penetration_m > 0 and joint.friction is not None:
+                ramp = joint.friction.regularisation_speed_m_s - joint.friction.dead_band_speed_m_s
+                worst += np.abs(self.v).max() / ramp
+        return float(worst)
+
+
+@cache
+def moments(name: str) -> dict[str, Moment]:
+    """Return from a run of a scene a moment in flight, the deepest one in contact, and that one clipped."""
+    scene = CLEARANCE_SCENES[name]()
+    mechanism, (q, v) = mechanism_of(scene), (part.ravel() for part in start_state(scene))
+    end = 0.003 if "driven" in name else 0.07 if "pendulum" in name else 0.016
+    run = solve_with_contacts(mechanism, q, v, end_time_s=end, samples=2000, choice=StepChoice(2e-5, 100))
+    depths = np.max([[state.penetration_m for state in joint] for joint in run.contacts], axis=0)
+    flying = np.flatnonzero(run.phases[:, ::2].max(axis=1) == FLIGHT)[-1]
+    noise_q, noise_v = np.random.default_rng(1).uniform(-1, 1, (2, len(q)))
+
+    def moment(k: int, h: float) -> Moment:
+        state = run.motion.q[k] + OFF_M * noise_q, run.motion.v[k] + OFF_M_S * noise_v
+        return Moment(mechanism, q, float(run.motion.time_s[k]), *state, run.phases[k], h)
+
+    deep = moment(int(depths.argmax()), 5e-7)
+    phases = deep.phases.copy()
+    phases[::2][phases[::2] == CONTACT] = CLIPPED
+    return {"flight": moment(int(flying), 1e-5), "contact": deep, "clipped": replace(deep, phases=phases)}
+
+
+def check(at: Moment, stabilisation: Stabilisation) -> None:
+    """Compare a step, its sums, and forces and losses at its start, between the two faces."""
+    baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
+    writer = EquationsWriter(at.mechanism, at.q_start)
+    kernel = load_kernel(contact_kernel_source(writer, baumgarte, stabilisation == "projection"))
+    names = all_rates(writer)
+    equations = Equations(at.mechanism, at.q_start, baumgarte)
+    equations.phases = at.phases
+    parameters, size = np.array(writer.parameters), 1 + len(names) + (stabilisation != "none")
+    q, v, sums = np.empty_like(at.q), np.empty_like(at.v), np.zeros(size)
+    assert kernel.step(parameters, at.phases, at.q, at.v, at.t, at.h, q, v, sums)
+    a, rates, lambda_ = np.empty_like(at.q), np.empty(size), np.empty(writer.m)
+    assert kernel.slopes(parameters, at.phases, at.t, at.q, at.v, a, rates, lambda_)
+
+    true_q, true_v, work = rk4_step(equations, at.t, at.q, at.v, at.h)
+    removed = at.h * equations.feedback_power(at.t, at.q, at.v)
+    if stabilisation == "projection":
+        true_q, true_v, removed = project_with_loss(equations, at.t + at.h, true_q, true_v)
+    true_a, true_lambda = equations.accelerations(at.t, at.q, at.v)
+    magnified = ROUND_OFF * at.condition()
+    speeds = np.abs(at.v).max() + at.condition() * at.h * np.abs(true_a).max()
+    torques = np.abs(true_lambda).max(initial=0.0)
+    energy = at.h * torques * np.abs(at.v).max()
+    compared = {
+        "q": (q, true_q, ROUND_OFF * (np.abs(at.q).max() + at.h * speeds)),
+        "v": (v, true_v, ROUND_OFF * speeds),
+        "accelerations": (a, true_a, magnified * np.abs(true_a).max()),
+        "multipliers": (lambda_, true_lambda, magnified * torques),
+        "work": (sums[0], work, magnified * energy),
+    }
+    if stabilisation != "none":
+        # Its scale: a drift of one unit in the last place would do as much.
+        compared["removed"] = (sums[-1], removed, magnified * (abs(removed) + energy))
+    for name, (one, other, tolerance) in compared.items():
+        difference = np.abs(one - other).max(initial=0.0)
+        assert difference <= tolerance, f"{name}: {difference:.1e}, {tolerance:.1e} expected"
+    check_losses(at, dict(zip(names, rates[1:], strict=False)))
+
+
+def check_losses(at: Moment, rates: dict[str, float]) -> None:
+    """Compare normal forces, and losses with the power of all contact forces that no spring stores."""
+    F, stored, scale = np.zeros(len(at.q)), 0.0, 0.0
+    for k, (joint, (phase, damping)) in enumerate(
+        zip(at.mechanism.contacts, at.phases.reshape(-1, 2), strict=True)
+    ):
+        state = contact_state(joint, phase, damping, at.q, at.v)
+        add_contact_force(F, joint, phase, damping, at.q, at.v)
+        spring = joint.law.stiffness * max(state.penetration_m, 0.0) ** joint.law.exponent
+        stored += spring * state.rate_m_s if phase != FLIGHT else 0.0
+        scale = max(scale, spring, abs(state.normal_force_N))
+        normal = rates[f"normal{k}"]
+        assert abs(normal - state.normal_force_N) <= ROUND_OFF * at.condition() * scale
+    lost = sum(rate for name, rate in rates.items() if not name.startswith("normal"))
+    tolerance = ROUND_OFF * at.condition() * scale * np.abs(at.v).max()
+    assert abs(lost + F @ at.v + stored) <= tolerance, f"lost {lost} W of {-F @ at.v} W, stored {stored} W"
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("name", CLEARANCE_SCENES)
+def test_a_generated_step_agrees_with_the_readable_one_in_flight_contact_and_clipped(
+    name: str, variant: str
+) -> None:
+    found = moments(name)
+    contact = found["contact"]
+    assert contact.depth_m() > 1e-6, "the contact is deep"
+    assert contact.phases[1::2].any(), "a/v0 is set"
+    for at in found.values():
+        check(at, VARIANTS[variant])
+
+
+def with_law(law: ContactLaw | None = None, friction: FrictionLaw | None = None) -> Moment:
+    """Return the pendulum's deepest contact with another law, or with friction."""
+    at = moments("clearance-pendulum")["contact"]
+    (joint,) = at.mechanism.contacts
+    phases = at.phases.copy()
+    if law is not None:
+        phases[1] *= law.damping_factor / joint.law.damping_factor
+    joint = replace(joint, law=law or joint.law, friction=friction)
+    return replace(at, mechanism=replace(at.mechanism, contacts=(joint,)), phases=phases)
+
+
+STIFFNESS = 6.61e10
+LAWS = {name: ContactLaw(STIFFNESS, 1.5, factor(0.7)) for name, factor in DAMPING_FACTORS.items()} | {
+    "hertz": ContactLaw(STIFFNESS),
+    "linear": ContactLaw(1e8, 1.0),
+    "kelvin-voigt": ContactLaw(1e8, 1.0, damping_N_s_m=300.0),
+    "any exponent": ContactLaw(1e13, 2.2, 0.4),
+    "may pull": ContactLaw(STIFFNESS, 1.5, 0.4, may_pull=True),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_every_law_agrees(name: str) -> None:
+    check(with_law(LAWS[name]), "none")
+
+
+FRICTIONS = [
+    FrictionLaw("saturated-linear", 0.2, 50.0),  # on the ramp
+    FrictionLaw("saturated-linear", 0.2, 1e-3),  # saturated
+    FrictionLaw("ambrosio", 0.2, 50.0, 1e-4),
+    FrictionLaw("ambrosio", 0.2, 50.0, 40.0),  # in the dead band
+    FrictionLaw("tanh", 0.2, 0.5),
+]
+
+
+@pytest.mark.parametrize("friction", FRICTIONS, ids=str)
+def test_every_friction_law_agrees(friction: FrictionLaw) -> None:
+    at = with_law(friction=friction)
+    check(at, "none")
+    (state,) = at.contacts()
+    assert (state.friction_force_N == 0) == (friction.dead_band_speed_m_s > 1), "it rubs"
