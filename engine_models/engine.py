@@ -32,8 +32,8 @@ class RunSettings:
     """What a run is asked for, whatever the engine.
 
     ``samples`` is the number of equal output intervals, so ``samples + 1`` rows come out, ends included.
-    ``step_s`` is the longest step allowed: the step used is the longest that fits a whole number of times
-    in an output interval, so that every sample lies on a step and nothing is interpolated.
+    ``step_s`` is the longest step allowed. A fixed step is the longest that fits a whole number of times in
+    an output interval, so that every sample lies on a step; engines that choose their steps interpolate.
     """
 
     step_s: float

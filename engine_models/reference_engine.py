@@ -19,10 +19,10 @@ from engine_models.reference_runs import compliant_run, ideal_run, rigid_run
 from engine_models.scene import Scene
 from reference_solver.equations import Baumgarte
 from reference_solver.errors import SolverError
-from reference_solver.solver import Stabilisation, StepChoice
+from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, Stabilisation, StepChoice
 
-#: The step at which a contact takes ``steps_per_contact`` steps, and the fewest it takes at any step.
-STEP_OF_RATES_S, FEWEST_STEPS_PER_CONTACT = 1e-5, 10.0
+#: The step at which a contact takes ``steps_per_contact`` steps.
+STEP_OF_RATES_S = 1e-5
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)

@@ -75,32 +75,32 @@ def locate(
     gap: FloatArray,
     event: int,
 ) -> float:
-    """Return the step that ends on an event known to lie within h, by the Illinois method.
+    """Return the step that ends on an event known to lie within h, or beyond it by rounding.
 
-    The state after that step is left in new_q and new_v. The step is 0 if the event lies at its start,
-    within rounding.
+    Touch and release by Newton's method, since the gap's rate is known, the law's change of sign by the
+    Illinois method; both within a bracket. The state after that step is left in new_q and new_v.
     """
+    k, gone = event // 2, event % 2 == 0
     high, high_value = h, value_at(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, event)
-    low, low_value = 0.0, 1.0
-    trial = h
-    for _ in range(60):
-        trial *= 0.5
-        low_value = value_at(step, gaps, p, s, laws, q, v, t, trial, new_q, new_v, work, gap, event)
-        if low_value <= 0.0:
-            low = trial
-            break
-        high, high_value = trial, low_value
-    if not low_value <= 0.0:
-        value_at(step, gaps, p, s, laws, q, v, t, 0.0, new_q, new_v, work, gap, event)
-        return 0.0
+    low, low_value = 0.0, 0.0
+    trial, value = high, high_value
+    if not gone:
+        low_value = value_at(step, gaps, p, s, laws, q, v, t, 0.0, new_q, new_v, work, gap, event)
+        if low_value > 0.0:
+            return 0.0
     for _ in range(100):
-        if low_value == 0.0 or high - low <= 4e-16 * (t + high) + 1e-300:
+        resolution = 4e-16 * (t + trial) + 1e-300
+        if high - low <= resolution:
             break
-        trial = high - high_value * (high - low) / (high_value - low_value)
+        if gone:  # aimed past the event by rounding, so as to end on its far side
+            rate = gap[k, 1] if s[2 * k] == FLIGHT else -gap[k, 1]
+            trial = trial - value / rate + resolution if rate > 0.0 else low
+        else:
+            trial = high - high_value * (high - low) / (high_value - low_value)
         if not low < trial < high:
             trial = 0.5 * (low + high)
         value = value_at(step, gaps, p, s, laws, q, v, t, trial, new_q, new_v, work, gap, event)
-        if value == 0.0:
+        if value == 0.0 or (gone and 0.0 < value <= 4.0 * resolution * abs(gap[k, 1])):
             return trial
         if value > 0.0:
             high, high_value, low_value = trial, value, 0.5 * low_value

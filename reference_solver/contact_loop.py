@@ -46,11 +46,12 @@ def step_length(
         start, duration, mobility = touch[k]
         depth = max(gap[k, 3], 0.0)
         if depth > 0.0:
-            frequency = np.sqrt(exponent * stiffness * depth ** (exponent - 1.0) * mobility)
+            slope = exponent * stiffness * (np.sqrt(depth) if exponent == 1.5 else depth ** (exponent - 1.0))
+            frequency = np.sqrt(slope * mobility)
             duration = min(duration, np.pi / frequency)
             # A law's damping is stiff in a contact that began slowly, friction below its regularisation
             # speed: a damper of rate r is followed by RK4 up to r h = 2.785, accurately well below it.
-            spring = stiffness * depth**exponent
+            spring = slope * depth / exponent
             rate = mobility * max(damping + spring * s[2 * k + 1], spring * friction)
             if rate > 0.0:
                 h = min(h, 0.5 / rate)
