@@ -8,8 +8,8 @@ from exudyn import itemInterface
 
 from engine_models.contact_stiffness import exponent_of, stiffness_of
 from engine_models.exudyn_laws import minimum_impact_speed_m_s, native_law
-from engine_models.exudyn_start import JointGap
 from engine_models.scene import Clearance
+from engine_models.start_check import JointGap
 
 items: Any = itemInterface  # its constructors carry no types
 

@@ -13,8 +13,8 @@ from engine_models.contact_stiffness import elastic_energy_J, exponent_of, stiff
 from engine_models.engine import Contact, FloatArray, Impacts
 from engine_models.exudyn_laws import damping_factor, minimum_impact_speed_m_s
 from engine_models.exudyn_motion import APPROACH_SPEED, Motion
-from engine_models.exudyn_start import joint_gap
 from engine_models.scene import Clearance, Scene
+from engine_models.start_check import joint_gap
 
 #: Gauss's points and weights on (0, 1): of order 6, above the order of the motion between the steps.
 POINTS = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])

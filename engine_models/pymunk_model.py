@@ -4,9 +4,9 @@ import math
 
 import pymunk
 
-from engine_models.assembly import start_state
 from engine_models.pymunk_pin import PinInBearing
 from engine_models.scene import Scene
+from engine_models.start_check import checked_start
 
 Bodies = tuple[pymunk.Body, ...]
 
@@ -25,7 +25,7 @@ def build(scene: Scene, iterations: int, error_bias: float) -> tuple[pymunk.Spac
     The slider cannot turn. A crank at constant speed with clearance at O is free to move but cannot change
     its spin: its moment of inertia is infinite. There are no shapes, so nothing can ever touch.
     """
-    position, velocity = start_state(scene)
+    position, velocity = checked_start(scene)
     driven = scene.drive.kind == "constant-speed"
     if crank_is_kinematic(scene):
         crank = pymunk.Body(body_type=pymunk.Body.KINEMATIC)

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
+from engine_models.energy import require_energy
 from engine_models.engine import (
     SETTINGS_CONFIG,
     RunSettings,
@@ -70,7 +71,7 @@ class ReferenceEngine:
         self.check(scene)
         try:
             with np.errstate(all="ignore"):  # require_finite is the judge
-                return require_finite(self._run(scene, settings))
+                return require_energy(scene, require_finite(self._run(scene, settings)))
         except SolverError as error:
             raise SimulationFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite

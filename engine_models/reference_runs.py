@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine_models.assembly import start_state
 from engine_models.contact_stiffness import elastic_energy_J
 from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, RunSettings, Trajectory
 from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
 from engine_models.scene import Clearance, Scene
+from engine_models.start_check import checked_start
 from reference_solver.arrays import row_slices
 from reference_solver.rigid_contact import solve_rigid
 from reference_solver.rigid_friction import FrictionTooStiff
@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # it brings Numba
 
 
 def _start(scene: Scene) -> tuple[FloatArray, FloatArray]:
-    q, v = start_state(scene)
+    q, v = checked_start(scene)
     return q.ravel(), v.ravel()
 
 

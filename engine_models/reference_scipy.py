@@ -7,10 +7,10 @@ without stabilisation, compiled: a call from Python takes 1-2 us, most of it Pyt
 
 import numpy as np
 
-from engine_models.assembly import start_state
 from engine_models.engine import FloatArray
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
+from engine_models.start_check import checked_start
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, alarm
@@ -57,7 +57,7 @@ class Derivative:
     """
 
     def __init__(self, scene: Scene) -> None:
-        q, v = start_state(scene)
+        q, v = checked_start(scene)
         mechanism = mechanism_of(scene)
         writer = EquationsWriter(mechanism, q.ravel())
         self._kernel = load_kernel(derivative_source(writer))

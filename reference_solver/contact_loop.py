@@ -98,6 +98,29 @@ def switch(
     return 1.0
 
 
+def note(
+    gap_accelerations: Function,
+    p: FloatArray,
+    s: FloatArray,
+    laws: FloatArray,
+    touch: FloatArray,
+    q: FloatArray,
+    v: FloatArray,
+    t: float,
+    gap: FloatArray,
+    event: int,
+    spare: FloatArray,
+    totals: FloatArray,
+    row: FloatArray,
+) -> None:
+    """Change a contact's phase at an event and write the event's row of the log."""
+    k = event // 2
+    row[2] = switch(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare)
+    row[0], row[1], row[3], row[4] = t, k, gap[k, 1], gap[k, 3]
+    for c in range(len(totals)):
+        row[5 + c] = totals[c]
+
+
 def advance(
     step: Function,
     gaps: Function,
@@ -132,6 +155,11 @@ def advance(
     events, steps, taken = 0, 0, 0
     lost = 0.0  # of h in the sum of times, carried on to the next step (Kahan 1965)
     gaps(p, q, v, gap)
+    event = first_alarm(s, laws, gap, -1) if t == 0.0 and end > 0.0 else -1
+    while event >= 0:  # closed at the start
+        note(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare, totals, log[events])
+        events += 1
+        event = first_alarm(s, laws, gap, event)
     while True:
         while taken < len(times) and times[taken] <= t:
             write(slopes, p, s, t, q, v, totals, samples[taken])
@@ -175,9 +203,5 @@ def advance(
         steps += 1
         gap, new_gap = new_gap, gap
         if event >= 0:
-            what = switch(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare)
-            log[events, 0], log[events, 1], log[events, 2] = t, event // 2, what
-            log[events, 3], log[events, 4] = gap[event // 2, 1], gap[event // 2, 3]
-            for c in range(len(totals)):
-                log[events, 5 + c] = totals[c]
+            note(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare, totals, log[events])
             events += 1

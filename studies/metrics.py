@@ -4,29 +4,21 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from engine_models.energy import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene import Scene
 
-
-def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the kinetic energy of the bodies, (n,)."""
-    inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
-    return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
-
-
-def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the gravitational energy, zero at the guide's height, and the contacts' elastic one, (n,)."""
-    masses = np.array([body.mass_kg for body in scene.bodies])
-    gravitational = scene.gravity_m_s2 * (trajectory.position[:, :, 1] @ masses)
-    return np.asarray(gravitational + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
-
-
-def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
-    energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
-    work = 0.0 if trajectory.driver_work_J is None else trajectory.driver_work_J
-    losses = (trajectory.dissipated_energy_J, trajectory.stabilisation_loss_J)
-    return np.asarray(energy - energy[0] - work + sum(loss for loss in losses if loss is not None))
+__all__ = [
+    "constraint_violation_m",
+    "energy_balance_residual_J",
+    "errors",
+    "kinetic_energy_J",
+    "pin_gap_m",
+    "potential_energy_J",
+    "signals",
+    "uncertainties",
+    "with_suffix",
+]
 
 
 def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:

@@ -23,13 +23,6 @@ from studies.extremes_truth import dropped_wheel
 from studies.runner import run_case, run_study
 
 CASES = {(case.scene.name, case.engine, case.arm): case for case in extremes.cases(full=False)}
-#: What the reference still answers where it should refuse, or say that its step is too long.
-UNWARNED = {
-    "slider × 1e6, long step": "no look at the energy ledger of a run",
-    "L = (1 + 1e-6) r, long step": "no look at the energy ledger of a run",
-    "joint A open by 1 mm": "no check of the start in reference_runs",
-    "slider off by 1 m/s": "no check of the start in reference_runs",
-}
 RIGHT: Row = {"relative_error": 1e-4, "energy_relative": 1e-4, "constraint_relative": 1e-6}
 
 
@@ -170,16 +163,7 @@ def test_the_worse_the_verdict_the_darker_its_colour() -> None:
 # The reference
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=UNWARNED[name]))
-        if name in UNWARNED
-        else name
-        for name, extreme in extremes.gallery().items()
-        if not extreme.long
-    ],
-)
+@pytest.mark.parametrize("name", [name for name, extreme in extremes.gallery().items() if not extreme.long])
 def test_the_reference_does_what_theory_asks(name: str) -> None:
     found = row(name)
     answer = judged(found)

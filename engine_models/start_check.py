@@ -1,4 +1,4 @@
-"""Where the two sides of a joint are, and the start of a run, checked: Exudyn takes any without a word."""
+"""Where the two sides of a joint are, and the start of a run, checked: engines take any without a word."""
 
 import math
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ import numpy as np
 
 from engine_models.assembly import start_state
 from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.exudyn_tree import CRANK, ROD, SLIDER
 from engine_models.scene import Scene
+
+CRANK, ROD, SLIDER = range(3)
 
 #: An ideal joint may be open by this many metres at the start, and its sides drift apart by so many m/s for
 #: every m/s (and one more) at which the bodies move.
@@ -62,15 +63,10 @@ def _point(end: End, position: FloatArray, velocity: FloatArray) -> tuple[FloatA
 def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return the positions and velocities at t = 0, each (bodies, 3).
 
-    The crank's angle is taken within (-pi, pi]: whole turns would only cost digits.
-
     Raises:
         SimulationFailed: an ideal joint is open, the slider off its guide, or the crank not at its speed.
     """
-    angle = math.remainder(scene.start.crank_angle_rad, 2 * math.pi)
-    start = scene.start.model_copy(update={"crank_angle_rad": angle})
-    position, velocity = start_state(scene.model_copy(update={"start": start}))
-    position[CRANK, 2] = math.remainder(position[CRANK, 2], 2 * math.pi)
+    position, velocity = start_state(scene)
     gaps = [
         joint_gap(scene, joint, position[None], velocity[None])
         for joint in scene.joints
@@ -87,4 +83,13 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
         raise SimulationFailed(f"start: ideal joints or guide are open by {max(open_by):.3g} m at t = 0 s")
     if not max(drift, default=0.0) <= START_TOLERANCE * (1 + np.abs(velocity).max()):
         raise SimulationFailed(f"start: joints, guide or driver are off by {max(drift):.3g} m/s at t = 0 s")
+    return position, velocity
+
+
+def wound_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Return ``checked_start`` with the crank's angle within (-pi, pi]: whole turns only cost digits."""
+    angle = math.remainder(scene.start.crank_angle_rad, 2 * math.pi)
+    start = scene.start.model_copy(update={"crank_angle_rad": angle})
+    position, velocity = checked_start(scene.model_copy(update={"start": start}))
+    position[CRANK, 2] = math.remainder(position[CRANK, 2], 2 * math.pi)
     return position, velocity
