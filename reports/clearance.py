@@ -15,7 +15,7 @@ INTRODUCTION = (
     "The reference solves every engine's own law to convergence, as that engine's model twin: an engine's "
     "distance from its twin is numerical error, its twin's distance from the scene's own law is the form of "
     "the model. Errors are the largest up to the time at which independent solutions of the twin part, past "
-    "which no pointwise error means anything; a local error is what an engine misses in one sample's time "
+    "which no pointwise error means anything; a local error is what an engine misses over one impact "
     "when begun from the twin's state, so that one unlucky impact decides nothing."
 )
 POSITION, LOCAL = column("slider_position_error_m"), column("local_position_error_m")

@@ -120,6 +120,9 @@ def laws_found(runs: Sequence[Run]) -> tuple[str, ...]:
         if pairs:
             larger = sum(form > off for form, off in pairs)
             most = max(form for form, _ in pairs)
+            if most == 0:
+                out.append(f"{title(name)} solves a law of its own, with the same motion on all scenes here.")
+                continue
             out.append(
                 stated(
                     f"{title(name)} solves a law of its own, up to {in_text(most)} m from the scene's; that "

@@ -77,7 +77,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
     build: Settings = FAST if fast else {}
     dopri5, every = {"solver": "DOPRI5", **build}, 1 if full else 2
     return [
-        *by_step("reference", "located", {"steps_per_contact": 200.0}, flight, 5 + more),
+        *by_step("reference", "located", {"steps_per_contact": 200.0}, flight, 7 + more),
         *by_step("reference", "plain", {"locate_events": False}, contact, 4 + more),
         *by_tolerance("exudyn", "DOPRI5", dopri5, ("tolerance",), whole, range(6, 12, every)),
         *by_step("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2", **build}, contact, 3 + more),

@@ -30,7 +30,7 @@ SAMPLES, STRETCH_SAMPLES, FREE_SAMPLES = 200, 500, 400
 #: Revolutions from the start that exponent, ensemble and picture leave out, and those they use.
 EXPONENT_REVOLUTIONS, ENSEMBLE_REVOLUTIONS, PICTURE_REVOLUTIONS = (1, 9), (4, 4), (6, 6)
 #: Starts of the exponent, quick and full: the crank angle is moved by this much from one to the next.
-EXPONENT_STARTS, EXPONENT_SPACING_RAD = {False: 5, True: 12}, 1e-4
+EXPONENT_STARTS, EXPONENT_SPACING_RAD = {False: 4, True: 12}, 1e-4
 #: Members of an ensemble, and sizes by which their starts are moved: far above round-off, far below physics.
 MEMBERS, MOVES_RAD = {False: 20, True: 40}, (1e-6, 1e-4)
 #: Ends of the pictures, clearances in m and speeds in rev/min; points of the full set, of which the quick
