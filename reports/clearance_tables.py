@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from reports.agreement_tables import CASE, failures_table, orders
-from reports.parts import Table, stated
+from reports.parts import Table
 from reports.quantities import Quantity, column
 from reports.results import Run
 from reports.style import Name, ordered, title, words
@@ -24,12 +24,15 @@ def smallest(runs: Sequence[Run], quantities: Sequence[Quantity]) -> Table:
     for scene, name, here in _by_arm(runs):
         cells = []
         for quantity in quantities:
-            found = [(e, quantity.uncertainty(run)) for run in here if (e := quantity.value(run)) is not None]
+            found = [(e, quantity.uncertainty(run)) for run in here if (e := quantity.value(run))]
             cells.append(error(*min(found)) if found else ABSENT)
         until = [run.values["compared_until_s"] for run in here if run.ok]
         rows.append((scene, *name, number(max(until)) if until else ABSENT, *cells))
     head = (*CASE, "compared until [s]", *(_heading(q) for q in quantities))
-    reading = "The smallest error over the arm's ladder, against its model twin."
+    reading = (
+        "The smallest error over the arm's ladder, against its model twin. A dash where no sample has "
+        "anything to compare: between rigid walls the contact force is an impulse, and zero at the samples in flight."
+    )
     return Table("clearance-smallest-errors", "Smallest errors", reading, head, tuple(rows))
 
 
@@ -107,7 +110,7 @@ def impacts_found(runs: Sequence[Run]) -> tuple[str, ...]:
 
 
 def laws_found(runs: Sequence[Run]) -> tuple[str, ...]:
-    """Return, for each arm with a law of its own, which of the two differences is the larger, checked."""
+    """Return, for each arm with a law of its own, which of the two differences is the larger."""
     out = []
     for name in ordered(run.name for run in runs if run.ok):
         pairs = []
@@ -124,11 +127,8 @@ def laws_found(runs: Sequence[Run]) -> tuple[str, ...]:
                 out.append(f"{title(name)} solves a law of its own, with the same motion on all scenes here.")
                 continue
             out.append(
-                stated(
-                    f"{title(name)} solves a law of its own, up to {in_text(most)} m from the scene's; that "
-                    f"is more than its smallest numerical error on {larger} of {len(pairs)} scenes.",
-                    all(form >= 0 for form, _ in pairs),
-                )
+                f"{title(name)} solves a law of its own, up to {in_text(most)} m from the scene's; that "
+                f"is more than its smallest numerical error on {larger} of {len(pairs)} scenes."
             )
     return tuple(out)
 

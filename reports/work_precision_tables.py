@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from reports.equal_error import Rung, duel, levels, rungs, time_at
-from reports.parts import Table, stated
+from reports.parts import Table
 from reports.quantities import Quantity
 from reports.results import Run
 from reports.style import ENGINES, ordered, words
@@ -64,7 +64,7 @@ def _ratio(of: dict[str, list[Rung]], level: float) -> tuple[str, str, str]:
 
 
 def reference_against_rivals(runs: Sequence[Run], scene: str, quantity: Quantity) -> str | None:
-    """Return the reference's place on a scene in a sentence, checked; None without a rival."""
+    """Return the reference's place on a scene in a sentence; None without a rival."""
     floor = quantity.floor(runs, scene)
     found = rungs(runs, scene, quantity, floor)
     engines = {rung.name[0] for rung in found}
@@ -82,7 +82,7 @@ def reference_against_rivals(runs: Sequence[Run], scene: str, quantity: Quantity
     name, unit = words(quantity.name)
     wins = worst < 1
     met = sum(share <= AIM for _, share, _ in shares)
-    sentence = (
+    return (
         f"{scene}: at equal {name} the reference needs between {best:.2g} (at {in_text(best_level)} {unit}, "
         f"against {best_rival}) and {worst:.2g} (at {in_text(level)} {unit}, against {rival}) of the best "
         f"rival's run time, at most a tenth at {met} of {len(shares)} errors"
@@ -92,7 +92,6 @@ def reference_against_rivals(runs: Sequence[Run], scene: str, quantity: Quantity
             else f"; it is not the cheapest at {sum(share >= 1 for _, share, _ in shares)} of them."
         )
     )
-    return stated(sentence, best <= worst and met <= len(shares))
 
 
 def building(runs: Sequence[Run]) -> Table:

@@ -11,6 +11,7 @@ from engine_models.engines import ENGINES, make_engine
 from engine_models.scene import Scene
 from engine_models.scene_library import SCENES
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from studies.truth import exact
 
 #: Driven scenes up to just before their second impact, free ones through their first: in s, and the steps.
 END_S, STEP_S = {True: 0.0006, False: 0.004}, {True: 1e-6, False: 4e-6}
@@ -130,3 +131,30 @@ def test_a_second_run_is_the_same_to_the_last_bit(engine: str, name: str) -> Non
     second = run.__wrapped__(engine, name)
     assert np.array_equal(first.position, second.position)
     assert np.array_equal(first.joint_force_N, second.joint_force_N)
+
+
+#: Longest step, and the order of the slider's position, on set F without clearance.
+ORDERS = {"reference": (2e-4, 4), "exudyn": (2e-4, 2), "pymunk": (1e-4, 2)}
+
+
+@pytest.mark.parametrize("engine", ORDERS)
+def test_errors_fall_at_the_methods_order_on_the_free_ideal_scene(engine: str) -> None:
+    scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.1})
+    step, order = ORDERS[engine]
+    truth = exact(scene, SAMPLES).slider_position_m
+    steps = step / 2.0 ** np.arange(4)
+    runs = [make_engine(engine).simulate(scene, RunSettings(h, SAMPLES)) for h in steps]
+    errors = [np.abs(found.slider_position_m - truth).max() for found in runs]
+    slope = np.polyfit(np.log([found.step_s for found in runs]), np.log(errors), 1)[0]
+    assert slope == pytest.approx(order, abs=0.1), f"{slope:.3f}: {errors}"
+
+
+def test_an_engine_with_a_tolerance_of_its_own_errs_less_when_it_is_sharper() -> None:
+    scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.1})
+    truth, engine = exact(scene, SAMPLES).slider_position_m, make_engine("scipy", rtol=1e-6, atol=1e-6)
+    errors = []
+    for _ in range(4):
+        found = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
+        errors.append(float(np.abs(found.slider_position_m - truth).max()))
+        engine = engine.sharper()
+    assert errors[3] < errors[0] / 100, f"three tenths of the tolerance: {errors}"
