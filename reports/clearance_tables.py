@@ -31,7 +31,8 @@ def smallest(runs: Sequence[Run], quantities: Sequence[Quantity]) -> Table:
     head = (*CASE, "compared until [s]", *(_heading(q) for q in quantities))
     reading = (
         "The smallest error over the arm's ladder, against its model twin. A dash where no sample has "
-        "anything to compare: between rigid walls the contact force is an impulse, and zero at the samples in flight."
+        "anything to compare: between rigid walls the contact force is an impulse, and zero "
+        "at the samples in flight."
     )
     return Table("clearance-smallest-errors", "Smallest errors", reading, head, tuple(rows))
 
