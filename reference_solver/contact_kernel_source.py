@@ -10,7 +10,10 @@ from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_source import (
     HEADER,
+    INLINE,
+    INNER,
     call,
+    compiled,
     drivers_power,
     function,
     mean,
@@ -42,7 +45,7 @@ def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, 
     code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
     rates = [*all_rates(writer), *removing(baumgarte)]
     results = [*accelerations, *lambda_, *rates, ok]
-    functions = [function("accelerations", ["p", "s", "t", *q, *v], code.lines, results, inline=True)]
+    functions = [function("accelerations", ["p", "s", "t", *q, *v], code.lines, results, INLINE)]
     if projected:
         functions += projections(writer, ["p", "s"])
     functions += [
@@ -67,7 +70,7 @@ def _driver() -> str:
         texts.append(source[source.index("\n\n\ndef ") :])
     text = re.sub(rf"^    ({OWN}): Function,\n", "", "".join(texts), flags=re.MULTILINE)
     text = re.sub(rf"\b({OWN}), ", "", text)
-    return CONSTANTS + text.replace("\ndef ", "\n@njit(**OPTIONS)\ndef ")
+    return CONSTANTS + compiled(text, "advance")
 
 
 def _unpack(writer: EquationsWriter) -> list[str]:
@@ -87,21 +90,21 @@ def _step(writer: EquationsWriter, rates: list[str], projected: bool) -> str:
         lines.append(f"work[{1 + len(contacts)}] = {removed}")
     lines += [f"new_q[{c}], new_v[{c}] = x{c}, y{c}" for c in n]
     arguments = ["p", "s", "q", "v", "t", "h", "new_q", "new_v", "work"]
-    return function("step", arguments, lines, [ok])
+    return function("step", arguments, lines, [ok], INNER)
 
 
 def _gaps(writer: EquationsWriter) -> str:
     lines = _unpack(writer)
     for k, joint in enumerate(writer.mechanism.contacts):
         lines += gap_lines(writer, k, joint)
-    return function("gaps", ["p", "q", "v", "out"], lines, ["True"])
+    return function("gaps", ["p", "q", "v", "out"], lines, ["True"], INNER)
 
 
 def _gap_accelerations(writer: EquationsWriter, rates: list[str]) -> str:
     lines = [*_unpack(writer), _accelerations(writer, rates)]
     for k, joint in enumerate(writer.mechanism.contacts):
         lines += gap_acceleration_lines(writer, k, joint)
-    return function("gap_accelerations", ["p", "s", "t", "q", "v", "out"], lines, ["ok"])
+    return function("gap_accelerations", ["p", "s", "t", "q", "v", "out"], lines, ["ok"], INNER)
 
 
 def _slopes(writer: EquationsWriter, rates: list[str], projected: bool) -> str:

@@ -12,8 +12,12 @@ from math import cos, sin, sqrt
 
 from numba import njit
 
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+ENTRY = {**OPTIONS, "cache": True}
 '''
+#: The header's options of what Python calls, kept on disk, and of what only compiled functions call.
+ENTRY, INNER, INLINE = "**ENTRY", "**INNER", "**INNER, forceinline=True"
 
 
 def kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, projected: bool) -> str:
@@ -25,7 +29,7 @@ def kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, projecte
     code, accelerations, lambda_, ok = writer.accelerations(baumgarte)
     rates = removing(baumgarte)
     results = [*accelerations, *lambda_, *rates, ok]
-    functions = [function("accelerations", ["p", "t", *q, *v], code.lines, results, inline=True)]
+    functions = [function("accelerations", ["p", "t", *q, *v], code.lines, results, INLINE)]
     if projected:
         functions += projections(writer, ["p"])
     functions.append(_advance(writer, rates, projected))
@@ -39,7 +43,7 @@ def projections(writer: EquationsWriter, inputs: list[str]) -> list[str]:
     for of, state in (("q", "q"), ("v", "qv")):
         code, results, ok = writer.projection(of, ledger=True)
         arguments = [*inputs, "t", *(name for letter in state for name in names(letter, writer.n))]
-        functions.append(function(f"project_{of}", arguments, code.lines, [*results, ok], inline=True))
+        functions.append(function(f"project_{of}", arguments, code.lines, [*results, ok], INLINE))
     return functions
 
 
@@ -54,12 +58,17 @@ def names(letter: str, count: int) -> list[str]:
 
 
 def function(
-    name: str, arguments: list[str], lines: list[str], results: list[str], inline: bool = False
+    name: str, arguments: list[str], lines: list[str], results: list[str], options: str = ENTRY
 ) -> str:
     """Return a compiled function's text."""
-    options = "**OPTIONS, forceinline=True" if inline else "**OPTIONS"
     body = [*lines, f"return {', '.join(results)}"]
     return "\n    ".join([f"@njit({options})\ndef {name}({', '.join(arguments)}):", *body])
+
+
+def compiled(text: str, entry: str) -> str:
+    """Return the text of functions, each compiled, with ``entry`` for Python to call."""
+    text = text.replace("\ndef ", f"\n@njit({INNER})\ndef ")
+    return text.replace(f"\n@njit({INNER})\ndef {entry}(", f"\n@njit({ENTRY})\ndef {entry}(")
 
 
 def call(results: list[str], called: str, arguments: list[str]) -> str:

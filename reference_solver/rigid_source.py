@@ -4,7 +4,18 @@ import inspect
 import re
 
 from reference_solver import rigid_loop
-from reference_solver.kernel_source import HEADER, call, drivers_power, function, mean, names, rk4_lines
+from reference_solver.kernel_source import (
+    HEADER,
+    INLINE,
+    INNER,
+    call,
+    compiled,
+    drivers_power,
+    function,
+    mean,
+    names,
+    rk4_lines,
+)
 from reference_solver.rigid_friction import RK4_DAMPER_LIMIT
 from reference_solver.rigid_friction_source import FollowingWriter
 from reference_solver.straight_line import StraightLine
@@ -18,16 +29,16 @@ def rigid_kernel_source(writer: FollowingWriter) -> str:
     q, v = names("q", writer.n), names("v", writer.n)
     code, accelerations, lambda_, ok = writer.accelerations(None)
     results = [*accelerations, *lambda_, *writer.rates, ok]
-    functions = [function("accelerations", ["p", "t", *q, *v], code.lines, results, inline=True)]
+    functions = [function("accelerations", ["p", "t", *q, *v], code.lines, results, INLINE)]
     for of in ("q", "v"):
         code, moved, ok = writer.projection(of)
         arguments = ["p", "t", *q, *(v if of == "v" else [])]
-        functions.append(function(f"project_{of}", arguments, code.lines, [*moved, ok], inline=True))
+        functions.append(function(f"project_{of}", arguments, code.lines, [*moved, ok], INLINE))
     functions += [_step(writer), _gaps(writer), _multipliers(writer)]
     text = inspect.getsource(rigid_loop)
     text = text[text.index("\n\n\ndef ") :]
     text = re.sub(r"^    (step|gaps|multipliers): Function,\n", "", text, flags=re.MULTILINE)
-    text = text.replace("\ndef ", "\n@njit(**OPTIONS)\ndef ")
+    text = compiled(text, "until_alarm")
     header = "from __future__ import annotations\n\nimport numpy as np\n"
     if writer.rates:
         header += "from math import copysign, tanh\n"
@@ -67,7 +78,7 @@ def _gaps(writer: FollowingWriter) -> str:
         c = writer.parameter(f"clearance {k}", joint.radial_clearance_m)
         out.append(f"out[{k}, 0] = 0.5*({x}*{x} + {y}*{y} - {c}*{c})")
         out.append(f"out[{k}, 1] = {x}*({rate_x}) + {y}*({rate_y})")
-    return function("gaps", ["p", "q", "v", "out"], [*_unpack(writer), *code.lines, *out], ["True"])
+    return function("gaps", ["p", "q", "v", "out"], [*_unpack(writer), *code.lines, *out], ["True"], INNER)
 
 
 def _multipliers(writer: FollowingWriter) -> str:
@@ -76,4 +87,4 @@ def _multipliers(writer: FollowingWriter) -> str:
     results = [*names("a", writer.n), *lambda_, *writer.rates, "ok"]
     lines = [*_unpack(writer), call(results, "accelerations", ["p", "t", *state])]
     lines += [f"out[{r}] = {name}" for r, name in enumerate(lambda_)]
-    return function("multipliers", ["p", "t", "q", "v", "out"], lines, ["ok"])
+    return function("multipliers", ["p", "t", "q", "v", "out"], lines, ["ok"], INNER)

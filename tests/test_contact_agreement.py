@@ -90,7 +90,8 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     """Compare a step, its sums, and forces and losses at its start, between the two faces."""
     baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
     writer = EquationsWriter(at.mechanism, at.q_start)
-    kernel = load_kernel(contact_kernel_source(writer, baumgarte, stabilisation == "projection"))
+    source = contact_kernel_source(writer, baumgarte, stabilisation == "projection")
+    kernel = load_kernel(source.replace("(**INNER)\ndef step", "(**ENTRY)\ndef step"))
     names = all_rates(writer)
     equations = Equations(at.mechanism, at.q_start, baumgarte)
     equations.phases = at.phases
