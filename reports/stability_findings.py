@@ -36,10 +36,9 @@ def recovered(runs: Sequence[Run]) -> list[str]:
             off = f"the worst off by {in_text(worst)} of its value"
             text = f"All {len(some)} {what} that theory knows are recovered, {off}."
             out.append(stated(text, worst <= WITHIN))
-    if unlimited:
-        none = not any("measured_limit_frequency_step" in run.values for run in unlimited)
-        text = f"Where theory knows no limit none was found up to ωh = 64: {_titles(unlimited)}."
-        out.append(stated(text, none))
+    none = [run for run in unlimited if "measured_limit_frequency_step" not in run.values]
+    if none:
+        out.append(f"Where theory knows no limit none was found up to ωh = 64: {_titles(none)}.")
     return out
 
 

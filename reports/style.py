@@ -7,16 +7,20 @@ apart, line style and fill the arms of one.
 import re
 from collections.abc import Iterable
 from typing import Any
+from zlib import crc32
 
 BLACK, VERMILLION, BLUE, GREY = "#000000", "#D55E00", "#0072B2", "#8C8C8C"
 
-#: Colour and marker of each engine, in the order of legends. A new engine is a line here.
+#: Colour and marker of each engine, in the order of legends.
 ENGINES = {
     "reference": (BLACK, "o"),
     "exudyn": (VERMILLION, "s"),
     "pymunk": (BLUE, "^"),
     "scipy": ("#009E73", "D"),
 }
+
+#: Those of engines without a line above, each picked by the engine's name: the same in every figure.
+NEWCOMERS = (("#CC79A7", "v"), ("#E69F00", "P"), ("#56B4E9", "X"))
 
 #: Arms in the order of legends, each engine's best practice first; others follow by number and name.
 ARMS = ("projection", "Baumgarte", "none", "trapezoidal", "generalized-alpha", "tuned", "out of the box")
@@ -69,26 +73,17 @@ Name = tuple[str, str]
 
 
 def ordered(names: Iterable[Name]) -> list[Name]:
-    """Return (engine, arm) pairs, each once, in the order of legends and tables.
-
-    Raises:
-        ValueError: an engine has no colour.
-    """
-    pairs = set(names)
-    for engine, _ in pairs:
-        if engine not in ENGINES:
-            raise ValueError(
-                f"engine: expected one of {tuple(ENGINES)}, got {engine}; add it to reports/style.py"
-            )
+    """Return (engine, arm) pairs, each once, in the order of legends and tables."""
     engines = list(ENGINES)
 
-    def place(pair: Name) -> tuple[int, int, int, str]:
+    def place(pair: Name) -> tuple[int, str, int, int, str]:
         engine, arm = pair
         number = re.match(r"\d+", arm)
         known = ARMS.index(arm) if arm in ARMS else len(ARMS)
-        return engines.index(engine), known, int(number[0]) if number else 0, arm
+        legend = engines.index(engine) if engine in engines else len(engines)
+        return legend, engine, known, int(number[0]) if number else 0, arm
 
-    return sorted(pairs, key=place)
+    return sorted(set(names), key=place)
 
 
 def line_style(name: Name, names: Iterable[Name]) -> dict[str, Any]:
@@ -99,7 +94,7 @@ def line_style(name: Name, names: Iterable[Name]) -> dict[str, Any]:
 
 def variant(engine: str, place: int) -> dict[str, Any]:
     """Return the style of an engine's first line, second line, ... (counted from 0)."""
-    colour, marker = ENGINES[engine]
+    colour, marker = ENGINES.get(engine) or NEWCOMERS[crc32(engine.encode()) % len(NEWCOMERS)]
     dashes, fill = VARIANTS[place % len(VARIANTS)]
     return {
         "color": colour,

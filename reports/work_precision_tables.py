@@ -8,7 +8,7 @@ from reports.equal_error import Rung, duel, levels, rungs, time_at
 from reports.parts import Table
 from reports.quantities import Quantity
 from reports.results import Run
-from reports.style import ENGINES, ordered, words
+from reports.style import ordered, words
 from reports.tables import ABSENT, in_text, number
 
 REFERENCE = "reference"
@@ -19,7 +19,7 @@ AIM = 0.1
 def cheapest(kind: str, runs: Sequence[Run], scenes: Sequence[str], quantity: Quantity) -> Table:
     """Return the run time of every engine's best arm at equal errors, and the ratio of the two cheapest."""
     name, unit = words(quantity.name)
-    engines = [engine for engine in ENGINES if any(run.engine == engine for run in runs)]
+    engines = list(dict.fromkeys(engine for engine, _ in ordered(run.name for run in runs)))
     rows = []
     for scene in scenes:
         floor = quantity.floor(runs, scene)

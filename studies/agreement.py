@@ -8,6 +8,7 @@ from engine_models.pymunk_engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
 from engine_models.scene import Scene
 from engine_models.scene_library import IDEAL_SCENES
 from studies.case import Case, Curves, Row, Value
+from studies.ladders import AS_IT_COMES, newcomers
 from studies.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
@@ -49,10 +50,10 @@ def cases(full: bool) -> list[Case]:
     out = []
     for make in IDEAL_SCENES.values():
         scene = make()
-        for engine, arms in ARMS.items():
-            for arm, settings in arms.items():
-                for count in LADDER + (FINER if full else ()):
-                    out.append(_case(scene, engine, arm, count, settings))
+        arms = [(engine, arm, settings) for engine in ARMS for arm, settings in ARMS[engine].items()]
+        for engine, arm, settings in [*arms, *((name, AS_IT_COMES, {}) for name in newcomers())]:
+            for count in LADDER + (FINER if full else ()):
+                out.append(_case(scene, engine, arm, count, settings))
         for iterations in ITERATIONS:
             arm = f"{iterations} iterations"
             out.append(_case(scene, "pymunk", arm, ITERATIONS_STEPS_PER_SAMPLE, {"iterations": iterations}))

@@ -8,7 +8,7 @@ from engine_models.samples import selected
 from engine_models.scene import Scene
 from engine_models.scene_library import CLEARANCE_SCENES, RIGID_SCENES
 from studies.case import Case, Curves, Row
-from studies.converged import converged, reach
+from studies.converged import converged, followed
 from studies.impact_matching import impact_errors
 from studies.ladders import Rung, clearance_ladder
 from studies.local_error import local_errors
@@ -71,13 +71,13 @@ def case(scene: Scene, rung: Rung) -> Case:
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return a run's errors against its own law's solution, and that law's distance from the scene's.
 
-    Errors are the largest until the twins of the converged solution part, ``compared_until_s``.
+    Errors are the largest up to the horizon (see ``converged.followed``), ``compared_until_s``.
     """
     engine = make_engine(case.engine, **case.settings)
     own = engine.twin(case.scene)
     truth, twins = converged(own, case.run.samples)
     run = engine.simulate(case.scene, case.run)
-    until = reach(truth, twins)
+    until = followed(own, case.run.samples)
     first = slice(None, until)
     end = float(truth.time_s[until - 1])
     row: Row = {"steps": run.steps, "mean_step_s": case.scene.end_time_s / run.steps, "compared_until_s": end}
@@ -97,8 +97,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 def _model_differences(case: Case, own: Scene) -> Row:
     """Return how far the converged solution of the engine's own law is from that of the scene's."""
-    (truth, twins), (other, others) = (converged(s, case.run.samples) for s in (case.scene, own))
-    both = slice(None, min(reach(truth, twins), reach(other, others)))
+    truth, other = (converged(scene, case.run.samples)[0] for scene in (case.scene, own))
+    both = slice(None, min(followed(scene, case.run.samples) for scene in (case.scene, own)))
     found = errors(own, selected(other, both), selected(truth, both))
     return {
         name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in found.items()

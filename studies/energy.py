@@ -13,6 +13,7 @@ from engine_models.scene_library import SCENES
 from studies import energy_ledger as ledger
 from studies.case import Case, Curves, Row, Value
 from studies.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
+from studies.ladders import AS_IT_COMES, newcomers
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 
 Settings = dict[str, Value]
@@ -107,9 +108,9 @@ def _ladder(length: Length) -> list[Case]:
 
 def _arms(scene: Scene) -> dict[tuple[str, str], Settings]:
     joints = [getattr(scene.clearance, name) for name in scene.joints_with_clearance]
-    if not joints:
-        return IDEAL_ARMS
-    return RIGID_ARMS if all(joint.law == "rigid" for joint in joints) else CLEARANCE_ARMS
+    rigid = bool(joints) and all(joint.law == "rigid" for joint in joints)
+    arms = RIGID_ARMS if rigid else CLEARANCE_ARMS if joints else IDEAL_ARMS
+    return {**arms, **{(name, AS_IT_COMES): {} for name in newcomers()}}
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

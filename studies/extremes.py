@@ -17,7 +17,7 @@ from studies import extremes_wheels as wheels
 from studies.case import Case, Curves, Limits, Row, Value
 from studies.energy_ledger import numerical_gain_J
 from studies.extremes_case import Extreme
-from studies.ladders import PYMUNK_AS_IT_COMES
+from studies.ladders import AS_IT_COMES, PYMUNK_AS_IT_COMES, newcomers
 from studies.metrics import constraint_violation_m, kinetic_energy_J, potential_energy_J
 
 #: What a run may take, and one of very many steps.
@@ -74,14 +74,18 @@ def cases(full: bool) -> list[Case]:
     made = [
         (extreme, _case(place, extreme, engine, arm, settings))
         for place, extreme in enumerate(gallery().values())
-        for engine, arms in ARMS.items()
+        for engine, arms in _arms().items()
         for arm, settings in arms.items()
         if full or not extreme.long or (engine, arm) in FAST
     ]
     first = [case for extreme, case in made if extreme.first]
-    names = [(engine, arm) for engine, arms in ARMS.items() for arm in arms]
+    names = [(engine, arm) for engine, arms in _arms().items() for arm in arms]
     first.sort(key=lambda case: names.index((case.engine, case.arm)))
     return first + [case for extreme, case in made if not extreme.first]
+
+
+def _arms() -> dict[str, dict[str, Mapping[str, Value]]]:
+    return {**ARMS, **{name: {AS_IT_COMES: {}} for name in newcomers()}}
 
 
 def _case(place: int, extreme: Extreme, engine: str, arm: str, settings: Mapping[str, Value]) -> Case:

@@ -6,7 +6,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene import Scene
-from studies.converged import converged, reach
+from studies.converged import converged, followed
 from studies.extremes_truth import braked_wheel, dropped_wheel, folded_rod, turning_rod
 from studies.truth import exact
 
@@ -37,8 +37,9 @@ def loose_motion(scene: Scene, run: Trajectory) -> Errors:
 
     The distance is that from the farthest of these, so that no solver is judged by itself.
     """
-    truth, twins = converged(scene, len(run.time_s) - 1)
-    until = slice(None, reach(truth, twins))
+    samples = len(run.time_s) - 1
+    truth, twins = converged(scene, samples)
+    until = slice(None, followed(scene, samples))
     contact = truth.contacts["B"]
     size = float(np.hypot(*contact.gap_m[until].T).max())
     impulse = float(contact.normal_impulse_N_s[until][-1])

@@ -1,4 +1,4 @@
-"""Ladders of every engine's own best settings, from cheap to accurate, for work-precision and agreement."""
+"""Ladders of every engine's own best settings, from cheap to accurate, for work-precision and clearance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from engine_models import engines
 from engine_models.pymunk_engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
 from engine_models.scene import Scene
 from studies.case import Value
@@ -19,6 +20,15 @@ SCIPY = ("rtol", "atol")
 PYMUNK_AS_IT_COMES: Settings = MappingProxyType(
     {"iterations": LIBRARY_ITERATIONS, "error_bias": LIBRARY_ERROR_BIAS, "half_kick_start": False}
 )
+
+
+#: Engines whose own best settings are named here and in the studies. Any other takes part as it comes.
+NAMED, AS_IT_COMES = ("reference", "exudyn", "pymunk", "scipy"), "default"
+
+
+def newcomers() -> list[str]:
+    """Return the engines of which no study names settings: each is an arm ``AS_IT_COMES`` of all studies."""
+    return [name for name in engines.ENGINES if name not in NAMED]
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,7 @@ def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
     longest, whole, more = scene.end_time_s / (50 * turns), scene.end_time_s, 2 if full else 0
     every = 1 if full else 2
     return [
+        *(rung for name in newcomers() for rung in by_step(name, AS_IT_COMES, {}, longest, 5 + more)),
         *by_step("reference", "projection", {}, longest, 6 + more),
         *by_step("reference", "none", {"stabilisation": "none"}, longest, 6 + more),
         *by_step("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2", **FAST}, longest, 5 + more),
@@ -69,14 +80,17 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
     """
     turn = 2 * np.pi / max(abs(scene.start.crank_speed_rad_s), 20.0)
     flight, contact, whole, more = turn / 100, turn / 3000, scene.end_time_s, 2 if full else 0
+    others = [rung for name in newcomers() for rung in by_step(name, AS_IT_COMES, {}, contact, 4 + more)]
     if all(getattr(scene.clearance, joint).law == "rigid" for joint in scene.joints_with_clearance):
         return [
+            *others,
             *by_step("reference", "located", {}, flight, 5 + more),
             *by_step("pymunk", "native contact", {"contact": "rigid"}, contact / 2, 4 + more),
         ]
     build: Settings = FAST if fast else {}
     dopri5, every = {"solver": "DOPRI5", **build}, 1 if full else 2
     return [
+        *others,
         *by_step("reference", "located", {"steps_per_contact": 200.0}, flight, 7 + more),
         *by_step("reference", "plain", {"locate_events": False}, contact, 4 + more),
         *by_tolerance("exudyn", "DOPRI5", dopri5, ("tolerance",), whole, range(6, 12, every)),

@@ -9,6 +9,7 @@ from engine_models.scene import Scene
 from studies import horizon
 from studies.case import Case, Value
 from studies.ensemble import period_s
+from studies.ladders import newcomers
 from studies.predictability_scenes import (
     EXPONENTS,
     HORIZONS_S,
@@ -109,8 +110,8 @@ def _ensembles(scene: Scene, arms: tuple[str, ...], members: int) -> list[Case]:
     out = _members(scene, "scene's law", Arm("reference", STEP_S), starts)
     out += _members(scene, "other starts", Arm("reference", STEP_S), others)
     out += _members(scene, "half the step", Arm("reference", STEP_S / 2), starts)
-    for name in arms:
-        arm = ARMS[name]
+    new = {name: Arm(name, STEP_S) for name in newcomers()}  # each an arm of its own name
+    for name, arm in {**{name: ARMS[name] for name in arms}, **new}.items():
         out += _members(scene, name, arm, starts)
         try:
             own = make_engine(arm.engine, **arm.settings).twin(scene)

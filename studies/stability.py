@@ -16,7 +16,8 @@ from engine_models.scene import Clearance, Clearances, Scene
 from engine_models.scene_library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
 from studies import stability_theory as theory
 from studies.case import Case, Curves, Limits, Row, Value
-from studies.converged import converged, reach
+from studies.converged import converged, followed
+from studies.ladders import AS_IT_COMES, newcomers
 from studies.stability_scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator
 from studies.stability_verdict import BOUNDS, DIVERGED, REFUSED, before_chaos, judged, measured
 
@@ -71,7 +72,7 @@ def cases(full: bool) -> list[Case]:
 
 
 def _scalar_cases() -> Iterator[Case]:
-    for engine, arm, settings, method in (*ARMS, OTHER_RADIUS):
+    for engine, arm, settings, method in (*_arms(), OTHER_RADIUS):
         if arm == "native contact":
             continue  # no spring
         run = RunSettings(1 / FREQUENCY_RAD_S, STEPS)
@@ -86,10 +87,14 @@ def _scalar_cases() -> Iterator[Case]:
             yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
 
 
+def _arms() -> tuple[Arm, ...]:
+    return (*ARMS, *((name, AS_IT_COMES, {}, None) for name in newcomers()))
+
+
 def _cells(full: bool) -> Iterator[Case]:
     for varied, value, scene in scenes(full):
         energy, frequency = theory.first_impact(scene)
-        for engine, arm, settings, method in ARMS:
+        for engine, arm, settings, method in _arms():
             columns: Row = {
                 varied: value,
                 "method": method,
@@ -182,13 +187,13 @@ def _cell(case: Case, engine: Engine) -> Row:
         own = engine.twin(case.scene)
     except UnsupportedScene as refusal:
         return {"status": "unsupported", "reason": str(refusal), **judged(REFUSED, str(refusal))}
-    truth, twins = converged(own, case.run.samples)
+    truth, _ = converged(own, case.run.samples)
     try:
         run = engine.simulate(case.scene, case.run)
     except (SimulationFailed, OverflowError) as failure:
         return {"status": "failed", "reason": str(failure), **judged(DIVERGED, str(failure))}
     energy = float(str(case.columns["impact_energy_J"]))
-    until = min(reach(truth, twins), before_chaos(truth))
+    until = min(followed(own, case.run.samples), before_chaos(truth))
     verdict = measured(case.scene, run, truth, until, energy)
     taken: Row = {"steps": run.steps, "mean_step_s": END_S / run.steps}
     return {**taken, "compared_until_s": float(truth.time_s[until - 1]), **verdict}

@@ -26,7 +26,7 @@ NO_DAMPING = 1e-18
 #: round-off, some 1e-8, and too little to move a limit by 1e-4 of itself.
 GROWING_STEP = 1 + 1e-4
 #: Round-off of a deviation at the start is some 2e-8 of it: what a fit has no more of than this is let be.
-#: A deviation below the other number is gone.
+#: A deviation below the other number is gone, or no more than what a method's own tolerance allows.
 ROUND_OFF, QUIET = 1e-6, 1e-8
 #: Samples before this are no part of the fit: methods begin differently.
 FIRST = 1
@@ -104,5 +104,6 @@ def growth_of(depth_m: FloatArray, order: int) -> float:
     rows = rows[np.abs(rows).max(axis=1) > QUIET]
     if len(rows) < order:
         return 0.0
-    coefficients = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=ROUND_OFF)[0]
+    least = max(ROUND_OFF, QUIET / float(np.linalg.norm(rows[:, :-1])))
+    coefficients = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=least)[0]
     return float(np.abs(np.roots([1.0, *-coefficients[::-1]])).max())

@@ -15,14 +15,14 @@ from engine_models.scene import Scene
 from engine_models.scene_library import IDEAL_SCENES
 from studies import clearance
 from studies.case import Case, Curves, Row, Value
-from studies.converged import converged, reach
+from studies.converged import converged, followed
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.metrics import errors, uncertainties
 
 #: Few, since no step is longer than the time between two samples.
 SAMPLES = 24
 #: Rounds of timed runs over all engines, quick and full.
-ROUNDS, FULL_ROUNDS = 3, 9
+ROUNDS, FULL_ROUNDS = 3, 7
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.03, 100
 #: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows.
@@ -79,7 +79,7 @@ def _errors(case: Case) -> Row:
     own = engine.twin(case.scene)
     run = engine.simulate(case.scene, case.run)
     truth, twins = converged(own, case.run.samples)
-    first = slice(None, reach(truth, twins))
+    first = slice(None, followed(own, case.run.samples))
     judged = selected(truth, first)
     row: Row = {"steps": run.steps, "compared_until_s": float(judged.time_s[-1])}
     row |= {name: float(curve.max()) for name, curve in errors(own, selected(run, first), judged).items()}

@@ -4,7 +4,7 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
-from math import sqrt
+from math import exp, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from reports.stability_cells import map_rows
 from studies import stability, stability_verdict
 from studies.case import Case, Value
 from studies.runner import run_study
-from studies.stability_scalar import growth_of
+from studies.stability_scalar import growth_of, measured_growth
 from studies.stability_theory import (
     ALPHA,
     EULER,
@@ -349,3 +349,10 @@ def test_positions_are_compared_through_the_first_impacts_only(bounce: tuple[Cas
     none = replace(contact.impacts, time_s=np.empty(0))
     whole = stability_verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=none)}))
     assert whole == len(run.time_s)
+
+
+def test_what_is_left_at_an_adaptive_methods_tolerance_is_no_growth() -> None:
+    # Overdamped by zeta = 2 a deviation falls to a sixtieth in this step, and soon to the method's errors.
+    x = 15.3779296875
+    found = measured_growth(make_engine("scipy"), x, 2.0, 24, order=2)
+    assert found == pytest.approx(exp(-(2 - sqrt(3)) * x), rel=0.02)
