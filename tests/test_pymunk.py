@@ -128,7 +128,7 @@ def test_the_momentum_balance_gives_the_exact_forces_of_an_exact_motion() -> Non
         scene, truth = make(), exact(make(), SAMPLES)
         theta, speed = truth.position[:, 0, 2], truth.velocity[:, 0, 2]
         X, X_1, X_2 = configuration(scene, theta)
-        theta_2 = crank_acceleration(scene, theta, speed)
+        theta_2 = crank_acceleration(scene)(theta, speed)
         acceleration = X_1 * theta_2[:, None, None] + X_2 * (speed**2)[:, None, None]
         force, guide, torque = reactions(scene, X, acceleration, {})
         assert guide is not None
