@@ -48,7 +48,7 @@ def sections(results: Results) -> list[Section]:
 
 def test_the_full_set_contains_the_quick_one_and_runs_ten_times_as_long() -> None:
     quick, full = energy.cases(full=False), energy.cases(full=True)
-    assert full[: len(quick)] == quick
+    assert [case for case in full if case in quick] == quick
     ends = {case.scene.name: case.scene.end_time_s for case in full}
     for length in energy.SHORT:
         assert ends[f"{length.scene}-long"] >= 9.99 * length.end_s

@@ -25,8 +25,8 @@ LADDERS = {
     "ideal-torque": (16, 24, 32, 48, 64, 96, 128),  # beyond, the engine's own round-off of 1e-15 m shows
 }
 #: An error is above round-off if it is this many times the truth's own uncertainty: if all of that is in
-#: the finest error it moves the order over one octave by log2(1 + 1/40) = 0.036. The uncertainty is round-off,
-#: of which processors differ by half: with 60 the finest three were others on another processor.
+#: the finest error it moves the order over one octave by log2(1 + 1/40) = 0.036. The uncertainty is
+#: round-off, in which processors differ by half: with 60 the finest three were others on another one.
 ABOVE_ROUND_OFF = 40
 
 
