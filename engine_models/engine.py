@@ -146,7 +146,12 @@ class Trajectory:
 
 
 class Engine(Protocol):
-    """A frozen dataclass of an engine's own settings that can run scenes."""
+    """A frozen dataclass of an engine's own settings that can run scenes.
+
+    Two more methods of ``(scene, settings)`` are for engines that have a use for them and return a wall time
+    in s: ``bare_solve_time_s``, of the solve without read-out where ``Trajectory.solve_time_s`` cannot leave
+    it out, and ``compile_time_s``, of what is compiled for a scene on a machine that has nothing yet.
+    """
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene, with the reason, if the engine at its settings cannot express the scene."""

@@ -15,6 +15,7 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
+from engine_models.reference_compilation import compile_time_s
 from engine_models.reference_model import rigid_joints_of
 from engine_models.reference_runs import compliant_run, ideal_run, rigid_run
 from engine_models.scene import Scene
@@ -76,6 +77,10 @@ class ReferenceEngine:
             raise SimulationFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite
             raise SimulationFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
+
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return what compiling the kernels of a run takes where there are none yet, in s."""
+        return compile_time_s(self, scene, settings)
 
     def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
         if rigid_joints_of(scene):

@@ -15,6 +15,7 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
+from engine_models.reference_compilation import compile_time_s
 from engine_models.reference_scipy import Derivative
 from engine_models.scene import Scene
 from engine_models.scipy_calls import Calls, Choice
@@ -70,6 +71,10 @@ class ScipyEngine:
                 "scipy integrates smooth right-hand sides: it has no impacts and no rows that come and go "
                 f"(law = 'rigid' at {', '.join(joints)})"
             )
+
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return what compiling the right-hand side takes where there is none yet, in s."""
+        return compile_time_s(self, scene, settings)
 
     def twin(self, scene: Scene) -> Scene:
         """Return the scene itself: every compliant law is solved as it is.

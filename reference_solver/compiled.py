@@ -5,6 +5,8 @@ import importlib.util
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -49,6 +51,23 @@ def load_kernel(source: str) -> ModuleType:
     sys.modules[name] = module  # where Numba looks its functions up when it loads their machine code
     specification.loader.exec_module(module)
     return module
+
+
+@contextmanager
+def compiled_anew() -> Iterator[None]:
+    """Have kernels compiled as on a machine that has none, in a folder that is gone afterwards."""
+    kept = os.environ.get("CRANKSLIDER_CACHE")
+    with tempfile.TemporaryDirectory(prefix="crankslider-") as folder:
+        os.environ["CRANKSLIDER_CACHE"] = folder
+        load_kernel.cache_clear()
+        try:
+            yield
+        finally:
+            load_kernel.cache_clear()
+            if kept is None:
+                del os.environ["CRANKSLIDER_CACHE"]
+            else:
+                os.environ["CRANKSLIDER_CACHE"] = kept
 
 
 class CompiledStepper:

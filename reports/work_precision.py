@@ -47,13 +47,13 @@ def _section(name: str, title: str, runs: Sequence[Run], scenes: Sequence[str]) 
 
 
 def _costs(runs: Sequence[Run]) -> Section:
-    failed = tables.failures(runs)
     text = (
-        "Building the model, loading compiled kernels and reading results out are outside all times above; "
-        "this is what they take.",
+        "Compiling or loading kernels, building the model and reading results out are outside all times "
+        "above; this is what they take.",
     )
-    shown = (tables.building(runs), *((failed,) if failed else ()))
-    return Section("work-precision-costs", "What is outside the times", text, (), shown)
+    shown = (tables.building(runs), tables.compiling(runs), tables.failures(runs))
+    present = tuple(table for table in shown if table)
+    return Section("work-precision-costs", "What is outside the times", text, (), present)
 
 
 def _scenes(runs: Sequence[Run], clearance: bool) -> list[str]:

@@ -110,6 +110,22 @@ def building(runs: Sequence[Run]) -> Table:
     )
 
 
+def compiling(runs: Sequence[Run]) -> Table | None:
+    """Return what compiling takes, by scene and engine; None if nothing was compiled anew."""
+    timed = [run for run in runs if run.ok and "compile_time_s" in run.values]
+    rows = sorted((run.scene, run.engine, f"{run.values['compile_time_s']:.2g}") for run in timed)
+    if not rows:
+        return None
+    return Table(
+        "work-precision-compiling",
+        "Compiling",
+        "Wall time in s of compiling a scene's kernels on a machine that has none; they are kept from then "
+        "on. Engines that are not here bring their code compiled.",
+        ("scene", "engine", "time [s]"),
+        tuple(rows),
+    )
+
+
 def failures(runs: Sequence[Run]) -> Table | None:
     """Return the recorded runs that did not finish, with the reason; None if all did."""
     failed = [run for run in runs if not run.ok and "round" not in run.values]

@@ -1,15 +1,17 @@
 """Work-precision: the error of every engine against its run time and its steps, at a ladder of its settings.
 
 Errors come from recorded runs, which may share the machine; times from bare repeats that run alone, in
-rounds over all engines, so that what slows the machine for a while slows them all.
+rounds over all engines, so that what slows the machine for a while slows them all. What compiling takes on a
+machine that has no kernels yet is measured apart.
 """
 
 import time
+from typing import Any
 
 import numpy as np
 
 from engine_models.engine import Engine, RunSettings
-from engine_models.engines import make_engine
+from engine_models.engines import engine_class, make_engine
 from engine_models.samples import selected
 from engine_models.scene import Scene
 from engine_models.scene_library import IDEAL_SCENES
@@ -30,6 +32,11 @@ QUICK_IDEAL, QUICK_CLEARANCE = (
     ("ideal-free", "ideal-driven"),
     ("clearance-free-0.5mm", "clearance-driven-0.5mm"),
 )
+#: Scenes for which kernels are compiled anew, quick and what the full set adds.
+COMPILED, MORE_COMPILED = (
+    ("ideal-driven", "clearance-driven-0.5mm"),
+    ("clearance-free-OAB", "rigid-free-0.5mm"),
+)
 
 
 def scenes(full: bool) -> list[Scene]:
@@ -40,11 +47,14 @@ def scenes(full: bool) -> list[Scene]:
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the recorded run of every rung, then rounds of bare runs of all."""
+    """Return the recorded run of every rung, then rounds of bare runs of all, then compilations."""
     rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
     made = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
-        made += [_case(scene, rung, 1, k) for scene, rung in rungs]
+        made += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
+    anew = {(scene.name, rung.engine): (scene, rung) for scene, rung in reversed(rungs) if _compiles(rung)}
+    compiled = COMPILED + (MORE_COMPILED if full else ())
+    made += [_case(*of, 1, {"compiled_anew": True}) for (name, _), of in anew.items() if name in compiled]
     return list({str(one.head()): one for one in made}.values())  # samples may cut two rungs to one step
 
 
@@ -53,8 +63,11 @@ def ladder(scene: Scene, full: bool) -> list[Rung]:
     return clearance_ladder(scene, full) if scene.joints_with_clearance else ideal_ladder(scene, full)
 
 
-def _case(scene: Scene, rung: Rung, samples: int, timed_round: int | None = None) -> Case:
-    kind: dict[str, Value] = {} if timed_round is None else {"round": timed_round}
+def _compiles(rung: Rung) -> bool:
+    return hasattr(engine_class(rung.engine), "compile_time_s")
+
+
+def _case(scene: Scene, rung: Rung, samples: int, timed: dict[str, Value] | None = None) -> Case:
     step = RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s)
     run = RunSettings(step, samples)
     return Case(
@@ -64,13 +77,16 @@ def _case(scene: Scene, rung: Rung, samples: int, timed_round: int | None = None
         rung.arm,
         run,
         dict(rung.settings),
-        timed=timed_round is not None,
-        columns=kind,
+        timed=timed is not None,
+        columns=timed or {},
     )
 
 
 def measure(case: Case) -> tuple[Row, Curves]:
-    """Return the largest error of every signal of a recorded run, or the run times of a bare one."""
+    """Return the largest error of every signal of a recorded run, or the times of a bare one."""
+    if "compiled_anew" in case.columns:
+        engine: Any = make_engine(case.engine, **case.settings)
+        return {"compile_time_s": engine.compile_time_s(case.scene, case.run)}, {}
     return (_times(case) if case.timed else _errors(case)), {}
 
 

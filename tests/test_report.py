@@ -415,5 +415,3 @@ def test_an_engine_has_one_colour_and_marker_and_its_arms_differ() -> None:
         assert len({(style["color"], style["marker"]) for style in mine}) == 1
         assert len({(style["linestyle"], style["fillstyle"]) for style in mine}) == len(mine)
     assert len({style["marker"] for style in styles.values()}) == len(agreement.ARMS)
-    with pytest.raises(ValueError, match="add it to"):
-        ordered([("new-engine", "default")])
