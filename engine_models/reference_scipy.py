@@ -40,7 +40,7 @@ def derivative_source(writer: EquationsWriter) -> str:
     if contacts:
         lines = [*unpack, *(line for k, joint in enumerate(contacts) for line in gap_lines(writer, k, joint))]
         functions.append(function("gaps", ["p", "y", "out"], lines, ["True"]))
-    return "\n\n".join([(CONTACT_HEADER if contacts else "") + HEADER, *functions]) + "\n"
+    return "\n\n".join([CONTACT_HEADER if contacts else HEADER, *functions]) + "\n"
 
 
 def _drivers_power(writer: EquationsWriter) -> list[str]:

@@ -1,6 +1,6 @@
 """Events of contacts: their alarms, and the location of the first by shortening the step until it ends there.
 
-Part of every generated module with contacts, where Numba compiles it (see ``contact_loop``).
+Part of the compiled driver (see ``contact_loop``).
 """
 
 from collections.abc import Callable
@@ -38,7 +38,6 @@ def first_alarm(s: FloatArray, laws: FloatArray, gap: FloatArray, skip: int) -> 
 
 def value_at(
     step: Function,
-    gaps: Function,
     p: FloatArray,
     s: FloatArray,
     laws: FloatArray,
@@ -53,15 +52,13 @@ def value_at(
     event: int,
 ) -> float:
     """Return the alarm of an event after a step of length h, left in new_q, new_v and gap."""
-    if not step(p, s, q, v, t, h, new_q, new_v, work):
+    if not step(p, s, q, v, t, h, new_q, new_v, work, gap):
         return np.nan
-    gaps(p, new_q, new_v, gap)
     return alarm(s, laws, gap, event // 2, event % 2)
 
 
 def locate(
     step: Function,
-    gaps: Function,
     p: FloatArray,
     s: FloatArray,
     laws: FloatArray,
@@ -81,11 +78,11 @@ def locate(
     Illinois method; both within a bracket. The state after that step is left in new_q and new_v.
     """
     k, gone = event // 2, event % 2 == 0
-    high, high_value = h, value_at(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, event)
+    high, high_value = h, value_at(step, p, s, laws, q, v, t, h, new_q, new_v, work, gap, event)
     low, low_value = 0.0, 0.0
     trial, value = high, high_value
     if not gone:
-        low_value = value_at(step, gaps, p, s, laws, q, v, t, 0.0, new_q, new_v, work, gap, event)
+        low_value = value_at(step, p, s, laws, q, v, t, 0.0, new_q, new_v, work, gap, event)
         if low_value > 0.0:
             return 0.0
     for _ in range(100):
@@ -99,14 +96,14 @@ def locate(
             trial = high - high_value * (high - low) / (high_value - low_value)
         if not low < trial < high:
             trial = 0.5 * (low + high)
-        value = value_at(step, gaps, p, s, laws, q, v, t, trial, new_q, new_v, work, gap, event)
+        value = value_at(step, p, s, laws, q, v, t, trial, new_q, new_v, work, gap, event)
         if value == 0.0 or (gone and 0.0 < value <= 4.0 * resolution * abs(gap[k, 1])):
             return trial
         if value > 0.0:
             high, high_value, low_value = trial, value, 0.5 * low_value
         else:
             low, low_value, high_value = trial, value, 0.5 * high_value
-    value_at(step, gaps, p, s, laws, q, v, t, high, new_q, new_v, work, gap, event)
+    value_at(step, p, s, laws, q, v, t, high, new_q, new_v, work, gap, event)
     return high
 
 
@@ -123,7 +120,6 @@ def peak(gap: FloatArray, new_gap: FloatArray, h: float) -> float:
 
 def approach(
     step: Function,
-    gaps: Function,
     p: FloatArray,
     s: FloatArray,
     laws: FloatArray,
@@ -144,8 +140,8 @@ def approach(
     for k in range(len(laws)):
         if s[2 * k] == FLIGHT and gap[k, 1] > 0.0 and new_gap[k, 1] < 0.0:
             nearest = peak(gap[k], new_gap[k], h)
-            value = value_at(step, gaps, p, s, laws, q, v, t, nearest, new_q, new_v, work, new_gap, 2 * k)
+            value = value_at(step, p, s, laws, q, v, t, nearest, new_q, new_v, work, new_gap, 2 * k)
             if value > 0.0:
                 return 2 * k, nearest
-            value_at(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, 2 * k)
+            value_at(step, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, 2 * k)
     return -1, h

@@ -1,19 +1,12 @@
-"""The source of a compiled kernel with contacts: an RK4 step, the gaps, the text of ``contact_loop``."""
+"""The source of a compiled kernel with contacts: what ``contact_driver`` calls, for one topology."""
 
-import inspect
-import re
-
-from reference_solver import contact_events, contact_loop, contact_samples
-from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
 from reference_solver.contact_source import gap_acceleration_lines, gap_lines, rates
 from reference_solver.equations import Baumgarte
 from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_source import (
     HEADER,
     INLINE,
-    INNER,
     call,
-    compiled,
     drivers_power,
     function,
     mean,
@@ -25,19 +18,11 @@ from reference_solver.kernel_source import (
 )
 from reference_solver.straight_line import ZERO
 
-CONTACT_HEADER = (
-    "from __future__ import annotations\n\nfrom math import copysign, tanh\n\nimport numpy as np\n"
-)
-CONSTANTS = (
-    f"FLIGHT, CONTACT, CLIPPED, PROBE = {FLIGHT}, {CONTACT}, {CLIPPED}, {PROBE}\n"
-    f"INSIDE = {contact_samples.INSIDE!r}"
-)
-#: Functions of the generated module that the driver's text takes as parameters.
-OWN = "step|gaps|gap_accelerations|slopes"
+CONTACT_HEADER = HEADER + "\nfrom math import copysign, tanh\n"
 
 
 def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, projected: bool) -> str:
-    """Return a module with ``advance`` of ``contact_loop`` for the writer's topology.
+    """Return a module with ``step``, ``gaps``, ``gap_accelerations`` and ``slopes`` for a topology.
 
     ``writer.parameters`` is complete afterwards.
     """
@@ -49,12 +34,12 @@ def contact_kernel_source(writer: EquationsWriter, baumgarte: Baumgarte | None, 
     if projected:
         functions += projections(writer, ["p", "s"])
     functions += [
-        _step(writer, rates, projected),
         _gaps(writer),
+        _step(writer, rates, projected),
         _gap_accelerations(writer, rates),
         _slopes(writer, rates, projected),
     ]
-    return "\n\n".join([CONTACT_HEADER + HEADER, *functions, _driver()]) + "\n"
+    return "\n\n".join([CONTACT_HEADER, *functions]) + "\n"
 
 
 def all_rates(writer: EquationsWriter) -> list[str]:
@@ -62,25 +47,15 @@ def all_rates(writer: EquationsWriter) -> list[str]:
     return [name for k, joint in enumerate(writer.mechanism.contacts) for name in rates(k, joint)]
 
 
-def _driver() -> str:
-    """Return the text of the driver with the module's own functions in place of its parameters."""
-    texts = []
-    for module in (contact_events, contact_samples, contact_loop):
-        source = inspect.getsource(module)
-        texts.append(source[source.index("\n\n\ndef ") :])
-    text = re.sub(rf"^    ({OWN}): Function,\n", "", "".join(texts), flags=re.MULTILINE)
-    text = re.sub(rf"\b({OWN}), ", "", text)
-    return CONSTANTS + compiled(text, "advance")
-
-
 def _unpack(writer: EquationsWriter) -> list[str]:
     return [f"{name}{c} = {name}[{c}]" for name in "qv" for c in range(writer.n)]
 
 
 def _step(writer: EquationsWriter, rates: list[str], projected: bool) -> str:
-    """Write ``step(p, s, q, v, t, h, new_q, new_v, work)``: an RK4 step and its sums; False on failure.
+    """Write ``step(p, s, q, v, t, h, new_q, new_v, work, gap)``: an RK4 step, its sums, the new gaps.
 
-    The sums are the drivers' work, those of ``all_rates``, and with a stabilisation the energy it removes.
+    It returns False on failure. The sums are the drivers' work, those of ``all_rates``, and with a
+    stabilisation the energy it removes.
     """
     n, contacts = range(writer.n), all_rates(writer)
     step, ok = rk4_lines(writer, ["p", "s"], rates, projected, ledger=True)
@@ -89,22 +64,23 @@ def _step(writer: EquationsWriter, rates: list[str], projected: bool) -> str:
     if removed := stabilisation_loss(rates, projected):
         lines.append(f"work[{1 + len(contacts)}] = {removed}")
     lines += [f"new_q[{c}], new_v[{c}] = x{c}, y{c}" for c in n]
-    arguments = ["p", "s", "q", "v", "t", "h", "new_q", "new_v", "work"]
-    return function("step", arguments, lines, [ok], INNER)
+    lines.append("gaps(p, new_q, new_v, gap)")
+    arguments = ["p", "s", "q", "v", "t", "h", "new_q", "new_v", "work", "gap"]
+    return function("step", arguments, lines, [ok])
 
 
 def _gaps(writer: EquationsWriter) -> str:
     lines = _unpack(writer)
     for k, joint in enumerate(writer.mechanism.contacts):
         lines += gap_lines(writer, k, joint)
-    return function("gaps", ["p", "q", "v", "out"], lines, ["True"], INNER)
+    return function("gaps", ["p", "q", "v", "out"], lines, ["True"])
 
 
 def _gap_accelerations(writer: EquationsWriter, rates: list[str]) -> str:
     lines = [*_unpack(writer), _accelerations(writer, rates)]
     for k, joint in enumerate(writer.mechanism.contacts):
         lines += gap_acceleration_lines(writer, k, joint)
-    return function("gap_accelerations", ["p", "s", "t", "q", "v", "out"], lines, ["ok"], INNER)
+    return function("gap_accelerations", ["p", "s", "t", "q", "v", "out"], lines, ["ok"])
 
 
 def _slopes(writer: EquationsWriter, rates: list[str], projected: bool) -> str:

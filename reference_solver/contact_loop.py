@@ -1,8 +1,7 @@
 """The driver of contacts: RK4 steps that land on every touch and release, graded into and out of contact.
 
-This text is also part of every generated module with contacts, where Numba compiles it: ``step``, ``gaps``,
-``gap_accelerations`` and ``slopes``, parameters here, are functions of that module. It uses arrays and
-numbers only.
+Numba compiles this text once for all mechanisms (see ``contact_driver``): ``step``, ``gap_accelerations`` and
+``slopes``, parameters here, are functions of the mechanism's own kernel. It uses arrays and numbers only.
 
 A contact is in one of three phases: in flight, in contact, or in contact with the force clipped because
 the law would pull. Between events every right-hand side is smooth; an event is located by shortening the
@@ -123,7 +122,6 @@ def note(
 
 def advance(
     step: Function,
-    gaps: Function,
     gap_accelerations: Function,
     slopes: Function,
     p: FloatArray,
@@ -132,6 +130,7 @@ def advance(
     touch: FloatArray,
     q: FloatArray,
     v: FloatArray,
+    gap: FloatArray,
     totals: FloatArray,
     t: float,
     end: float,
@@ -141,20 +140,18 @@ def advance(
     samples: FloatArray,
     budget: int,
 ) -> tuple[float, int, int, int, int]:
-    """Advance q, v and the totals of work from t to ``end`` in place, event by event.
+    """Advance q, v, their gaps (K, 4) and the totals of work from t to ``end`` in place, event by event.
 
     ``log`` (rows, 5 + totals) takes (time, contact, what, rate of g, depth) and the totals of each event,
-    ``samples`` a row (see ``contact_samples``) for each of the ``times`` from t to ``end``; steps do not
-    depend on them. Returns the time reached, the events logged, the samples and the steps taken, and 0; or,
-    short of the end, 1 (``budget`` of steps used), 2 (log full), 3 (the step met a singular configuration or
-    overflowed).
+    ``samples`` a row (see ``contact_samples``) for each of the ``times`` from t to ``end``. Where events are
+    located, steps do not depend on the times; else, they land on each. Returns the time reached, the events
+    logged, the samples and the steps taken, and 0; or, short of the end, 1 (``budget`` of steps used), 2 (log
+    full), 3 (the step met a singular configuration or overflowed).
     """
     new_q, new_v, work = np.empty_like(q), np.empty_like(v), np.empty_like(totals)
-    gap, new_gap = np.empty((len(laws), 4)), np.empty((len(laws), 4))
-    spare = np.empty(len(laws))
+    new_gap, spare = np.empty_like(gap), np.empty(len(laws))
     events, steps, taken = 0, 0, 0
     lost = 0.0  # of h in the sum of times, carried on to the next step (Kahan 1965)
-    gaps(p, q, v, gap)
     event = first_alarm(s, laws, gap, -1) if t == 0.0 and end > 0.0 else -1
     while event >= 0:  # closed at the start
         note(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare, totals, log[events])
@@ -170,38 +167,42 @@ def advance(
             return t, events, taken, steps, 1
         if events >= len(log):
             return t, events, taken, steps, 2
-        h = control[0]
+        h, landing = control[0], end
         if control[2] > 0.0:
             h = step_length(s, laws, touch, gap, t, control)
-        last = t + h >= end - 1e-6 * h
+        elif taken < len(times):
+            landing = times[taken]
+        last = t + h >= landing - 1e-6 * h
         if last:
-            h = end - t
-        if not step(p, s, q, v, t, h, new_q, new_v, work):
+            h = landing - t
+        if not step(p, s, q, v, t, h, new_q, new_v, work, new_gap):
             return t, events, taken, steps, 3
-        gaps(p, new_q, new_v, new_gap)
         event, whole = first_alarm(s, laws, new_gap, -1), h
         if control[2] > 0.0:
             if event < 0:
-                event, h = approach(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, gap, new_gap)
+                event, h = approach(step, p, s, laws, q, v, t, h, new_q, new_v, work, gap, new_gap)
             other = event
             while other >= 0:
-                shorter = locate(step, gaps, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, other)
+                shorter = locate(step, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, other)
                 if other != event and shorter >= h:
                     break
                 event, h = other, shorter
                 other = first_alarm(s, laws, new_gap, event)
         last = last and h == whole
-        if taken < len(times) and times[taken] < t + h:
+        change = h + lost
+        new_t = landing if last else t + change
+        if taken < len(times) and times[taken] < new_t:
             taken = within(slopes, p, s, t, h, q, v, totals, new_q, new_v, work, times, taken, samples)
-        begin, change = t, h + lost
-        t = end if last else begin + change
-        lost = change - (t - begin)
+        lost = 0.0 if last else change - (new_t - t)
+        t = new_t
         for c in range(len(q)):
             q[c], v[c] = new_q[c], new_v[c]
         for c in range(len(totals)):
             totals[c] += work[c]
         steps += 1
-        gap, new_gap = new_gap, gap
+        for k in range(len(gap)):
+            for c in range(4):
+                gap[k, c] = new_gap[k, c]
         if event >= 0:
             note(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare, totals, log[events])
             events += 1

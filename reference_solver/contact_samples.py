@@ -1,7 +1,7 @@
 """Samples within a step of ``contact_loop``: dense output from the states and slopes at the step's ends.
 
-This text is also part of every generated module with contacts (see ``contact_loop``). Within a step of
-length h the right-hand side is smooth, since events end steps. Over x = (time - t)/h, positions are the
+Part of the compiled driver (see ``contact_loop``). Within a step of length h the right-hand side is smooth,
+since events end steps. Over x = (time - t)/h, positions are the
 quintic through q, q' and q'' at both ends, in error by O(h^6). Velocities, and the sums of work, impulse and
 losses, are quartics through value and slope at both ends and the slope at a third of the step, evaluated at
 the interpolated state there: in error by O(h^5), as the step itself is. (The quintic's own derivative would

@@ -1,13 +1,14 @@
 """Runs a mechanism with compliant contacts: the compiled driver of ``contact_loop``, events, energies."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
+from reference_solver.contact_driver import load_driver
 from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
 from reference_solver.contact_log import EVENT, impacts_of
 from reference_solver.equations import Baumgarte, Equations
@@ -72,12 +73,14 @@ class ContactStepper:
         baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
         writer = EquationsWriter(mechanism, q_start)
         self._kernel = load_kernel(contact_kernel_source(writer, baumgarte, stabilisation == "projection"))
+        kernel = self._kernel
+        self._advance = partial(load_driver().advance, kernel.step, kernel.gap_accelerations, kernel.slopes)
         self._parameters = np.array(writer.parameters)
         self._equations = Equations(mechanism, q_start, baumgarte)
         self.mechanism, self.choice = mechanism, choice
         self.rate_names = tuple(all_rates(writer))
         self._laws = np.array([_constants(joint) for joint in mechanism.contacts]).reshape(-1, 8)
-        self._touch = np.zeros((len(self._laws), 3))
+        self._touch, self._gap = np.zeros((len(self._laws), 3)), np.zeros((len(self._laws), 4))
         self._control = np.array([choice.longest_s, choice.steps_per_contact, float(choice.locate_events)])
         #: Phase and a/v0 of every contact, (2K,); drivers' work, the rates' sums and, with a stabilisation,
         #: the energy removed by it; events; steps.
@@ -97,7 +100,8 @@ class ContactStepper:
     ) -> FloatArray:
         """Advance q and v in place from t to ``end``; return a row (see ``columns``) for each of the times.
 
-        The ``times`` (s,) ascend from t to ``end``; a step lands on ``end``, and on no other of them.
+        The ``times`` (s,) ascend from t to ``end``. A step lands on ``end``; on the others only where events
+        are not located.
 
         Raises:
             SingularConfiguration: the constraint matrix loses full row rank.
@@ -105,15 +109,17 @@ class ContactStepper:
             Stalled: steps have become too short to move time on.
         """
         samples, taken, status = np.empty((len(times), self.columns[-1])), 0, 1
+        self._kernel.gaps(self._parameters, q, v, self._gap)
         while status:
             begin = t
-            t, events, added, steps, status = self._kernel.advance(
+            t, events, added, steps, status = self._advance(
                 self._parameters,
                 self.phases,
                 self._laws,
                 self._touch,
                 q,
                 v,
+                self._gap,
                 self.totals,
                 t,
                 end,
@@ -186,11 +192,7 @@ def record_contacts(
     have one length, which is to fit into the samples' interval, lands on every sample.
     """
     time = np.linspace(0.0, end_time_s, samples + 1)
-    if stepper.choice.locate_events:
-        rows = stepper.advance(q, v, 0.0, end_time_s, time)
-    else:
-        landings = zip(np.append(0.0, time), time, time[:, None], strict=False)
-        rows = np.concatenate([stepper.advance(q, v, *landing) for landing in landings])
+    rows = stepper.advance(q, v, 0.0, end_time_s, time)
     qs, vs, totals, phases, multipliers = np.split(rows, stepper.columns[:-1], axis=1)
     names = stepper.rate_names
     events = np.array(stepper.events).reshape(-1, EVENT + totals.shape[1])

@@ -58,9 +58,10 @@ def until_alarm(
     gaps(p, q, v, gap)
     while done < count:
         now = t + done * h
-        new_q[:] = q
-        new_v[:] = v
-        added[:] = 0.0
+        for c in range(len(q)):
+            new_q[c], new_v[c] = q[c], v[c]
+        for c in range(len(sums)):
+            added[c] = 0.0
         if not step(p, now, h, new_q, new_v, added):
             return done, 2
         gaps(p, new_q, new_v, new_gap)
@@ -72,9 +73,10 @@ def until_alarm(
             for row in range(len(lambda_) - following, len(lambda_)):
                 if lambda_[row] > 0.0:
                     return done, 1
-        q[:] = new_q
-        v[:] = new_v
+        for c in range(len(q)):
+            q[c], v[c] = new_q[c], new_v[c]
+        for c in range(len(sums)):
+            sums[c] += added[c]
         gap, new_gap = new_gap, gap
-        sums += added
         done += 1
     return done, 0

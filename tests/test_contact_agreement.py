@@ -90,14 +90,16 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     """Compare a step, its sums, and forces and losses at its start, between the two faces."""
     baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
     writer = EquationsWriter(at.mechanism, at.q_start)
-    source = contact_kernel_source(writer, baumgarte, stabilisation == "projection")
-    kernel = load_kernel(source.replace("(**INNER)\ndef step", "(**ENTRY)\ndef step"))
+    kernel = load_kernel(contact_kernel_source(writer, baumgarte, stabilisation == "projection"))
     names = all_rates(writer)
     equations = Equations(at.mechanism, at.q_start, baumgarte)
     equations.phases = at.phases
     parameters, size = np.array(writer.parameters), 1 + len(names) + (stabilisation != "none")
     q, v, sums = np.empty_like(at.q), np.empty_like(at.v), np.zeros(size)
-    assert kernel.step(parameters, at.phases, at.q, at.v, at.t, at.h, q, v, sums)
+    new_gap, gap = np.empty((2, len(at.mechanism.contacts), 4))
+    assert kernel.step(parameters, at.phases, at.q, at.v, at.t, at.h, q, v, sums, new_gap)
+    assert kernel.gaps(parameters, q, v, gap)
+    assert np.array_equal(new_gap, gap)
     a, rates, lambda_ = np.empty_like(at.q), np.empty(size), np.empty(writer.m)
     assert kernel.slopes(parameters, at.phases, at.t, at.q, at.v, a, rates, lambda_)
 
