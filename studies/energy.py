@@ -40,15 +40,15 @@ class Length:
 
 #: One turn of set R's crank. Its runs are whole turns, sampled equally often in each.
 TURN_S = 60 / 5000
-#: Quick: some 70 to 100 turns without clearance, 3 to 10 with it.
+#: Quick: some 70 to 100 turns without clearance, 3 to 6 with it.
 SHORT = (
     Length("ideal-free", 10.0, 1000, (25, 50, 100)),
     Length("ideal-driven", 100 * TURN_S, 1000, (15, 30, 60)),
     Length("clearance-free-0.5mm", 0.6, 300, (50, 100, 200)),
-    Length("clearance-driven-damped", 10 * TURN_S, 1200, (10, 20, 40)),
+    Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20, 40)),
     Length("rigid-free-0.5mm", 0.4, 200, (50, 100, 200)),
 )
-#: What the full set adds: ten times as many turns.
+#: What the full set adds: ten times as many turns and more.
 LONG = (
     Length("ideal-free", 100.0, 5000, (50, 100, 200), "ideal-free-long"),
     Length("ideal-driven", 1000 * TURN_S, 5000, (30, 60, 120), "ideal-driven-long"),

@@ -41,7 +41,11 @@ CLEARANCES_M, SPEEDS_RPM, POINTS, QUICK_EVERY = (1e-5, 1e-3), (500.0, 8000.0), 9
 
 @dataclass(frozen=True)
 class Arm:
-    """An engine as it takes part in ensembles, at steps and settings that resolve an impact cheaply."""
+    """An engine as it takes part in ensembles, at steps and settings that resolve an impact cheaply.
+
+    Distributions over 60 members with Exudyn's tolerance a hundredth of this, and with half and twice
+    Pymunk's step, could not be told from the model twin's either (Kolmogorov and Smirnov, six numbers).
+    """
 
     engine: str
     step_s: float
@@ -49,8 +53,8 @@ class Arm:
 
 
 ARMS = {
-    "DOPRI5": Arm("exudyn", 2e-5, {"solver": "DOPRI5", "tolerance": 1e-8}),
-    "as the scene": Arm("pymunk", 2e-6),
+    "DOPRI5": Arm("exudyn", 2e-5, {"solver": "DOPRI5", "tolerance": 1e-6}),
+    "as the scene": Arm("pymunk", 4e-6),
     "native contact": Arm("pymunk", 2e-6, {"contact": "rigid"}),
 }
 _SAME_LAW = ("DOPRI5", "as the scene")

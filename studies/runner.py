@@ -93,10 +93,15 @@ def run_study(
 def _phases(
     cases: dict[str, Case], executor: Callable[[], Executor], jobs: int
 ) -> Iterator[tuple[dict[str, Case], Callable[[], Executor]]]:
-    """Split cases into those that may run beside each other, and where."""
-    groups: list[dict[str, Case]] = [{}, {}, {}]
-    for key, case in cases.items():
-        groups[2 if case.timed else 1 if case.limits else 0][key] = case
+    """Split cases into those that may run beside each other, and where.
+
+    Those run in the order of their keys, which is as good as random: neighbours on a study's list share a
+    kernel, and two that start together would both compile it.
+    """
+    timed = {key: case for key, case in cases.items() if case.timed}
+    groups: list[dict[str, Case]] = [{}, {}, timed]
+    for key in sorted(cases.keys() - timed.keys()):
+        groups[1 if cases[key].limits else 0][key] = cases[key]
     makers = (executor, lambda: Processes(jobs), lambda: Processes(1))
     return ((group, make) for group, make in zip(groups, makers, strict=True) if group)
 

@@ -37,7 +37,8 @@ def cases(full: bool) -> list[Case]:
     """
     work = [case("work", number) for number in range(12)]
     if folder := os.environ.get("HANG_IN"):
-        return work[:2] + [case("hang", n, pid_file=f"{folder}/pid{n}") for n in range(2)]
+        last = Limits(1000.0, 1000 * MEGABYTE)  # cases with limits come after all others
+        return work[:2] + [case("hang", n, last, pid_file=f"{folder}/pid{n}") for n in range(2)]
     more = [case("abort"), case("work", 98, timed=True), case("work", 99, timed=True)]
     return work + (more if full else [])
 
