@@ -26,6 +26,14 @@ from reference_solver.contact_events import (
 from reference_solver.contact_samples import within, write
 
 
+def finite(gap: FloatArray) -> bool:
+    """Return whether all gaps are finite: what overflows anywhere is in them a step later."""
+    total = 0.0
+    for k in range(len(gap)):
+        total += gap[k, 3]
+    return bool(np.isfinite(total))
+
+
 def graded(h: float, duration: float, distance: float) -> float:
     """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
     return min(h, h * h / duration + 2.0 * h * float(np.sqrt(max(distance, 0.0) / duration)))
@@ -175,7 +183,7 @@ def advance(
         last = t + h >= landing - 1e-6 * h
         if last:
             h = landing - t
-        if not step(p, s, q, v, t, h, new_q, new_v, work, new_gap):
+        if not step(p, s, q, v, t, h, new_q, new_v, work, new_gap) or not finite(new_gap):
             return t, events, taken, steps, 3
         event, whole = first_alarm(s, laws, new_gap, -1), h
         if control[2] > 0.0:

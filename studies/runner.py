@@ -9,6 +9,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, as_completed
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import cast
@@ -24,6 +25,9 @@ from studies.execution_processes import Processes
 from studies.execution_worker import LIMITS_MEMORY
 from studies.provenance import fingerprint, sidecar
 
+#: Makes an executor for as long as it is needed; or lends one that lives longer.
+Executors = Callable[[], AbstractContextManager[Executor]]
+
 #: The studies by name. A new study is a new file and a line here.
 STUDIES = {
     "agreement": "studies.agreement",
@@ -37,29 +41,35 @@ STUDIES = {
 
 
 def run_studies(
-    names: list[str], full: bool, jobs: int, out: Path, executor: Callable[[], Executor] | None = None
+    names: list[str], full: bool, jobs: int, out: Path, executor: Executors | None = None
 ) -> None:
     """Run the named studies into ``out/NAME``, skipping every case that is there already.
 
-    Cases run in ``jobs`` processes of this machine, or on what ``executor`` makes.
+    Cases run in ``jobs`` processes of this machine, the same for all studies since each takes two seconds to
+    import what it needs, or on what ``executor`` makes.
 
     Raises:
         RunBroken: the cases cannot go on, or the rows kept are no rows.
     """
-    for name in names:
-        cases = _study(name).cases(full)
-        run_study(name, cases, out / name, executor or (lambda: Processes(jobs)), jobs)
-        facts = {**sidecar(name, full), "memory_limits_enforced": LIMITS_MEMORY}
-        (out / name / "sidecar.json").write_text(json.dumps(facts, indent=2) + "\n")
+    with Processes(jobs) as pool:
+        here: Executors = lambda: nullcontext(pool)  # noqa: E731
+        for name in names:
+            run_study(name, _study(name).cases(full), out / name, executor or here, here)
+            facts = {**sidecar(name, full), "memory_limits_enforced": LIMITS_MEMORY}
+            (out / name / "sidecar.json").write_text(json.dumps(facts, indent=2) + "\n")
 
 
 def run_study(
-    name: str, cases: list[Case], folder: Path, executor: Callable[[], Executor], jobs: int = 1
+    name: str,
+    cases: list[Case],
+    folder: Path,
+    executor: Executors,
+    processes: Executors = lambda: Processes(1),
 ) -> None:
     """Run the cases that ``folder`` lacks, with a progress bar and at the end a line that counts failures.
 
-    Ordinary cases run on any ``concurrent.futures`` executor; then those with limits in ``jobs`` processes;
-    then the timed ones in a process of their own, one at a time and with nothing beside them.
+    Ordinary cases run on any ``concurrent.futures`` executor; then those with limits in ``processes`` of this
+    machine; then the timed ones in a process of their own, one at a time and with nothing beside them.
 
     Raises:
         RunBroken: as ``run_studies``.
@@ -83,7 +93,7 @@ def run_study(
             statuses[key] = str(row["status"])
             progress.advance(bar)
 
-        for some, make in _phases(pending, executor, jobs):
+        for some, make in _phases(pending, executor, processes):
             _run(some, make, keep)
     failures = Counter(status for status in statuses.values() if status != "ok")
     counts = [f"{len(wanted)} cases", *(f"{n} {status}" for status, n in failures.most_common())]
@@ -91,8 +101,8 @@ def run_study(
 
 
 def _phases(
-    cases: dict[str, Case], executor: Callable[[], Executor], jobs: int
-) -> Iterator[tuple[dict[str, Case], Callable[[], Executor]]]:
+    cases: dict[str, Case], executor: Executors, processes: Executors
+) -> Iterator[tuple[dict[str, Case], Executors]]:
     """Split cases into those that may run beside each other, and where.
 
     Those run in the order of their keys, which is as good as random: neighbours on a study's list share a
@@ -102,13 +112,11 @@ def _phases(
     groups: list[dict[str, Case]] = [{}, {}, timed]
     for key in sorted(cases.keys() - timed.keys()):
         groups[1 if cases[key].limits else 0][key] = cases[key]
-    makers = (executor, lambda: Processes(jobs), lambda: Processes(1))
+    makers: tuple[Executors, ...] = (executor, processes, lambda: Processes(1))
     return ((group, make) for group, make in zip(groups, makers, strict=True) if group)
 
 
-def _run(
-    cases: dict[str, Case], make: Callable[[], Executor], keep: Callable[[str, Row, Curves], None]
-) -> None:
+def _run(cases: dict[str, Case], make: Executors, keep: Callable[[str, Row, Curves], None]) -> None:
     """Run cases and keep each as soon as it is finished; whatever stops that stops those at work."""
     with make() as pool:
         try:

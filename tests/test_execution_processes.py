@@ -27,7 +27,7 @@ def two() -> Executor:
 
 
 def run(folder: Path, *cases: Case) -> list[dict[str, Any]]:
-    run_study(NAME, list(cases), folder, two, jobs=2)
+    run_study(NAME, list(cases), folder, two, two)
     return [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
 
 
