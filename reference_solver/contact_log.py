@@ -15,7 +15,6 @@ def impacts_of(contact: int, events: FloatArray, rate_names: tuple[str, ...]) ->
     ``events`` (E, 5 + totals) is the log; its totals are the drivers' work, then those of ``rate_names``.
     """
     ends = events[(events[:, 1] == contact) & (np.abs(events[:, 2]) == 1)]
-    ends = ends[int(len(ends) > 0 and ends[0, 2] < 0) :]  # it may have been closed at the start
     touches, releases = ends[: len(ends) // 2 * 2].reshape(-1, 2, events.shape[1]).swapaxes(0, 1)
     change = (releases - touches)[:, EVENT + 1 :]
     impulse = change[:, rate_names.index(f"normal{contact}")]

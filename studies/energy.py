@@ -40,11 +40,11 @@ class Length:
 
 #: One turn of set R's crank. Its runs are whole turns, sampled equally often in each.
 TURN_S = 60 / 5000
-#: Quick: some 70 to 100 turns without clearance, 3 to 6 with it.
+#: Quick: some 40 to 100 turns without clearance, 2 to 6 with it.
 SHORT = (
-    Length("ideal-free", 10.0, 1000, (25, 50, 100)),
+    Length("ideal-free", 6.0, 600, (25, 50, 100)),
     Length("ideal-driven", 100 * TURN_S, 1000, (15, 30, 60)),
-    Length("clearance-free-0.5mm", 0.6, 300, (50, 100, 200)),
+    Length("clearance-free-0.5mm", 0.4, 200, (50, 100, 200)),
     Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20, 40)),
     Length("rigid-free-0.5mm", 0.4, 200, (50, 100, 200)),
 )

@@ -35,8 +35,8 @@ EXPONENT_STARTS, EXPONENT_SPACING_RAD = {False: 4, True: 12}, 1e-4
 #: Members of an ensemble, and sizes by which their starts are moved: far above round-off, far below physics.
 MEMBERS, MOVES_RAD = {False: 20, True: 40}, (1e-6, 1e-4)
 #: Ends of the pictures, clearances in m and speeds in rev/min; points of the full set, of which the quick
-#: has every 4th.
-CLEARANCES_M, SPEEDS_RPM, POINTS, QUICK_EVERY = (1e-5, 1e-3), (500.0, 8000.0), 97, 6
+#: has every 8th.
+CLEARANCES_M, SPEEDS_RPM, POINTS, QUICK_EVERY = (1e-5, 1e-3), (500.0, 8000.0), 97, 8
 
 
 @dataclass(frozen=True)

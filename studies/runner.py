@@ -105,12 +105,18 @@ def _phases(
 ) -> Iterator[tuple[dict[str, Case], Executors]]:
     """Split cases into those that may run beside each other, and where.
 
-    Those run in the order of their keys, which is as good as random: neighbours on a study's list share a
-    kernel, and two that start together would both compile it.
+    Of those, one of every scene, engine and arm comes first, in the order of their keys, which is as good as
+    random: cases that start together and share a kernel would both compile it.
     """
     timed = {key: case for key, case in cases.items() if case.timed}
     groups: list[dict[str, Case]] = [{}, {}, timed]
+    alike: Counter[tuple[str, str, str]] = Counter()
+    turns = {}
     for key in sorted(cases.keys() - timed.keys()):
+        kind = cases[key].scene.name, cases[key].engine, cases[key].arm
+        turns[key] = alike[kind]
+        alike[kind] += 1
+    for key in sorted(turns, key=lambda key: turns[key]):
         groups[1 if cases[key].limits else 0][key] = cases[key]
     makers: tuple[Executors, ...] = (executor, processes, lambda: Processes(1))
     return ((group, make) for group, make in zip(groups, makers, strict=True) if group)
