@@ -55,11 +55,15 @@ def load_kernel(source: str) -> ModuleType:
 
 @contextmanager
 def compiled_anew() -> Iterator[None]:
-    """Have kernels compiled as on a machine that has none, in a folder that is gone afterwards."""
+    """Have kernels compiled as on a machine that has none, in a folder that is gone afterwards.
+
+    Numba itself has been set to work before that, which takes a second the first time.
+    """
     kept = os.environ.get("CRANKSLIDER_CACHE")
     with tempfile.TemporaryDirectory(prefix="crankslider-") as folder:
         os.environ["CRANKSLIDER_CACHE"] = folder
         load_kernel.cache_clear()
+        load_kernel("from numba import njit\n\nready = njit(lambda x: x + 1.0)\n").ready(1.0)
         try:
             yield
         finally:

@@ -15,7 +15,7 @@ from matplotlib.ticker import NullLocator
 
 from reports.results import FloatArray, Run
 from reports.stability_cells import REFUSED, VARIED, VERDICTS, arms, cells, limit_of, severity
-from reports.style import BLACK, WIDTH_IN, label, title
+from reports.style import BLACK, ENGINES, WIDTH_IN, label, title
 
 #: Colour and letter of each verdict. Lightness falls with severity, so that greyscale keeps the order; what
 #: was refused is no worse than anything, so white and hatched.
@@ -47,7 +47,8 @@ def verdict_map(runs: Sequence[Run], varied: str) -> Drawing:
         limit = limit_of(mine)
         if limit is not None:
             _theory(ax, mine, varied, limit)
-        ax.set_title(f"{title(name)}\n" + (f"limit ωh = {limit:.3g}" if limit else "no limit"), fontsize=8)
+        unlimited = "no limit" if name[0] in ENGINES else "limit unknown"
+        ax.set_title(f"{title(name)}\n" + (f"limit ωh = {limit:.3g}" if limit else unlimited), fontsize=8)
         _axes(ax, varied, values, bottom=place + ACROSS >= len(names), left=place % ACROSS == 0)
     _legend(drawing, sorted({severity(run) for run in here}))
     return drawing

@@ -128,7 +128,7 @@ def compiling(runs: Sequence[Run]) -> Table | None:
 
 def failures(runs: Sequence[Run]) -> Table | None:
     """Return the recorded runs that did not finish, with the reason; None if all did."""
-    failed = [run for run in runs if not run.ok and "round" not in run.values]
+    failed = [run for run in runs if not run.ok and not run.values.keys() & {"round", "compiled_anew"}]
     if not failed:
         return None
     rows = tuple((run.scene, *run.name, number(run.step_s), run.status, run.reason) for run in failed)

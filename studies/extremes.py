@@ -67,21 +67,14 @@ def gallery() -> dict[str, Extreme]:
 
 
 def cases(full: bool) -> list[Case]:
-    """Return every case for every engine and arm; the quick set has long runs of few.
-
-    Those that come first do so arm by arm: no two of them compile the same kernel at the same time.
-    """
-    made = [
-        (extreme, _case(place, extreme, engine, arm, settings))
+    """Return every case for every engine and arm; the quick set has long runs of few."""
+    return [
+        _case(place, extreme, engine, arm, settings)
         for place, extreme in enumerate(gallery().values())
         for engine, arms in _arms().items()
         for arm, settings in arms.items()
         if full or not extreme.long or (engine, arm) in FAST
     ]
-    first = [case for extreme, case in made if extreme.first]
-    names = [(engine, arm) for engine, arms in _arms().items() for arm in arms]
-    first.sort(key=lambda case: names.index((case.engine, case.arm)))
-    return first + [case for extreme, case in made if not extreme.first]
 
 
 def _arms() -> dict[str, dict[str, Mapping[str, Value]]]:

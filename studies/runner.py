@@ -56,7 +56,7 @@ def run_studies(
         for name in names:
             run_study(name, _study(name).cases(full), out / name, executor or here, here)
             facts = {**sidecar(name, full), "memory_limits_enforced": LIMITS_MEMORY}
-            (out / name / "sidecar.json").write_text(json.dumps(facts, indent=2) + "\n")
+            _replace_text(out / name / "sidecar.json", json.dumps(facts, indent=2) + "\n")
 
 
 def run_study(

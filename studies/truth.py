@@ -185,8 +185,11 @@ def exact(scene: Scene, samples: int) -> Trajectory:
     """Return the true trajectory of an ideal scene at ``samples + 1`` equally spaced times.
 
     Raises:
-        ValueError: the scene has a joint with clearance.
+        ValueError: the scene has a joint with clearance, or a rod that is too short for a full turn.
     """
+    crank, rod, _ = scene.crank_slider()
+    if rod.length_m < crank.length_m:
+        raise ValueError(f"no truth for a rod shorter than the crank: {rod.length_m} m, {crank.length_m} m")
     if scene.joints_with_clearance:
         raise ValueError(f"no minimal-coordinate truth for clearance at {scene.joints_with_clearance}")
     return _exact(scene, scene.end_time_s, samples, PIECES)

@@ -54,7 +54,7 @@ def cases(full: bool) -> list[Case]:
         made += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
     anew = {(scene.name, rung.engine): (scene, rung) for scene, rung in reversed(rungs) if _compiles(rung)}
     compiled = COMPILED + (MORE_COMPILED if full else ())
-    made += [_case(*of, 1, {"compiled_anew": True}) for (name, _), of in anew.items() if name in compiled]
+    made += [_case(*of, 1, {"compiled_anew": 1}) for (name, _), of in anew.items() if name in compiled]
     return list({str(one.head()): one for one in made}.values())  # samples may cut two rungs to one step
 
 

@@ -62,7 +62,7 @@ def test_the_gallery_has_fifty_cases_each_with_a_sentence_of_theory_and_a_check(
 
 def test_every_extreme_case_meets_every_engine_within_limits() -> None:
     cases = extremes.cases(full=True)
-    assert len(cases) == len(extremes.gallery()) * sum(map(len, extremes.ARMS.values()))
+    assert len(cases) == len(extremes.gallery()) * sum(map(len, extremes._arms().values()))
     assert all(case.limits for case in cases if not extremes.gallery()[case.scene.name].first)
     assert {case.key("f") for case in extremes.cases(full=False)} <= {case.key("f") for case in cases}
     assert all(pickle.loads(pickle.dumps(case)) == case for case in cases)

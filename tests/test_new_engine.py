@@ -39,8 +39,7 @@ def test_a_new_engine_takes_part_on_the_scenes_of_all_others() -> None:
         named = {case.scene.name for case in cases if case.engine in NAMED and case.engine != "reference"}
         own = {case.scene.name for case in cases if case.engine == NAME}
         assert own
-        # The reference's model twins of an engine are scenes of that engine alone.
-        assert named <= own | {case.scene.name for case in cases if case.arm.startswith("twin of")}, study
+        assert named <= own, study
 
 
 def test_the_studies_name_only_engines_that_exist() -> None:

@@ -93,3 +93,10 @@ def test_the_truth_refuses_a_joint_with_clearance() -> None:
     clearance = Clearance(radial_clearance_m=5e-4, bearing_radius_m=0.01, law="rigid", restitution=0.9)
     with pytest.raises(ValueError, match="B"):
         exact(ideal_free().model_copy(update={"clearance": Clearances(B=clearance)}), 10)
+
+
+def test_there_is_no_truth_for_a_crank_that_cannot_turn_over() -> None:
+    scene = ideal_free()
+    short = scene.rod.model_copy(update={"length_m": 0.9 * scene.crank.length_m}) if scene.rod else None
+    with pytest.raises(ValueError, match="rod shorter than the crank"):
+        exact(scene.model_copy(update={"rod": short}), 10)
