@@ -104,6 +104,6 @@ def growth_of(depth_m: FloatArray, order: int) -> float:
     rows = rows[np.abs(rows).max(axis=1) > QUIET]
     if len(rows) < order:
         return 0.0
-    least = max(ROUND_OFF, QUIET / float(np.linalg.norm(rows[:, :-1])))
+    least = max(ROUND_OFF, QUIET / max(float(np.linalg.norm(rows[:, :-1])), QUIET))
     coefficients = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=least)[0]
     return float(np.abs(np.roots([1.0, *-coefficients[::-1]])).max())
