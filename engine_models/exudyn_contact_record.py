@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine_models.contact_stiffness import elastic_energy_J, exponent_of, stiffness_of
 from engine_models.engine import Contact, FloatArray, Impacts
@@ -148,12 +149,21 @@ def _touches_and_releases(scene: Scene, joint: str, motion: Motion) -> tuple[Flo
 
     A change of sign between two steps is halved down to its time. What begins closed touches at the start.
     """
-    closed = contact_states(scene, joint, motion, motion.time_s).penetration_m > 0
+    clearance: Clearance = getattr(scene.clearance, joint)
+
+    def closed_at(time_s: FloatArray) -> NDArray[np.bool_]:
+        position, velocity, _ = motion.at(time_s)
+        distance = np.hypot(*joint_gap(scene, joint, position, velocity).gap_m.T)
+        return np.asarray(distance > clearance.radial_clearance_m)
+
+    closed = closed_at(motion.time_s)
     changes = np.flatnonzero(closed[1:] != closed[:-1])
     low, high = motion.time_s[changes], motion.time_s[changes + 1]
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        before = (contact_states(scene, joint, motion, middle).penetration_m > 0) == closed[changes]
+        if not ((low < middle) & (middle < high)).any():
+            break
+        before = closed_at(middle) == closed[changes]
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     opening = closed[changes]
     begun_closed = motion.time_s[:1][closed[:1]]

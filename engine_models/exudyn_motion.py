@@ -63,7 +63,7 @@ class Motion:
         return out[0], out[1], out[2]
 
     def _coordinates(self, record: Record, time_s: FloatArray, step: NDArray[np.int64]) -> States:
-        h = np.diff(self.time_s)[step][:, None]
+        h = (self.time_s[step + 1] - self.time_s[step])[:, None]
         s = (time_s - self.time_s[step])[:, None] / h
         q0, q1 = record.coordinates[step], record.coordinates[step + 1]
         v0, v1 = record.rates[step], record.rates[step + 1]

@@ -26,7 +26,7 @@ OTHER: Mapping[str, object] = MappingProxyType({"method": "DOP853", "rtol": 1e-1
 POINTWISE_M = 1e-8
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
     """Return the converged trajectory and its twins.
 
@@ -48,7 +48,7 @@ def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory,
     return truth, tuple(twins)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def followed(scene: Scene, samples: int) -> int:
     """Return how many samples of the converged trajectory come before the scene's horizon.
 
