@@ -41,7 +41,6 @@ END_S = {
 #: The scenes of the quick set; the full set has all.
 QUICK = (
     "clearance-driven-0.5mm",
-    "clearance-driven-0.02mm",
     "clearance-driven-AB",
     "clearance-free-0.5mm",
     "rigid-free-0.5mm",

@@ -34,7 +34,6 @@ _QUICK_HORIZONS_S = (
     ("clearance-driven-0.1mm", 0.072),
     ("clearance-driven-0.02mm", 0.072),
     ("clearance-driven-damped", 0.072),
-    ("clearance-driven-lossy", 0.12),
     ("clearance-driven-AB", 0.036),
     ("clearance-free-0.5mm", 0.2),
 )
@@ -46,6 +45,7 @@ HORIZONS_S = {
     True: (
         *_QUICK_HORIZONS_S,
         ("clearance-driven-A", 0.048),
+        ("clearance-driven-lossy", 0.12),
         ("clearance-free-OAB", 0.15),
         ("clearance-pendulum", 0.3),
         ("clearance-driven-0.02mm", 0.468),
