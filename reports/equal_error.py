@@ -35,7 +35,10 @@ class Rung:
 
 
 def rungs(runs: Iterable[Run], scene: str, quantity: Quantity, floor: float) -> list[Rung]:
-    """Return a scene's rungs that have errors and times; errors are no less than ``floor``."""
+    """Return a scene's rungs that have errors and times; errors are no less than ``floor``.
+
+    A signal that is exactly zero throughout, as forces between impacts of rigid walls, has no rungs.
+    """
     here = [run for run in runs if run.scene == scene and run.ok]
     times: dict[Key, list[float]] = {}
     for run in sorted(here, key=lambda run: run.values.get("round", -1)):
@@ -44,7 +47,7 @@ def rungs(runs: Iterable[Run], scene: str, quantity: Quantity, floor: float) -> 
     out = []
     for run in here:
         error = quantity.value(run)
-        if "round" not in run.values and error is not None and key(run) in times:
+        if "round" not in run.values and error is not None and max(error, floor) > 0 and key(run) in times:
             out.append(Rung(run.name, max(error, floor), run.values["steps"], tuple(times[key(run)])))
     return out
 

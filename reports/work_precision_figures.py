@@ -14,7 +14,10 @@ from reports.style import GREY, label, line_style, ordered, words
 
 
 def figures(kind: str, runs: Sequence[Run], scenes: Sequence[str], quantity: Quantity) -> list[Figure]:
-    """Return errors of a quantity against run time and against steps, a panel per scene of a kind."""
+    """Return errors of a quantity against run time and against steps, a panel per scene that has any."""
+    scenes = [scene for scene in scenes if rungs(runs, scene, quantity, quantity.floor(runs, scene))]
+    if not scenes:
+        return []
     name, unit = words(quantity.name)
     file = quantity.name.removesuffix(f"_{quantity.name.split('_')[-1]}").replace("_", "-")
     time = Figure(

@@ -2,7 +2,9 @@
 
 import pytest
 
-from reports.equal_error import Rung, duel, front, levels, time_at
+from reports.equal_error import Rung, duel, front, levels, rungs, time_at
+from reports.quantities import column
+from reports.results import Run
 from reports.style import Name
 
 FAST: Name = ("reference", "located")
@@ -50,3 +52,14 @@ def test_levels_are_powers_of_ten_that_at_least_two_rungs_bracket_above_the_floo
     assert levels(of, 0.0) == pytest.approx([1e-5, 1e-6, 1e-7])
     assert levels(of, 2e-6) == pytest.approx([1e-5])
     assert levels(of[:1], 0.0) == []
+
+
+def test_a_signal_that_is_exactly_zero_has_no_rungs_and_one_below_the_floor_is_at_it() -> None:
+    def run(error: float, **values: float) -> Run:
+        values = {"joint_O_force_error_N": error, "steps": 9.0, "solve_time_s": 1.0, **values}
+        return Run("case", "fingerprint", "s", *FAST, 0.1, "ok", "", values, {})
+
+    force = column("joint_O_force_error_N")
+    timed = run(0.0, round=0.0)
+    assert rungs([run(0.0), timed], "s", force, 0.0) == []
+    assert [rung.error for rung in rungs([run(0.0), timed], "s", force, 1e-9)] == [1e-9]
