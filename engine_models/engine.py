@@ -23,6 +23,10 @@ class UnsupportedScene(Exception):
     """The engine, or its present settings, cannot express this scene; the message is the reason."""
 
 
+class ProcessTaken(UnsupportedScene):
+    """This process has loaded what the engine cannot run beside; a new process could run the scene."""
+
+
 class SimulationFailed(Exception):
     """The run broke down; the message says when and why."""
 

@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 
-from engine_models.engine import UnsupportedScene
+from engine_models.engine import ProcessTaken, UnsupportedScene
 
 _FAST = "exudyn.exudynCPPfast"
 
@@ -19,11 +19,11 @@ def require_build(fast: bool) -> None:
     """Check that Exudyn is not there already in the other build; nothing is imported.
 
     Raises:
-        UnsupportedScene: the other build is loaded.
+        ProcessTaken: the other build is loaded.
     """
     if "exudyn" in sys.modules and (_FAST in sys.modules) != fast:
         loaded = "without" if _FAST in sys.modules else "with"
-        raise UnsupportedScene(
+        raise ProcessTaken(
             f"exudyn is loaded in this process in the build {loaded} range checks: "
             f"run fast = {str(fast).lower()} in a process of its own"
         )
@@ -33,7 +33,8 @@ def load_build(fast: bool) -> None:
     """Import Exudyn in the build asked for; every import after this one gets it.
 
     Raises:
-        UnsupportedScene: the other build is loaded, or this machine has none without range checks.
+        ProcessTaken: the other build is loaded.
+        UnsupportedScene: this machine has no build without range checks.
     """
     require_build(fast)
     if "exudyn" in sys.modules:

@@ -11,6 +11,7 @@ from importlib import import_module
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
+from engine_models.engine import ProcessTaken
 from studies.command_errors import BadInput
 from studies.execution import RunBroken
 from studies.execution_processes import Processes
@@ -109,7 +110,7 @@ class ClusterExecutor(Executor):
             value = await remote
         except (CancelledError, OSError) as error:
             future.set_exception(RunBroken(f"the scheduler of the cluster is gone: {error}"))
-        except self._worker_died:
+        except (self._worker_died, ProcessTaken):
             self._here.submit(call).add_done_callback(partial(_copy, future))
         except BaseException as error:
             future.set_exception(error)

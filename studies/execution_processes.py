@@ -14,6 +14,7 @@ from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 from typing import Any, ParamSpec, TypeVar
 
+from engine_models.engine import ProcessTaken
 from studies.case import Limits
 from studies.execution import TIMED_OUT, CaseEnded, RunBroken
 from studies.execution_process import WorkerProcess
@@ -104,12 +105,12 @@ class _Slot:
     def run(self, call: Call, limits: Limits | None) -> Any:
         """Run a call; one that ends a process which ran others before is run again in a new one.
 
-        So no call answers for the damage that another did.
+        So no call answers for the damage that another did, nor for what another loaded.
         """
         if self._process is not None:
             try:
                 return self._run(call, limits)
-            except RunBroken:
+            except (RunBroken, ProcessTaken):
                 pass
             except CaseEnded as end:
                 if end.status == TIMED_OUT:
@@ -123,7 +124,7 @@ class _Slot:
             process = self._process = self._process or WorkerProcess()
         try:
             return process.run(call, limits)
-        except (CaseEnded, RunBroken):
+        except (CaseEnded, RunBroken, ProcessTaken):
             self.close()
             raise
 

@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
-from engine_models.engine import SimulationFailed, UnsupportedScene
+from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
 from studies.case import Case, Curves, Row, Study
 from studies.execution import OUT_OF_MEMORY, CaseEnded, RunBroken
 from studies.execution_processes import Processes
@@ -133,6 +133,8 @@ def _run(cases: dict[str, Case], make: Executors, keep: Callable[[str, Row, Curv
                     row, curves = future.result()
                 except CaseEnded as end:
                     row, curves = {**cases[key].head(), "status": end.status, "reason": end.reason}, {}
+                except ProcessTaken as refusal:
+                    row, curves = {**cases[key].head(), "status": "unsupported", "reason": str(refusal)}, {}
                 keep(key, row, curves)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
@@ -149,10 +151,13 @@ def run_case(case: Case) -> tuple[Row, Curves]:
     """Run one case; what the engine refuses or fails at becomes a row with ``status`` and ``reason``.
 
     Raises:
+        ProcessTaken: another process could run it.
         RunBroken: there is a bug in the study or an engine's model.
     """
     try:
         measured, curves = _study(case.study).measure(case)
+    except ProcessTaken:
+        raise  # no answer yet: executors try it in another process
     except UnsupportedScene as refusal:
         return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
     except SimulationFailed as failure:

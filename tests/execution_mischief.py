@@ -47,7 +47,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     """Do what the arm says."""
     began = time.monotonic()
     if case.arm == "simulate":
-        trajectory = make_engine(case.engine).simulate(case.scene, case.run)
+        trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
         curves = {"slider_position_m": trajectory.slider_position_m}
         row: Row = {"farthest_m": float(trajectory.slider_position_m.max())}
     else:

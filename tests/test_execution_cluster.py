@@ -48,6 +48,8 @@ def measured(folder: Path) -> list[dict[str, Any]]:
 def test_a_cluster_gives_the_rows_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
     cases = [case("simulate", 4, engine=engine) for engine in ENGINES]
     cases += [case("simulate", 8, engine=engine) for engine in ENGINES]
+    # A process has room for one of Exudyn's builds.
+    cases += [case("simulate", number, engine="exudyn", fast=number % 2 == 0) for number in range(12, 16)]
     run_study(NAME, cases, tmp_path / "processes", lambda: Processes(2))
     with cluster(local.scheduler_address) as executor:
         run_study(NAME, cases, tmp_path / "cluster", executor)

@@ -49,6 +49,7 @@ def test_every_study_is_published_whole_and_by_this_code(study: str) -> None:
     assert sidecar["code"] == code_digest(), "the code has changed: make publish"
     rows = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
     assert len(rows) == len(import_module(STUDIES[study]).cases(full=False))
+    assert not any("process of its own" in row for row in rows), "no engine is refused for another's sake"
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.scene.name}-{case.engine}-{case.arm}")
