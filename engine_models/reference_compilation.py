@@ -4,7 +4,7 @@ import time
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.scene import Scene
-from reference_solver.compiled import compiled_anew
+from reference_solver.kernel_store import compiled_anew
 
 
 def compile_time_s(engine: Engine, scene: Scene, settings: RunSettings) -> float:

@@ -11,7 +11,6 @@ from engine_models.engine import FloatArray
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
-from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, alarm
 from reference_solver.contact_kernel_source import CONTACT_HEADER, all_rates
@@ -20,6 +19,7 @@ from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
 from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_source import HEADER, function
+from reference_solver.kernel_store import load_kernel
 from reference_solver.straight_line import ZERO, StraightLine, product
 
 

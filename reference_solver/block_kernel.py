@@ -7,10 +7,10 @@ All is in one file, since Numba's cache watches that of the function called alon
 from math import cos, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from reference_solver.block_plan import Plan
+from reference_solver.kernel_store import njit
 
 FloatArray = NDArray[np.float64]
 

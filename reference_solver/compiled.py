@@ -1,77 +1,17 @@
-"""The compiled face of the algorithm: the kernel written for a topology, compiled by Numba, kept on disk."""
-
-import hashlib
-import importlib.util
-import os
-import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cache
-from pathlib import Path
-from types import ModuleType
+"""The compiled face of the algorithm: the kernel written for a topology, compiled by Numba."""
 
 import numpy as np
-import platformdirs
 from numpy.typing import NDArray
 
 from reference_solver.chunks import advance_in_chunks
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_source import kernel_source
+from reference_solver.kernel_store import load_kernel
 from reference_solver.mechanism import Mechanism
 from reference_solver.readable import ReadableStepper
 
 FloatArray = NDArray[np.float64]
-
-
-def kernel_folder() -> Path:
-    """Return where kernels and their machine code are kept: ``CRANKSLIDER_CACHE`` or the user's cache."""
-    return Path(os.environ.get("CRANKSLIDER_CACHE") or platformdirs.user_cache_dir("crankslider")) / "kernels"
-
-
-@cache
-def load_kernel(source: str) -> ModuleType:
-    """Return the generated module; it must be a real file for Numba to keep its machine code."""
-    name = f"kernel_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
-    path = kernel_folder() / f"{name}.py"
-    try:
-        if not path.exists():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".new", delete=False) as file:
-                file.write(source)
-            os.replace(file.name, path)
-    except OSError:  # a read-only home: compile anew in every process
-        path = Path(tempfile.mkdtemp(prefix="crankslider-")) / f"{name}.py"
-        path.write_text(source)
-    specification = importlib.util.spec_from_file_location(name, path)
-    assert specification is not None
-    assert specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module  # where Numba looks its functions up when it loads their machine code
-    specification.loader.exec_module(module)
-    return module
-
-
-@contextmanager
-def compiled_anew() -> Iterator[None]:
-    """Have kernels compiled as on a machine that has none, in a folder that is gone afterwards.
-
-    Numba itself has been set to work before that, which takes a second the first time.
-    """
-    kept = os.environ.get("CRANKSLIDER_CACHE")
-    with tempfile.TemporaryDirectory(prefix="crankslider-") as folder:
-        os.environ["CRANKSLIDER_CACHE"] = folder
-        load_kernel.cache_clear()
-        load_kernel("from numba import njit\n\nready = njit(lambda x: x + 1.0)\n").ready(1.0)
-        try:
-            yield
-        finally:
-            load_kernel.cache_clear()
-            if kept is None:
-                del os.environ["CRANKSLIDER_CACHE"]
-            else:
-                os.environ["CRANKSLIDER_CACHE"] = kept
 
 
 class CompiledStepper:

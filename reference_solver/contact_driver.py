@@ -8,9 +8,9 @@ import inspect
 from types import ModuleType
 
 from reference_solver import contact_events, contact_loop, contact_samples
-from reference_solver.compiled import load_kernel
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
 from reference_solver.kernel_source import HEADER, compiled
+from reference_solver.kernel_store import load_kernel
 
 TYPES = f"""from __future__ import annotations
 

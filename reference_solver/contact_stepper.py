@@ -6,7 +6,6 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_driver import load_driver
 from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
@@ -14,6 +13,7 @@ from reference_solver.contact_log import EVENT, impacts_of
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import NonFiniteState, Stalled
 from reference_solver.generator import EquationsWriter
+from reference_solver.kernel_store import load_kernel
 from reference_solver.mechanism import ClearanceJoint, Mechanism
 from reference_solver.solver import Solution, Stabilisation, StepChoice, check_start
 

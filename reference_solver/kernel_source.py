@@ -10,7 +10,7 @@ HEADER = '''"""Generated from a mechanism's topology by reference_solver.generat
 
 from math import cos, sin, sqrt
 
-from numba import njit
+from reference_solver.kernel_store import njit
 
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}

@@ -44,7 +44,7 @@ class Mode:
         )
         self._step = self._readable_step
         if compiled:
-            from reference_solver.compiled import load_kernel  # Numba takes a moment to import
+            from reference_solver.kernel_store import load_kernel  # Numba takes a moment to import
             from reference_solver.rigid_friction_source import FollowingWriter
             from reference_solver.rigid_source import rigid_kernel_source
 

@@ -11,7 +11,7 @@ from engine_models.engines import engine_class, make_engine
 from engine_models.reference_compilation import compile_time_s
 from engine_models.scene import Scene
 from engine_models.scene_library import ideal_driven
-from reference_solver.compiled import compiled_anew, kernel_folder, load_kernel
+from reference_solver.kernel_store import compiled_anew, kernel_folder, load_kernel
 from studies.ladders import NAMED
 
 SETTINGS = RunSettings(1e-3, 10)
@@ -71,6 +71,7 @@ def test_of_two_runs_the_first_compiles_and_the_kernels_kept_are_left_alone(name
 def test_the_folder_of_what_is_compiled_anew_goes_afterwards(cache: Path) -> None:
     with compiled_anew():
         folder = kernel_folder()
-        assert folder.exists()
+        make_engine("reference").simulate(ideal_driven(), SETTINGS)
+        assert list(folder.iterdir())
     assert not folder.parent.exists()
     assert os.environ["CRANKSLIDER_CACHE"] == str(cache)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from engine_models.assembly import start_state
 from engine_models.reference_model import mechanism_of
 from engine_models.scene_library import CLEARANCE_SCENES
-from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, add_contact_force, contact_state
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT
 from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
@@ -18,6 +17,7 @@ from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionL
 from reference_solver.contact_stepper import solve_with_contacts
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.generator import EquationsWriter
+from reference_solver.kernel_store import load_kernel
 from reference_solver.mechanism import Mechanism
 from reference_solver.readable import project_with_loss, rk4_step
 from reference_solver.solver import Stabilisation, StepChoice

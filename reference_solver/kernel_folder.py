@@ -1,0 +1,107 @@
+"""Where compiled kernels are kept. What is read there runs, so the folder must be this user's alone."""
+
+import logging
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import platformdirs
+
+#: The environment variable that puts the folder elsewhere.
+VARIABLE = "CRANKSLIDER_CACHE"
+WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+ROOT_USER = 0
+
+
+class FolderRefused(Exception):
+    """Somebody else could have put machine code into the folder; the message says how to mend that."""
+
+
+def kernel_folder() -> Path:
+    """Return where machine code is kept: below ``CRANKSLIDER_CACHE`` or in the user's cache."""
+    return Path(os.environ.get(VARIABLE) or platformdirs.user_cache_dir("crankslider")) / "kernels"
+
+
+def private_folder() -> Path:
+    """Return ``kernel_folder()``, made if it is not there, which nobody else can write to or replace.
+
+    Raises:
+        FolderRefused: it or the folder that it is in belongs to somebody else, or others may write to it.
+        OSError: it cannot be made.
+    """
+    folder = kernel_folder()
+    folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+    _require_private(folder, folder.stat())
+    above = folder.parent.stat()
+    if not above.st_mode & stat.S_ISVTX:  # as /tmp has it: nobody can replace what is another's
+        _require_private(folder.parent, above, ROOT_USER)
+    return folder
+
+
+def is_own(found: os.stat_result, *others: int) -> bool:
+    """Return whether a file or folder belongs to this user, or to one of the others."""
+    return sys.platform == "win32" or found.st_uid in (os.geteuid(), *others)
+
+
+def _require_private(folder: Path, found: os.stat_result, *owners: int) -> None:
+    elsewhere = f"set {VARIABLE} to a folder of your own"
+    if not is_own(found, *owners):
+        got = f"one of user {found.st_uid}: {elsewhere}"
+    elif found.st_mode & WRITABLE_BY_OTHERS and sys.platform != "win32":  # there permissions say nothing
+        got = f"permissions {stat.S_IMODE(found.st_mode):04o}: run chmod go-w on it, or {elsewhere}"
+    else:
+        return
+    raise FolderRefused(f"{folder}: expected a folder that only you can write to, got {got}")
+
+
+@contextmanager
+def writable_folder() -> Iterator[None]:
+    """Have machine code kept: in this block in a temporary folder where the usual one cannot be written.
+
+    It holds for processes started in the block too; there is a note in the log.
+
+    Raises:
+        FolderRefused: as ``private_folder``.
+    """
+    try:
+        with tempfile.TemporaryFile(dir=private_folder(), buffering=0) as file:
+            file.write(bytes(2**16))  # on a full disk an empty file can be made
+    except OSError as error:
+        say_not_kept(error, "a temporary one is used")
+        with temporary_folder():
+            yield
+    else:
+        yield
+
+
+@contextmanager
+def temporary_folder() -> Iterator[None]:
+    """Have machine code kept, by processes started in this block too, in a folder that is gone afterwards."""
+    usual = os.environ.get(VARIABLE)
+    with tempfile.TemporaryDirectory(prefix="crankslider-") as folder:
+        os.environ[VARIABLE] = folder
+        try:
+            yield
+        finally:
+            if usual is None:
+                del os.environ[VARIABLE]
+            else:
+                os.environ[VARIABLE] = usual
+
+
+def say_not_kept(error: OSError, instead: str) -> None:
+    """Say once that kernels cannot be kept, why, and what is done instead."""
+    reason = error.strerror or error
+    say_once(f"{kernel_folder()}: expected a folder to keep kernels in, got '{reason}': {instead}")
+
+
+@cache
+def say_once(text: str) -> None:
+    """Log a warning, the first time only."""
+    logging.getLogger(__name__).warning(text)

@@ -1,0 +1,161 @@
+"""Generated kernels as modules, and their machine code kept on disk between processes.
+
+Not in Numba's own cache, which believes whatever its files say, mixes up what processes write beside each
+other, and never heals. Here every compiled function is one file: its name is a hash of all that decides the
+code, it begins with a checksum of the rest, and it takes its place in one move. So what a kill, a full disk
+or a hand has damaged is compiled again, and of processes that compile the same the last one's is kept.
+"""
+
+import hashlib
+import inspect
+import linecache
+import os
+import pickle
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from types import ModuleType
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from reference_solver.kernel_folder import (
+    FolderRefused,
+    is_own,
+    kernel_folder,
+    private_folder,
+    say_not_kept,
+    say_once,
+    temporary_folder,
+)
+
+__all__ = ["FolderRefused", "compiled_anew", "kernel_folder", "load_kernel", "njit"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+#: What decides machine code beside its source, its types and the processor.
+VERSIONS = (numba.__version__, sys.implementation.cache_tag)
+CHECKSUM_BYTES = hashlib.sha256().digest_size
+
+
+def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F], F]:
+    """Return Numba's decorator of this name; with ``cache`` the machine code is kept in ``kernel_folder()``.
+
+    Calling what it makes, or its signature here, raises FolderRefused where others could have written there.
+    """
+
+    def decorate(function: F) -> F:
+        compiled: Any = numba.njit(**options)(function)
+        if cache:
+            compiled._cache = KeptCode(function)
+        if signature:
+            compiled.compile(*signature)
+            compiled.disable_compile()
+        return cast(F, compiled)
+
+    return decorate
+
+
+class KeptCode(_Cache):
+    """The machine code of one function, as Numba asks for it, of each signature in a file."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        module = sys.modules[function.__module__]
+        self._name = f"{module.__name__}.{function.__qualname__}"
+        self._what = (*VERSIONS, inspect.getsource(module), self._name)
+
+    @property
+    def cache_path(self) -> str:
+        """Where files are."""
+        return str(kernel_folder())
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        """Return the code for a signature, None if there is none that can be trusted."""
+        target_context.refresh()
+        code = read_checked(self._file(sig, target_context.codegen()))
+        return None if code is None else CompileResult._rebuild(target_context, *pickle.loads(code))
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for a signature."""
+        if not data.library.has_dynamic_globals:  # addresses of this process
+            write_checked(self._file(sig, data.codegen), dumps(data._reduce()))
+
+    def _file(self, sig: Any, codegen: Any) -> str:
+        what = hashlib.sha256(repr((*self._what, sig, codegen.magic_tuple())).encode())
+        return f"{self._name}-{what.hexdigest()[:16]}.nbc"
+
+    def enable(self) -> None:
+        """Do nothing: it always is."""
+
+    def disable(self) -> None:
+        """Do nothing."""
+
+    def flush(self) -> None:
+        """Do nothing: whatever is there is right."""
+
+
+def read_checked(name: str) -> bytes | None:
+    """Return what ``write_checked`` wrote, None if it is not there or no longer the same.
+
+    Raises:
+        FolderRefused: others could have written it.
+    """
+    try:
+        with (private_folder() / name).open("rb") as file:
+            kept = file.read() if is_own(os.fstat(file.fileno())) else b""
+    except OSError:
+        return None
+    checksum, data = kept[:CHECKSUM_BYTES], kept[CHECKSUM_BYTES:]
+    if hashlib.sha256(data).digest() == checksum:
+        return data
+    say_once(f"{kernel_folder()}: expected kernels as they were kept, got damaged ones: compiling them again")
+    return None
+
+
+def write_checked(name: str, data: bytes) -> None:
+    """Keep data under a name; where that cannot be done say so once and go on.
+
+    Raises:
+        FolderRefused: others could replace it.
+    """
+    try:
+        folder = private_folder()
+        new = folder / f"{name}.{os.getpid()}"
+        try:
+            new.write_bytes(hashlib.sha256(data).digest() + data)
+            new.replace(folder / name)
+        finally:
+            new.unlink(missing_ok=True)
+    except OSError as error:
+        say_not_kept(error, "every process compiles its own")
+
+
+@cache
+def load_kernel(source: str) -> ModuleType:
+    """Return the module with this source."""
+    name = f"kernel_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    module = ModuleType(name)
+    module.__file__ = f"<{name}>"
+    sys.modules[name] = module  # where Numba looks its functions up when it loads their machine code
+    linecache.cache[module.__file__] = (len(source), None, source.splitlines(keepends=True), module.__file__)
+    exec(compile(source, module.__file__, "exec"), module.__dict__)
+    return module
+
+
+@contextmanager
+def compiled_anew() -> Iterator[None]:
+    """Have kernels compiled as on a machine that has none, in a folder that is gone afterwards.
+
+    Numba itself has been set to work before that, which takes a second the first time.
+    """
+    with temporary_folder():
+        load_kernel.cache_clear()
+        try:
+            load_kernel("from numba import njit\n\nready = njit(lambda x: x + 1.0)\n").ready(1.0)
+            yield
+        finally:
+            load_kernel.cache_clear()
