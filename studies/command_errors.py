@@ -1,5 +1,6 @@
 """How a command fails: one line on stderr that begins with ``error:``, an exit code, never a traceback."""
 
+import logging
 import os
 import sys
 import traceback
@@ -23,6 +24,14 @@ class Failed(Exception):
 def say(message: str) -> None:
     """Print one line on stderr."""
     print(" ".join(message.split()), file=sys.stderr)
+
+
+class Notes(logging.Handler):
+    """Prints what is logged as notes on stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record."""
+        say(f"note: {record.getMessage()}")
 
 
 @contextmanager

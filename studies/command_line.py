@@ -1,5 +1,6 @@
 """The command ``crankslider``: exit code 0, 2 for bad input, 1 for work that failed, 130 on Ctrl-C."""
 
+import logging
 import os
 import sys
 from contextlib import AbstractContextManager, nullcontext
@@ -12,6 +13,7 @@ from studies.command_errors import (
     INTERRUPTED,
     BadInput,
     Failed,
+    Notes,
     explained,
     say,
     silence_stdout,
@@ -78,6 +80,7 @@ def simulate(
     import numpy as np
 
     from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+    from engine_models.reference_kernels import FolderRefused
     from engine_models.step_halving import simulate_to_tolerance
     from studies.request import (
         SimulateOptions,
@@ -106,6 +109,8 @@ def simulate(
                     result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
         except UnsupportedScene as reason:
             raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
+        except FolderRefused as reason:
+            raise BadInput(str(reason)) from None
         except SimulationFailed as reason:
             raise Failed(str(reason)) from None
         file.write(to_csv(table(physics, result)))
@@ -131,6 +136,7 @@ def run(
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
     from engine_models.plain_words import one_of, shown
+    from engine_models.reference_kernels import FolderRefused, writable_folder
     from studies.execution import RunBroken
     from studies.execution_cluster import cluster
     from studies.request import RunOptions, checked
@@ -143,8 +149,10 @@ def run(
     names = list(dict.fromkeys(studies or STUDIES))
     try:
         executors = nullcontext() if scheduler is None else cluster(scheduler)
-        with executors as executor, writing("--out", out):
+        with writable_folder(), executors as executor, writing("--out", out):
             run_studies(names, full, options.jobs, out, executor)
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None
     except RunBroken as reason:
         raise Failed(str(reason)) from None
     say(f"note: the results are in {out}")
@@ -173,6 +181,7 @@ def report(
 def main() -> None:
     """Run the command line and leave with its exit code."""
     message = ""
+    logging.getLogger("reference_solver").handlers = [Notes()]
     try:
         code = app(standalone_mode=False, prog_name="crankslider") or 0
         sys.stdout.flush()
