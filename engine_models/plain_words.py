@@ -5,6 +5,8 @@ a ``ValueError`` of the same form, its field counted from that part; the part's 
 """
 
 import json
+import re
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -18,11 +20,14 @@ NOUNS = {
     "boolean": "true or false",
     "string": "a string",
 }
+NUMERIC = (NOUNS["number"], NOUNS["integer"])
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 NO_TAG = ("union_tag_invalid", "union_tag_not_found")
-#: Longest piece of the input that a message repeats.
-LONGEST = 60
+#: Longest piece of the input that a message repeats, and most reasons that it gives.
+LONGEST, MOST_REASONS = 60, 3
+#: A number as it is typed: int() and float() also take 1_0, the digits of all scripts and blanks around.
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 def fields(kind: Any) -> dict[str, JsonSchema]:
@@ -56,17 +61,34 @@ def shown(value: object) -> str:
         return "a list"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 2**63:
         return "a huge integer"
-    text = json.dumps(value) if isinstance(value, (str, bool)) else str(value)
+    return shortened(json.dumps(value) if isinstance(value, (str, bool)) else str(value))
+
+
+def shortened(text: str) -> str:
+    """Return a text with only its beginning if it is long."""
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
+def no_numbers(strings: Mapping[str, str], kind: Any, prefix: str = "") -> str:
+    """Return a refusal of the strings that are no numbers where ``kind`` has one, empty if all are."""
+    wanted = {key: expectation(schema) for key, schema in fields(kind).items()}
+    return "; ".join(
+        f"{prefix}{key}: expected {wanted[key]}, got {shown(value)}"
+        for key, value in strings.items()
+        if wanted.get(key, "").startswith(NUMERIC) and not NUMBER.fullmatch(value)
+    )
+
+
 def refusal(error: ValidationError, kind: Any, prefix: str = "") -> str:
-    """Return every reason why pydantic refused input for ``kind``, joined by semicolons.
+    """Return why pydantic refused input for ``kind``: the first reasons, and how many more there are.
 
     The prefix goes before each field: ``--`` for the options of a command line.
     """
-    root = TypeAdapter(kind).json_schema()
-    return "; ".join(prefix + _reason(details, root) for details in error.errors())
+    root, found = TypeAdapter(kind).json_schema(), error.errors()
+    reasons = [prefix + _reason(details, root) for details in found[:MOST_REASONS]]
+    if len(found) > MOST_REASONS:
+        reasons.append(f"and {len(found) - MOST_REASONS} more")
+    return "; ".join(reasons)
 
 
 def _reason(error: ErrorDetails, root: JsonSchema) -> str:
@@ -76,7 +98,7 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
     if error["type"] in UNKNOWN_KEY:
         path, section = _follow(error["loc"][:-1], root)
         expected = f"the key {one_of(list(section['properties']))}"
-        return f"{'.'.join([*path, str(error['loc'][-1])])}: expected {expected}, got an unknown key"
+        return f"{'.'.join([*path, _key(error['loc'][-1])])}: expected {expected}, got an unknown key"
     if error["type"] in NO_TAG:
         path, union = _follow(error["loc"], root)
         tag = union["discriminator"]["propertyName"]
@@ -86,6 +108,12 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
     path, field = _follow(error["loc"], root)
     came = "nothing" if error["type"] == "missing" else shown(error["input"])
     return f"{'.'.join(path)}: expected {expectation(field)}, got {came}"
+
+
+def _key(key: int | str) -> str:
+    """Return a key as a TOML file would have it, shortened, on one line."""
+    text = str(key)
+    return shortened(text if text.isprintable() else json.dumps(text))
 
 
 def _follow(location: tuple[int | str, ...], root: JsonSchema) -> tuple[list[str], JsonSchema]:

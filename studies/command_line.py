@@ -145,7 +145,7 @@ def run(
     for name in studies or []:
         if name not in STUDIES:
             raise BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
-    options = checked(RunOptions, "--", {"jobs": jobs or str(os.cpu_count() or 1)})
+    options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     names = list(dict.fromkeys(studies or STUDIES))
     try:
         executors = nullcontext() if scheduler is None else cluster(scheduler)
@@ -164,6 +164,7 @@ def report(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
 ) -> None:
     """Make tables, figures and the HTML page from results."""
+    os.environ.pop("MPLBACKEND", None)  # what is in there may end Matplotlib, and figures in files need none
     from reports.page import NoResults, write_report
     from reports.parts import Contradiction
     from reports.results import BrokenResults

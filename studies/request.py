@@ -9,7 +9,7 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, Engine
 from engine_models.engines import ENGINES, engine_class
-from engine_models.plain_words import one_of, refusal, shown
+from engine_models.plain_words import no_numbers, one_of, refusal, shown
 from engine_models.scene import Positive, Scene
 from engine_models.scene_file import SceneError, load
 from engine_models.scene_library import SCENES
@@ -46,8 +46,11 @@ def checked(kind: type[T], prefix: str, strings: dict[str, str | None]) -> T:
         BadInput: a field is unknown or its value is refused.
     """
     adapter: TypeAdapter[Any] = TypeAdapter(kind)
+    given = {key: value for key, value in strings.items() if value is not None}
+    if reason := no_numbers(given, kind, prefix):
+        raise BadInput(reason)
     try:
-        made: T = adapter.validate_strings({k: v for k, v in strings.items() if v is not None})
+        made: T = adapter.validate_strings(given)
     except ValidationError as error:
         raise BadInput(refusal(error, kind, prefix)) from None
     return made
