@@ -64,9 +64,9 @@ def shown(value: object) -> str:
     return shortened(json.dumps(value) if isinstance(value, (str, bool)) else str(value))
 
 
-def shortened(text: str) -> str:
+def shortened(text: str, longest: int = LONGEST) -> str:
     """Return a text with only its beginning if it is long."""
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return text if len(text) <= longest else f"{text[:longest]}..."
 
 
 def no_numbers(strings: Mapping[str, str], kind: Any, prefix: str = "") -> str:

@@ -47,7 +47,7 @@ def from_toml(text: str) -> Scene:
             "TOML syntax: expected a scene's few levels, got too many inside each other"
         ) from None
     except ValueError as error:  # also an integer too long for Python to read
-        reason = shortened(" ".join(str(error).split()))
+        reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
     try:
         return Scene.model_validate(data)
