@@ -50,6 +50,8 @@ def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F
 
     def decorate(function: F) -> F:
         compiled: Any = numba.njit(**options)(function)
+        if compiled is function:  # NUMBA_DISABLE_JIT is set
+            return function
         if cache:
             compiled._cache = KeptCode(function)
         if signature:
@@ -109,8 +111,8 @@ def read_checked(name: str) -> bytes | None:
             kept = file.read() if is_own(os.fstat(file.fileno())) else b""
     except OSError:
         return None
-    checksum, data = kept[:CHECKSUM_BYTES], kept[CHECKSUM_BYTES:]
-    if hashlib.sha256(data).digest() == checksum:
+    data = kept[CHECKSUM_BYTES:]
+    if kept == checksum(name, data) + data:
         return data
     say_once(f"{kernel_folder()}: expected kernels as they were kept, got damaged ones: compiling them again")
     return None
@@ -126,12 +128,17 @@ def write_checked(name: str, data: bytes) -> None:
         folder = private_folder()
         new = folder / f"{name}.{os.getpid()}"
         try:
-            new.write_bytes(hashlib.sha256(data).digest() + data)
+            new.write_bytes(checksum(name, data) + data)
             new.replace(folder / name)
         finally:
             new.unlink(missing_ok=True)
     except OSError as error:
         say_not_kept(error, "every process compiles its own")
+
+
+def checksum(name: str, data: bytes) -> bytes:
+    """Return what data begin with under a name, so that those of another name are noticed too."""
+    return hashlib.sha256(name.encode() + data).digest()
 
 
 @cache

@@ -109,6 +109,16 @@ def test_another_source_has_code_of_its_own() -> None:
     assert len(list(kernel_folder().iterdir())) == 2
 
 
+def test_the_code_of_another_function_is_not_taken_for_this_ones(caplog: pytest.LogCaptureFixture) -> None:
+    loaded()
+    own = the_file()
+    load_kernel(SOURCE.replace("2.0", "3.0")).twice(2.0)
+    (other,) = set(kernel_folder().iterdir()) - {own}
+    other.replace(own)
+    assert not loaded()
+    assert "damaged" in caplog.text
+
+
 def test_the_folders_are_private_whatever_the_mask(cache: Path) -> None:
     mask = os.umask(0)
     try:
