@@ -1,9 +1,11 @@
 """The reference's equations as a right-hand side y' = f(t, y) that an integrator from outside can call.
 
 y = (q, q', sums) holds n coordinates, n velocities, and integrals since t = 0: a driver's work where there is
-one, then what every contact adds up (``contact_source.rates``). The text is the reference's own, (1)-(10)
+one, then what every contact adds up (``contact.rates_of``). The text is the reference's own, (1)-(10)
 without stabilisation, compiled: a call from Python takes 1-2 us, most of it Python's and not the equations'.
 """
+
+from functools import cache
 
 import numpy as np
 
@@ -14,39 +16,37 @@ from engine_models.start_check import checked_start
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, alarm
-from reference_solver.contact_kernel_source import CONTACT_HEADER, all_rates
-from reference_solver.contact_source import gap_lines
 from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
-from reference_solver.generator import EquationsWriter
-from reference_solver.kernel_source import HEADER, function
-from reference_solver.straight_line import ZERO, StraightLine, product
+from reference_solver.kernel import Kernel, Topology, write_gaps
 
 
-def derivative_source(writer: EquationsWriter) -> str:
-    """Return a module with ``evaluate`` and, for contacts, ``gaps``; ``writer.parameters`` is then complete.
+def derivative_source(topology: Topology) -> str:
+    """Return a module with ``evaluate`` and, for contacts, ``gaps``.
 
     ``evaluate(p, s, t, y, rate, multipliers)`` writes y' and {lambda} and tells whether it could; s are the
-    contacts' phases. ``gaps(p, y, out)`` writes the rows of ``contact_source.gap_lines``.
+    contacts' phases. ``gaps(p, y, out)`` writes the rows of ``contact.gap``.
     """
-    n, contacts = writer.n, writer.mechanism.contacts
-    code, accelerations, lambda_, ok = writer.accelerations(None)
-    velocities = [f"v{c}" for c in range(n)]
-    rates = [*velocities, *accelerations, *_drivers_power(writer), *all_rates(writer)]
-    unpack = [f"q{c}, v{c} = y[{c}], y[{n + c}]" for c in range(n)]
-    lines = [*unpack, *code.lines, *(f"rate[{k}] = {name}" for k, name in enumerate(rates))]
-    lines += [f"multipliers[{r}] = {name}" for r, name in enumerate(lambda_)]
-    functions = [function("evaluate", ["p", "s", "t", "y", "rate", "multipliers"], lines, [ok])]
-    if contacts:
-        lines = [*unpack, *(line for k, joint in enumerate(contacts) for line in gap_lines(writer, k, joint))]
-        functions.append(function("gaps", ["p", "y", "out"], lines, ["True"]))
-    return "\n\n".join([CONTACT_HEADER if contacts else HEADER, *functions]) + "\n"
+    kernel = Kernel(topology)
+    unpack = [f"q{c}, v{c} = y[{c}], y[{kernel.n + c}]" for c in range(kernel.n)]
+    tape, equations, q, v = kernel.begin()
+    found = equations.answer(tape.input("t"), q, v)
+    rates = [*v, *found.accelerations, *(found.powers[name] for name in _integrated(equations))]
+    stores = [(f"rate[{k}]", value) for k, value in enumerate(rates)]
+    stores += [(f"multipliers[{r}]", value) for r, value in enumerate(found.multipliers)]
+    arguments = ["p", "s", "t", "y", "rate", "multipliers"]
+    kernel.add("evaluate", arguments, tape, [found.ok], stores, before=unpack)
+    if topology.mechanism.contacts:
+        write_gaps(kernel, ["p", "y", "out"], unpack)
+    return kernel.source()
 
 
-def _drivers_power(writer: EquationsWriter) -> list[str]:
-    """Return the power of every prescribed speed: its share of {lambda}^T{C}."""
-    rows = enumerate(writer.rows(StraightLine()))
-    return [product(row.C, f"lambda{r}") for r, row in rows if row.C != ZERO]
+def _integrated(equations: Equations) -> list[str]:
+    """Return the names of the powers that are not zero at all times."""
+    return equations.power_names[0 if any(c != 0 for c in equations.C) else 1 :]
+
+
+_source_of = cache(derivative_source)
 
 
 class Derivative:
@@ -59,18 +59,18 @@ class Derivative:
     def __init__(self, scene: Scene) -> None:
         q, v = checked_start(scene)
         mechanism = mechanism_of(scene)
-        writer = EquationsWriter(mechanism, q.ravel())
-        self._kernel = load_kernel(derivative_source(writer))
-        self._parameters = np.array(writer.parameters)
+        topology = Topology(mechanism)
+        self._kernel = load_kernel(_source_of(topology.marked()))
+        self._parameters = np.array(self._kernel.parameters(topology.numbers(q.ravel())))
         self._readable = Equations(mechanism, q.ravel())
-        self._joints, self._rows = mechanism.contacts, writer.m
-        self._multipliers = np.empty(writer.m)
+        self._joints, self._rows = mechanism.contacts, len(self._readable.C)
+        self._multipliers = np.empty(self._rows)
         # As contact_events reads them: the clearance, and whether the force is clipped.
         self._laws = np.zeros((len(self._joints), 8))
         self._laws[:, 4] = [joint.radial_clearance_m for joint in self._joints]
         self._laws[:, 7] = [joint.law.clipped for joint in self._joints]
-        self.n = writer.n
-        self.sums = (*("work" for _ in _drivers_power(writer)), *all_rates(writer))
+        self.n = self._readable.n
+        self.sums = tuple(name.replace("drivers", "work") for name in _integrated(self._readable))
         self.contact_count = len(self._joints)
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
         clipped = [k for k, joint in enumerate(self._joints) if joint.law.clipped]

@@ -10,7 +10,7 @@ from types import ModuleType
 from reference_solver import contact_events, contact_loop, contact_samples
 from reference_solver.compiled import load_kernel
 from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
-from reference_solver.kernel_source import HEADER, compiled
+from reference_solver.kernel import ENTRY, HEADER, INNER
 
 TYPES = f"""from __future__ import annotations
 
@@ -37,3 +37,9 @@ def load_driver() -> ModuleType:
     text = "".join(text[text.index("\n\n\ndef ") :] for text in texts)
     text = compiled(text, "advance").replace("(**ENTRY)\ndef advance", "(ADVANCE, **ENTRY)\ndef advance")
     return load_kernel(TYPES + HEADER + text)
+
+
+def compiled(text: str, entry: str) -> str:
+    """Return the text of functions, each compiled, with ``entry`` for Python to call."""
+    text = text.replace("\ndef ", f"\n@njit({INNER})\ndef ")
+    return text.replace(f"\n@njit({INNER})\ndef {entry}(", f"\n@njit({ENTRY})\ndef {entry}(")

@@ -1,7 +1,7 @@
 """Runs a mechanism with compliant contacts: the compiled driver of ``contact_loop``, events, energies."""
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_driver import load_driver
-from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
 from reference_solver.contact_log import EVENT, impacts_of
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import NonFiniteState, Stalled
-from reference_solver.generator import EquationsWriter
+from reference_solver.kernel import Topology, contact_source
 from reference_solver.mechanism import ClearanceJoint, Mechanism
 from reference_solver.solver import Solution, Stabilisation, StepChoice, check_start
 
@@ -64,6 +63,9 @@ class ContactSolution:
         return np.asarray(sum(value for name, value in self.sums.items() if not name.startswith("normal")))
 
 
+contact_source_of = cache(contact_source)
+
+
 class ContactStepper:
     """Advances a state event by event with the kernel of the mechanism's topology."""
 
@@ -71,14 +73,14 @@ class ContactStepper:
         self, mechanism: Mechanism, q_start: FloatArray, choice: StepChoice, stabilisation: Stabilisation
     ) -> None:
         baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
-        writer = EquationsWriter(mechanism, q_start)
-        self._kernel = load_kernel(contact_kernel_source(writer, baumgarte, stabilisation == "projection"))
+        topology = Topology(mechanism, baumgarte, stabilisation == "projection")
+        self._kernel = load_kernel(contact_source_of(topology.marked()))
         kernel = self._kernel
         self._advance = partial(load_driver().advance, kernel.step, kernel.gap_accelerations, kernel.slopes)
-        self._parameters = np.array(writer.parameters)
+        self._parameters = np.array(kernel.parameters(topology.numbers(q_start)))
         self._equations = Equations(mechanism, q_start, baumgarte)
         self.mechanism, self.choice = mechanism, choice
-        self.rate_names = tuple(all_rates(writer))
+        self.rate_names = tuple(self._equations.power_names[1:])
         self._laws = np.array([_constants(joint) for joint in mechanism.contacts]).reshape(-1, 8)
         self._touch, self._gap = np.zeros((len(self._laws), 3)), np.zeros((len(self._laws), 4))
         self._control = np.array([choice.longest_s, choice.steps_per_contact, float(choice.locate_events)])
@@ -90,8 +92,8 @@ class ContactStepper:
         self.steps = 0
         self._log = np.zeros((LOG_ROWS, EVENT + len(self.totals)))
         #: Columns of a sample: q, q', totals, phases, {lambda}.
-        self.columns = np.cumsum([2 * writer.n, len(self.totals), len(self.phases), writer.m])
-        self.columns = np.insert(self.columns, 0, writer.n)
+        n, m = self._equations.n, len(self._equations.C)
+        self.columns = np.insert(np.cumsum([2 * n, len(self.totals), len(self.phases), m]), 0, n)
         q = q_start.copy()
         self.advance(q, np.zeros_like(q), 0.0, 0.0)  # compiled or loaded here, out of any timing
 

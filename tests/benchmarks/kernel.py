@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
 from reference_solver.block_stepper import BlockStepper
+
 from reference_solver.solver import Stepper, make_stepper
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.test_reference_block_kernel import chain, chain_start
