@@ -89,7 +89,7 @@ class CompiledStepper:
     ) -> None:
         topology = Topology(mechanism, baumgarte, projected)
         self._kernel = load_kernel(ideal_source_of(topology.marked()))
-        self._parameters = np.array(self._kernel.parameters(topology.numbers(q_start)))
+        self._parameters = topology.parameters(self._kernel, q_start)
         equations = Equations(mechanism, q_start, baumgarte)
         self._rows, self._h, self._removed = len(equations.C), h, 0.0
         self._readable = ReadableStepper(equations, h, projected)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.contact_events import CLIPPED, FLIGHT, PROBE
 from reference_solver.contact_laws import FRICTION_LAWS, NORMAL_LAWS
+from reference_solver.contact_types import CLIPPED, FLIGHT, PROBE
 from reference_solver.loads import Forces, pair
 from reference_solver.mechanism import ClearanceJoint
 from reference_solver.points import Point, State
@@ -19,6 +19,8 @@ from reference_solver.tape import Array, Scalar, array, choose, equal, larger, n
 
 FloatArray = NDArray[np.float64]
 
+#: As a part of the clearance: round-off of the penetration.
+LEAST_DEPTH = 1e-12
 #: What a contact's branch computes, as the code names it.
 OF_CONTACT = ("force_x", "force_y", "twist_i", "twist_j", "normal", "loss", "clip", "slide")
 
@@ -61,7 +63,7 @@ def contact_force(
             arm_i = joint.bearing_radius_m + 0.5 * depth
             arm_j = joint.bearing_radius_m - joint.radial_clearance_m - 0.5 * depth
             sliding = n[0] * d_dot[1] - n[1] * d_dot[0] + pin.spin * arm_j - bearing.spin * arm_i
-            # Where a law pulls, friction with the force's sign drives the sliding, as Exudyn's contact has it.
+            # Where a law pulls, friction has the force's sign and drives the sliding, as in Exudyn's contact.
             pressing = normal if law.may_pull else larger(normal, 0.0)
             share = FRICTION_LAWS[joint.friction.kind](joint.friction, sliding)
             tangential = -(joint.friction.coefficient * pressing * share)
@@ -91,14 +93,24 @@ def elastic_force(joint: ClearanceJoint, phase: Scalar, state: State) -> Forces:
     return pair(bearing, pin, pull * d)
 
 
-def gap(joint: ClearanceJoint, state: State) -> list[Scalar]:
-    """Return g in m, its rate, the speed of the pin's centre in its bearing, and the penetration.
+def gap(joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State) -> dict[str, Scalar]:
+    """Return the fields of ``contact_types.GAP_RECORD``.
 
-    g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch.
+    g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch. Where the
+    elastic force vanishes, "push" is as it is at a ``LEAST_DEPTH``.
     """
     (bearing, pin), c = ends_of(joint, state), joint.radial_clearance_m
     d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
-    return [0.5 * (d @ d - c * c) / c, d @ d_dot / c, sqrt(d_dot @ d_dot), sqrt(d @ d) - c]
+    distance, g_rate = named("distance", sqrt(d @ d)), d @ d_dot / c
+    depth = distance - c
+
+    def closed() -> tuple[Scalar, ...]:
+        elastic, damper = NORMAL_LAWS[joint.law.kind](joint.law, larger(depth, LEAST_DEPTH * c), memory)
+        return elastic, damper, 1.0 + damper / elastic * (g_rate * c / distance)
+
+    elastic, damper, push = when(phase > FLIGHT, closed, 3)
+    fields = {"g": 0.5 * (d @ d - c * c) / c, "rate": g_rate, "speed": sqrt(d_dot @ d_dot), "depth": depth}
+    return {**fields, "elastic": elastic, "damper": damper, "push": push}
 
 
 def gap_acceleration(joint: ClearanceJoint, state: State, accelerations: Array) -> Scalar:

@@ -104,3 +104,8 @@ def hyperbolic(law: FrictionLaw, sliding: Scalar) -> Scalar:
 FRICTION_LAWS: Mapping[str, Callable[[FrictionLaw, Scalar], Scalar]] = MappingProxyType(
     {"saturated-linear": saturated_linear, "ambrosio": ambrosio, "tanh": hyperbolic}
 )
+
+
+def steepest(law: FrictionLaw) -> float:
+    """Return the largest slope of the law's f(v), in s/m."""
+    return 1 / (law.regularisation_speed_m_s - law.dead_band_speed_m_s)

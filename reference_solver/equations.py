@@ -217,8 +217,8 @@ class Equations:
         scaled = self.constraint_matrix(q) * np.sqrt(self.inverse_mass)
         scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
         threshold = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
-        singular_values = np.linalg.svd(scaled, compute_uv=False) if np.isfinite(scaled).all() else []
-        raise SingularConfiguration(int(np.sum(singular_values > threshold)), len(scaled), t, q)
+        rank = int(np.linalg.matrix_rank(scaled, tol=float(threshold)))
+        raise SingularConfiguration(rank, len(scaled), t, q)
 
     def project_q(self, t: Scalar, q: Array) -> tuple[Array, Scalar, Scalar]:
         """Return q moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
@@ -232,7 +232,7 @@ class Equations:
         factors = self.factors(named("B", system.B, "(1) [B]"))
         BW = system.B * self.inverse_mass
         mu = named("mu", factors.solve(system.g), "multipliers of the move")
-        removed = mu @ (BW @ self.stored_force(q))
+        removed = -(mu @ (BW @ self.stored_force(q)))
         return named("new", q - BW.T @ mu, "projection of {q}"), removed, factors.ok
 
     def project_v(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Scalar, Scalar]:

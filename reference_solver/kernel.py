@@ -2,7 +2,7 @@
 
 What the mechanism does not contain does not occur in the text: no zero entry, no absent load, no arm of a pin
 at a centre of mass. Its numbers are inputs p[...], so that one compilation serves every mechanism of the same
-topology; ``parameters(r)`` makes them from the raw numbers of ``Topology.numbers``.
+topology; ``parameters(r)`` makes them from the raw ones (see ``Topology.parameters``).
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import count
+from types import ModuleType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reference_solver.contact import gap, gap_acceleration
 from reference_solver.equations import Answer, Baumgarte, Equations
@@ -22,6 +24,8 @@ from reference_solver.points import State
 from reference_solver.rigid_friction import RK4_DAMPER_LIMIT, FollowingEquations
 from reference_solver.rigid_joint import RigidJoint
 from reference_solver.tape import Array, Parameters, Scalar, Tape, Value, Writer, array, both, named
+
+FloatArray = NDArray[np.float64]
 
 HEADER = '''"""Generated from a mechanism's topology by reference_solver.kernel."""
 
@@ -65,11 +69,12 @@ class Topology:
         data = lifted(self._data, lambda _: 2.0)
         return Topology(data[0], data[1], self.projected, data[2], self.following, self.method)
 
-    def numbers(self, q_start: Array) -> list[float]:
-        """Return the raw numbers of a mechanism and its start, in the order of ``equations``."""
+    def parameters(self, kernel: ModuleType, q_start: FloatArray) -> FloatArray:
+        """Return p of a kernel for the mechanism's numbers and its start, in the order of ``equations``."""
         numbers: list[float] = []
         lifted(self._data, numbers.append)
-        return numbers + [float(x) for x in q_start]
+        with np.errstate(all="ignore"):  # a singular mechanism is found in the run
+            return np.array(kernel.parameters(np.array([*numbers, *q_start])), dtype=float)
 
     def equations(self, tape: Tape) -> Equations:
         """Return the equations on a tape, with the raw numbers as inputs r[...]."""
@@ -83,8 +88,8 @@ class Topology:
         if joints:
             return FollowingEquations(mechanism, joints, self.following, q_start)
         equations = Equations(mechanism, q_start, baumgarte)
-        contacts = range(2 * len(mechanism.contacts))
-        equations.phases = np.array([tape.input(f"s[{k}]") for k in contacts], dtype=object)
+        fields = [f"contacts[{k}].{of}" for k in range(len(mechanism.contacts)) for of in ("phase", "memory")]
+        equations.phases = np.array([tape.input(field) for field in fields], dtype=object)
         return equations
 
 
@@ -100,7 +105,7 @@ class Kernel:
         self.powers = self.equations.power_names
         self.state = [f"{letter}{c}" for letter in "qv" for c in range(self.n)]
         #: What comes first in every call: parameters, and phases where there are contacts.
-        self.inputs = ["p", "s"] if topology.mechanism.contacts else ["p"]
+        self.inputs = ["p", "contacts"] if topology.mechanism.contacts else ["p"]
 
     def source(self) -> str:
         """Return the module's text."""
@@ -143,9 +148,9 @@ class Kernel:
             "\n    ".join([f"@njit({options})\ndef {name}({', '.join(arguments)}):", *lines])
         )
 
-    def unpack(self) -> list[str]:
-        """Return lines that name the coordinates and velocities."""
-        return [f"{letter}{c} = {letter}[{c}]" for letter in "qv" for c in range(self.n)]
+    def unpack(self, of: str = "") -> list[str]:
+        """Return lines that name the coordinates and velocities, of a state with a point behind its name."""
+        return [f"{letter}{c} = {of}{letter}[{c}]" for letter in "qv" for c in range(self.n)]
 
     # ------------------------------------------------------------ the equations as functions
 
@@ -269,46 +274,47 @@ def _advance(kernel: Kernel) -> None:
 
 
 def contact_source(topology: Topology) -> str:
-    """Return a module with ``step``, ``gaps``, ``gap_accelerations`` and ``slopes`` for ``contact_loop``."""
+    """Return a module with ``step``, ``slopes``, ``gaps`` and ``gap_accelerations`` for ``contact_loop``."""
     kernel = Kernel(topology)
     kernel.answer()
     if topology.projected:
         kernel.projections()
-    write_gaps(kernel, ["p", "q", "v", "out"])
+    write_gaps(kernel)
     _contact_step(kernel)
+    _slopes(kernel)
     tape, equations, q, v = kernel.begin()
     found = kernel.call_answer(tape, tape.input("t"), q, v)
     joints, state = equations.mechanism.contacts, State(q, v)
     linear = [gap_acceleration(joint, state, found.accelerations) for joint in joints]
     stores = [(f"out[{k}]", value) for k, value in enumerate(linear)]
-    kernel.add("gap_accelerations", ["p", "s", "t", "q", "v", "out"], tape, [found.ok], stores)
-    slopes(kernel)
+    arguments = ["p", "contacts", "t", "motion", "out"]
+    kernel.add("gap_accelerations", arguments, tape, [found.ok], stores, before=kernel.unpack("motion."))
     return kernel.source()
 
 
-def write_gaps(kernel: Kernel, arguments: Sequence[str], before: Sequence[str] | None = None) -> None:
-    """Write ``gaps(..., out)``, to ``out`` a row (see ``contact.gap``) for each contact."""
+def write_gaps(kernel: Kernel) -> None:
+    """Write ``gaps(p, contacts, motion)``, which sets the gaps of a state (see ``contact.gap``)."""
     tape, equations, q, v = kernel.begin()
-    rows = [gap(joint, State(q, v)) for joint in equations.mechanism.contacts]
-    stores = [(f"out[{k}, {c}]", value) for k, row in enumerate(rows) for c, value in enumerate(row)]
-    kernel.add("gaps", arguments, tape, [True], stores, before=before)
+    stores, phases = [], equations.phases
+    for k, joint in enumerate(equations.mechanism.contacts):
+        fields = gap(joint, phases[2 * k], phases[2 * k + 1], State(q, v))
+        stores += [(f"motion.gaps[{k}].{field}", value) for field, value in fields.items()]
+    arguments = ["p", "contacts", "motion"]
+    kernel.add("gaps", arguments, tape, [True], stores, before=kernel.unpack("motion."))
 
 
 def _contact_step(kernel: Kernel) -> None:
-    """Write ``step(p, s, q, v, t, h, new_q, new_v, work, gap)``: a step, its sums, the new gaps.
+    """Write ``step(p, contacts, t, h, old, new)``: a step, its sums, the new gaps; False on failure.
 
-    It returns False on failure. The sums are those of ``Equations.power_names``, and with a stabilisation the
-    energy it removes.
+    The sums are those of ``Equations.power_names``, and with a stabilisation the energy it removes.
     """
     tape, _, q, v = kernel.begin()
     step = kernel.step(tape, tape.input("t"), q, v, tape.input("h"))
     sums = [*step.sums.values(), *([step.removed] if stabilised(kernel.topology) else [])]
-    stores = [(f"new_q[{c}]", x) for c, x in enumerate(step.q)] + [
-        (f"new_v[{c}]", x) for c, x in enumerate(step.v)
-    ]
-    stores += [(f"work[{k}]", x) for k, x in enumerate(sums)]
-    arguments = ["p", "s", "q", "v", "t", "h", "new_q", "new_v", "work", "gap"]
-    kernel.add("step", arguments, tape, [step.ok], stores, after=["gaps(p, new_q, new_v, gap)"])
+    parts = (("q", step.q), ("v", step.v), ("sums", sums))
+    stores = [(f"new.{name}[{c}]", x) for name, values in parts for c, x in enumerate(values)]
+    arguments, after = ["p", "contacts", "t", "h", "old", "new"], ["gaps(p, contacts, new)"]
+    kernel.add("step", arguments, tape, [step.ok], stores, before=kernel.unpack("old."), after=after)
 
 
 def stabilised(topology: Topology) -> bool:
@@ -316,18 +322,15 @@ def stabilised(topology: Topology) -> bool:
     return topology.projected or topology.baumgarte is not None
 
 
-def slopes(kernel: Kernel) -> None:
-    """Write ``slopes(p, s, t, q, v, a, rate, multipliers)``: {q''}, the sums' rates and {lambda} at a state.
+def _slopes(kernel: Kernel) -> None:
+    """Write ``slopes(p, contacts, t, motion, rates)``: the rates at a state; False on failure.
 
     A projection acts between steps: the rate of what it removes is zero.
     """
     tape, _, q, v = kernel.begin()
     found = kernel.call_answer(tape, tape.input("t"), q, v)
-    sums = [*found.powers.values(), *([found.removed_W] if stabilised(kernel.topology) else [])]
-    if kernel.topology.projected:
-        sums[-1] = 0.0
-    stores = [(f"a[{c}]", x) for c, x in enumerate(found.accelerations)]
-    stores += [(f"rate[{k}]", x) for k, x in enumerate(sums)]
-    stores += [(f"multipliers[{r}]", x) for r, x in enumerate(found.multipliers)]
-    arguments = ["p", "s", "t", "q", "v", "a", "rate", "multipliers"]
-    kernel.add("slopes", arguments, tape, [found.ok], stores)
+    powers = [*found.powers.values(), *([found.removed_W] if stabilised(kernel.topology) else [])]
+    parts = (("a", found.accelerations), ("powers", powers), ("multipliers", found.multipliers))
+    stores = [(f"rates.{name}[{c}]", x) for name, values in parts for c, x in enumerate(values)]
+    arguments = ["p", "contacts", "t", "motion", "rates"]
+    kernel.add("slopes", arguments, tape, [found.ok], stores, before=kernel.unpack("motion."))

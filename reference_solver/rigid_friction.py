@@ -28,7 +28,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.contact_laws import FRICTION_LAWS, FrictionLaw
+from reference_solver.contact_laws import FRICTION_LAWS, steepest
 from reference_solver.equations import Answer, Equations
 from reference_solver.errors import SolverError
 from reference_solver.factors import eliminated
@@ -65,11 +65,6 @@ class FrictionTooStiff(SolverError):
             f"and needs a step below {self.needed_s:.3g} s: shorten the step or raise the "
             "regularisation speed"
         )
-
-
-def steepest(law: FrictionLaw) -> float:
-    """Return the largest slope of the law's f(v), in s/m."""
-    return 1 / (law.regularisation_speed_m_s - law.dead_band_speed_m_s)
 
 
 def held(mechanism: Mechanism, joints: tuple[RigidJoint, ...], following: tuple[int, ...]) -> Mechanism:

@@ -51,7 +51,7 @@ class Mode:
 
             topology = Topology(holding, None, True, joints, following)
             kernel = load_kernel(rigid_source_of(topology.marked()))
-            self._parameters = np.array(kernel.parameters(topology.numbers(q_start)))
+            self._parameters = topology.parameters(kernel, q_start)
             self._step, self._gaps, self._until_alarm = kernel.step, kernel.gaps, kernel.until_alarm
 
     def until_alarm(
@@ -113,7 +113,8 @@ class Mode:
     ) -> bool:
         """Take one step in place, and add its sums, as the kernels do."""
         with np.errstate(over="ignore", invalid="ignore"):
-            q[:], v[:], added, _ = readable_step(self.equations, t, q, v, h, projected=True)
+            new_q, new_v, added, _ = readable_step(self.equations, t, q, v, h, projected=True)
+        q[:], v[:] = new_q, new_v
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise NonFiniteState(t + h, h)
         sums += list(added.values())

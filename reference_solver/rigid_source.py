@@ -5,9 +5,9 @@ import re
 from functools import cache
 
 from reference_solver import rigid_loop
-from reference_solver.contact_driver import compiled
-from reference_solver.kernel import Kernel, Topology
+from reference_solver.kernel import ENTRY, INNER, Kernel, Topology
 from reference_solver.points import State
+from reference_solver.rigid_friction import FollowingEquations
 
 
 @cache
@@ -41,9 +41,16 @@ def _step(kernel: Kernel) -> None:
 def _gaps(kernel: Kernel) -> None:
     """Write ``gaps(p, q, v, out)``: g = (d.d - c^2)/2 in m^2 and its rate of every joint, (J, 2)."""
     tape, equations, q, v = kernel.begin()
+    assert isinstance(equations, FollowingEquations)
     stores, state = [], State(q, v)
     for k, joint in enumerate(equations.joints):
         i, j = state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
         d, d_dot, c = j.place - i.place, j.rate - i.rate, joint.radial_clearance_m
         stores += [(f"out[{k}, 0]", 0.5 * (d @ d - c * c)), (f"out[{k}, 1]", d @ d_dot)]
     kernel.add("gaps", ["p", "q", "v", "out"], tape, [True], stores)
+
+
+def compiled(text: str, entry: str) -> str:
+    """Return the text of functions, each compiled, with ``entry`` for Python to call."""
+    text = text.replace("\ndef ", f"\n@njit({INNER})\ndef ")
+    return text.replace(f"\n@njit({INNER})\ndef {entry}(", f"\n@njit({ENTRY})\ndef {entry}(")

@@ -210,7 +210,7 @@ def array(elements: Any) -> Array:
 
 def named(name: str, values: Array, equation: str = "") -> Array:
     """Return the values, which the code calls by this name and their places, with a line on the equation."""
-    if isinstance(values, float) or getattr(values, "dtype", object) != object:
+    if isinstance(values, float) or np.asarray(values).dtype.kind == "f":
         return values
     for place, value in np.ndenumerate(values):
         if isinstance(value, Value) and not value.node.name and value.node.operation != "input":

@@ -12,9 +12,9 @@ from engine_models.reference_model import mechanism_of
 from engine_models.scene_library import CLEARANCE_SCENES
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_force, contact_state
-from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT
 from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
-from reference_solver.contact_stepper import solve_with_contacts
+from reference_solver.contact_stepper import contact_record, solve_with_contacts
+from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, Rates, new_motion
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.kernel import Topology, contact_source
 from reference_solver.mechanism import GROUND, Mechanism
@@ -95,17 +95,18 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     equations = Equations(at.mechanism, at.q_start, baumgarte)
     equations.phases = at.phases
     names = equations.power_names[1:]
-    parameters, size = (
-        np.array(kernel.parameters(topology.numbers(at.q_start))),
-        1 + len(names) + (stabilisation != "none"),
-    )
-    q, v, sums = np.empty_like(at.q), np.empty_like(at.v), np.zeros(size)
-    new_gap, gap = np.empty((2, len(at.mechanism.contacts), 4))
-    assert kernel.step(parameters, at.phases, at.q, at.v, at.t, at.h, q, v, sums, new_gap)
-    assert kernel.gaps(parameters, q, v, gap)
-    assert np.array_equal(new_gap, gap)
+    parameters, size = topology.parameters(kernel, at.q_start), 1 + len(names) + (stabilisation != "none")
+    contacts = np.array([contact_record(joint) for joint in at.mechanism.contacts], CONTACT_RECORD)
+    contacts["phase"], contacts["memory"] = at.phases.reshape(-1, 2).T
+    old, new, again = (new_motion(len(at.q), size, len(contacts)) for _ in range(3))
+    old.q[:], old.v[:] = at.q, at.v
+    assert kernel.step(parameters, contacts, at.t, at.h, old, new)
+    q, v, sums = new.q, new.v, new.sums
+    again.q[:], again.v[:] = q, v
+    assert kernel.gaps(parameters, contacts, again)
+    assert np.array_equal(new.gaps, again.gaps)
     a, rates, lambda_ = np.empty_like(at.q), np.empty(size), np.empty(len(equations.C))
-    assert kernel.slopes(parameters, at.phases, at.t, at.q, at.v, a, rates, lambda_)
+    assert kernel.slopes(parameters, contacts, at.t, old, Rates(a, rates, lambda_))
 
     true_q, true_v, true_sums, removed = readable_step(equations, at.t, at.q, at.v, at.h, projected)
     work = true_sums["drivers"]

@@ -70,7 +70,7 @@ def test_an_impacts_record_is_that_of_hertz() -> None:
     run = bounce(ContactLaw(HERTZ, 1.5))
     ((touched, duration, speed, impulse, lost),) = run.impacts[0]
     deepest = (5 * MASS * SPEED**2 / (4 * HERTZ)) ** 0.4
-    assert touched == run.events[0, 0]
+    assert touched == run.events["time_s"][0]
     assert duration == pytest.approx(2.94327518 * deepest / SPEED, rel=1e-8)  # digits of the factor
     assert speed == pytest.approx(SPEED, rel=CLOSED_FORM)
     assert impulse == pytest.approx(2 * MASS * SPEED, rel=CLOSED_FORM)
@@ -103,7 +103,7 @@ def hertz_run(steps: float) -> tuple[float, float, float, float]:
     """Return duration, deepest penetration, peak force and speed lost of an elastic Hertz bounce."""
     law = ContactLaw(HERTZ, 1.5)
     run = bounce(law, steps)
-    touch, release = run.events[:, 0]
+    touch, release = run.events["time_s"]
     half = solve_half(law, steps, (release - touch) / 2 + touch)
     state = half.contacts[0][-1]
     return release - touch, state.penetration_m, state.normal_force_N, 1 - restitution(run)
@@ -141,7 +141,7 @@ def test_a_linear_bounce_converges_at_order_four_or_better() -> None:
     steps = [20.0, 40.0, 80.0]
     law = ContactLaw(LINEAR, 1.0)
     period = np.pi * np.sqrt(MASS / LINEAR)
-    durations = [float(np.diff(bounce(law, n).events[:, 0])[0]) / period - 1 for n in steps]
+    durations = [float(np.diff(bounce(law, n).events["time_s"])[0]) / period - 1 for n in steps]
     assert abs(order(durations, steps) - 4) < ORDER_TOLERANCE, f"{order(durations, steps)} of {durations}"
     speeds = [restitution(bounce(law, n)) - 1 for n in steps]
     assert order(speeds, steps) > 4 - ORDER_TOLERANCE, f"{order(speeds, steps)} of {speeds}"
@@ -229,7 +229,7 @@ def test_a_law_that_would_pull_is_clipped_on_a_line_of_its_own_or_pulls(may_pull
     stored = np.array([stiffness * max(c.penetration_m, 0.0) ** 2.5 / 2.5 for c in run.contacts[0]])
     kinetic = MASS * (v[:, 0] ** 2 + v[:, 1] ** 2) / 2 + carriage * v[:, 4] ** 2 / 2
     balance = kinetic + spring * stretch**2 / 2 + stored + lost
-    clipped, least = (run.events[:, 2] == 2).any(), min(c.normal_force_N for c in run.contacts[0])
+    clipped, least = (run.events["what"] == 2).any(), min(c.normal_force_N for c in run.contacts[0])
     if may_pull:
         assert least < 0, f"it never pulled: {least} N"
         assert not clipped

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from engine_models.engine import RunSettings
 from engine_models.reference_engine import ReferenceEngine
 from engine_models.scene_library import CLEARANCE_SCENES, IDEAL_SCENES
-from reference_solver.contact_events import CONTACT
+from reference_solver.contact_types import CONTACT
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism import Mechanism, SpringDamper, Torque
 from reference_solver.readable import project
