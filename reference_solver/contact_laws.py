@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from reference_solver.lifting import WRITTEN_OUT
-from reference_solver.tape import Scalar, larger, power, signed, size, smaller, tanh
+from reference_solver.tape import Scalar, larger, power, signed, size, smaller, sqrt, tanh
 
 #: Damping factor a(e) by law, e the nominal restitution.
 DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
@@ -48,7 +48,7 @@ class ContactLaw:
     @property
     def clipped(self) -> bool:
         """Whether the force is clipped where the law would pull."""
-        return self.damping_factor != 0 and not self.may_pull
+        return (self.damping_factor != 0 or self.kind != "dissipative") and not self.may_pull
 
 
 def dissipative(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:
@@ -61,9 +61,14 @@ def dissipative(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar,
     return elastic, (elastic * memory if law.damping_factor else 0.0) + law.damping_N_s_m
 
 
+def kuwabara_kono(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:  # noqa: ARG001
+    """Return elastic force and damper of F = K delta^1.5 + D delta^0.5 delta' (Kuwabara and Kono 1987)."""
+    return law.stiffness * power(depth, 1.5), law.damping_N_s_m * sqrt(depth)
+
+
 #: The normal laws by kind.
 NORMAL_LAWS: Mapping[str, Callable[[ContactLaw, Scalar, Scalar], tuple[Scalar, Scalar]]] = MappingProxyType(
-    {"dissipative": dissipative}
+    {"dissipative": dissipative, "kuwabara-kono": kuwabara_kono}
 )
 
 

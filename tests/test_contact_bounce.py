@@ -4,12 +4,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
 from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
 from reference_solver.contact_stepper import ContactSolution, solve_with_contacts
 from reference_solver.mechanism import GROUND, Body, ClearanceJoint, Mechanism, SpringDamper, StraightGuide
 from reference_solver.solver import StepChoice
+
+FloatArray = NDArray[np.float64]
 
 MASS, INERTIA, SPEED = 0.1, 1e-4, 1.0
 CLEARANCE, BEARING = 5e-4, 0.01
@@ -64,6 +68,38 @@ def test_every_laws_restitution_and_loss_meet_the_lambert_w_formula(
     expected = (1 - lambert(a) ** 2) * MASS * SPEED**2 / 2
     assert abs(lost - expected) < CLOSED_FORM * MASS * SPEED**2 / 2, f"lost {lost} J against {expected} J"
     assert run.sums["clip0"][-1] == 0, "a single bounce never pulls"
+
+
+def released(damping: float) -> float:
+    """Return the restitution of F = K x^1.5 + D x^0.5 x' up to where it would pull, by quadrature.
+
+    Over s = x^0.5, in which the motion is smooth at the wall: ds/dt = x'/(2 s), so time is s-weighted.
+    """
+
+    def rates(_: float, y: FloatArray) -> list[float]:
+        s, v = y  # d/dtau with dt = s dtau
+        return [v / 2, -s * (HERTZ * s**3 + damping * s * v) / MASS]
+
+    def pulls(_: float, y: FloatArray) -> float:
+        return float(HERTZ * y[0] ** 2 + damping * y[1])
+
+    pulls.terminal, pulls.direction = True, -1  # type: ignore[attr-defined]
+    run = solve_ivp(
+        rates, (0, 1), [1e-12, SPEED], "DOP853", events=pulls, rtol=1e-13, atol=1e-16, max_step=1e-4
+    )
+    return float(-run.y_events[0][0, 1] / SPEED)
+
+
+@pytest.mark.parametrize("damping", [1e5, 5e5])
+def test_a_law_outside_the_family_meets_its_own_restitution(damping: float) -> None:
+    law = ContactLaw(HERTZ, damping_N_s_m=damping, kind="kuwabara-kono")
+    run, expected = bounce(law), released(damping)
+    assert 0.3 < expected < 0.97
+    assert abs(restitution(run) - expected) < CLOSED_FORM, f"{restitution(run)} against {expected}"
+    lost = sum(run.sums[name][-1] for name in ("loss0", "clip0"))
+    assert lost == pytest.approx(
+        (1 - expected**2) * MASS * SPEED**2 / 2, abs=CLOSED_FORM * MASS * SPEED**2 / 2
+    )
 
 
 def test_an_impacts_record_is_that_of_hertz() -> None:
