@@ -12,7 +12,7 @@ from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, RunSettin
 from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
 from engine_models.scene import Clearance, Scene
 from engine_models.start_check import checked_start
-from reference_solver.arrays import row_slices
+from reference_solver.equations import row_slices
 from reference_solver.rigid_contact import solve_rigid
 from reference_solver.rigid_friction import FrictionTooStiff
 from reference_solver.rigid_joint import JointGeometry

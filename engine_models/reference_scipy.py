@@ -1,81 +1,78 @@
 """The reference's equations as a right-hand side y' = f(t, y) that an integrator from outside can call.
 
 y = (q, q', sums) holds n coordinates, n velocities, and integrals since t = 0: a driver's work where there is
-one, then what every contact adds up (``contact_source.rates``). The text is the reference's own, (1)-(10)
+one, then what every contact adds up (``contact.rates_of``). The text is the reference's own, (1)-(10)
 without stabilisation, compiled: a call from Python takes 1-2 us, most of it Python's and not the equations'.
 """
 
+from functools import cache
+
 import numpy as np
+from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
+from reference_solver.kernel_store import load_kernel
 from reference_solver.contact import ContactState, contact_state
-from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, alarm
-from reference_solver.contact_kernel_source import CONTACT_HEADER, all_rates
-from reference_solver.contact_source import gap_lines
+from reference_solver.contact_stepper import contact_record
+from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, GAP_RECORD, Motion
 from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
-from reference_solver.generator import EquationsWriter
-from reference_solver.kernel_source import HEADER, function
-from reference_solver.kernel_store import load_kernel
-from reference_solver.straight_line import ZERO, StraightLine, product
+from reference_solver.kernel import Kernel, Topology, write_gaps
 
 
-def derivative_source(writer: EquationsWriter) -> str:
-    """Return a module with ``evaluate`` and, for contacts, ``gaps``; ``writer.parameters`` is then complete.
+def derivative_source(topology: Topology) -> str:
+    """Return a module with ``evaluate`` and, for contacts, ``gaps`` (see ``kernel.write_gaps``).
 
-    ``evaluate(p, s, t, y, rate, multipliers)`` writes y' and {lambda} and tells whether it could; s are the
-    contacts' phases. ``gaps(p, y, out)`` writes the rows of ``contact_source.gap_lines``.
+    ``evaluate(p, contacts, t, y, rate, multipliers)`` writes y' and {lambda} and tells whether it could.
     """
-    n, contacts = writer.n, writer.mechanism.contacts
-    code, accelerations, lambda_, ok = writer.accelerations(None)
-    velocities = [f"v{c}" for c in range(n)]
-    rates = [*velocities, *accelerations, *_drivers_power(writer), *all_rates(writer)]
-    unpack = [f"q{c}, v{c} = y[{c}], y[{n + c}]" for c in range(n)]
-    lines = [*unpack, *code.lines, *(f"rate[{k}] = {name}" for k, name in enumerate(rates))]
-    lines += [f"multipliers[{r}] = {name}" for r, name in enumerate(lambda_)]
-    functions = [function("evaluate", ["p", "s", "t", "y", "rate", "multipliers"], lines, [ok])]
-    if contacts:
-        lines = [*unpack, *(line for k, joint in enumerate(contacts) for line in gap_lines(writer, k, joint))]
-        functions.append(function("gaps", ["p", "y", "out"], lines, ["True"]))
-    return "\n\n".join([CONTACT_HEADER if contacts else HEADER, *functions]) + "\n"
+    kernel = Kernel(topology)
+    unpack = [f"q{c}, v{c} = y[{c}], y[{kernel.n + c}]" for c in range(kernel.n)]
+    tape, equations, q, v = kernel.begin()
+    found = equations.answer(tape.input("t"), q, v)
+    rates = [*v, *found.accelerations, *(found.powers[name] for name in _integrated(equations))]
+    stores = [(f"rate[{k}]", value) for k, value in enumerate(rates)]
+    stores += [(f"multipliers[{r}]", value) for r, value in enumerate(found.multipliers)]
+    arguments = ["p", "contacts", "t", "y", "rate", "multipliers"]
+    kernel.add("evaluate", arguments, tape, [found.ok], stores, before=unpack)
+    if topology.mechanism.contacts:
+        write_gaps(kernel)
+    return kernel.source()
 
 
-def _drivers_power(writer: EquationsWriter) -> list[str]:
-    """Return the power of every prescribed speed: its share of {lambda}^T{C}."""
-    rows = enumerate(writer.rows(StraightLine()))
-    return [product(row.C, f"lambda{r}") for r, row in rows if row.C != ZERO]
+def _integrated(equations: Equations) -> list[str]:
+    """Return the names of the powers that are not zero at all times."""
+    return equations.power_names[0 if any(c != 0 for c in equations.C) else 1 :]
+
+
+_source_of = cache(derivative_source)
 
 
 class Derivative:
     """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
 
-    ``phases`` (2K,) has phase and a/v0 of every contact, in flight to begin with (see ``contact_loop``).
+    The contacts are in flight to begin with (see ``contact_loop``).
     ``start`` is y at t = 0; ``sums`` names the integrals behind q and q' in it, "work" for the driver's.
     """
 
     def __init__(self, scene: Scene) -> None:
         q, v = checked_start(scene)
         mechanism = mechanism_of(scene)
-        writer = EquationsWriter(mechanism, q.ravel())
-        self._kernel = load_kernel(derivative_source(writer))
-        self._parameters = np.array(writer.parameters)
+        topology = Topology(mechanism)
+        self._kernel = load_kernel(_source_of(topology.marked()))
+        self._parameters = topology.parameters(self._kernel, q.ravel())
         self._readable = Equations(mechanism, q.ravel())
-        self._joints, self._rows = mechanism.contacts, writer.m
-        self._multipliers = np.empty(writer.m)
-        # As contact_events reads them: the clearance, and whether the force is clipped.
-        self._laws = np.zeros((len(self._joints), 8))
-        self._laws[:, 4] = [joint.radial_clearance_m for joint in self._joints]
-        self._laws[:, 7] = [joint.law.clipped for joint in self._joints]
-        self.n = writer.n
-        self.sums = (*("work" for _ in _drivers_power(writer)), *all_rates(writer))
+        self._joints, self._rows = mechanism.contacts, len(self._readable.C)
+        self._multipliers = np.empty(self._rows)
+        self._contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
+        self.n = self._readable.n
+        self.sums = tuple(name.replace("drivers", "work") for name in _integrated(self._readable))
         self.contact_count = len(self._joints)
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
         clipped = [k for k, joint in enumerate(self._joints) if joint.law.clipped]
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
-        self.phases = np.zeros(2 * self.contact_count)
         self.start = np.concatenate([q.ravel(), v.ravel(), np.zeros(len(self.sums))])
         self._refused: tuple[float, FloatArray] | None = None
         # Compiled or loaded here, out of any timing.
@@ -86,7 +83,7 @@ class Derivative:
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
         """Return y' in the present phases, NaN where [B] has lost rank: an integrator rejects such a step."""
         rate = np.empty_like(y)
-        if not self._kernel.evaluate(self._parameters, self.phases, t, y, rate, self._multipliers):
+        if not self._kernel.evaluate(self._parameters, self._contacts, t, y, rate, self._multipliers):
             rate[:] = np.nan
             self._refused = (t, y.copy())
         return rate
@@ -96,7 +93,7 @@ class Derivative:
         if self._refused is None or self._refused[0] < since_s or not np.isfinite(self._refused[1]).all():
             return ""
         t, y = self._refused
-        self._readable.phases = self.phases
+        self._readable.phases = self.phases()
         try:
             self._readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n])
         except SolverError as error:
@@ -106,63 +103,75 @@ class Derivative:
     def multipliers(self, t: float, y: FloatArray) -> FloatArray:
         """Return {lambda} (m,) in the present phases."""
         out = np.empty(self._rows)
-        self._kernel.evaluate(self._parameters, self.phases, t, y, np.empty_like(y), out)
+        self._kernel.evaluate(self._parameters, self._contacts, t, y, np.empty_like(y), out)
         return out
 
     def named_sums(self, y: FloatArray) -> dict[str, FloatArray]:
         """Return the integrals in y, (..., size), by name."""
         return dict(zip(self.sums, np.moveaxis(y, -1, 0)[2 * self.n :], strict=True))
 
-    def gaps(self, y: FloatArray) -> FloatArray:
-        """Return every contact's g in m, the sign that of the penetration, g', speed, penetration, (K, 4)."""
-        out = np.empty((len(self._joints), 4))
-        self._kernel.gaps(self._parameters, y, out)
-        return out
+    def gaps(self, y: FloatArray) -> NDArray[np.void]:
+        """Return every contact's gap (K,), records of ``GAP_RECORD``."""
+        gaps = np.zeros(len(self._joints), GAP_RECORD)
+        motion = Motion(y[: self.n], y[self.n : 2 * self.n], y[2 * self.n :], gaps)
+        self._kernel.gaps(self._parameters, self._contacts, motion)
+        return gaps
 
     def contacts(self, y: FloatArray) -> list[ContactState]:
         """Return every contact in the present phases."""
-        pairs = zip(self._joints, self.phases.reshape(-1, 2), strict=True)
         q, v = y[: self.n], y[self.n : 2 * self.n]
-        return [contact_state(joint, phase, damping, q, v) for joint, (phase, damping) in pairs]
+        pairs = zip(self._joints, self._contacts, strict=True)
+        return [contact_state(joint, c["phase"], c["memory"], q, v) for joint, c in pairs]
+
+    def phases(self) -> FloatArray:
+        """Return every contact's phase and a/v0, (2K,)."""
+        return np.column_stack([self._contacts["phase"], self._contacts["memory"]]).ravel()
+
+    def set_phases(self, phases: FloatArray) -> None:
+        """Set every contact's phase and a/v0, (2K,)."""
+        self._contacts["phase"], self._contacts["memory"] = phases[::2], phases[1::2]
 
     def flying(self, contact: int) -> bool:
         """Return whether a contact is in flight."""
-        return bool(self.phases[2 * contact] == FLIGHT)
+        return bool(self._contacts["phase"][contact] == FLIGHT)
 
     def alarm(self, contact: int, kind: int, y: FloatArray) -> float:
         """Return a number positive past an event: of kind 0, touch or release, or 1, clip or resume."""
-        return alarm(self.phases, self._laws, self.gaps(y), contact, kind)
+        gap, phase = self.gaps(y)[contact], self._contacts["phase"][contact]
+        if kind == 0:
+            return float(gap["g"] if phase == FLIGHT else -gap["g"])
+        return -1.0 if phase == FLIGHT else float(-gap["push"] if phase == CONTACT else gap["push"])
 
     def switch(self, contact: int, kind: int, y: FloatArray) -> None:
         """Change a contact's phase at an event, where a touch stores its a/v0."""
+        phase = self._contacts["phase"]
         if kind == 1:
-            self.phases[2 * contact] = CLIPPED if self.phases[2 * contact] == CONTACT else CONTACT
+            phase[contact] = CLIPPED if phase[contact] == CONTACT else CONTACT
         elif self.flying(contact):
-            damping = self._damping(contact, self.gaps(y)[contact, 1])
-            self.phases[2 * contact : 2 * contact + 2] = CONTACT, damping
+            self._contacts["memory"][contact] = self._memory(contact, self.gaps(y)["rate"][contact])
+            phase[contact] = CONTACT
         else:
-            self.phases[2 * contact] = FLIGHT
+            phase[contact] = FLIGHT
 
     def sense(self, y: FloatArray, memory: FloatArray) -> None:
         """Set every phase by the signs of penetration and force at y.
 
         ``memory`` (K,) has the contacts' a/v0; where that is NaN the present speed stands for v0.
         """
-        gaps = self.gaps(y)
+        gaps, contacts = self.gaps(y), self._contacts
         for k in range(len(memory)):
-            if gaps[k, 0] <= 0:
-                self.phases[2 * k] = FLIGHT
-                continue
-            damping = self._damping(k, abs(gaps[k, 1])) if np.isnan(memory[k]) else memory[k]
-            self.phases[2 * k : 2 * k + 2] = CONTACT, damping
-            if alarm(self.phases, self._laws, gaps, k, 1) > 0:
-                self.phases[2 * k] = CLIPPED
+            contacts["phase"][k] = CONTACT if gaps["g"][k] > 0 else FLIGHT
+            if gaps["g"][k] > 0:
+                new = self._memory(k, abs(gaps["rate"][k]))
+                contacts["memory"][k] = new if np.isnan(memory[k]) else memory[k]
+        clipped = (contacts["phase"] == CONTACT) & (contacts["clipped"] > 0) & (self.gaps(y)["push"] < 0)
+        contacts["phase"][clipped] = CLIPPED
 
     def remember(self, y: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the memory after a step that ended at y: a/v0 of contacts begun in it, NaN in flight."""
         self.sense(y, memory)
-        return np.where(self.phases[::2] == FLIGHT, np.nan, self.phases[1::2])
+        return np.where(self._contacts["phase"] == FLIGHT, np.nan, self._contacts["memory"])
 
-    def _damping(self, contact: int, speed_m_s: float) -> float:
+    def _memory(self, contact: int, speed_m_s: float) -> float:
         law = self._joints[contact].law
         return law.damping_factor / max(speed_m_s, law.minimum_impact_speed_m_s)

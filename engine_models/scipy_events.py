@@ -42,7 +42,7 @@ class Nearest:
 
     def __call__(self, _: float, y: FloatArray) -> float:
         """Return how far the rate of the gap, in m/s, is from that of parting."""
-        return float(self.derivative.gaps(y)[self.contact, 1]) - PARTING_M_S
+        return float(self.derivative.gaps(y)["rate"][self.contact]) - PARTING_M_S
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Crossing:
 
     def __call__(self, _: float, y: FloatArray) -> float:
         """Return the gap in m, positive inside the wall."""
-        return float(self.derivative.gaps(y)[self.contact, 0])
+        return float(self.derivative.gaps(y)["g"][self.contact])
 
 
 @dataclass

@@ -21,7 +21,7 @@ class Record:
     def sample(self, rows: Sequence[FloatArray]) -> None:
         """Record samples, each (size of y,), in the present phases."""
         self.y.extend(rows)
-        self.phases.extend(self._derivative.phases.copy() for _ in rows)
+        self.phases.extend(self._derivative.phases() for _ in rows)
 
     def touch(self, contact: int, t: float, y: FloatArray) -> None:
         """Begin a contact."""
@@ -32,7 +32,7 @@ class Record:
         if contact not in self._touches:
             return
         begin, before = self._touches.pop(contact)
-        speed = float(self._derivative.gaps(before)[contact, 1])
+        speed = float(self._derivative.gaps(before)["rate"][contact])
         change = self._derivative.named_sums(y - before)
         impulse = float(change[f"normal{contact}"])
         lost = sum(float(change.get(f"{part}{contact}", 0.0)) for part in ("loss", "clip", "slide"))

@@ -57,7 +57,7 @@ class LocatedRun:
         states, roots = self._calls.solve(t, y, times, [*watched, *nearest])
         stop = float(times[-1])
         marks = [root for root in roots if isinstance(root.watch, Nearest) and root.t > t]
-        missed = [root.t for root in marks if derivative.gaps(root.y)[root.watch.contact, 0] > 0]
+        missed = [root.t for root in marks if derivative.gaps(root.y)["g"][root.watch.contact] > 0]
         if missed:  # a step that ends where the pin is nearest to the wall shows its touch
             stop, times = min(missed), times[times < min(missed)]
             states, roots = self._calls.solve(t, y, np.append(times, stop), watched)
@@ -81,6 +81,6 @@ def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Re
         derivative.sense(y, calls.memory_at(t))
         record.sample([y])
     for watch, t, y in roots:
-        note = record.touch if derivative.gaps(y)[watch.contact, 1] > 0 else record.release
+        note = record.touch if derivative.gaps(y)["rate"][watch.contact] > 0 else record.release
         note(watch.contact, t, y)
     return record

@@ -22,7 +22,7 @@ def trajectory_of(
     time = np.linspace(0.0, scene.end_time_s, len(y))
     rows, states = [], []
     for t, at, phases in zip(time, y, record.phases, strict=True):
-        derivative.phases[:] = phases
+        derivative.set_phases(phases)
         rows.append(derivative.multipliers(t, at))
         states.append(derivative.contacts(at))
     multipliers = np.array(rows)

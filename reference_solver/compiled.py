@@ -1,17 +1,20 @@
 """The compiled face of the algorithm: the kernel written for a topology, compiled by Numba."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.chunks import advance_in_chunks
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.generator import EquationsWriter
-from reference_solver.kernel_source import kernel_source
+from reference_solver.kernel import Topology, ideal_source
 from reference_solver.kernel_store import load_kernel
 from reference_solver.mechanism import Mechanism
 from reference_solver.readable import ReadableStepper
 
 FloatArray = NDArray[np.float64]
+
+ideal_source_of = cache(ideal_source)
 
 
 class CompiledStepper:
@@ -25,19 +28,20 @@ class CompiledStepper:
         baumgarte: Baumgarte | None,
         projected: bool,
     ) -> None:
-        writer = EquationsWriter(mechanism, q_start)
-        self._kernel = load_kernel(kernel_source(writer, baumgarte, projected))
-        self._parameters = np.array(writer.parameters)
-        self._rows, self._h, self._removed = writer.m, h, 0.0
-        self._readable = ReadableStepper(Equations(mechanism, q_start, baumgarte), h, projected)
+        topology = Topology(mechanism, baumgarte, projected)
+        self._kernel = load_kernel(ideal_source_of(topology.marked()))
+        self._parameters = topology.parameters(self._kernel, q_start)
+        equations = Equations(mechanism, q_start, baumgarte)
+        self._rows, self._h, self._removed = len(equations.C), h, 0.0
+        self._readable = ReadableStepper(equations, h, projected)
         # Compiled or loaded here, so that what follows runs at full speed.
         q, v = q_start.copy(), np.zeros_like(q_start)
         self._advance(q, v, 0, 0)
         self._kernel.multipliers(self._parameters, 0.0, q, v, np.empty(self._rows))
 
     def _advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> tuple[int, float]:
-        done, work, *removed = self._kernel.advance(self._parameters, q, v, self._h, first, count)
-        self._removed += sum(removed)  # a kernel without stabilisation has none
+        done, work, removed = self._kernel.advance(self._parameters, q, v, self._h, first, count)
+        self._removed += removed
         return done, work
 
     @property

@@ -1,7 +1,8 @@
-"""The force of one pin in its bearing, written to be read; ``contact_source`` writes the same as code.
+"""The force of a pin in its bearing, between events, and how the gap changes.
 
-d is the vector from bearing centre to pin centre, n = d/|d|, t = (-n_y, n_x). The pin gets -F_n n + F_t t,
-the bearing the opposite, both at the point in the middle of the penetration.
+d is the vector from bearing centre to pin centre, n = d/|d|, t = (-n_y, n_x), penetration |d| - c. The pin
+gets -F_n n + F_t t, the bearing the opposite, both at one point in the middle of the penetration:
+R_i + delta/2 from the bearing's centre and R_j - delta/2 from the pin's.
 """
 
 from dataclasses import dataclass
@@ -9,11 +10,116 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.contact_events import CLIPPED, FLIGHT, PROBE
-from reference_solver.contact_laws import FrictionLaw
-from reference_solver.mechanism import GROUND, ClearanceJoint, Point
+from reference_solver.contact_laws import FRICTION_LAWS, NORMAL_LAWS
+from reference_solver.contact_types import CLIPPED, FLIGHT, PROBE
+from reference_solver.loads import Forces, pair
+from reference_solver.mechanism import ClearanceJoint
+from reference_solver.points import Point, State
+from reference_solver.tape import Array, Scalar, array, choose, equal, larger, named, sqrt, when
 
 FloatArray = NDArray[np.float64]
+
+#: As a part of the clearance: round-off of the penetration.
+LEAST_DEPTH = 1e-12
+#: What a contact's branch computes, as the code names it.
+OF_CONTACT = ("force_x", "force_y", "twist_i", "twist_j", "normal", "loss", "clip", "slide")
+
+
+def ends_of(joint: ClearanceJoint, state: State) -> tuple[Point, Point]:
+    """Return the bearing's centre and the pin's."""
+    return state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+
+
+def rates_of(joint: ClearanceJoint, number: int) -> list[str]:
+    """Return the names of what a contact adds up: normal force and losses.
+
+    The losses are by the normal force, where it is clipped, and by friction.
+    """
+    clip, slide = joint.law.clipped, joint.friction is not None
+    return [f"normal{number}", f"loss{number}"] + clip * [f"clip{number}"] + slide * [f"slide{number}"]
+
+
+def contact_force(
+    joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State
+) -> tuple[Forces, list[Scalar]]:
+    """Return the generalised forces of a contact in its phase, and its ``rates_of`` in N and W."""
+    bearing, pin = ends_of(joint, state)
+    d, d_dot, law = pin.place - bearing.place, pin.rate - bearing.rate, joint.law
+
+    def closed() -> tuple[Scalar, ...]:
+        distance = sqrt(d @ d)
+        n = array([d[0] / distance, d[1] / distance])
+        depth, rate = larger(distance - joint.radial_clearance_m, 0.0), n @ d_dot
+        elastic, damper = NORMAL_LAWS[law.kind](law, depth, memory)
+        normal, loss, clip, slide = elastic + damper * rate, damper * rate * rate, 0.0, 0.0
+        if law.clipped:  # the law would pull: no force, and the spring's energy is lost
+            clipped = equal(phase, CLIPPED)
+            normal, loss = choose(clipped, 0.0, normal), choose(clipped, 0.0, loss)
+            clip = choose(clipped, -elastic * rate, 0.0)
+        probe = equal(phase, PROBE)  # for the gap's mobility
+        normal, loss = choose(probe, 1.0, normal), choose(probe, 0.0, loss)
+        force, twist_i, twist_j = -normal * n, 0.0, 0.0
+        if joint.friction is not None:
+            arm_i = joint.bearing_radius_m + 0.5 * depth
+            arm_j = joint.bearing_radius_m - joint.radial_clearance_m - 0.5 * depth
+            sliding = n[0] * d_dot[1] - n[1] * d_dot[0] + pin.spin * arm_j - bearing.spin * arm_i
+            # Where a law pulls, friction has the force's sign and drives the sliding, as in Exudyn's contact.
+            pressing = normal if law.may_pull else larger(normal, 0.0)
+            share = FRICTION_LAWS[joint.friction.kind](joint.friction, sliding)
+            tangential = -(joint.friction.coefficient * pressing * share)
+            slide, twist_i, twist_j = -tangential * sliding, -arm_i * tangential, arm_j * tangential
+            force = force + tangential * array([-n[1], n[0]])
+        return (*force, twist_i, twist_j, normal, loss, clip, slide)
+
+    found = when(phase > FLIGHT, closed, 8)
+    for name, value in zip(OF_CONTACT, found, strict=True):
+        named(f"{name}_{joint.body_j}", value, "contact of a pin in its bearing")
+    x, y, twist_i, twist_j, normal, loss, clip, slide = found
+    rates = [normal, loss] + law.clipped * [clip] + (joint.friction is not None) * [slide]
+    return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates
+
+
+def elastic_force(joint: ClearanceJoint, phase: Scalar, state: State) -> Forces:
+    """Return what a contact pushes with at rest, clipped or not: the part that has a potential."""
+    bearing, pin = ends_of(joint, state)
+    d = pin.place - bearing.place
+
+    def closed() -> tuple[Scalar, ...]:
+        distance = sqrt(d @ d)
+        depth = larger(distance - joint.radial_clearance_m, 0.0)
+        return ((-NORMAL_LAWS[joint.law.kind](joint.law, depth, 0.0)[0]) / distance,)
+
+    (pull,) = when(phase > FLIGHT, closed, 1)
+    return pair(bearing, pin, pull * d)
+
+
+def gap(joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State) -> dict[str, Scalar]:
+    """Return the fields of ``contact_types.GAP_RECORD``.
+
+    g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch. Where the
+    elastic force vanishes, "push" is as it is at a ``LEAST_DEPTH``.
+    """
+    (bearing, pin), c = ends_of(joint, state), joint.radial_clearance_m
+    d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
+    distance, g_rate = named("distance", sqrt(d @ d)), d @ d_dot / c
+    depth = distance - c
+
+    def closed() -> tuple[Scalar, ...]:
+        elastic, damper = NORMAL_LAWS[joint.law.kind](joint.law, larger(depth, LEAST_DEPTH * c), memory)
+        return elastic, damper, 1.0 + damper / elastic * (g_rate * c / distance)
+
+    elastic, damper, push = when(phase > FLIGHT, closed, 3)
+    fields = {"g": 0.5 * (d @ d - c * c) / c, "rate": g_rate, "speed": sqrt(d_dot @ d_dot), "depth": depth}
+    return {**fields, "elastic": elastic, "damper": damper, "push": push}
+
+
+def gap_acceleration(joint: ClearanceJoint, state: State, accelerations: Array) -> Scalar:
+    """Return the part of the second derivative of g that is linear in the accelerations (n,)."""
+    bearing, pin = ends_of(joint, state)
+    of_points = [
+        point.jacobian @ State(state.q, accelerations).velocity(point.body) for point in (bearing, pin)
+    ]
+    return (pin.place - bearing.place) @ (of_points[1] - of_points[0]) / joint.radial_clearance_m
 
 
 @dataclass(frozen=True)
@@ -39,69 +145,18 @@ class ContactState:
         return np.asarray(-self.normal_force_N * n + self.friction_force_N * np.array([-n[1], n[0]]))
 
 
-def friction_share(law: FrictionLaw, sliding_m_s: float) -> float:
-    """Return the part of mu F_n that acts at a sliding speed, with the speed's sign."""
-    if law.kind == "tanh":
-        return float(np.tanh(sliding_m_s / law.regularisation_speed_m_s))
-    if law.kind == "saturated-linear":
-        return float(np.clip(sliding_m_s / law.regularisation_speed_m_s, -1, 1))
-    ramp = law.regularisation_speed_m_s - law.dead_band_speed_m_s
-    return float(np.copysign(np.clip((abs(sliding_m_s) - law.dead_band_speed_m_s) / ramp, 0, 1), sliding_m_s))
-
-
-def _pin(
-    body: int, point: Point, q: FloatArray, v: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return a point's arm, place and velocity in the global frame, and its body's angular velocity."""
-    if body == GROUND:
-        return np.zeros(2), np.array(point), np.zeros(2), 0.0
-    x, y, phi = q[3 * body : 3 * body + 3]
-    turn = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
-    arm, spin = turn @ np.array(point), float(v[3 * body + 2])
-    return arm, np.array([x, y]) + arm, v[3 * body : 3 * body + 2] + spin * np.array([-arm[1], arm[0]]), spin
-
-
 def contact_state(
-    joint: ClearanceJoint, phase: float, damping_s_m: float, q: FloatArray, v: FloatArray
+    joint: ClearanceJoint, phase: float, memory: float, q: FloatArray, v: FloatArray
 ) -> ContactState:
-    """Return the contact at coordinates q and velocities v in a phase, with a/v0 = ``damping_s_m``."""
-    _, bearing, bearing_rate, bearing_spin = _pin(joint.body_i, joint.point_i, q, v)
-    _, pin, pin_rate, pin_spin = _pin(joint.body_j, joint.point_j, q, v)
-    d, d_rate, law = pin - bearing, pin_rate - bearing_rate, joint.law
+    """Return the contact at coordinates q and velocities v in a phase, with its ``memory`` (a/v0)."""
+    state = State(q, v)
+    bearing, pin = ends_of(joint, state)
+    d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
     distance = float(np.hypot(*d))
     if distance == 0:
         return ContactState(d, -joint.radial_clearance_m, 0.0, 0.0, 0.0)
     n = d / distance
-    penetration, rate = distance - joint.radial_clearance_m, float(n @ d_rate)
-    if phase == FLIGHT:
-        return ContactState(d, penetration, rate, 0.0, 0.0)
-    depth = max(penetration, 0.0)
-    normal = law.stiffness * depth**law.exponent * (1 + damping_s_m * rate) + law.damping_N_s_m * rate
-    normal = {CLIPPED: 0.0, PROBE: 1.0}.get(phase, normal)
-    friction = 0.0
-    if joint.friction is not None:
-        arm_i = joint.bearing_radius_m + depth / 2
-        arm_j = joint.bearing_radius_m - joint.radial_clearance_m - depth / 2
-        sliding = float(n[0] * d_rate[1] - n[1] * d_rate[0]) + pin_spin * arm_j - bearing_spin * arm_i
-        pressing = normal if law.may_pull else max(normal, 0.0)
-        friction = -joint.friction.coefficient * pressing * friction_share(joint.friction, sliding)
-    return ContactState(d, penetration, rate, normal, friction)
-
-
-def add_contact_force(
-    F: FloatArray, joint: ClearanceJoint, phase: float, damping_s_m: float, q: FloatArray, v: FloatArray
-) -> None:
-    """Add the generalised force of one contact to {F} (n,)."""
-    state = contact_state(joint, phase, damping_s_m, q, v)
-    force = state.force_on_pin_N
-    depth = max(state.penetration_m, 0.0)
-    twist_i = -(joint.bearing_radius_m + depth / 2) * state.friction_force_N
-    twist_j = (joint.bearing_radius_m - joint.radial_clearance_m - depth / 2) * state.friction_force_N
-    for body, point, sign, twist in (
-        (joint.body_i, joint.point_i, -1, twist_i),
-        (joint.body_j, joint.point_j, 1, twist_j),
-    ):
-        if body != GROUND:
-            arm = _pin(body, point, q, v)[0]
-            moment = sign * (arm[0] * force[1] - arm[1] * force[0]) + twist
-            F[3 * body : 3 * body + 3] += [*(sign * force), moment]
+    forces, (normal, *_) = contact_force(joint, phase, memory, state)
+    on_pin = forces[joint.body_j][:2]
+    friction = float(n[0] * on_pin[1] - n[1] * on_pin[0]) if joint.friction is not None else 0.0
+    return ContactState(d, distance - joint.radial_clearance_m, float(n @ d_dot), float(normal), friction)

@@ -1,39 +1,13 @@
-"""The compiled face of ``contact_loop``, one for all mechanisms: it calls their kernels by address.
+"""The compiled loop of contacts, one for all mechanisms."""
 
-Compiling it takes twice as long as a kernel with contacts, so it is not a part of each. The price is a call
-by address in every step (5 % of one), and 40 us a function in every call from Python.
-"""
-
-import inspect
+from pathlib import Path
 from types import ModuleType
 
-from reference_solver import contact_events, contact_loop, contact_samples
-from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT, PROBE
-from reference_solver.kernel_source import HEADER, compiled
 from reference_solver.kernel_store import load_kernel
 
-TYPES = f"""from __future__ import annotations
-
-import numpy as np
-from numba.types import FunctionType, Tuple, boolean, float64, int64
-
-ARRAY, TABLE = float64[::1], float64[:, ::1]
-STEP = FunctionType(boolean(*(ARRAY,) * 4, float64, float64, *(ARRAY,) * 3, TABLE))
-GAP_ACCELERATIONS = FunctionType(boolean(ARRAY, ARRAY, float64, *(ARRAY,) * 3))
-SLOPES = FunctionType(boolean(ARRAY, ARRAY, float64, *(ARRAY,) * 5))
-ADVANCE = Tuple((float64, int64, int64, int64, int64))(
-    STEP, GAP_ACCELERATIONS, SLOPES, ARRAY, ARRAY, TABLE, TABLE, ARRAY, ARRAY, TABLE, ARRAY,
-    float64, float64, ARRAY, TABLE, ARRAY, TABLE, int64,
-)  # fmt: skip
-
-FLIGHT, CONTACT, CLIPPED, PROBE = {FLIGHT}, {CONTACT}, {CLIPPED}, {PROBE}
-INSIDE = {contact_samples.INSIDE!r}
-"""
+LOOP = Path(__file__).with_name("contact_loop.py")
 
 
 def load_driver() -> ModuleType:
-    """Return a module with ``advance`` of ``contact_loop``."""
-    texts = [inspect.getsource(module) for module in (contact_events, contact_samples, contact_loop)]
-    text = "".join(text[text.index("\n\n\ndef ") :] for text in texts)
-    text = compiled(text, "advance").replace("(**ENTRY)\ndef advance", "(ADVANCE, **ENTRY)\ndef advance")
-    return load_kernel(TYPES + HEADER + text)
+    """Return ``contact_loop``, its machine code kept beside that of the kernels that it calls."""
+    return load_kernel(LOOP.read_text(encoding="utf-8"))

@@ -1,14 +1,18 @@
-"""Compliant contact laws and friction laws of a pin in its bearing, as data and closed-form factors.
+"""Compliant contact laws and friction laws of a pin in its bearing: their data, and one function for each.
 
-All dissipative laws are one family, F = K delta^n (1 + a(e) delta'/v0), with v0 the approach speed at the
-start of the present contact; Kelvin and Voigt's is F = k delta + c delta'.
+A normal law is a function of the penetration delta >= 0, its rate and the ``memory`` of the present contact,
+set at its touch; it returns the elastic force, which has a potential, and the coefficient of the rate in the
+rest, which dissipates: F = elastic + damper delta'. A new law is a function and a line in ``NORMAL_LAWS``.
 """
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
+
+from reference_solver.lifting import WRITTEN_OUT
+from reference_solver.tape import Scalar, larger, power, signed, size, smaller, sqrt, tanh
 
 #: Damping factor a(e) by law, e the nominal restitution.
 DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
@@ -26,24 +30,46 @@ DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """Normal force K delta^n (1 + a delta'/v0) + c delta', K in N/m^n, c in N s/m.
+    """A pin's normal force: stiffness K in N/m^n, damping c in N s/m (of law "kuwabara-kono" in N s/m^1.5).
 
-    ``damping_factor`` is a; v0 is floored at ``minimum_impact_speed_m_s``. Where the first factor turns
-    negative the law would pull: the force is zero there, unless it ``may_pull``. Kelvin-Voigt's force is left
-    as it is until delta = 0.
+    Of law "dissipative" ``damping_factor`` is a; v0 is floored at ``minimum_impact_speed_m_s``. Where its
+    first factor turns negative it would pull: the force is zero there, unless it ``may_pull``. Kelvin-Voigt's
+    force is left as it is until delta = 0.
     """
 
     stiffness: float
-    exponent: float = 1.5
+    exponent: float = field(default=1.5, metadata={WRITTEN_OUT: (1.0, 1.5)})
     damping_factor: float = 0.0
     damping_N_s_m: float = 0.0
     minimum_impact_speed_m_s: float = 1e-6
     may_pull: bool = False
+    kind: str = "dissipative"
 
     @property
     def clipped(self) -> bool:
         """Whether the force is clipped where the law would pull."""
-        return self.damping_factor != 0 and not self.may_pull
+        return (self.damping_factor != 0 or self.kind != "dissipative") and not self.may_pull
+
+
+def dissipative(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:
+    """Return elastic force and damper of F = K delta^n (1 + a delta'/v0) + c delta'; the memory is a/v0.
+
+    All of ``DAMPING_FACTORS`` are of this kind, v0 the approach speed at the start of the present contact;
+    so are Hertz's law, the linear one, and Kelvin and Voigt's with a = 0.
+    """
+    elastic = law.stiffness * power(depth, law.exponent)
+    return elastic, (elastic * memory if law.damping_factor else 0.0) + law.damping_N_s_m
+
+
+def kuwabara_kono(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:  # noqa: ARG001
+    """Return elastic force and damper of F = K delta^1.5 + D delta^0.5 delta' (Kuwabara and Kono 1987)."""
+    return law.stiffness * power(depth, 1.5), law.damping_N_s_m * sqrt(depth)
+
+
+#: The normal laws by kind.
+NORMAL_LAWS: Mapping[str, Callable[[ContactLaw, Scalar, Scalar], tuple[Scalar, Scalar]]] = MappingProxyType(
+    {"dissipative": dissipative, "kuwabara-kono": kuwabara_kono}
+)
 
 
 @dataclass(frozen=True)
@@ -60,3 +86,31 @@ class FrictionLaw:
     coefficient: float
     regularisation_speed_m_s: float
     dead_band_speed_m_s: float = 0.0
+
+
+def saturated_linear(law: FrictionLaw, sliding: Scalar) -> Scalar:
+    """Return f(v) = v/v_reg within -1 and 1."""
+    return smaller(1.0, larger(-1.0, sliding / law.regularisation_speed_m_s))
+
+
+def ambrosio(law: FrictionLaw, sliding: Scalar) -> Scalar:
+    """Return f(v), 0 in the dead band, of size 1 from v_reg on, linear between (Ambrosio 2003)."""
+    ramp = law.regularisation_speed_m_s - law.dead_band_speed_m_s
+    part = (size(sliding) - law.dead_band_speed_m_s) / ramp
+    return signed(smaller(1.0, larger(0.0, part)), sliding)
+
+
+def hyperbolic(law: FrictionLaw, sliding: Scalar) -> Scalar:
+    """Return f(v) = tanh(v/v_reg)."""
+    return tanh(sliding / law.regularisation_speed_m_s)
+
+
+#: The friction laws by kind: the part of mu F_n that acts at a sliding speed in m/s, with the speed's sign.
+FRICTION_LAWS: Mapping[str, Callable[[FrictionLaw, Scalar], Scalar]] = MappingProxyType(
+    {"saturated-linear": saturated_linear, "ambrosio": ambrosio, "tanh": hyperbolic}
+)
+
+
+def steepest(law: FrictionLaw) -> float:
+    """Return the largest slope of the law's f(v), in s/m."""
+    return 1 / (law.regularisation_speed_m_s - law.dead_band_speed_m_s)

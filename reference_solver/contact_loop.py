@@ -1,216 +1,425 @@
-"""The driver of contacts: RK4 steps that land on every touch and release, graded into and out of contact.
+"""The loop of contacts: steps that land on every touch and release, graded into and out of contact.
 
-Numba compiles this text once for all mechanisms (see ``contact_driver``): ``step``, ``gap_accelerations`` and
-``slopes``, parameters here, are functions of the mechanism's own kernel. It uses arrays and numbers only.
-
-A contact is in one of three phases: in flight, in contact, or in contact with the force clipped because
-the law would pull. Between events every right-hand side is smooth; an event is located by shortening the
-step until its end lies on it. ``laws[k]`` is (K, n, a, minimum impact speed, clearance, mu/v_reg, c, 1 if
-clipped), ``touch[k]`` (time of touch, expected duration, mobility), ``control`` (longest step, steps per
-contact, 1 to locate events).
+Numba compiles this module as it stands, once for all mechanisms: ``step``, ``slopes`` and
+``gap_accelerations`` are functions of the mechanism's own kernel (see ``kernel``), called by address, which
+costs 5 % of a step. Between events every right-hand side is smooth; an event is located by shortening the
+step until its end lies on it.
 """
 
 import numpy as np
+from numba import from_dtype
+from numba.types import FunctionType, NamedTuple, NamedUniTuple, boolean, float64, int64
 
-from reference_solver.contact_events import (
+from reference_solver.contact_types import (
     CLIPPED,
+    CLOCK_RECORD,
     CONTACT,
+    CONTACT_RECORD,
+    EVENT_RECORD,
     FLIGHT,
+    GAP_RECORD,
     PROBE,
-    FloatArray,
-    Function,
-    approach,
-    first_alarm,
-    locate,
+    Motion,
+    Rates,
+    Records,
 )
-from reference_solver.contact_samples import within, write
+from reference_solver.kernel_store import njit
+
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+ARRAY, TABLE = float64[::1], float64[:, ::1]
+CONTACTS, GAPS, EVENTS, CLOCK = (
+    from_dtype(dtype)[::1] for dtype in (CONTACT_RECORD, GAP_RECORD, EVENT_RECORD, CLOCK_RECORD)
+)
+MOTION = NamedTuple((ARRAY, ARRAY, ARRAY, GAPS), Motion)
+RATES = NamedUniTuple(ARRAY, 3, Rates)
+RECORDS = NamedTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE), Records)
+STEP = FunctionType(boolean(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
+SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, RATES))
+GAP_ACCELERATIONS = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, ARRAY))
+ADVANCE = int64(STEP, SLOPES, GAP_ACCELERATIONS, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS)
+
+#: How ``advance`` ends: at the end, with its budget of steps used, with the log full, or at a step that met
+#: a singular configuration or overflowed.
+DONE, SPENT, FULL, FAILED = 0, 1, 2, 3
+
+#: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
+#: share it.
+INSIDE = 1.0 / 3.0
 
 
-def finite(gap: FloatArray) -> bool:
-    """Return whether all gaps are finite: what overflows anywhere is in them a step later."""
-    total = 0.0
-    for k in range(len(gap)):
-        total += gap[k, 3]
-    return bool(np.isfinite(total))
+# ---------------------------------------------------------------------------------------- events
 
 
-def graded(h: float, duration: float, distance: float) -> float:
-    """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
-    return min(h, h * h / duration + 2.0 * h * float(np.sqrt(max(distance, 0.0) / duration)))
+@njit(**INNER)
+def alarm(contact, gap, kind):
+    """Return a number that is positive past the event: 0 is touch or release, 1 the law's change of sign."""
+    if kind == 0:
+        return gap.g if contact.phase == FLIGHT else -gap.g
+    if contact.phase == FLIGHT or contact.clipped == 0.0:
+        return -1.0
+    return -gap.push if contact.phase == CONTACT else gap.push
 
 
-def step_length(
-    s: FloatArray, laws: FloatArray, touch: FloatArray, gap: FloatArray, t: float, control: FloatArray
-) -> float:
-    """Return the longest step that the phases allow."""
-    h = control[0]
-    for k in range(len(laws)):
-        stiffness, exponent, _, _, clearance, friction, damping, _ = laws[k]
-        if s[2 * k] == FLIGHT:
-            if gap[k, 2] * h > 0.25 * clearance:  # a quarter of the way across
-                h = 0.25 * clearance / gap[k, 2]
-            continue
-        start, duration, mobility = touch[k]
-        depth = max(gap[k, 3], 0.0)
-        if depth > 0.0:
-            slope = exponent * stiffness * (np.sqrt(depth) if exponent == 1.5 else depth ** (exponent - 1.0))
-            frequency = np.sqrt(slope * mobility)
-            duration = min(duration, np.pi / frequency)
-            # A law's damping is stiff in a contact that began slowly, friction below its regularisation
-            # speed: a damper of rate r is followed by RK4 up to r h = 2.785, accurately well below it.
-            spring = slope * depth / exponent
-            rate = mobility * max(damping + spring * s[2 * k + 1], spring * friction)
-            if rate > 0.0:
-                h = min(h, 0.5 / rate)
-        shortest = duration / control[1]
-        h = min(h, graded(shortest, duration, t - start))
-        if gap[k, 1] < 0.0:
-            h = min(h, graded(shortest, duration, -depth / gap[k, 1]))
-    return float(h)
+@njit(**INNER)
+def first_alarm(contacts, gaps, skip):
+    """Return the number 2 k + kind of an alarm other than ``skip`` that has gone off, or -1."""
+    for k in range(len(contacts)):
+        for kind in range(2):
+            if 2 * k + kind != skip and alarm(contacts[k], gaps[k], kind) > 0.0:
+                return 2 * k + kind
+    return -1
 
 
-def switch(
-    gap_accelerations: Function,
-    p: FloatArray,
-    s: FloatArray,
-    laws: FloatArray,
-    touch: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    t: float,
-    gap: FloatArray,
-    event: int,
-    spare: FloatArray,
-) -> float:
+@njit(**INNER)
+def value_at(step, p, contacts, t, h, old, new, event):
+    """Return the alarm of an event after a step of length h, left in ``new``."""
+    if not step(p, contacts, t, h, old, new):
+        return np.nan
+    return alarm(contacts[event // 2], new.gaps[event // 2], event % 2)
+
+
+@njit(**INNER)
+def locate(step, p, contacts, t, h, old, new, event):
+    """Return the step that ends on an event known to lie within h, or beyond it by rounding.
+
+    Touch and release by Newton's method, since the gap's rate is known, the law's change of sign by the
+    Illinois method; both within a bracket. The state after that step is left in ``new``.
+    """
+    k, gone = event // 2, event % 2 == 0
+    high, high_value = h, value_at(step, p, contacts, t, h, old, new, event)
+    low, low_value = 0.0, 0.0
+    trial, value = high, high_value
+    if not gone:
+        low_value = value_at(step, p, contacts, t, 0.0, old, new, event)
+        if low_value > 0.0:
+            return 0.0
+    for _ in range(100):
+        resolution = 4e-16 * (t + trial) + 1e-300
+        if high - low <= resolution:
+            break
+        if gone:  # aimed past the event by rounding, so as to end on its far side
+            rate = new.gaps[k].rate if contacts[k].phase == FLIGHT else -new.gaps[k].rate
+            trial = trial - value / rate + resolution if rate > 0.0 else low
+        else:
+            trial = high - high_value * (high - low) / (high_value - low_value)
+        if not low < trial < high:
+            trial = 0.5 * (low + high)
+        value = value_at(step, p, contacts, t, trial, old, new, event)
+        if value == 0.0 or (gone and 0.0 < value <= 4.0 * resolution * abs(new.gaps[k].rate)):
+            return trial
+        if value > 0.0:
+            high, high_value, low_value = trial, value, 0.5 * low_value
+        else:
+            low, low_value, high_value = trial, value, 0.5 * high_value
+    value_at(step, p, contacts, t, high, old, new, event)
+    return high
+
+
+@njit(**INNER)
+def peak(gap, new_gap, h):
+    """Return the time within a step of length h at which the cubic through both ends' g and rates peaks."""
+    rise, fall = gap.rate, new_gap.rate
+    mean = (new_gap.g - gap.g) / h
+    curve = 3.0 * mean - 2.0 * rise - fall
+    cubic = rise + fall - 2.0 * mean
+    # g' = rise + 2 curve x + 3 cubic x^2 over x = time/h; its zero with g' falling.
+    root = np.sqrt(max(curve * curve - 3.0 * cubic * rise, 0.0))
+    x = -rise / (curve - root) if curve < root else 0.5
+    return h * min(max(x, 0.0), 1.0)
+
+
+@njit(**INNER)
+def approach(step, p, contacts, t, h, old, new):
+    """Look for a pin that touches and leaves within the step: return its event and a step ending inside.
+
+    Without one, return -1 and the whole step. The state after the returned step is left in ``new``.
+    """
+    for k in range(len(contacts)):
+        if contacts[k].phase == FLIGHT and old.gaps[k].rate > 0.0 and new.gaps[k].rate < 0.0:
+            nearest = peak(old.gaps[k], new.gaps[k], h)
+            if value_at(step, p, contacts, t, nearest, old, new, 2 * k) > 0.0:
+                return 2 * k, nearest
+            value_at(step, p, contacts, t, h, old, new, 2 * k)
+    return -1, h
+
+
+@njit(**INNER)
+def switch(gap_accelerations, p, contacts, t, motion, event, spare):
     """Change a contact's phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume."""
     k, kind = event // 2, event % 2
+    contact = contacts[k]
     if kind == 1:
-        s[2 * k] = CLIPPED if s[2 * k] == CONTACT else CONTACT
-        return 2.0 if s[2 * k] == CLIPPED else 3.0
-    if s[2 * k] != FLIGHT:
-        s[2 * k] = FLIGHT
-        return -1.0
-    stiffness, exponent, factor, slowest, clearance, _, _, _ = laws[k]
+        contact.phase = CLIPPED if contact.phase == CONTACT else CONTACT
+        return 2 if contact.phase == CLIPPED else 3
+    if contact.phase != FLIGHT:
+        contact.phase = FLIGHT
+        return -1
     # The gap's answer to a unit force tells the effective mass, and with it how long the contact will take.
-    gap_accelerations(p, s, t, q, v, spare)
+    gap_accelerations(p, contacts, t, motion, spare)
     free = spare[k]
-    s[2 * k] = PROBE
-    gap_accelerations(p, s, t, q, v, spare)
-    s[2 * k] = CONTACT
-    mobility = (free - spare[k]) * clearance / (clearance + gap[k, 3])
-    speed = max(gap[k, 1], slowest)
-    deepest = ((exponent + 1.0) * speed * speed / (2.0 * stiffness * mobility)) ** (1.0 / (exponent + 1.0))
-    s[2 * k + 1] = factor / speed
-    touch[k, 0], touch[k, 1], touch[k, 2] = t, 3.0 * deepest / speed, mobility
-    return 1.0
+    contact.phase = PROBE
+    gap_accelerations(p, contacts, t, motion, spare)
+    contact.phase = CONTACT
+    gap, n = motion.gaps[k], contact.exponent
+    contact.mobility = (free - spare[k]) * contact.clearance / (contact.clearance + gap.depth)
+    speed = max(gap.rate, contact.slowest)
+    energy = (n + 1.0) * speed * speed / (2.0 * contact.stiffness * contact.mobility)
+    contact.memory = contact.factor / speed
+    contact.began_s, contact.duration_s = t, 3.0 * energy ** (1.0 / (n + 1.0)) / speed
+    return 1
 
 
-def note(
-    gap_accelerations: Function,
-    p: FloatArray,
-    s: FloatArray,
-    laws: FloatArray,
-    touch: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    t: float,
-    gap: FloatArray,
-    event: int,
-    spare: FloatArray,
-    totals: FloatArray,
-    row: FloatArray,
-) -> None:
-    """Change a contact's phase at an event and write the event's row of the log."""
-    k = event // 2
-    row[2] = switch(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare)
-    row[0], row[1], row[3], row[4] = t, k, gap[k, 1], gap[k, 3]
-    for c in range(len(totals)):
-        row[5 + c] = totals[c]
+@njit(**INNER)
+def note(gap_accelerations, p, contacts, motion, event, spare, clock, records):
+    """Change a contact's phase at an event and write the event into the log."""
+    now = clock[0]
+    entry, k = records.events[now.events], event // 2
+    entry.time_s, entry.contact = now.time, k
+    entry.what = switch(gap_accelerations, p, contacts, now.time, motion, event, spare)
+    entry.rate, entry.depth = motion.gaps[k].rate, motion.gaps[k].depth
+    for c in range(len(motion.sums)):
+        records.event_sums[now.events, c] = motion.sums[c]
+    now.events += 1
 
 
-def advance(
-    step: Function,
-    gap_accelerations: Function,
-    slopes: Function,
-    p: FloatArray,
-    s: FloatArray,
-    laws: FloatArray,
-    touch: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    gap: FloatArray,
-    totals: FloatArray,
-    t: float,
-    end: float,
-    control: FloatArray,
-    log: FloatArray,
-    times: FloatArray,
-    samples: FloatArray,
-    budget: int,
-) -> tuple[float, int, int, int, int]:
-    """Advance q, v, their gaps (K, 4) and the totals of work from t to ``end`` in place, event by event.
+# ------------------------------------------------------------------------------- the next step
 
-    ``log`` (rows, 5 + totals) takes (time, contact, what, rate of g, depth) and the totals of each event,
-    ``samples`` a row (see ``contact_samples``) for each of the ``times`` from t to ``end``. Where events are
-    located, steps do not depend on the times; else, they land on each. Returns the time reached, the events
-    logged, the samples and the steps taken, and 0; or, short of the end, 1 (``budget`` of steps used), 2 (log
-    full), 3 (the step met a singular configuration or overflowed).
+
+@njit(**INNER)
+def graded(h, duration, distance):
+    """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
+    return min(h, h * h / duration + 2.0 * h * np.sqrt(max(distance, 0.0) / duration))
+
+
+@njit(**INNER)
+def step_length(contacts, gaps, now):
+    """Return the longest step that the phases allow."""
+    h = now.longest
+    for k in range(len(contacts)):
+        contact, gap = contacts[k], gaps[k]
+        if contact.phase == FLIGHT:
+            if gap.speed * h > 0.25 * contact.clearance:  # a quarter of the way across
+                h = 0.25 * contact.clearance / gap.speed
+            continue
+        duration, depth = contact.duration_s, max(gap.depth, 0.0)
+        if depth > 0.0:
+            slope = contact.exponent * gap.elastic / depth
+            duration = min(duration, np.pi / np.sqrt(slope * contact.mobility))
+            # A law's damping is stiff in a contact that began slowly, friction below its regularisation
+            # speed: a damper of rate r is followed by RK4 up to r h = 2.785, accurately well below it.
+            rate = contact.mobility * max(gap.damper, gap.elastic * contact.friction)
+            if rate > 0.0:
+                h = min(h, 0.5 / rate)
+        shortest = duration / now.per_contact
+        h = min(h, graded(shortest, duration, now.time - contact.began_s))
+        if gap.rate < 0.0:
+            h = min(h, graded(shortest, duration, -depth / gap.rate))
+    return h
+
+
+# -------------------------------------------------------------------------------- dense output
+#
+# Over x = (time - t)/h, positions are the quintic through q, q' and q'' at both ends, in error by O(h^6).
+# Velocities, and the sums, are quartics through value and slope at both ends and the slope at a third of the
+# step, evaluated at the interpolated state there: in error by O(h^5), as the step itself is. (The quintic's
+# own derivative would divide the round-off of q by h, and graded steps are short.)
+
+
+@njit(**INNER)
+def quintic(rise, slope, new_slope, curve, new_curve, x):
+    """Return at x what a quantity has changed by, with its slopes and half its curvatures at both ends.
+
+    All are per unit of x; ``rise`` is the whole change less ``slope`` and ``curve``.
     """
-    new_q, new_v, work = np.empty_like(q), np.empty_like(v), np.empty_like(totals)
-    new_gap, spare = np.empty_like(gap), np.empty(len(laws))
-    events, steps, taken = 0, 0, 0
-    lost = 0.0  # of h in the sum of times, carried on to the next step (Kahan 1965)
-    event = first_alarm(s, laws, gap, -1) if t == 0.0 and end > 0.0 else -1
+    turn = new_slope - slope - 2.0 * curve
+    bend = new_curve - curve
+    cubic = 10.0 * rise - 4.0 * turn + bend
+    quartic = -15.0 * rise + 7.0 * turn - 2.0 * bend
+    return x * (slope + x * (curve + x * (cubic + x * (quartic + x * (6.0 * rise - 3.0 * turn + bend)))))
+
+
+@njit(**INNER)
+def quartic(change, slope, new_slope, bump, x):
+    """Return at x what a quantity has changed by, with the slopes at both ends per unit of x.
+
+    ``bump`` x^2 (1 - x)^2 is what the quartic has beyond the cubic through both ends.
+    """
+    rest, turn = change - slope, new_slope - slope
+    return x * (slope + x * (3.0 * rest - turn + x * (turn - 2.0 * rest) + bump * (1.0 - x) * (1.0 - x)))
+
+
+@njit(**INNER)
+def bump_of(change, slope, new_slope, inside):
+    """Return the quartic's bump from its slope at ``INSIDE``."""
+    rest, turn, x = change - slope, new_slope - slope, INSIDE
+    cubic = slope + x * (2.0 * (3.0 * rest - turn) + x * 3.0 * (turn - 2.0 * rest))
+    return (inside - cubic) / (2.0 * x * (1.0 - x) * (1.0 - 2.0 * x))
+
+
+@njit(**INNER)
+def empty_motion(like):
+    """Return a state of the size of another."""
+    return Motion(
+        np.empty_like(like.q), np.empty_like(like.v), np.empty_like(like.sums), np.empty_like(like.gaps)
+    )
+
+
+@njit(**INNER)
+def empty_rates(motion, records):
+    """Return rates of the size of a state and of a run's multipliers."""
+    return Rates(np.empty_like(motion.q), np.empty_like(motion.sums), np.empty(records.multipliers.shape[1]))
+
+
+@njit(**INNER)
+def write(slopes, p, contacts, t, motion, now, records):
+    """Write the sample of a state."""
+    row, rates = now.taken, empty_rates(motion, records)
+    slopes(p, contacts, t, motion, rates)
+    for c in range(len(motion.q)):
+        records.q[row, c], records.v[row, c] = motion.q[c], motion.v[c]
+    for c in range(len(motion.sums)):
+        records.sums[row, c] = motion.sums[c]
+    for k in range(len(contacts)):
+        records.phases[row, 2 * k], records.phases[row, 2 * k + 1] = contacts[k].phase, contacts[k].memory
+    for r in range(records.multipliers.shape[1]):
+        records.multipliers[row, r] = rates.multipliers[r]
+    now.taken += 1
+
+
+@njit(**INNER)
+def between(at, x, h, ends, rates, bumps):
+    """Set q, v and sums of ``at`` to those at x of a step of h, from states and rates at both its ends."""
+    (old, new), (slope, new_slope) = ends, rates
+    for c in range(len(old.q)):
+        start, curve = h * old.v[c], 0.5 * h * h * slope.a[c]
+        rise = new.q[c] - old.q[c] - start - curve
+        at.q[c] = old.q[c] + quintic(rise, start, h * new.v[c], curve, 0.5 * h * h * new_slope.a[c], x)
+        change = new.v[c] - old.v[c]
+        at.v[c] = old.v[c] + quartic(change, h * slope.a[c], h * new_slope.a[c], bumps.a[c], x)
+    for c in range(len(old.sums)):
+        powers = h * slope.powers[c], h * new_slope.powers[c]
+        at.sums[c] = old.sums[c] + quartic(new.sums[c], powers[0], powers[1], bumps.powers[c], x)
+
+
+@njit(**INNER)
+def within(slopes, p, contacts, h, old, new, now, records):
+    """Write the samples that lie before the end of a step of h from ``old`` to ``new``.
+
+    The sums of ``new`` are those of the step alone.
+    """
+    t, end = now.time, now.time + h
+    rates, new_rates, bumps = (
+        empty_rates(old, records),
+        empty_rates(old, records),
+        empty_rates(old, records),
+    )
+    at = empty_motion(old)
+    slopes(p, contacts, t, old, rates)
+    slopes(p, contacts, end, new, new_rates)
+    for c in range(len(old.v)):
+        bumps.a[c] = 0.0
+    for c in range(len(old.sums)):
+        bumps.powers[c] = 0.0
+    between(at, INSIDE, h, (old, new), (rates, new_rates), bumps)
+    slopes(p, contacts, t + INSIDE * h, at, bumps)
+    for c in range(len(old.v)):
+        change = new.v[c] - old.v[c]
+        bumps.a[c] = bump_of(change, h * rates.a[c], h * new_rates.a[c], h * bumps.a[c])
+    for c in range(len(old.sums)):
+        powers = h * rates.powers[c], h * new_rates.powers[c]
+        bumps.powers[c] = bump_of(new.sums[c], powers[0], powers[1], h * bumps.powers[c])
+    while now.taken < len(records.time) and records.time[now.taken] < end:
+        time = records.time[now.taken]
+        between(at, (time - t) / h, h, (old, new), (rates, new_rates), bumps)
+        write(slopes, p, contacts, time, at, now, records)
+
+
+# -------------------------------------------------------------------------------------- the loop
+
+
+@njit(**INNER)
+def finite(gaps):
+    """Return whether all gaps are finite: what overflows anywhere is in them a step later."""
+    total = 0.0
+    for k in range(len(gaps)):
+        total += gaps[k].depth
+    return np.isfinite(total)
+
+
+@njit(**INNER)
+def take(old, new):
+    """Move the state on to ``new``, whose sums are those of the step alone."""
+    for c in range(len(old.q)):
+        old.q[c], old.v[c] = new.q[c], new.v[c]
+    for c in range(len(old.sums)):
+        old.sums[c] += new.sums[c]
+    for k in range(len(old.gaps)):
+        old.gaps[k] = new.gaps[k]
+
+
+@njit(**INNER)
+def cut(step, p, contacts, t, h, old, new):
+    """Return the first event within a step of h, -1 without one, and the step up to it, left in ``new``."""
+    event = first_alarm(contacts, new.gaps, -1)
+    if event < 0:
+        event, h = approach(step, p, contacts, t, h, old, new)
+    other = event
+    while other >= 0:
+        shorter = locate(step, p, contacts, t, h, old, new, other)
+        if other != event and shorter >= h:
+            break
+        event, h = other, shorter
+        other = first_alarm(contacts, new.gaps, event)
+    return event, h
+
+
+@njit(ADVANCE, **OPTIONS, cache=True)
+def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records):
+    """Advance the motion to the clock's end in place, event by event; return how that ended.
+
+    Events are added to the log, and a sample is written for each of the records' times up to the end. Where
+    events are located, steps do not depend on the times; else, they land on each.
+    """
+    now, new, spare = clock[0], empty_motion(motion), np.empty(len(contacts))
+    event = first_alarm(contacts, motion.gaps, -1) if now.time == 0.0 and now.end > 0.0 else -1
     while event >= 0:  # closed at the start
-        note(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare, totals, log[events])
-        events += 1
-        event = first_alarm(s, laws, gap, event)
+        note(gap_accelerations, p, contacts, motion, event, spare, clock, records)
+        event = first_alarm(contacts, motion.gaps, event)
     while True:
-        while taken < len(times) and times[taken] <= t:
-            write(slopes, p, s, t, q, v, totals, samples[taken])
-            taken += 1
-        if t >= end:
-            return t, events, taken, steps, 0
-        if steps >= budget:
-            return t, events, taken, steps, 1
-        if events >= len(log):
-            return t, events, taken, steps, 2
-        h, landing = control[0], end
-        if control[2] > 0.0:
-            h = step_length(s, laws, touch, gap, t, control)
-        elif taken < len(times):
-            landing = times[taken]
+        t = now.time
+        while now.taken < len(records.time) and records.time[now.taken] <= t:
+            write(slopes, p, contacts, t, motion, now, records)
+        if t >= now.end:
+            return DONE
+        if now.steps >= now.budget:
+            return SPENT
+        if now.events >= len(records.events):
+            return FULL
+        h, landing = now.longest, now.end
+        if now.located:
+            h = step_length(contacts, motion.gaps, now)
+        elif now.taken < len(records.time):
+            landing = records.time[now.taken]
         last = t + h >= landing - 1e-6 * h
         if last:
             h = landing - t
-        if not step(p, s, q, v, t, h, new_q, new_v, work, new_gap) or not finite(new_gap):
-            return t, events, taken, steps, 3
-        event, whole = first_alarm(s, laws, new_gap, -1), h
-        if control[2] > 0.0:
-            if event < 0:
-                event, h = approach(step, p, s, laws, q, v, t, h, new_q, new_v, work, gap, new_gap)
-            other = event
-            while other >= 0:
-                shorter = locate(step, p, s, laws, q, v, t, h, new_q, new_v, work, new_gap, other)
-                if other != event and shorter >= h:
-                    break
-                event, h = other, shorter
-                other = first_alarm(s, laws, new_gap, event)
+        if not step(p, contacts, t, h, motion, new) or not finite(new.gaps):
+            return FAILED
+        whole = h
+        if now.located:
+            event, h = cut(step, p, contacts, t, h, motion, new)
+        else:
+            event = first_alarm(contacts, new.gaps, -1)
         last = last and h == whole
-        change = h + lost
+        change = h + now.lost
         new_t = landing if last else t + change
-        if taken < len(times) and times[taken] < new_t:
-            taken = within(slopes, p, s, t, h, q, v, totals, new_q, new_v, work, times, taken, samples)
-        lost = 0.0 if last else change - (new_t - t)
-        t = new_t
-        for c in range(len(q)):
-            q[c], v[c] = new_q[c], new_v[c]
-        for c in range(len(totals)):
-            totals[c] += work[c]
-        steps += 1
-        for k in range(len(gap)):
-            for c in range(4):
-                gap[k, c] = new_gap[k, c]
+        if now.taken < len(records.time) and records.time[now.taken] < new_t:
+            within(slopes, p, contacts, h, motion, new, now, records)
+        now.lost = 0.0 if last else change - (new_t - t)
+        now.time = new_t
+        take(motion, new)
+        now.steps += 1
         if event >= 0:
-            note(gap_accelerations, p, s, laws, touch, q, v, t, gap, event, spare, totals, log[events])
-            events += 1
+            note(gap_accelerations, p, contacts, motion, event, spare, clock, records)

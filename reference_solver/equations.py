@@ -3,23 +3,29 @@
 Letters are the paper's: M, B, C, F, q, lambda. The constraint force is +B^T lambda. ``_dot`` is a time
 derivative. Position-level constraints g, needed for stabilisation only, are measured from the start: a guide
 keeps the body's initial angle, and a driver's angle is the initial one plus speed times t.
+
+The same text is both faces of the algorithm: of numbers it is the readable one, of a tape's values (see
+``tape``) it writes the compiled one.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
-from reference_solver.arrays import MechanismArrays
-from reference_solver.contact import add_contact_force
-from reference_solver.contact_events import CONTACT
+from reference_solver.constraints import CONSTRAINTS
+from reference_solver.contact import contact_force, elastic_force, rates_of
 from reference_solver.errors import SingularConfiguration
-from reference_solver.mechanism import GROUND, Mechanism, SpringDamper
+from reference_solver.factors import Factors
+from reference_solver.loads import LOADS, Forces
+from reference_solver.mechanism import GROUND, Mechanism
+from reference_solver.points import State
+from reference_solver.tape import Array, Scalar, array, named
 
 FloatArray = NDArray[np.float64]
 
-#: A Cholesky pivot that is mere round-off, relative to its diagonal entry: the row depends on earlier rows.
+#: A pivot that is mere round-off, relative to its diagonal entry: the row depends on others.
 PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
 
 
@@ -31,156 +37,149 @@ class Baumgarte:
     beta_s: float
 
 
+@dataclass(frozen=True)
+class System:
+    """The rows of all constraints at a state: [B] (m, n), and {C}, [B']{q'} and {g}, each (m,)."""
+
+    B: Array
+    C: Array
+    B_dot_v: Array
+    g: Array
+
+
+@dataclass(frozen=True)
+class Answer:
+    """{q''} (n,) and {lambda} (m,) at a state, and what is integrated with them.
+
+    ``powers`` are by name in W, normal forces in N (see ``Equations.power_names``); ``removed_W`` is what
+    Baumgarte's feedback takes away; ``damper_per_s`` is the rate of the damper that friction of pins in
+    following is, 0 without; ``ok`` says whether [B] has full row rank.
+    """
+
+    accelerations: Array
+    multipliers: Array
+    powers: dict[str, Scalar]
+    removed_W: Scalar
+    damper_per_s: Scalar
+    ok: Scalar
+
+
+def row_slices(mechanism: Mechanism) -> list[slice]:
+    """Return the rows of [B], and so the multipliers, of each constraint in order."""
+    still = np.zeros(3 * len(mechanism.bodies))
+    sizes = [len(CONSTRAINTS[type(c)](c, State(still, still), 0.0, still).C) for c in mechanism.constraints]
+    ends = np.cumsum([0, *sizes])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
 class Equations:
     """The paper's equations for one mechanism with n = 3 x bodies coordinates and m constraint rows.
 
     ``q_start`` (n,) are the initial coordinates, from which g is measured.
     """
 
-    def __init__(self, mechanism: Mechanism, q_start: FloatArray, baumgarte: Baumgarte | None = None) -> None:
-        self._arrays = MechanismArrays(mechanism, q_start)
-        self._springs = [load for load in mechanism.loads if isinstance(load, SpringDamper)]
-        self._baumgarte = baumgarte
-        self._n = 3 * len(mechanism.bodies)
-        self._contacts = mechanism.contacts
-        #: Phase and a/v0 of every contact (2K,), constant between events (see ``contact_loop``).
-        self.phases = np.zeros(2 * len(mechanism.contacts))
+    def __init__(self, mechanism: Mechanism, q_start: Array, baumgarte: Baumgarte | None = None) -> None:
+        self.mechanism, self._q_start, self._baumgarte = mechanism, q_start, baumgarte
+        self.n = 3 * len(mechanism.bodies)
+        #: Phase and memory (a/v0) of every contact (2K,), constant between events (see ``contact_loop``).
+        self.phases: Array = np.zeros(2 * len(mechanism.contacts))
+        self.mass = array([a for b in mechanism.bodies for a in (b.mass_kg, b.mass_kg, b.inertia_kg_m2)])
+        self.inverse_mass = 1.0 / self.mass
+        still = np.zeros(self.n)
         #: {C} (m,): what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
-        self.C = self._arrays.C
-        self.inverse_mass = self._arrays.inverse_mass
+        self.C = self.system(0.0, still, still).C
 
-    def _arms(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return, for every revolute joint, the arms from both bodies' centres to its points, each (2, r)."""
-        a, coordinates = self._arrays, np.append(q, np.zeros(3))  # the frame's coordinates
-        return _turned(coordinates[a.phi_i], a.point_i), _turned(coordinates[a.phi_j], a.point_j)
+    @property
+    def power_names(self) -> list[str]:
+        """Names of what is integrated: the drivers' power {lambda}^T{C}, then every contact's rates."""
+        contacts = enumerate(self.mechanism.contacts)
+        return ["drivers", *(name for k, joint in contacts for name in rates_of(joint, k))]
 
-    def _link_arms(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return, for every massless link, d from point i to point j and the two arms, each (2, l)."""
-        a, coordinates = self._arrays, np.append(q, np.zeros(3))
-        arm_i = _turned(coordinates[a.link_i[2]], a.link_point_i)
-        arm_j = _turned(coordinates[a.link_j[2]], a.link_point_j)
-        return coordinates[a.link_j[:2]] + arm_j - coordinates[a.link_i[:2]] - arm_i, arm_i, arm_j
+    def system(self, t: Scalar, q: Array, v: Array) -> System:
+        """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}."""
+        state = State(q, v)
+        parts = [CONSTRAINTS[type(c)](c, state, t, self._q_start) for c in self.mechanism.constraints]
+        rows: list[list[Scalar]] = []
+        for part in parts:
+            for k in range(len(part.C)):
+                row: list[Scalar] = [0.0] * self.n
+                for body, block in part.blocks.items():
+                    if body != GROUND:
+                        row[3 * body : 3 * body + 3] = block[k]
+                rows.append(row)
+        columns = (array([x for part in parts for x in getattr(part, of)]) for of in ("C", "B_dot_v", "g"))
+        return System(array(rows).reshape(-1, self.n), *columns)
 
     def constraint_matrix(self, q: FloatArray) -> FloatArray:
         """Return [B] (m, n) of (1), [B]{q'} = {C}."""
-        a, (arm_i, arm_j) = self._arrays, self._arms(q)
-        B = a.E.copy()
-        B[a.row, a.phi_i], B[a.row + 1, a.phi_i] = arm_i[1], -arm_i[0]
-        B[a.row, a.phi_j], B[a.row + 1, a.phi_j] = -arm_j[1], arm_j[0]
-        if len(a.link_row):
-            d, arm_i, arm_j = self._link_arms(q)
-            B[a.link_row, a.link_i] = -d[0], -d[1], d[0] * arm_i[1] - d[1] * arm_i[0]
-            B[a.link_row, a.link_j] = d[0], d[1], d[1] * arm_j[0] - d[0] * arm_j[1]
-        return np.asarray(B[:, : self._n])
+        return np.asarray(self.system(0.0, q, np.zeros(self.n)).B)
 
     def centripetal(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return [B']{q'} (m,) of (4): minus omega^2 times the arms, body j less body i.
-
-        Of a link it is d'.d' + d.d'', with d'' of the arms' turning alone.
-        """
-        a, (arm_i, arm_j) = self._arrays, self._arms(q)
-        rates = np.append(v, np.zeros(3))
-        B_dot_v = np.zeros(len(self.C))
-        B_dot_v[a.row], B_dot_v[a.row + 1] = rates[a.phi_i] ** 2 * arm_i - rates[a.phi_j] ** 2 * arm_j
-        if len(a.link_row):
-            d, arm_i, arm_j = self._link_arms(q)
-            rate_i, rate_j = rates[a.link_i], rates[a.link_j]
-            d_dot = rate_j[:2] + rate_j[2] * _across(arm_j) - rate_i[:2] - rate_i[2] * _across(arm_i)
-            d_dot_dot = rate_i[2] ** 2 * arm_i - rate_j[2] ** 2 * arm_j
-            B_dot_v[a.link_row] = np.sum(d_dot**2 + d * d_dot_dot, axis=0)
-        return B_dot_v
+        """Return [B']{q'} (m,) of (4)."""
+        return np.asarray(self.system(0.0, q, v).B_dot_v)
 
     def violation(self, t: float, q: FloatArray) -> FloatArray:
         """Return {g} (m,): gaps in m, angles in rad, links' in m^2; its time derivative is [B]{q'} - {C}."""
-        a, (arm_i, arm_j) = self._arrays, self._arms(q)
-        g = a.E[:, : self._n] @ q + a.d - self.C * t
-        gap = arm_j - arm_i
-        g[a.row], g[a.row + 1] = g[a.row] + gap[0], g[a.row + 1] + gap[1]
-        if len(a.link_row):
-            g[a.link_row] += np.sum(self._link_arms(q)[0] ** 2, axis=0) / 2
-        return np.asarray(g)
+        return np.asarray(self.system(t, q, np.zeros(self.n)).g)
 
-    def applied_force(self, q: FloatArray, v: FloatArray) -> FloatArray:
+    def applied_force(self, q: Array, v: Array) -> Array:
         """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers, contacts."""
-        return self._force(q, v, self.phases)
+        return self._force(q, v)[0]
 
-    def stored_force(self, q: FloatArray) -> FloatArray:
+    def _force(self, q: Array, v: Array) -> tuple[Array, dict[str, Scalar]]:
+        """Return {F} (n,), and the contacts' rates by name."""
+        state, rates = State(q, v), dict[str, Scalar]()
+        forces = [LOADS[type(load)](load, state, False) for load in self.mechanism.loads]
+        for k, joint in enumerate(self.mechanism.contacts):
+            force, found = contact_force(joint, self.phases[2 * k], self.phases[2 * k + 1], state)
+            forces.append(force)
+            rates |= zip(rates_of(joint, k), found, strict=True)
+        return self._sum(forces), rates
+
+    def stored_force(self, q: Array) -> Array:
         """Return the part of {F} (n,) that has a potential: gravity, torques, springs, elastic contacts.
 
         It is what is applied at rest; a clipped contact still stores its elastic energy.
         """
-        phases = self.phases.copy()
-        phases[::2] = np.minimum(phases[::2], CONTACT)
-        return self._force(q, np.zeros(self._n), phases)
+        state = State(q, np.zeros(self.n))
+        forces = [LOADS[type(load)](load, state, True) for load in self.mechanism.loads]
+        contacts = enumerate(self.mechanism.contacts)
+        return self._sum(forces + [elastic_force(joint, self.phases[2 * k], state) for k, joint in contacts])
 
-    def _force(self, q: FloatArray, v: FloatArray, phases: FloatArray) -> FloatArray:
-        if not self._springs and not self._contacts:
-            return np.asarray(self._arrays.F)
-        F: FloatArray = self._arrays.F.copy()
-        for spring in self._springs:
-            self._add_spring(F, spring, q, v)
-        for joint, (phase, damping) in zip(self._contacts, phases.reshape(-1, 2), strict=True):
-            add_contact_force(F, joint, phase, damping, q, v)
-        return F
+    def _sum(self, forces: list[Forces]) -> Array:
+        """Return gravity and the forces on all bodies, (n,)."""
+        weights = [-self.mechanism.gravity_m_s2 * body.mass_kg for body in self.mechanism.bodies]
+        F: list[Scalar] = [x for weight in weights for x in (0.0, weight, 0.0)]
+        for force in forces:
+            for body, parts in force.items():
+                if body != GROUND:
+                    F[3 * body : 3 * body + 3] = [x + y for x, y in zip(F[3 * body :], parts, strict=False)]
+        return array(F)
 
-    def _add_spring(self, F: FloatArray, spring: SpringDamper, q: FloatArray, v: FloatArray) -> None:
-        ends = []
-        for body, (x, y) in ((spring.body_i, spring.point_i), (spring.body_j, spring.point_j)):
-            if body == GROUND:
-                ends.append((np.array([x, y]), np.array([x, y]), np.zeros(2)))
-                continue
-            cos, sin = np.cos(q[3 * body + 2]), np.sin(q[3 * body + 2])
-            arm = np.array([cos * x - sin * y, sin * x + cos * y])
-            rate = v[3 * body : 3 * body + 2] + v[3 * body + 2] * np.array([-arm[1], arm[0]])
-            ends.append((q[3 * body : 3 * body + 2] + arm, arm, rate))
-        (point_i, arm_i, rate_i), (point_j, arm_j, rate_j) = ends
-        length = np.linalg.norm(point_j - point_i)
-        direction = (point_j - point_i) / length
-        tension = spring.stiffness_N_m * (length - spring.free_length_m)
-        tension += spring.damping_N_s_m * direction @ (rate_j - rate_i)
-        for body, arm, force in (
-            (spring.body_i, arm_i, tension * direction),
-            (spring.body_j, arm_j, -tension * direction),
-        ):
-            if body != GROUND:
-                F[3 * body : 3 * body + 3] += [*force, arm[0] * force[1] - arm[1] * force[0]]
-
-    def factor(self, t: float, q: FloatArray, B: FloatArray) -> FloatArray:
-        """Return the lower Cholesky factor (m, m) of [B][M]^-1[B]^T; its inverse (6) is never formed.
-
-        Raises:
-            SingularConfiguration: [B] has not full row rank, by the smallest pivot.
-        """
+    def factors(self, B: Array) -> Factors:
+        """Return the factors of [B][M]^-1[B]^T; its inverse (6) is never formed."""
         G = (B * self.inverse_mass) @ B.T
-        L, info = lapack.dpotrf(G, lower=1)
-        threshold = len(G) * PIVOT_TOLERANCE_PER_ROW
-        if info != 0 or np.any(L.diagonal() ** 2 < threshold * G.diagonal()):
-            scaled = B * np.sqrt(self.inverse_mass)
-            scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
-            rank = int(np.linalg.matrix_rank(scaled, tol=np.sqrt(threshold)))
-            raise SingularConfiguration(rank, len(B), t, q)
-        return np.asarray(L)
+        return Factors(named("g", G, "(5) [B][M]^-1[B]^T and its factors"), len(G) * PIVOT_TOLERANCE_PER_ROW)
 
-    def accelerations(self, t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10).
-
-        Raises:
-            SingularConfiguration: [B] has not full row rank.
-        """
-        B, F = self.constraint_matrix(q), self.applied_force(q, v)
-        if not len(B):  # LAPACK takes no empty matrix
-            return self.inverse_mass * F, np.zeros(0)
+    def answer(self, t: Scalar, q: Array, v: Array) -> Answer:
+        """Return {q''} = {A}, {lambda} and powers, equations (3)-(10)."""
+        system = self.system(t, q, v)
+        B = named("B", system.B, "(1) [B]")
+        F, rates = self._force(q, v)
+        free = named("f", self.inverse_mass * F, "(3) [M]^-1{F}")
+        factors = self.factors(B)
         # (4), (5): {C'} is zero, since prescribed speeds are constant.
-        right = -self.centripetal(q, v) - B @ (self.inverse_mass * F)
+        right, removed = -system.B_dot_v - B @ free, 0.0
         if self._baumgarte is not None:
-            right -= self._feedback(self._baumgarte, t, q, v, B)
-        # (6)-(8)
-        lambda_, _ = lapack.dpotrs(self.factor(t, q, B), right, lower=1)
-        # (9), (10)
-        return self.inverse_mass * (F + B.T @ lambda_), lambda_
+            right, removed = self._fed_back(self._baumgarte, system, v, factors, right)
+        lambda_ = named("lambda", factors.solve(named("h", right, "(5) right-hand side")), "(7), (8)")
+        A = named("a", free + (B * self.inverse_mass).T @ lambda_, "(9), (10)")
+        return Answer(A, lambda_, {"drivers": lambda_ @ system.C, **rates}, removed, 0.0, factors.ok)
 
-    def feedback_power(self, t: float, q: FloatArray, v: FloatArray) -> float:
-        """Return the power in W that Baumgarte's feedback takes away; 0 without one.
+    def _fed_back(
+        self, gains: Baumgarte, system: System, v: Array, factors: Factors, right: Array
+    ) -> tuple[Array, Scalar]:
+        """Return the right-hand side of (5) with Baumgarte's feedback, and the power that this takes away.
 
         The feedback adds -[M]*(2 alpha g' + beta^2 g) to {lambda}, with g' = [B]{q'} - {C}, and its forces do
         the power of these multipliers times [B]{q'}. The part times {C} is in the drivers' work already; what
@@ -189,25 +188,62 @@ class Equations:
         The other multipliers' power on the violation, {lambda}^T g', is not counted. It pays for a violation
         that RK4's error has put in without work, and with it the ledger's residual is larger, not smaller.
         """
-        if self._baumgarte is None or not len(self.C):
-            return 0.0
-        B = self.constraint_matrix(q)
-        x, _ = lapack.dpotrs(self.factor(t, q, B), B @ v - self.C, lower=1)
-        return float(x @ self._feedback(self._baumgarte, t, q, v, B))
+        drift = named("drift", system.B @ v - system.C, "Baumgarte's feedback")
+        feedback = named("feedback", 2 * gains.alpha_s * drift + gains.beta_s * gains.beta_s * system.g)
+        return right - feedback, factors.solve(drift) @ feedback
 
-    def _feedback(
-        self, gains: Baumgarte, t: float, q: FloatArray, v: FloatArray, B: FloatArray
-    ) -> FloatArray:
-        drift = B @ v - self.C
-        return np.asarray(2 * gains.alpha_s * drift + gains.beta_s**2 * self.violation(t, q))
+    def accelerations(self, t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10).
 
+        Raises:
+            SingularConfiguration: [B] has not full row rank.
+        """
+        answer = self.required(t, q, v)
+        return answer.accelerations, answer.multipliers
 
-def _turned(angle: FloatArray, point: FloatArray) -> FloatArray:
-    """Return points (2, r) of bodies at the angles (r,) in the global frame, from the bodies' centres."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([cos * point[0] - sin * point[1], sin * point[0] + cos * point[1]])
+    def required(self, t: float, q: FloatArray, v: FloatArray, h: float = 0.0) -> Answer:  # noqa: ARG002
+        """Return the answer in numbers, for a step of h.
 
+        Raises:
+            SingularConfiguration: [B] has not full row rank.
+        """
+        found = self.answer(t, q, v)
+        if not found.ok and np.isfinite(q).all() and np.isfinite(v).all():
+            self.refuse_singular(t, q)
+        return found
 
-def _across(arm: FloatArray) -> FloatArray:
-    """Return arms (2, r) turned by 90 degrees counter-clockwise."""
-    return np.array([-arm[1], arm[0]])
+    def refuse_singular(self, t: float, q: FloatArray) -> None:
+        """Raise SingularConfiguration with the rank of [B]."""
+        scaled = self.constraint_matrix(q) * np.sqrt(self.inverse_mass)
+        scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
+        threshold = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
+        rank = int(np.linalg.matrix_rank(scaled, tol=float(threshold)))
+        raise SingularConfiguration(rank, len(scaled), t, q)
+
+    def project_q(self, t: Scalar, q: Array) -> tuple[Array, Scalar, Scalar]:
+        """Return q moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
+
+        It is the least change in the norm of [M], one Newton step, which leaves a violation quadratic in the
+        one before. The energy is no difference of nearly equal ones: the move is -[M]^-1[B]^T{mu}, along
+        which the forces with a potential, {Q}, do the work -{mu}^T[B][M]^-1{Q}: exactly where they are
+        constant, else but for terms quadratic in the move, which is itself of order h^5.
+        """
+        system = self.system(t, q, np.zeros(self.n))
+        factors = self.factors(named("B", system.B, "(1) [B]"))
+        BW = system.B * self.inverse_mass
+        mu = named("mu", factors.solve(system.g), "multipliers of the move")
+        removed = -(mu @ (BW @ self.stored_force(q)))
+        return named("new", q - BW.T @ mu, "projection of {q}"), removed, factors.ok
+
+    def project_v(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Scalar, Scalar]:
+        """Return q' moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
+
+        T(v) - T(v') = (v - v')^T[M](v + v')/2, with v' as rounded: what rounding adds the next projection
+        removes, and both have to be counted.
+        """
+        system = self.system(t, q, v)
+        factors = self.factors(named("B", system.B, "(1) [B]"))
+        mu = named("mu", factors.solve(system.B @ v - system.C), "multipliers of the move")
+        new = named("new", v - (system.B * self.inverse_mass).T @ mu, "projection of {q'}")
+        removed = sum(m / 2 * ((a - b) * (a + b)) for m, a, b in zip(self.mass, v, new, strict=True))
+        return new, removed, factors.ok

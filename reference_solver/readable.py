@@ -1,70 +1,56 @@
-"""RK4, equations (11)-(13), and the projection, around the readable ``equations``: slow, the text to read."""
+"""Steps (11)-(13) and the projection by the readable ``equations``: slow, the text to read."""
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from reference_solver.equations import Equations
 from reference_solver.errors import NonFiniteState
+from reference_solver.methods import RK4, increments, quadrature, stages
 
 FloatArray = NDArray[np.float64]
 
 
-def rk4_step(
-    equations: Equations, t: float, q: FloatArray, v: FloatArray, h: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return q, v and the drivers' work after one classical RK4 step of (11)-(12): Z1' = Z2, Z2' = A."""
-    A1, lambda1 = equations.accelerations(t, q, v)
-    v2 = v + h / 2 * A1
-    A2, lambda2 = equations.accelerations(t + h / 2, q + h / 2 * v, v2)
-    v3 = v + h / 2 * A2
-    A3, lambda3 = equations.accelerations(t + h / 2, q + h / 2 * v2, v3)
-    v4 = v + h * A3
-    A4, lambda4 = equations.accelerations(t + h, q + h * v3, v4)
-    work = h / 6 * (lambda1 + 2 * (lambda2 + lambda3) + lambda4) @ equations.C
-    return q + h / 6 * (v + 2 * (v2 + v3) + v4), v + h / 6 * (A1 + 2 * (A2 + A3) + A4), float(work)
+def step(
+    equations: Equations, t: float, q: FloatArray, v: FloatArray, h: float, projected: bool
+) -> tuple[FloatArray, FloatArray, dict[str, float], float]:
+    """Return q, v, the integrals of all powers by name, and the energy that a stabilisation has removed.
 
+    Baumgarte's is its power at the start of the step times h: within a step the stages violate the
+    constraints by more than the solution does.
 
-def project(equations: Equations, t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the state moved onto the constraints: the least change in the norm of [M], first q, then q'.
-
-    One Newton step for q, which leaves a violation quadratic in the one before; q' is exact.
+    Raises:
+        SolverError: the equations have no answer at a stage.
     """
-    q, v, _ = project_with_loss(equations, t, q, v)
-    return q, v
+    found = stages(RK4, lambda t, q, v: equations.required(t, q, v, h), t, q, v, h)
+    change_q, change_v = increments(RK4, h, found)
+    powers = [stage.answer.powers for stage in found]
+    sums = {name: float(quadrature(RK4, h, [power[name] for power in powers])) for name in powers[0]}
+    q, v, removed = q + change_q, v + change_v, h * float(found[0].answer.removed_W)
+    if projected:
+        q, v, removed = project(equations, t + h, q, v)
+    return q, v, sums, removed
 
 
-def project_with_loss(
+def project(
     equations: Equations, t: float, q: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Return the state that ``project`` does, and the energy in J that it has lost in being moved.
+    """Return the state moved onto the constraints, first q, then q', and the energy in J this has removed.
 
-    Both energies are differences of nearly equal numbers, so they are not taken as such. Positions move by
-    -[M]^-1[B]^T{mu}, along which the forces with a potential, {Q}, do the work -{mu}^T[B][M]^-1{Q}: exactly
-    where they are constant, else but for terms quadratic in the move, which is itself of order h^5. Of
-    velocities, T(v) - T(v') = (v - v')^T[M](v + v')/2, with v' as rounded: what rounding adds the next
-    projection removes, and both have to be counted.
+    Raises:
+        SingularConfiguration: the constraint matrix has not full row rank.
     """
-    if not len(equations.C):  # LAPACK takes no empty matrix
-        return q, v, 0.0
-    B = equations.constraint_matrix(q)
-    mu, _ = lapack.dpotrs(equations.factor(t, q, B), equations.violation(t, q), lower=1)
-    move = equations.inverse_mass * (B.T @ mu)
-    removed = -move @ equations.stored_force(q)
-    q = q - move
-    B = equations.constraint_matrix(q)
-    mu, _ = lapack.dpotrs(equations.factor(t, q, B), B @ v - equations.C, lower=1)
-    new_v = v - equations.inverse_mass * (B.T @ mu)
-    removed += np.sum((v - new_v) * (v + new_v) / equations.inverse_mass) / 2
-    return q, new_v, float(removed)
+    q, removed_q, ok = equations.project_q(t, q)
+    v, removed_v, still_ok = equations.project_v(t, q, v)
+    if not (ok and still_ok) and np.isfinite(q).all():
+        equations.refuse_singular(t, q)
+    return q, v, float(removed_q + removed_v)
 
 
 class ReadableStepper:
     """Takes steps of size h from t = 0 with the readable equations.
 
     ``stabilisation_loss_J`` is the energy that the projections, or Baumgarte's feedback, have removed in all
-    steps so far. The feedback's is its power at the start of each step times h: within a step, RK4's stages
-    violate the constraints by more than the solution does.
+    steps so far.
     """
 
     def __init__(self, equations: Equations, h: float, projected: bool) -> None:
@@ -79,16 +65,13 @@ class ReadableStepper:
             NonFiniteState: the state overflows.
         """
         work = 0.0
-        for step in range(first, first + count):
-            t = step * self._h
-            removed = self._h * self._equations.feedback_power(t, q, v)
+        for number in range(first, first + count):
+            t = number * self._h
             with np.errstate(over="ignore", invalid="ignore"):
-                q[:], v[:], done = rk4_step(self._equations, t, q, v, self._h)
+                q[:], v[:], sums, removed = step(self._equations, t, q, v, self._h, self._projected)
             if not (np.isfinite(q).all() and np.isfinite(v).all()):
                 raise NonFiniteState(t + self._h, self._h)
-            if self._projected:
-                q[:], v[:], removed = project_with_loss(self._equations, t + self._h, q, v)
-            work += done
+            work += sums["drivers"]
             self.stabilisation_loss_J += removed
         return work
 

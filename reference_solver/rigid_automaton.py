@@ -91,9 +91,7 @@ class Automaton:
             if not alarmed:
                 continue
             length = (done + 1) * self._h - self.time_s
-            cut, joint = first_event(
-                self.mode, self._geometry, self.q, self.v, self.time_s, length, tolerance, ignored
-            )
+            cut, joint = first_event(self.mode, self.q, self.v, self.time_s, length, tolerance, ignored)
             self.q, self.v, sums = self.mode.step(self.q, self.v, self.time_s, cut)
             self.ledger.add(sums)
             if cut > 0:

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from reference_solver.rigid_joint import JointGeometry
 from reference_solver.rigid_modes import Mode
 
 FloatArray = NDArray[np.float64]
@@ -17,7 +16,6 @@ HALVINGS = 60
 
 def first_event(
     mode: Mode,
-    geometry: JointGeometry,
     q: FloatArray,
     v: FloatArray,
     t: float,
@@ -34,7 +32,7 @@ def first_event(
 
     def gap(joint: int, column: int) -> Callable[[float], float]:
         def value(length: float) -> float:
-            return float(geometry.gaps(*mode.step(q, v, t, length)[:2])[joint, column])
+            return float(mode.gaps(*mode.step(q, v, t, length)[:2])[joint, column])
 
         return value
 
@@ -45,8 +43,8 @@ def first_event(
 
         return value
 
-    before, (after_q, after_v, _) = geometry.gaps(q, v), mode.step(q, v, t, h)
-    after = geometry.gaps(after_q, after_v)
+    before, (after_q, after_v, _) = mode.gaps(q, v), mode.step(q, v, t, h)
+    after = mode.gaps(after_q, after_v)
     first: tuple[float, int | None] = (h, None)
     for joint in range(len(before)):
         if joint in ignored:

@@ -23,16 +23,19 @@ law's steepest f', wherever v_t is: a reversal may come within any step, and a s
 throw v_t from side to side.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
-from reference_solver.contact import friction_share
-from reference_solver.contact_laws import FrictionLaw
-from reference_solver.equations import Equations
+from reference_solver.contact_laws import FRICTION_LAWS, steepest
+from reference_solver.equations import Answer, Equations
 from reference_solver.errors import SolverError
-from reference_solver.mechanism import Mechanism
-from reference_solver.rigid_joint import JointGeometry, RigidJoint
+from reference_solver.factors import eliminated
+from reference_solver.mechanism import GROUND, Mechanism
+from reference_solver.points import State
+from reference_solver.rigid_joint import RigidJoint
+from reference_solver.tape import Array, Scalar, array, both, larger, named, sqrt
 
 FloatArray = NDArray[np.float64]
 
@@ -64,120 +67,113 @@ class FrictionTooStiff(SolverError):
         )
 
 
-def steepest(law: FrictionLaw) -> float:
-    """Return the largest slope of the law's f(v), in s/m."""
-    return 1 / (law.regularisation_speed_m_s - law.dead_band_speed_m_s)
+def held(mechanism: Mechanism, joints: tuple[RigidJoint, ...], following: tuple[int, ...]) -> Mechanism:
+    """Return the mechanism with one more row for each joint that follows its wall, its last."""
+    links = tuple(joints[k].link() for k in following)
+    return Mechanism(
+        mechanism.bodies, (*mechanism.constraints, *links), mechanism.loads, mechanism.gravity_m_s2
+    )
 
 
 class FollowingEquations(Equations):
-    """The equations with one more row for each joint in ``following``, and friction in these joints.
+    """The equations of a mechanism whose last rows belong to joints in ``following``, with their friction.
 
-    ``held`` is the mechanism with those rows, its last.
+    The mechanism is that of ``held``, of numbers or of a tape's values, like ``q_start``.
     """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        joints: tuple[RigidJoint, ...],
-        following: tuple[int, ...],
-        q_start: FloatArray,
+        self, mechanism: Mechanism, joints: tuple[RigidJoint, ...], following: tuple[int, ...], q_start: Array
     ) -> None:
-        links = tuple(joints[k].link() for k in following)
-        self.held = Mechanism(
-            mechanism.bodies, (*mechanism.constraints, *links), mechanism.loads, mechanism.gravity_m_s2
-        )
-        super().__init__(self.held, q_start)
+        super().__init__(mechanism, q_start)
+        self.joints, self.following = joints, following
         first = len(self.C) - len(following)
-        rubs = [(first + i, k) for i, k in enumerate(following) if joints[k].friction is not None]
-        self._rows = np.array([row for row, _ in rubs], dtype=int)
-        self._joints = tuple(k for _, k in rubs)
-        self._geometry = JointGeometry(mechanism, tuple(joints[k] for k in self._joints))
-        self._friction = [law for k in self._joints if (law := joints[k].friction) is not None]
-        # Where the normal forces and friction's powers stand behind the drivers' power.
-        self._impulse = np.array([1 + k for k in following], dtype=int)
-        self._loss = np.array([1 + len(joints) + k for k in self._joints], dtype=int)
-        self._lever = np.array([-joints[k].radial_clearance_m for k in following])
-        self._sums = 1 + 2 * len(joints)
+        #: Row, number and friction of the joints that follow with friction.
+        self.rubbing = [
+            (first + i, k, law) for i, k in enumerate(following) if (law := joints[k].friction) is not None
+        ]
 
-    def accelerations(self, t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return {q''} (n,) and {lambda} (m,).
+    @property
+    def power_names(self) -> list[str]:
+        """Names of the drivers' power, of every joint's normal force, and of its power lost in friction."""
+        numbers = range(len(self.joints))
+        return ["drivers", *(f"normal{k}" for k in numbers), *(f"slide{k}" for k in numbers)]
+
+    def answer(self, t: Scalar, q: Array, v: Array) -> Answer:
+        """Return {q''}, {lambda} and powers; ``ok`` also says that friction leaves the pins mobility."""
+        found = super().answer(t, q, v)
+        if self.rubbing:
+            found = self._rubbed(t, q, v, found)
+        powers = {**dict.fromkeys(self.power_names, 0.0), **found.powers}
+        for row, k in enumerate(self.following, len(self.C) - len(self.following)):
+            powers[f"normal{k}"] = -(self.joints[k].radial_clearance_m * found.multipliers[row])
+        return replace(found, powers=powers)
+
+    def _rubbed(self, t: Scalar, q: Array, v: Array, found: Answer) -> Answer:
+        """Return the answer with friction."""
+        state, B, rows = State(q, v), self.system(t, q, v).B, [row for row, *_ in self.rubbing]
+        T = array([sliding_row(self.joints[k], state) for _, k, _ in self.rubbing])
+        sliding = named("sliding", T @ v, "friction of pins that follow")
+        s = named("s", self.shares(sliding))
+        weighted = self.inverse_mass[:, None] * T.T
+        X = self.factors(B).solve(B @ weighted)
+        motion = weighted - (B * self.inverse_mass).T @ X
+        small = np.eye(len(rows)) + s[:, None] * X[rows]
+        tau, pivots = eliminated(small, s * found.multipliers[rows])
+        lambda_ = found.multipliers - X @ named("tau", tau)
+        ok, damper = found.ok, 0.0
+        for i, (row, k, law) in enumerate(self.rubbing):
+            ok = both(ok, pivots[i] > LEAST_MOBILITY)
+            # d tau/d v_t of each joint alone: of several the sum is not below the largest rate.
+            pressing = larger(-(self.joints[k].radial_clearance_m * lambda_[row]), 0.0)
+            slope = law.coefficient * steepest(law)
+            damper = damper + slope * pressing * (T[i] @ motion[:, i]) / small[i, i]
+        powers = {f"slide{k}": -(tau[i] * sliding[i]) for i, (_, k, _) in enumerate(self.rubbing)}
+        powers["drivers"] = lambda_ @ self.C
+        return Answer(found.accelerations + motion @ tau, lambda_, powers, 0.0, damper, ok)
+
+    def required(self, t: float, q: FloatArray, v: FloatArray, h: float = 0.0) -> Answer:
+        """Return the answer in numbers, for a step of h.
 
         Raises:
             SingularConfiguration: [B] has not full row rank.
             PainleveParadox: friction leaves a pin no mobility along its normal.
-        """
-        return self._answer(t, q, v)[:2]
-
-    def with_powers(self, t: float, q: FloatArray, v: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
-        """Return {q''} (n,) and (1 + 2J,) the drivers' power, J normal forces and J powers lost in friction.
-
-        Raises:
             FrictionTooStiff: a step of h is too long at this state.
         """
-        accelerations, lambda_, lost, rate = self._answer(t, q, v)
-        if h * rate > RK4_DAMPER_LIMIT:
-            raise FrictionTooStiff(t, h, rate)
-        powers = np.zeros(self._sums)
-        powers[0] = lambda_ @ self.C
-        powers[self._impulse] = self._lever * lambda_[len(lambda_) - len(self._lever) :]
-        powers[self._loss] = lost
-        return accelerations, powers
+        found = self.answer(t, q, v)
+        if not found.ok and np.isfinite(q).all() and np.isfinite(v).all():
+            if not self.factors(self.system(t, q, v).B).ok:
+                self.refuse_singular(t, q)
+            raise PainleveParadox(t, tuple(k for _, k, _ in self.rubbing))
+        if h * found.damper_per_s > RK4_DAMPER_LIMIT:
+            raise FrictionTooStiff(t, h, float(found.damper_per_s))
+        return found
+
+    def shares(self, sliding: Array) -> Array:
+        """Return s = mu c f(v_t) (r,) in m of the joints that rub."""
+        return array(
+            [
+                law.coefficient * self.joints[k].radial_clearance_m * FRICTION_LAWS[law.kind](law, speed)
+                for (_, k, law), speed in zip(self.rubbing, sliding, strict=True)
+            ]
+        )
 
     def friction_forces(self, q: FloatArray, v: FloatArray, lambda_: FloatArray) -> dict[int, float]:
         """Return the force F_t in N on the pins along t by joint, of those that have friction."""
-        if not self._joints:
-            return {}
-        s = self._shares(self._geometry.separation(q, v).tangent @ v)
-        return dict(zip(self._joints, (s * lambda_[self._rows]).tolist(), strict=True))
-
-    def _shares(self, sliding: FloatArray) -> FloatArray:
-        """Return s = mu c f(v_t) (r,) in m."""
-        return self._geometry.clearance_m * [
-            law.coefficient * friction_share(law, speed)
-            for law, speed in zip(self._friction, sliding, strict=True)
-        ]
-
-    def _answer(
-        self, t: float, q: FloatArray, v: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """Return {q''} (n,), {lambda} (m,), friction's lost powers (r,) in W and the damper's rate in 1/s."""
-        accelerations, lambda_ = super().accelerations(t, q, v)
-        if not self._joints:
-            return accelerations, lambda_, np.zeros(0), 0.0
-        T = self._geometry.separation(q, v).tangent
-        sliding, B = T @ v, self.constraint_matrix(q)
-        s = self._shares(sliding)
-        weighted = self.inverse_mass[:, None] * T.T
-        X, _ = lapack.dpotrs(self.factor(t, q, B), B @ weighted, lower=1)
-        answer = weighted - (B * self.inverse_mass).T @ X
-        small = np.eye(len(s)) + s[:, None] * X[self._rows]
-        minors = [1.0] + [float(np.linalg.det(small[:k, :k])) for k in range(1, len(s) + 1)]
-        pivots = np.divide(minors[1:], minors[:-1])
-        if pivots.min() <= LEAST_MOBILITY:
-            raise PainleveParadox(t, (self._joints[int(pivots.argmin())],))
-        tau = np.linalg.solve(small, s * lambda_[self._rows])
-        lambda_ = lambda_ - X @ tau
-        # d tau/d v_t of each joint alone: of several the sum is not below the largest rate.
-        slopes = [law.coefficient * steepest(law) for law in self._friction]
-        pressing = np.maximum(-self._geometry.clearance_m * lambda_[self._rows], 0.0)
-        rate = slopes * pressing * np.sum(T.T * answer, axis=0) / small.diagonal()
-        return accelerations + answer @ tau, lambda_, -tau * sliding, float(rate.sum())
+        sliding = [sliding_row(self.joints[k], State(q, v)) @ v for _, k, _ in self.rubbing]
+        forces = zip(self.rubbing, self.shares(np.array(sliding)), strict=True)
+        return {k: float(share * lambda_[row]) for (row, k, _), share in forces}
 
 
-def rk4_step(
-    equations: FollowingEquations, t: float, q: FloatArray, v: FloatArray, h: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, v and the sums (1 + 2J,) of one classical RK4 step of (11)-(12), by the same quadrature.
-
-    Raises:
-        SolverError: as ``FollowingEquations.with_powers``.
-    """
-    A1, P1 = equations.with_powers(t, q, v, h)
-    v2 = v + h / 2 * A1
-    A2, P2 = equations.with_powers(t + h / 2, q + h / 2 * v, v2, h)
-    v3 = v + h / 2 * A2
-    A3, P3 = equations.with_powers(t + h / 2, q + h / 2 * v2, v3, h)
-    v4 = v + h * A3
-    A4, P4 = equations.with_powers(t + h, q + h * v3, v4, h)
-    sums = h / 6 * (P1 + 2 * (P2 + P3) + P4)
-    return q + h / 6 * (v + 2 * (v2 + v3) + v4), v + h / 6 * (A1 + 2 * (A2 + A3) + A4), sums
+def sliding_row(joint: RigidJoint, state: State) -> Array:
+    """Return the row (n,) that gives the sliding speed from {q'}."""
+    i, j = state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+    d = j.place - i.place
+    distance = sqrt(d @ d)
+    along = array([-(d[1] / distance), d[0] / distance])
+    radii = (-joint.bearing_radius_m, joint.bearing_radius_m - joint.radial_clearance_m)
+    row: list[Scalar] = [0.0] * len(state.q)
+    for point, sign, radius in zip((i, j), (-1, 1), radii, strict=True):
+        if point.body != GROUND:
+            entries = sign * (along @ point.jacobian)
+            row[3 * point.body : 3 * point.body + 3] = [entries[0], entries[1], entries[2] + radius]
+    return array(row)

@@ -22,7 +22,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from reference_solver.complementarity import complementary
 from reference_solver.equations import Equations
@@ -83,7 +82,10 @@ class Eliminated:
         self.motion, self.reactions = weighted, np.zeros((len(equations.C), len(D)))
         if len(equations.C):
             B = equations.constraint_matrix(q)
-            solved, _ = lapack.dpotrs(equations.factor(t, q, B), B @ weighted, lower=1)
+            factors = equations.factors(B)
+            if not factors.ok:
+                equations.refuse_singular(t, q)
+            solved = factors.solve(B @ weighted)
             self.reactions = -solved
             self.motion = weighted - (B * equations.inverse_mass).T @ solved
         W = D @ self.motion

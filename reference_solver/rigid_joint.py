@@ -115,16 +115,16 @@ class JointGeometry:
 
     def gaps(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return (J, 2): g = (d.d - c^2)/2 in m^2, positive past the wall, and its rate d.d'."""
-        d = self.offsets(q)
-        rate = (self._equations.constraint_matrix(q) @ v).reshape(-1, 2)
+        system = self._equations.system(0.0, q, v)
+        d, rate = system.g.reshape(-1, 2), (system.B @ v).reshape(-1, 2)
         g = (np.sum(d * d, axis=1) - self.clearance_m**2) / 2
         return np.column_stack([g, np.sum(d * rate, axis=1)])
 
     def separation(self, q: FloatArray, v: FloatArray) -> Separation:
         """Return the joints' separation; a pin at its bearing's very centre has n along +x."""
-        rows = self._equations.constraint_matrix(q).reshape(len(self._joints), 2, -1)
-        bending = self._equations.centripetal(q, v).reshape(-1, 2)
-        d = self.offsets(q)
+        system = self._equations.system(0.0, q, v)
+        rows = system.B.reshape(len(self._joints), 2, -1)
+        d, bending = system.g.reshape(-1, 2), system.B_dot_v.reshape(-1, 2)
         distance = np.hypot(d[:, 0], d[:, 1])
         n = np.where(distance[:, None] > 0, d, [1.0, 0.0]) / np.where(distance > 0, distance, 1.0)[:, None]
         t = np.column_stack([-n[:, 1], n[:, 0]])

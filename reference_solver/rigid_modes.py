@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from reference_solver import rigid_loop
 from reference_solver.errors import NonFiniteState
 from reference_solver.mechanism import Mechanism
-from reference_solver.readable import project
-from reference_solver.rigid_friction import FollowingEquations, rk4_step
+from reference_solver.readable import step as readable_step
+from reference_solver.rigid_friction import FollowingEquations, held
 from reference_solver.rigid_joint import JointGeometry, RigidJoint
 
 FloatArray = NDArray[np.float64]
@@ -35,23 +35,24 @@ class Mode:
         compiled: bool,
     ) -> None:
         self.following = following
-        self.equations = FollowingEquations(mechanism, joints, following, q_start)
+        holding = held(mechanism, joints, following)
+        self.equations = FollowingEquations(holding, joints, following, q_start)
         self._geometry = JointGeometry(mechanism, joints)
         self._follows = np.isin(np.arange(len(joints)), following)
         self._parameters, self._room = np.empty(0), np.empty(len(self.equations.C))
         self._until_alarm = partial(
             rigid_loop.until_alarm, self._readable_step, self._readable_gaps, self._readable_multipliers
         )
-        self._step = self._readable_step
+        self._step, self._gaps = self._readable_step, self._readable_gaps
         if compiled:
             from reference_solver.kernel_store import load_kernel  # Numba takes a moment to import
-            from reference_solver.rigid_friction_source import FollowingWriter
-            from reference_solver.rigid_source import rigid_kernel_source
+            from reference_solver.kernel import Topology
+            from reference_solver.rigid_source import rigid_source_of
 
-            writer = FollowingWriter(self.equations, joints, following, q_start)
-            kernel = load_kernel(rigid_kernel_source(writer))
-            self._parameters = np.array(writer.parameters)
-            self._step, self._until_alarm = kernel.step, kernel.until_alarm
+            topology = Topology(holding, None, True, joints, following)
+            kernel = load_kernel(rigid_source_of(topology.marked()))
+            self._parameters = topology.parameters(kernel, q_start)
+            self._step, self._gaps, self._until_alarm = kernel.step, kernel.gaps, kernel.until_alarm
 
     def until_alarm(
         self,
@@ -97,6 +98,12 @@ class Mode:
         self._readable_step(self._parameters, t, h, new_q, new_v, sums)
         return new_q, new_v, sums
 
+    def gaps(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return (J, 2): g = (d.d - c^2)/2 in m^2, positive past the wall, and its rate d.d'."""
+        out = np.empty((len(self._follows), 2))
+        self._gaps(self._parameters, q, v, out)
+        return out
+
     def multipliers(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return {lambda}: of the m ideal rows, then of the joints that follow, in N/m."""
         return self.equations.accelerations(t, q, v)[1]
@@ -106,12 +113,11 @@ class Mode:
     ) -> bool:
         """Take one step in place, and add its sums, as the kernels do."""
         with np.errstate(over="ignore", invalid="ignore"):
-            q[:], v[:], added = rk4_step(self.equations, t, q, v, h)
+            new_q, new_v, added, _ = readable_step(self.equations, t, q, v, h, projected=True)
+        q[:], v[:] = new_q, new_v
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise NonFiniteState(t + h, h)
-        if len(self.equations.C):
-            q[:], v[:] = project(self.equations, t + h, q, v)
-        sums += added
+        sums += list(added.values())
         return True
 
     def _readable_gaps(self, _: FloatArray, q: FloatArray, v: FloatArray, out: FloatArray) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.complementarity import complementary, least_minor_ratio
-from reference_solver.contact import friction_share
+from reference_solver.contact_laws import FRICTION_LAWS
 from reference_solver.equations import Equations
 from reference_solver.mechanism import Mechanism
 from reference_solver.rigid_friction import LEAST_MOBILITY, PainleveParadox
@@ -167,7 +167,8 @@ class Settling:
         shares = np.zeros(k)
         for i, joint in enumerate(closed):
             if (law := self._joints[joint].friction) is not None:
-                shares[i] = law.coefficient * friction_share(law, float(where.tangent[joint] @ v))
+                sliding = float(where.tangent[joint] @ v)
+                shares[i] = law.coefficient * FRICTION_LAWS[law.kind](law, sliding)
         rubbing = shares != 0
         rows = np.concatenate([-where.normal[closed], where.tangent[closed[rubbing]]])
         answer = Eliminated(self._ideal, t, q, rows, k)

@@ -2,89 +2,55 @@
 
 import inspect
 import re
+from functools import cache
 
 from reference_solver import rigid_loop
-from reference_solver.kernel_source import (
-    HEADER,
-    INLINE,
-    INNER,
-    call,
-    compiled,
-    drivers_power,
-    function,
-    mean,
-    names,
-    rk4_lines,
-)
-from reference_solver.rigid_friction import RK4_DAMPER_LIMIT
-from reference_solver.rigid_friction_source import FollowingWriter
-from reference_solver.straight_line import StraightLine
+from reference_solver.kernel import ENTRY, INNER, Kernel, Topology
+from reference_solver.points import State
+from reference_solver.rigid_friction import FollowingEquations
 
 
-def rigid_kernel_source(writer: FollowingWriter) -> str:
-    """Return a module with ``step``, ``gaps``, ``multipliers``, and ``until_alarm`` of ``rigid_loop``.
-
-    ``writer.parameters`` is complete afterwards.
-    """
-    q, v = names("q", writer.n), names("v", writer.n)
-    code, accelerations, lambda_, ok = writer.accelerations(None)
-    results = [*accelerations, *lambda_, *writer.rates, ok]
-    functions = [function("accelerations", ["p", "t", *q, *v], code.lines, results, INLINE)]
-    for of in ("q", "v"):
-        code, moved, ok = writer.projection(of)
-        arguments = ["p", "t", *q, *(v if of == "v" else [])]
-        functions.append(function(f"project_{of}", arguments, code.lines, [*moved, ok], INLINE))
-    functions += [_step(writer), _gaps(writer), _multipliers(writer)]
+@cache
+def rigid_source_of(topology: Topology) -> str:
+    """Return a module with ``step``, ``gaps``, ``multipliers``, and ``until_alarm`` of ``rigid_loop``."""
+    kernel = Kernel(topology)
+    kernel.answer()
+    kernel.projections()
+    _step(kernel)
+    _gaps(kernel)
+    kernel.multipliers()
     text = inspect.getsource(rigid_loop)
     text = text[text.index("\n\n\ndef ") :]
     text = re.sub(r"^    (step|gaps|multipliers): Function,\n", "", text, flags=re.MULTILINE)
-    text = compiled(text, "until_alarm")
-    header = "from __future__ import annotations\n\nimport numpy as np\n"
-    if writer.rates:
-        header += "from math import copysign, tanh\n"
-    return "\n\n".join([header + HEADER, *functions]) + f"\n{text}"
+    return (
+        "from __future__ import annotations\n\nimport numpy as np\n"
+        + kernel.source()
+        + compiled(text, "until_alarm")
+    )
 
 
-def _unpack(writer: FollowingWriter) -> list[str]:
-    return [f"{name}{c} = {name}[{c}]" for name in "qv" for c in range(writer.n)]
-
-
-def _step(writer: FollowingWriter) -> str:
+def _step(kernel: Kernel) -> None:
     """Write ``step(p, t, h, q, v, sums)``: an RK4 step in place, its sums added; False on failure."""
-    joints = len(writer.joints)
-    lines, ok = rk4_lines(writer, ["p"], writer.rates, True)
-    if writer.rates:
-        ok += "".join(f" and h*damping_{stage} <= {RK4_DAMPER_LIMIT}" for stage in (1, 2, 3, 4))
-    lines = [*_unpack(writer), *lines, f"if not ({ok}):", "    return False"]
-    for name, to in (("q", "x"), ("v", "y")):
-        lines += [f"{name}[{c}] = {to}{c}" for c in range(writer.n)]
-    if power := drivers_power(writer):
-        lines.append(f"sums[0] += {power}")
-    for k in writer.following:
-        row = writer.row_of(k)
-        clearance = writer.parameter(f"clearance {k}", writer.joints[k].radial_clearance_m)
-        lines.append(f"sums[{1 + k}] -= {clearance}*{mean(f'lambda{row}')}")
-        if writer.joints[k].friction is not None:
-            lines.append(f"sums[{1 + joints + k}] += {mean(f'lost{row}')}")
-    return function("step", ["p", "t", "h", "q", "v", "sums"], lines, ["True"])
+    tape, _, q, v = kernel.begin()
+    step = kernel.step(tape, tape.input("t"), q, v, tape.input("h"))
+    stores = [(f"q[{c}]", x) for c, x in enumerate(step.q)] + [(f"v[{c}]", x) for c, x in enumerate(step.v)]
+    stores += [(f"sums[{k}]", tape.input(f"sums[{k}]") + x) for k, x in enumerate(step.sums.values())]
+    kernel.add("step", ["p", "t", "h", "q", "v", "sums"], tape, [step.ok], stores)
 
 
-def _gaps(writer: FollowingWriter) -> str:
-    """Write ``gaps(p, q, v, out)``: g in m^2 and its rate of every joint, (J, 2)."""
-    code, out = StraightLine(), []
-    for k, joint in enumerate(writer.joints):
-        ends = ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j))
-        _, (x, y), (rate_x, rate_y) = writer.between(code, f"n{k}", ends)
-        c = writer.parameter(f"clearance {k}", joint.radial_clearance_m)
-        out.append(f"out[{k}, 0] = 0.5*({x}*{x} + {y}*{y} - {c}*{c})")
-        out.append(f"out[{k}, 1] = {x}*({rate_x}) + {y}*({rate_y})")
-    return function("gaps", ["p", "q", "v", "out"], [*_unpack(writer), *code.lines, *out], ["True"], INNER)
+def _gaps(kernel: Kernel) -> None:
+    """Write ``gaps(p, q, v, out)``: g = (d.d - c^2)/2 in m^2 and its rate of every joint, (J, 2)."""
+    tape, equations, q, v = kernel.begin()
+    assert isinstance(equations, FollowingEquations)
+    stores, state = [], State(q, v)
+    for k, joint in enumerate(equations.joints):
+        i, j = state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+        d, d_dot, c = j.place - i.place, j.rate - i.rate, joint.radial_clearance_m
+        stores += [(f"out[{k}, 0]", 0.5 * (d @ d - c * c)), (f"out[{k}, 1]", d @ d_dot)]
+    kernel.add("gaps", ["p", "q", "v", "out"], tape, [True], stores)
 
 
-def _multipliers(writer: FollowingWriter) -> str:
-    """Write ``multipliers(p, t, q, v, out)``: {lambda} at a state into ``out``; returns whether it could."""
-    lambda_, state = names("lambda", writer.m), [*names("q", writer.n), *names("v", writer.n)]
-    results = [*names("a", writer.n), *lambda_, *writer.rates, "ok"]
-    lines = [*_unpack(writer), call(results, "accelerations", ["p", "t", *state])]
-    lines += [f"out[{r}] = {name}" for r, name in enumerate(lambda_)]
-    return function("multipliers", ["p", "t", "q", "v", "out"], lines, ["ok"], INNER)
+def compiled(text: str, entry: str) -> str:
+    """Return the text of functions, each compiled, with ``entry`` for Python to call."""
+    text = text.replace("\ndef ", f"\n@njit({INNER})\ndef ")
+    return text.replace(f"\n@njit({INNER})\ndef {entry}(", f"\n@njit({ENTRY})\ndef {entry}(")

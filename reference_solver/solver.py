@@ -19,8 +19,7 @@ Stabilisation = Literal["none", "projection"] | Baumgarte
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
 START_TOLERANCE = 1e-9
 
-#: Bodies up to which straight-line code is written; its compile time grows faster than linearly, and beyond
-#: them the block kernel runs.
+#: Bodies up to which straight-line code is compiled, for ten seconds; beyond them the readable face runs.
 LARGEST_COMPILED = 16
 
 #: Fewer steps do not follow a contact.
@@ -84,17 +83,13 @@ class Stepper(Protocol):
 def make_stepper(
     mechanism: Mechanism, q_start: FloatArray, h: float, stabilisation: Stabilisation, compiled: bool
 ) -> Stepper:
-    """Return the readable face, or a compiled one: written for the topology, or in blocks if it is large."""
+    """Return the readable face, or the compiled one of a mechanism that is not too large for it."""
     if mechanism.contacts:
         raise ValueError("contacts: expected none (see contact_stepper.solve_with_contacts)")
     baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
     projected = stabilisation == "projection"
     # Numba takes a moment to import.
-    if compiled and len(mechanism.bodies) > LARGEST_COMPILED:
-        from reference_solver.block_stepper import BlockStepper
-
-        return BlockStepper(mechanism, q_start, h, baumgarte, projected)
-    if compiled:
+    if compiled and len(mechanism.bodies) <= LARGEST_COMPILED:
         from reference_solver.compiled import CompiledStepper
 
         return CompiledStepper(mechanism, q_start, h, baumgarte, projected)

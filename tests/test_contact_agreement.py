@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from engine_models.assembly import start_state
 from engine_models.reference_model import mechanism_of
 from engine_models.scene_library import CLEARANCE_SCENES
-from reference_solver.contact import ContactState, add_contact_force, contact_state
-from reference_solver.contact_events import CLIPPED, CONTACT, FLIGHT
-from reference_solver.contact_kernel_source import all_rates, contact_kernel_source
-from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
-from reference_solver.contact_stepper import solve_with_contacts
-from reference_solver.equations import Baumgarte, Equations
-from reference_solver.generator import EquationsWriter
 from reference_solver.kernel_store import load_kernel
-from reference_solver.mechanism import Mechanism
-from reference_solver.readable import project_with_loss, rk4_step
+from reference_solver.contact import ContactState, contact_force, contact_state
+from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
+from reference_solver.contact_stepper import contact_record, solve_with_contacts
+from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, Rates, new_motion
+from reference_solver.equations import Baumgarte, Equations
+from reference_solver.kernel import Topology, contact_source
+from reference_solver.mechanism import GROUND, Mechanism
+from reference_solver.points import State
+from reference_solver.readable import step as readable_step
 from reference_solver.solver import Stabilisation, StepChoice
 
 FloatArray = NDArray[np.float64]
@@ -89,24 +89,27 @@ def moments(name: str) -> dict[str, Moment]:
 def check(at: Moment, stabilisation: Stabilisation) -> None:
     """Compare a step, its sums, and forces and losses at its start, between the two faces."""
     baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
-    writer = EquationsWriter(at.mechanism, at.q_start)
-    kernel = load_kernel(contact_kernel_source(writer, baumgarte, stabilisation == "projection"))
-    names = all_rates(writer)
+    projected = stabilisation == "projection"
+    topology = Topology(at.mechanism, baumgarte, projected)
+    kernel = load_kernel(contact_source(topology.marked()))
     equations = Equations(at.mechanism, at.q_start, baumgarte)
     equations.phases = at.phases
-    parameters, size = np.array(writer.parameters), 1 + len(names) + (stabilisation != "none")
-    q, v, sums = np.empty_like(at.q), np.empty_like(at.v), np.zeros(size)
-    new_gap, gap = np.empty((2, len(at.mechanism.contacts), 4))
-    assert kernel.step(parameters, at.phases, at.q, at.v, at.t, at.h, q, v, sums, new_gap)
-    assert kernel.gaps(parameters, q, v, gap)
-    assert np.array_equal(new_gap, gap)
-    a, rates, lambda_ = np.empty_like(at.q), np.empty(size), np.empty(writer.m)
-    assert kernel.slopes(parameters, at.phases, at.t, at.q, at.v, a, rates, lambda_)
+    names = equations.power_names[1:]
+    parameters, size = topology.parameters(kernel, at.q_start), 1 + len(names) + (stabilisation != "none")
+    contacts = np.array([contact_record(joint) for joint in at.mechanism.contacts], CONTACT_RECORD)
+    contacts["phase"], contacts["memory"] = at.phases.reshape(-1, 2).T
+    old, new, again = (new_motion(len(at.q), size, len(contacts)) for _ in range(3))
+    old.q[:], old.v[:] = at.q, at.v
+    assert kernel.step(parameters, contacts, at.t, at.h, old, new)
+    q, v, sums = new.q, new.v, new.sums
+    again.q[:], again.v[:] = q, v
+    assert kernel.gaps(parameters, contacts, again)
+    assert np.array_equal(new.gaps, again.gaps)
+    a, rates, lambda_ = np.empty_like(at.q), np.empty(size), np.empty(len(equations.C))
+    assert kernel.slopes(parameters, contacts, at.t, old, Rates(a, rates, lambda_))
 
-    true_q, true_v, work = rk4_step(equations, at.t, at.q, at.v, at.h)
-    removed = at.h * equations.feedback_power(at.t, at.q, at.v)
-    if stabilisation == "projection":
-        true_q, true_v, removed = project_with_loss(equations, at.t + at.h, true_q, true_v)
+    true_q, true_v, true_sums, removed = readable_step(equations, at.t, at.q, at.v, at.h, projected)
+    work = true_sums["drivers"]
     true_a, true_lambda = equations.accelerations(at.t, at.q, at.v)
     magnified = ROUND_OFF * at.condition()
     speeds = np.abs(at.v).max() + at.condition() * at.h * np.abs(true_a).max()
@@ -135,7 +138,9 @@ def check_losses(at: Moment, rates: dict[str, float]) -> None:
         zip(at.mechanism.contacts, at.phases.reshape(-1, 2), strict=True)
     ):
         state = contact_state(joint, phase, damping, at.q, at.v)
-        add_contact_force(F, joint, phase, damping, at.q, at.v)
+        for body, force in contact_force(joint, phase, damping, State(at.q, at.v))[0].items():
+            if body != GROUND:
+                F[3 * body : 3 * body + 3] += force
         spring = joint.law.stiffness * max(state.penetration_m, 0.0) ** joint.law.exponent
         stored += spring * state.rate_m_s if phase != FLIGHT else 0.0
         scale = max(scale, spring, abs(state.normal_force_N))

@@ -44,7 +44,7 @@ def solved(scene: Scene, choice: StepChoice, samples: int = 30) -> ContactSoluti
 
 
 def touches(run: ContactSolution) -> np.ndarray:
-    return np.asarray(run.events[run.events[:, 2] == 1])
+    return np.asarray(run.events[run.events["what"] == 1])
 
 
 @pytest.mark.parametrize("name", CLEARANCE_SCENES)

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numba import njit
 from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings
@@ -11,8 +12,9 @@ from engine_models.reference_engine import ReferenceEngine
 from engine_models.reference_model import mechanism_of
 from engine_models.reference_runs import compliant_run
 from engine_models.scene_library import CLEARANCE_SCENES
-from reference_solver.contact_samples import within
+from reference_solver.contact_driver import load_driver
 from reference_solver.contact_stepper import ContactSolution
+from reference_solver.contact_types import CLOCK_RECORD, CONTACT_RECORD, EVENT_RECORD, Records, new_motion
 from reference_solver.equations import Equations
 from reference_solver.solver import StepChoice
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
@@ -22,52 +24,62 @@ from tests.test_contact_crank_slider import FINE, HORIZON_S, POSITION_M, short, 
 FloatArray = NDArray[np.float64]
 
 
+@njit
+def rate_of(y):  # type: ignore[no-untyped-def]
+    """q'' = -q - q'^3/10, and the sum of q q'^2."""
+    return np.array([y[1], -y[0] - y[1] ** 3 / 10, y[0] * y[1] ** 2])
+
+
+@njit
+def flow(y, until):  # type: ignore[no-untyped-def]
+    """Return the state after a time, by 200 steps of RK4."""
+    k = until / 200
+    for _ in range(200):
+        k1 = rate_of(y)
+        k2 = rate_of(y + k / 2 * k1)
+        k3 = rate_of(y + k / 2 * k2)
+        y = y + k / 6 * (k1 + 2 * (k2 + k3) + rate_of(y + k * k3))
+    return y
+
+
+@njit
+def step(p, contacts, t, h, old, new):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """A step of the loop that has converged; its sum is that of the step alone."""
+    y = flow(np.array([old.q[0], old.v[0], 0.0]), h)
+    new.q[0], new.v[0], new.sums[0] = y[0], y[1], y[2]
+    return True
+
+
+@njit
+def slopes(p, contacts, t, motion, rates):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """The rates at a state, and a multiplier."""
+    rate = rate_of(np.array([motion.q[0], motion.v[0], 0.0]))
+    rates.a[0], rates.powers[0], rates.multipliers[0] = rate[1], rate[2], 7.0
+    return True
+
+
+@njit
+def gap_accelerations(p, contacts, t, motion, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """There is no contact."""
+    return True
+
+
 def interpolation_errors(h: float) -> FloatArray:
-    """Return the largest errors of q, q' and a sum within a converged step of q'' = -q - q'^3/10."""
-
-    def slopes(*arguments: FloatArray) -> bool:
-        _, _, _, q, v, a, rate, multipliers = arguments
-        a[:], rate[:], multipliers[:] = -q - v**3 / 10, q[0] * v[0] ** 2, 7.0
-        return True
-
-    def flow(until: float) -> FloatArray:
-        state, n = np.array([0.8, 0.5, 3.0]), 200
-        for _ in range(n):
-
-            def rate_of(y: FloatArray) -> FloatArray:
-                return np.array([y[1], -y[0] - y[1] ** 3 / 10, y[0] * y[1] ** 2])
-
-            k = until / n
-            k1 = rate_of(state)
-            k2 = rate_of(state + k / 2 * k1)
-            k3 = rate_of(state + k / 2 * k2)
-            state = state + k / 6 * (k1 + 2 * (k2 + k3) + rate_of(state + k * k3))
-        return state
-
-    times, samples = np.linspace(0, h, 9)[:-1], np.empty((8, 6))
-    (q, v, total), (new_q, new_v, new_total) = flow(0.0), flow(h)
-    phases = np.array([1.0, 0.3])
-    begin, end = [[np.array([value]) for value in ends] for ends in ((q, v, total), (new_q, new_v))]
-    work = np.array([new_total - total])
-    taken = within(
-        slopes,
-        np.empty(0),
-        phases,
-        0.0,
-        h,
-        begin[0],
-        begin[1],
-        begin[2],
-        end[0],
-        end[1],
-        work,
-        times,
-        0,
-        samples,
-    )
-    assert taken == len(times)
-    assert (samples[:, 3:] == [1.0, 0.3, 7.0]).all(), "phases and multipliers"
-    return np.asarray(np.abs(samples[:, :3] - [flow(t) for t in times]).max(axis=0))
+    """Return the largest errors of q, q' and a sum within a converged step of the loop."""
+    motion, contacts = new_motion(1, 1, 0), np.zeros(0, CONTACT_RECORD)
+    start = np.array([0.8, 0.5, 3.0])
+    motion.q[0], motion.v[0], motion.sums[0] = start
+    clock, times = np.zeros(1, CLOCK_RECORD), np.linspace(0, h, 9)[1:-1]
+    clock["longest"] = clock["end"] = h
+    clock["located"] = clock["budget"] = 1
+    rows = [np.zeros((len(times), size)) for size in (1, 1, 1, 0, 1)]
+    records = Records(np.zeros(1, EVENT_RECORD), np.zeros((1, 1)), times, *rows)
+    functions = step, slopes, gap_accelerations
+    assert load_driver().advance(*functions, np.zeros(0), contacts, motion, clock, records) == 0
+    assert clock["steps"] == 1
+    assert (records.multipliers == 7.0).all()
+    found = np.column_stack([records.q, records.v, records.sums])
+    return np.asarray(np.abs(found - [flow(start, t) for t in times]).max(axis=0))
 
 
 def test_positions_are_interpolated_at_order_six_velocities_and_sums_at_order_five() -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_solver.contact_laws import FrictionLaw
+from reference_solver.contact_laws import FrictionLaw, steepest
 from reference_solver.mechanism import GROUND, Body, Mechanism, PrescribedSpeed
 from reference_solver.rigid_contact import solve_rigid
-from reference_solver.rigid_friction import FrictionTooStiff, PainleveParadox, steepest
+from reference_solver.rigid_friction import FrictionTooStiff, PainleveParadox
 from reference_solver.rigid_joint import RigidJoint
 from reference_solver.rigid_solution import RigidSolution
 

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.block_stepper import BlockStepper
 from reference_solver.solver import Stepper, make_stepper
 from tests.benchmarks.c_loop import CLoop, compiler
-from tests.test_reference_block_kernel import chain, chain_start
+from tests.test_reference_chains import chain, chain_start
 from tests.test_reference_kernel import scene_case
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +22,7 @@ Contender = tuple[Stepper | CLoop, FloatArray, FloatArray]
 #: Rounds, and how long a turn lasts: long against the clock's resolution and a call from Python.
 ROUNDS, TURN_S = 25, 0.02
 STEP_S = 1e-6
-LINKS = (10, 20, 50, 100, 200)
+LINKS = (2, 4, 8)
 #: Steps for which the C loop must follow the kernel, and how far rounding may part them, relative.
 CHECKED_STEPS, ROUND_OFF = 1000, 1e-12
 C, KERNEL = "C by hand, gcc -O3", "generated kernel"
@@ -41,8 +40,6 @@ def crank_slider(folder: Path) -> dict[str, Contender]:
     steppers |= {
         KERNEL: make_stepper(mechanism, q, STEP_S, "none", compiled=True),
         f"{KERNEL}, projected": make_stepper(mechanism, q, STEP_S, "projection", compiled=True),
-        "block kernel": BlockStepper(mechanism, q, STEP_S, None, projected=False),
-        "block kernel, projected": BlockStepper(mechanism, q, STEP_S, None, projected=True),
         "readable NumPy": make_stepper(mechanism, q, STEP_S, "none", compiled=False),
     }
     if C in steppers:
@@ -64,11 +61,11 @@ def check(one: Stepper | CLoop, other: Stepper | CLoop, q: FloatArray, v: FloatA
 
 
 def chains() -> dict[str, Contender]:
-    """Return the block kernel on chains that fall from the horizontal, by name."""
+    """Return the generated kernel on chains that fall from the horizontal, by name."""
     contenders: dict[str, Contender] = {}
     for links in LINKS:
         q, v = chain_start(np.zeros(links), np.zeros(links))
-        contenders[f"{links} links"] = BlockStepper(chain(links), q, STEP_S, None, projected=False), q, v
+        contenders[f"{links} links"] = make_stepper(chain(links), q, STEP_S, "none", compiled=True), q, v
     return contenders
 
 
@@ -113,7 +110,7 @@ def main() -> None:
     print(f"{'':30}{'ns per step':34}ratio to {base}")
     for name in (name for name in times if "links" not in name):
         print(f"{name:30}{spread(times[name], ',.0f'):34}{spread(times[name] / times[base], '.2f')}")
-    print("\nThe block kernel on a chain\n")
+    print("\nThe generated kernel on a chain\n")
     print(f"{'':30}{'ns per step':34}ns per step and link")
     for links in LINKS:
         found = times[f"{links} links"]

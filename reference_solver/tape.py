@@ -1,0 +1,443 @@
+"""A tape: what the functions of ``equations`` do with its values is kept, and written as straight-line code.
+
+A ``Value`` stands for a number that is not known yet. Sums and products of values are values; zeros, ones and
+minus ones fold away as they arise, equal operations are kept once, and only what the results need is written.
+NumPy's arrays hold values as they hold any object, so that a function on arrays of numbers is one on arrays
+of values too. What NumPy does not know of objects, ``cos``, ``larger``, ``choose``, ``when`` and the like, is
+below, and takes numbers and values.
+
+Values that depend on parameters alone are known before a run: they are computed once, from the raw numbers of
+a mechanism, and the code reads them as p[...] (see ``Parameters``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+#: A number or a value; an array of either.
+Scalar = Any
+Array = Any
+
+#: An operation: how it is written, and how tightly it binds. A looser operand gets brackets.
+OPERATIONS = {
+    "if": ("{} if {} else {}", 0),
+    ">": ("{} > {}", 1),
+    "==": ("{} == {}", 1),
+    "&": ("{} & {}", 2),
+    "+": ("{} + {}", 3),
+    "-": ("{} - {}", 3),
+    "*": ("{}*{}", 4),
+    "/": ("{}/{}", 4),
+}
+CONDITIONS = (">", "==", "&", "if")
+ATOM = 9
+#: An operation used once is written where it is used, up to this many characters.
+LONGEST = 90
+
+
+@dataclass(eq=False)
+class Node:
+    """An operation on operands, an input, a call or a branch, or one of the results of these two.
+
+    ``operands`` are values, numbers and strings. A ``known`` node depends on parameters alone. ``name`` and
+    ``equation`` are for the reader.
+    """
+
+    operation: str
+    operands: tuple[Any, ...]
+    known: bool = False
+    name: str = ""
+    equation: str = ""
+
+
+@dataclass
+class Scope:
+    """The lines of a function or of a branch: nodes in the order in which they arose."""
+
+    nodes: list[Node] = field(default_factory=list)
+    kept: dict[tuple[Any, ...], Node] = field(default_factory=dict)
+
+
+class Tape:
+    """Keeps the operations of one function."""
+
+    def __init__(self) -> None:
+        self.scopes = [Scope()]
+        #: All nodes as they arose: whatever a node needs comes before it.
+        self.nodes: list[Node] = []
+
+    def input(self, name: str, known: bool = False) -> Value:
+        """Return a value that the function is given under this name."""
+        return Value(self, self._node("input", (name,), known))
+
+    def inputs(self, letter: str, count: int) -> Array:
+        """Return the inputs letter0, letter1, ... as an array."""
+        return array([self.input(f"{letter}{k}") for k in range(count)])
+
+    def keep(self, operation: str, *operands: Scalar) -> Value:
+        """Return the value of an operation; conditions are no numbers and so no parameters."""
+        known = operation not in CONDITIONS and all(
+            operand.node.known for operand in operands if isinstance(operand, Value)
+        )
+        return Value(self, self._node(operation, operands, known))
+
+    def call(self, function: str, arguments: Iterable[Scalar | str], results: list[str]) -> list[Value]:
+        """Return the results, by their names, of another function of the kernel."""
+        node = self._node("call", (function, len(results), *arguments), False)
+        return [Value(self, self._node("result", (node, k), False, name)) for k, name in enumerate(results)]
+
+    def branch(self, condition: Value, body: Callable[[], tuple[Scalar, ...]]) -> tuple[Scalar, ...]:
+        """Return what ``body`` returns where the condition holds, zeros elsewhere."""
+        self.scopes.append(Scope())
+        outputs = body()
+        node = Node("branch", (condition, outputs, self.scopes.pop()))
+        self.scopes[-1].nodes.append(node)
+        self.nodes.append(node)
+        return tuple(
+            0.0 if _is(output, 0.0) else Value(self, self._node("result", (node, k), False))
+            for k, output in enumerate(outputs)
+        )
+
+    def _node(self, operation: str, operands: tuple[Any, ...], known: bool, name: str = "") -> Node:
+        marks = [_mark(operand) for operand in operands]
+        key = (operation, *(sorted(marks) if operation in "+*" else marks))
+        for scope in self.scopes:
+            if key in scope.kept:
+                return scope.kept[key]
+        node = self.scopes[-1].kept[key] = Node(operation, operands, known, name)
+        self.scopes[-1].nodes.append(node)
+        self.nodes.append(node)
+        return node
+
+
+class Value:
+    """A number that is not known yet: a node, or minus a node."""
+
+    __slots__ = ("minus", "node", "tape")
+
+    def __init__(self, tape: Tape, node: Node, minus: bool = False) -> None:
+        self.tape, self.node, self.minus = tape, node, minus
+
+    def __neg__(self) -> Value:
+        return Value(self.tape, self.node, not self.minus)
+
+    def __add__(self, other: Scalar) -> Scalar:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        if _is(other, 0.0):
+            return self
+        minus, size = _parts(other)
+        if self.minus == minus:
+            total = self.tape.keep("+", _parts(self)[1], size)
+            return -total if minus else total
+        if isinstance(other, Value) and other.node is self.node:
+            return 0.0
+        return self.tape.keep("-", size, _parts(self)[1]) if self.minus else self.tape.keep("-", self, size)
+
+    def __mul__(self, other: Scalar) -> Scalar:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        if _is(other, 0.0):
+            return 0.0
+        (minus, size), (other_minus, other_size) = _parts(self), _parts(other)
+        product = size if _is(other_size, 1.0) else self.tape.keep("*", size, other_size)
+        return -product if minus != other_minus else product
+
+    def __sub__(self, other: Scalar) -> Scalar:
+        return NotImplemented if isinstance(other, np.ndarray) else self + -other
+
+    def __rsub__(self, other: Scalar) -> Scalar:
+        return -self + other
+
+    def __truediv__(self, other: Scalar) -> Scalar:
+        return NotImplemented if isinstance(other, np.ndarray) else _quotient(self.tape, self, other)
+
+    def __rtruediv__(self, other: Scalar) -> Scalar:
+        return _quotient(self.tape, other, self)
+
+    def __pow__(self, power: Scalar) -> Scalar:
+        return self * self if _is(power, 2.0) else self.tape.keep("pow", self, power)
+
+    def __gt__(self, other: Scalar) -> Value:
+        return self.tape.keep(">", self, other)
+
+    def __lt__(self, other: Scalar) -> Value:
+        return self.tape.keep(">", other, self)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def _is(x: Scalar, number: float) -> bool:
+    return not isinstance(x, Value) and bool(x == number)
+
+
+def _parts(x: Scalar) -> tuple[bool, Scalar]:
+    """Return whether a factor is negative, and its size."""
+    if isinstance(x, Value):
+        return x.minus, Value(x.tape, x.node)
+    return x < 0, abs(x)
+
+
+def _quotient(tape: Tape, above: Scalar, below: Scalar) -> Scalar:
+    if _is(above, 0.0):
+        return 0.0
+    (minus, size), (other_minus, other_size) = _parts(above), _parts(below)
+    quotient = size if _is(other_size, 1.0) else tape.keep("/", size, other_size)
+    return -quotient if minus != other_minus else quotient
+
+
+def _mark(operand: Any) -> str:
+    """Return what tells an operand from others."""
+    if isinstance(operand, Value):
+        return f"{'-' if operand.minus else ''}{id(operand.node)}"
+    return f"node {id(operand)}" if isinstance(operand, Node) else repr(operand)
+
+
+# ------------------------------------------------------------------ functions of numbers and of values
+
+
+def array(elements: Any) -> Array:
+    """Return an array of numbers, or of objects where a value is among the elements."""
+    try:
+        return np.array(elements, dtype=float)
+    except TypeError:
+        return np.array(elements, dtype=object)
+
+
+def named(name: str, values: Array, equation: str = "") -> Array:
+    """Return the values, which the code calls by this name and their places, with a line on the equation."""
+    if isinstance(values, float) or np.asarray(values).dtype.kind == "f":
+        return values
+    for place, value in np.ndenumerate(values):
+        if isinstance(value, Value) and not value.node.name and value.node.operation != "input":
+            value.node.name, value.node.equation = name + "_".join(map(str, place)), equation
+    return values
+
+
+def cos(x: Scalar) -> Scalar:
+    """Return the cosine."""
+    return _function("cos", np.cos, x)
+
+
+def sin(x: Scalar) -> Scalar:
+    """Return the sine."""
+    return _function("sin", np.sin, x)
+
+
+def sqrt(x: Scalar) -> Scalar:
+    """Return the square root."""
+    return _function("sqrt", np.sqrt, x)
+
+
+def tanh(x: Scalar) -> Scalar:
+    """Return the hyperbolic tangent."""
+    return _function("tanh", np.tanh, x)
+
+
+def size(x: Scalar) -> Scalar:
+    """Return the absolute value."""
+    return _function("abs", abs, x)
+
+
+def larger(x: Scalar, y: Scalar) -> Scalar:
+    """Return the larger of two."""
+    return _function("max", max, x, y)
+
+
+def smaller(x: Scalar, y: Scalar) -> Scalar:
+    """Return the smaller of two."""
+    return _function("min", min, x, y)
+
+
+def signed(x: Scalar, sign: Scalar) -> Scalar:
+    """Return |x| with the sign of another."""
+    return _function("copysign", np.copysign, x, sign)
+
+
+def equal(x: Scalar, y: Scalar) -> Scalar:
+    """Return whether two are equal."""
+    return _function("==", lambda x, y: x == y, x, y)
+
+
+def both(x: Scalar, y: Scalar) -> Scalar:
+    """Return whether both conditions hold."""
+    if x is True or y is True:
+        return y if x is True else x
+    return _function("&", lambda x, y: bool(x) and bool(y), x, y)
+
+
+def choose(condition: Scalar, x: Scalar, y: Scalar) -> Scalar:
+    """Return x where a condition holds, else y."""
+    return _function("if", lambda x, condition, y: x if condition else y, x, condition, y)
+
+
+def when(condition: Scalar, body: Callable[[], tuple[Scalar, ...]], outputs: int) -> tuple[Scalar, ...]:
+    """Return what ``body`` returns where the condition holds, and so many zeros elsewhere."""
+    if isinstance(condition, Value):
+        return condition.tape.branch(condition, body)
+    return body() if condition else (0.0,) * outputs
+
+
+def power(x: Scalar, exponent: Scalar) -> Scalar:
+    """Return x to the power of an exponent, by multiplication and square root where that is enough."""
+    if _is(exponent, 1.0):
+        return x
+    return x * sqrt(x) if _is(exponent, 1.5) else x**exponent
+
+
+def _function(name: str, of_numbers: Callable[..., Any], *operands: Scalar) -> Scalar:
+    tapes = [operand.tape for operand in operands if isinstance(operand, Value)]
+    return tapes[0].keep(name, *operands) if tapes else of_numbers(*operands)
+
+
+# ------------------------------------------------------------------------------- writing
+
+
+class Parameters:
+    """The numbers that kernels take as p[...], by the text of what they are of the raw numbers r[...]."""
+
+    def __init__(self) -> None:
+        self._places: dict[str, int] = {}
+
+    def place(self, text: str) -> str:
+        """Return the code of the parameter with this text."""
+        return f"p[{self._places.setdefault(text, len(self._places))}]"
+
+    @property
+    def texts(self) -> list[str]:
+        """The parameters in their order."""
+        return list(self._places)
+
+
+class Writer:
+    """Writes what the results of a tape's function need, in order; other nodes leave no trace."""
+
+    def __init__(self, parameters: Parameters, taken: Iterable[str] = ()) -> None:
+        self.lines: list[str] = []
+        self._parameters, self._taken = parameters, set(taken)
+        self._texts: dict[Node, tuple[str, int]] = {}
+        self._uses: dict[Node, int] = {}
+        self._said: set[str] = set()
+
+    def write(self, tape: Tape, results: list[Scalar]) -> list[str]:
+        """Write the lines; return the code of the results."""
+        self._count(tape, results)
+        self._write(tape.scopes[0], "")
+        return [self._text(result, 0) for result in results]
+
+    def _count(self, tape: Tape, results: list[Scalar]) -> None:
+        """Count how often each node is needed."""
+        self._need(results)
+        for node in reversed(tape.nodes):
+            if node in self._uses:
+                self._need(_needs(node))
+
+    def _need(self, operands: list[Any]) -> None:
+        for operand in operands:
+            node = operand.node if isinstance(operand, Value) else operand
+            if isinstance(node, Node) and not node.known:
+                self._uses[node] = self._uses.get(node, 0) + 1
+
+    def _write(self, scope: Scope, indent: str) -> None:
+        for node in scope.nodes:
+            if node not in self._uses or node.operation in ("input", "result"):
+                continue
+            if node.operation == "branch":
+                self._branch(node, indent)
+            elif node.operation == "call":
+                (function, count, *arguments), results = node.operands, self._results_of(node)
+                names = [self._name(results[k]) if k in results else "_" for k in range(count)]
+                call = f"{function}({', '.join(self._text(argument, 0) for argument in arguments)})"
+                self._line(indent, node, f"{', '.join(names)} = {call}")
+            else:
+                text, level = _written(node, self._text)
+                if self._uses[node] > 1 or node.name or len(text) > LONGEST:
+                    self._line(indent, node, f"{self._name(node)} = {text}")
+                else:
+                    self._texts[node] = text, level
+
+    def _branch(self, node: Node, indent: str) -> None:
+        condition, outputs, inside = node.operands
+        results = dict(sorted(self._results_of(node).items()))
+        for k in results:
+            self._line(indent, node, f"{self._name(results[k])} = 0.0")
+        self._line(indent, node, f"if {self._text(condition, 0)}:")
+        self._write(inside, indent + "    ")
+        for k, result in results.items():
+            self._line(indent + "    ", node, f"{self._name(result)} = {self._text(outputs[k], 0)}")
+
+    def _results_of(self, node: Node) -> dict[int, Node]:
+        """Return the results of a call or branch that are used, by their places."""
+        return {n.operands[1]: n for n in self._uses if n.operation == "result" and n.operands[0] is node}
+
+    def _line(self, indent: str, node: Node, text: str) -> None:
+        if node.equation and node.equation not in self._said:
+            self._said.add(node.equation)
+            self.lines.append(f"{indent}# {node.equation}")
+        self.lines.append(indent + text)
+
+    def _name(self, node: Node) -> str:
+        """Return the name of a node that has a line of its own."""
+        if node not in self._texts:
+            name, number = node.name or f"x{len(self._taken)}", 0
+            while name in self._taken:
+                number += 1
+                name = f"{node.name or 'x'}_{number}"
+            self._taken.add(name)
+            self._texts[node] = name, ATOM
+        return self._texts[node][0]
+
+    def _text(self, operand: Any, level: int) -> str:
+        """Return the code of an operand, in brackets if it binds less than ``level``."""
+        if isinstance(operand, str):
+            return operand
+        if not isinstance(operand, Value):
+            return repr(float(operand)) if not isinstance(operand, bool) else repr(operand)
+        text, binds = self._place(operand.node)
+        if operand.minus:
+            text, binds = f"-{text if binds >= 4 else f'({text})'}", 3
+        return text if binds >= level else f"({text})"
+
+    def _place(self, node: Node) -> tuple[str, int]:
+        if node.known:
+            return self._parameters.place(known_text(node)), ATOM
+        if node.operation == "input":
+            return node.operands[0], ATOM
+        if node.operation == "result":
+            return self._name(node), ATOM
+        return self._texts[node]
+
+
+def _needs(node: Node) -> list[Any]:
+    """Return what a node that is needed needs itself; of a branch's outputs only those that are."""
+    if node.operation == "branch":
+        return [node.operands[0]]
+    if node.operation == "result" and node.operands[0].operation == "branch":
+        branch, k = node.operands
+        return [branch, branch.operands[1][k]]
+    return list(node.operands)
+
+
+def known_text(node: Node) -> str:
+    """Return a known node's code in raw numbers."""
+
+    def text(operand: Any, _: int) -> str:
+        if not isinstance(operand, Value):
+            return repr(float(operand))
+        code = known_text(operand.node)
+        return f"-({code})" if operand.minus else code if operand.node.operation == "input" else f"({code})"
+
+    return str(node.operands[0]) if node.operation == "input" else _written(node, text)[0]
+
+
+def _written(node: Node, text: Callable[[Any, int], str]) -> tuple[str, int]:
+    """Return the code of an operation and how tightly it binds."""
+    if node.operation not in OPERATIONS:
+        return f"{node.operation}({', '.join(text(operand, 0) for operand in node.operands)})", ATOM
+    template, level = OPERATIONS[node.operation]
+    first, *others = node.operands
+    return template.format(text(first, level), *(text(other, level + 1) for other in others)), level
