@@ -39,14 +39,15 @@ class Sweeps:
 class RigidContact:
     """The contact of one pin between rigid walls.
 
-    ``step`` is the number of the kick that the next call belongs to; ``steps`` has the kicks with an impulse.
+    ``step`` is the number of the kick that the next call belongs to.
     ``number`` tells the joint's shapes from those of others.
     """
 
     clips = False
 
     def __init__(self, pin: PinInBearing, number: int, sweeps: Sweeps, first_step: int) -> None:
-        self.pin, self.steps, self.step = pin, list[ContactStep](), first_step
+        self.pin, self.step = pin, first_step
+        self._steps: list[ContactStep] = []
         room = pin.room
         self._sweeps, self._closing_speed = sweeps, room.minimum_impact_speed_m_s or 0.0
         self._R, self._R_pin = room.bearing_radius_m, room.bearing_radius_m - room.radial_clearance_m
@@ -94,7 +95,7 @@ class RigidContact:
         if normal <= 0.0:
             return
         (rate, sliding), (rate_after, sliding_after) = self._before, self.pin.speeds(touch)
-        self.steps.append(
+        self._steps.append(
             ContactStep(
                 self.step - 1,
                 normal,
@@ -107,5 +108,7 @@ class RigidContact:
             )
         )
 
-    def finish(self) -> None:
-        """Nothing is left over after the last step."""
+    def taken(self) -> list[ContactStep]:
+        """Return the kicks with an impulse since the last call, and forget them."""
+        steps, self._steps = self._steps, []
+        return steps
