@@ -8,6 +8,7 @@ from typing import Literal
 import exudyn as exu
 import numpy as np
 
+from engine_models import progress
 from engine_models.contact_stiffness import stiffness_of
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.exudyn_model import Model
@@ -113,6 +114,27 @@ def set_events(
     switching.iterationTolerance = softest * EVENT_GAP_M[kind] if locate else 1.0
 
 
+def _tell_steps(mbs: exu.MainSystem) -> list[BaseException]:
+    """Have Exudyn call back before every step to tell how far it has come; return what was raised there.
+
+    Only if somebody listens: a call takes 1 to 3 us. It changes nothing in the run.
+    """
+    listener, raised = progress.listener(), list[BaseException]()
+    if listener is None:
+        return raised
+
+    def before_step(_: exu.MainSystem, time_s: float) -> bool:
+        try:
+            listener(time_s)
+        except BaseException as error:
+            raised.append(error)
+            return False
+        return True
+
+    mbs.SetPreStepUserFunction(before_step)
+    return raised
+
+
 def solve(model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
     """Run the solver; return its wall time in s.
 
@@ -121,12 +143,15 @@ def solve(model: Model, settings: exu.SimulationSettings, timeout_s: float) -> f
     """
     exu.special.solver.timeout = timeout_s
     mbs = model.mbs
+    raised = _tell_steps(mbs)
     began = time.perf_counter()
     try:
         succeeded, reason = mbs.SolveDynamic(settings), "no reason given"
     except exu.ExudynError as error:
         succeeded, reason = False, mbs.sys["dynamicSolver"].GetErrorString() or str(error)
     solve_time = time.perf_counter() - began
+    if raised:
+        raise raised[0]
     solver = mbs.sys["dynamicSolver"]
     if solver.output.simulationTimeout:
         succeeded, reason = False, f"not finished after {timeout_s:g} s"

@@ -12,6 +12,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
+from engine_models.memory import require_memory
 from engine_models.pymunk_compliant import CompliantContact
 from engine_models.pymunk_model import build, pins
 from engine_models.pymunk_rigid import RigidContact, Sweeps
@@ -113,6 +114,7 @@ class PymunkEngine:
             SimulationFailed: a joint came apart by more than a tenth of the crank, a pin went through the
                 wall of its bearing, the rod turned over, or the numbers overflowed.
         """
+        require_memory(scene, settings)
         model = self._model(self.twin(scene))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
             return trajectory_of(model, settings, self.half_kick_start)

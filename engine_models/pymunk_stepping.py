@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pymunk import batch
 
 from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.progress import tell
 from engine_models.pymunk_model import Bodies
 from engine_models.pymunk_pin import PinLost
 
@@ -101,6 +102,7 @@ def run(
                     batch.get_space_bodies(space, STATE, log)
             states = np.frombuffer(bytes(log.float_buf())).reshape(len(block.read), listed, 6)[:, order]
             work_off(block, states[:, :, :3], states[:, :, 3:])
+            tell(block.last * dt)
     return solve_time
 
 

@@ -15,6 +15,7 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
+from engine_models.memory import require_memory
 from engine_models.reference_compilation import compile_time_s
 from engine_models.reference_model import rigid_joints_of
 from engine_models.reference_runs import compliant_run, ideal_run, rigid_run
@@ -70,6 +71,7 @@ class ReferenceEngine:
             SimulationFailed: singular configuration or overflow.
         """
         self.check(scene)
+        require_memory(scene, settings)
         try:
             with np.errstate(all="ignore"):  # require_finite is the judge
                 return require_energy(scene, require_finite(self._run(scene, settings)))

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine_models.contact_stiffness import elastic_energy_J
-from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, RunSettings, Trajectory
+from engine_models.engine import (
+    JOINTS,
+    Contact,
+    FloatArray,
+    Impacts,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+)
+from engine_models.pace import MOST_STEPS, require_pace
+from engine_models.progress import tell
 from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
 from engine_models.scene import Clearance, Scene
 from engine_models.start_check import checked_start
@@ -22,8 +32,13 @@ from reference_solver.solver import Solution, Stabilisation, StepChoice, make_st
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
 MOST_TRIES, ROOM = 5, 0.8
 
+#: Steps after which a contact's run looks up: a second or so.
+LOOK_UP_STEPS = 2_000_000
+
 if TYPE_CHECKING:  # it brings Numba
-    from reference_solver.contact_stepper import ContactSolution
+    from collections.abc import Callable
+
+    from reference_solver.contact_stepper import ContactSolution, ContactStepper
 
 
 def _start(scene: Scene) -> tuple[FloatArray, FloatArray]:
@@ -40,7 +55,7 @@ def ideal_run(
     stepper = make_stepper(mechanism_of(scene), q, step, stabilisation, compiled)
     started = time.perf_counter()
     solution = record(
-        stepper, q.copy(), v, end_time_s=end, samples=settings.samples, steps_per_sample=per_sample
+        stepper, q.copy(), v, end_time_s=end, samples=settings.samples, steps_per_sample=per_sample, tell=tell
     )
     solve_time = time.perf_counter() - started
     steps, stabilised = settings.samples * per_sample, stabilisation != "none"
@@ -62,7 +77,7 @@ def compliant_run(
     q, v = _start(scene)
     stepper = ContactStepper(mechanism_of(scene), q, rates, stabilisation)
     started = time.perf_counter()
-    run = record_contacts(stepper, q.copy(), v, scene.end_time_s, settings.samples)
+    run = record_contacts(stepper, q, v, scene.end_time_s, settings.samples, _watch(scene, stepper, q, v))
     solve_time = time.perf_counter() - started
     contacts = {
         name: _contact(getattr(scene.clearance, name), run, k)
@@ -76,6 +91,21 @@ def compliant_run(
     return trajectory
 
 
+def _watch(scene: Scene, stepper: ContactStepper, q: FloatArray, v: FloatArray) -> Callable[[float], None]:
+    """Return what tells how far a run has come, and ends one whose steps have collapsed."""
+    looked_up, at = 0, 0.0
+
+    def watch(t: float) -> None:
+        nonlocal looked_up, at
+        tell(t)
+        steps = stepper.steps - looked_up
+        if steps >= LOOK_UP_STEPS:
+            require_pace(scene, q.reshape(-1, 3), v.reshape(-1, 3), t, t - at, steps)
+            looked_up, at = stepper.steps, t
+
+    return watch
+
+
 def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
     """Run a scene with rigid clearance as ``_rigid_run`` does, with shorter steps if friction needs them.
 
@@ -86,8 +116,23 @@ def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
         try:
             return _rigid_run(scene, settings)
         except FrictionTooStiff as stiff:
+            _require_rubbing_pace(scene, stiff.needed_s)
             settings = RunSettings(ROOM * stiff.needed_s, settings.samples)
     return _rigid_run(scene, settings)
+
+
+def _require_rubbing_pace(scene: Scene, needed_s: float) -> None:
+    if needed_s * MOST_STEPS < scene.end_time_s:
+        rubbing = {
+            name: friction.regularisation_speed_m_s
+            for name in scene.joints_with_clearance
+            if (friction := getattr(scene.clearance, name).friction) is not None
+        }
+        name = min(rubbing, key=lambda name: rubbing[name])
+        raise SimulationFailed(
+            f"clearance.{name}.friction.regularisation_speed_m_s: expected a value that a run can follow, "
+            f"got {rubbing[name]:g} (forces steps of {needed_s:.3g} s)"
+        )
 
 
 def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
@@ -107,6 +152,7 @@ def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
         end_time_s=end,
         samples=settings.samples,
         steps_per_sample=per_sample,
+        tell=tell,
     )
     solve_time = time.perf_counter() - started
     gaps = JointGeometry(mechanism_of(scene), joints)

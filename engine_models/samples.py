@@ -25,7 +25,7 @@ def selected(record: Record, which: slice | NDArray[np.bool_]) -> Record:
 
 def joined(parts: Sequence[Contact]) -> Contact:
     """Return a contact with the samples of all parts, in their order; the impacts are those of the first."""
-    arrays = {
+    arrays: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name, value in vars(parts[0]).items()
         if isinstance(value, np.ndarray)

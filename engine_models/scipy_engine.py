@@ -15,6 +15,7 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
+from engine_models.memory import require_memory
 from engine_models.reference_compilation import compile_time_s
 from engine_models.reference_scipy import Derivative
 from engine_models.scene import Scene
@@ -97,12 +98,13 @@ class ScipyEngine:
             SimulationFailed: SciPy gives up or warns, a singular configuration, too many evaluations.
         """
         self.check(scene)
+        require_memory(scene, settings)
         derivative = Derivative(scene)
         located = self.locate_events or not scene.joints_with_clearance
         memory = None if located else np.full(derivative.contact_count, np.nan)
         longest = min(settings.step_s, scene.end_time_s)
         choice = Choice(self.method, self.rtol, self.atol, longest * (1 + ROOM), self.max_evaluations)
-        calls = Calls(derivative, choice, memory)
+        calls = Calls(scene, derivative, choice, memory)
         times = np.linspace(0.0, scene.end_time_s, settings.samples + 1)
         started = time.perf_counter()
         if located:

@@ -6,6 +6,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver.chunks import Tell, nobody
 from reference_solver.compiled import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_driver import load_driver
@@ -96,12 +97,18 @@ class ContactStepper:
         self.advance(q, np.zeros_like(q), 0.0, 0.0)  # compiled or loaded here, out of any timing
 
     def advance(
-        self, q: FloatArray, v: FloatArray, t: float, end: float, times: FloatArray = NONE
+        self,
+        q: FloatArray,
+        v: FloatArray,
+        t: float,
+        end: float,
+        times: FloatArray = NONE,
+        tell: Tell = nobody,
     ) -> FloatArray:
         """Advance q and v in place from t to ``end``; return a row (see ``columns``) for each of the times.
 
         The ``times`` (s,) ascend from t to ``end``. A step lands on ``end``; on the others only where events
-        are not located.
+        are not located. ``tell`` is called with the time reached after every call of the kernel.
 
         Raises:
             SingularConfiguration: the constraint matrix loses full row rank.
@@ -129,10 +136,11 @@ class ContactStepper:
                 samples[taken:],
                 CHUNK,
             )
-            if t == begin and status == 1:
-                raise Stalled(t, steps)
             taken += added
             self.steps += steps
+            tell(t)
+            if t == begin and status == 1:
+                raise Stalled(t, steps)
             self.events.extend(self._log[:events].copy())
             if status == 3:
                 self._equations.phases = self.phases
@@ -183,7 +191,12 @@ def solve_with_contacts(
 
 
 def record_contacts(
-    stepper: ContactStepper, q: FloatArray, v: FloatArray, end_time_s: float, samples: int
+    stepper: ContactStepper,
+    q: FloatArray,
+    v: FloatArray,
+    end_time_s: float,
+    samples: int,
+    tell: Tell = nobody,
 ) -> ContactSolution:
     """Run a stepper from q and v, which it overwrites, and return ``samples + 1`` states.
 
@@ -192,7 +205,7 @@ def record_contacts(
     have one length, which is to fit into the samples' interval, lands on every sample.
     """
     time = np.linspace(0.0, end_time_s, samples + 1)
-    rows = stepper.advance(q, v, 0.0, end_time_s, time)
+    rows = stepper.advance(q, v, 0.0, end_time_s, time, tell)
     qs, vs, totals, phases, multipliers = np.split(rows, stepper.columns[:-1], axis=1)
     names = stepper.rate_names
     events = np.array(stepper.events).reshape(-1, EVENT + totals.shape[1])
