@@ -109,7 +109,7 @@ class ExudynEngine:
         with silence(), np.errstate(all="ignore"):
             model, chosen = self._model(scene), self._simulation_settings(scene, settings)
             chosen.solution.sensors.writePeriod = scene.end_time_s
-            return solve(model, chosen, self.timeout_s)
+            return solve(scene, model, chosen, self.timeout_s)
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run a scene.

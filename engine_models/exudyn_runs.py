@@ -27,7 +27,7 @@ def ideal_run(
     scene: Scene, run: RunSettings, model: Model, settings: exu.SimulationSettings, timeout_s: float
 ) -> Trajectory:
     """Run a model of ideal joints whose sensors record every ``record_every`` steps."""
-    solve_time = solve(model, settings, timeout_s)
+    solve_time = solve(scene, model, settings, timeout_s)
     per_sample, step = run.steps_per_sample(scene.end_time_s), run.step_used_s(scene.end_time_s)
     per_record = record_every(scene, run)
     grid = np.linspace(0.0, scene.end_time_s, run.samples * per_sample // per_record + 1)
@@ -67,7 +67,7 @@ def clearance_run(
     The motion is interpolated as ``Motion`` says. Forces of constraints are Exudyn's multipliers, linear
     between steps; without constraints they follow from the accelerations.
     """
-    solve_time = solve(model, settings, timeout_s)
+    solve_time = solve(scene, model, settings, timeout_s)
     motion = recorded_motion(scene, model)
     time = np.linspace(0.0, scene.end_time_s, run.samples + 1)
     position, velocity, _ = motion.at(time)

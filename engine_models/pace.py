@@ -1,67 +1,68 @@
-"""What forces a run's steps to be as short as they are, and the end of runs that would take them for ever."""
+"""The end of runs that would take for ever, with the field of the scene that forces their steps."""
 
 import math
+import sys
 
 import numpy as np
 
 from engine_models.contact_stiffness import exponent_of, stiffness_of
-from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.engine import SimulationFailed
 from engine_models.scene import Clearance, Scene
-from engine_models.start_check import joint_gap
 
 #: A run that needs more steps than this would take hours or more.
 MOST_STEPS = 1e10
 
 
 def require_pace(
-    scene: Scene, position: FloatArray, velocity: FloatArray, reached_s: float, passed_s: float, steps: int
+    scene: Scene, reached_s: float, passed_s: float, steps: int, most_steps: float = MOST_STEPS
 ) -> None:
     """Check that a run that passed so much time in its last steps comes to its end.
 
-    ``position`` and ``velocity`` (bodies, 3) are those reached. ``steps`` are to be enough of them to outlast
-    any one contact.
+    ``steps`` are to be enough of them to outlast any one contact.
 
     Raises:
-        SimulationFailed: at this pace the run would need more than ``MOST_STEPS``; the message names the
+        SimulationFailed: at this pace the run would need more than ``most_steps``; the message names the
             field of the scene that forces it.
     """
-    if passed_s * MOST_STEPS >= steps * scene.end_time_s:
-        return
-    mean = f"steps of {passed_s / steps:.3g} s at t = {reached_s:.6g} s, {MOST_STEPS:.0e} and more in all"
-    field, value = forcing_field(scene, position, velocity)
-    raise SimulationFailed(f"{field}: expected a value that a run can follow, got {value:g} (forces {mean})")
+    if passed_s * most_steps < steps * scene.end_time_s:
+        raise too_slow(scene, f"steps of {passed_s / steps:.3g} s at t = {reached_s:.6g} s")
 
 
-def forcing_field(scene: Scene, position: FloatArray, velocity: FloatArray) -> tuple[str, float]:
-    """Return name and value of the field that makes the shortest time in a state, each (bodies, 3)."""
-    shortest, found = math.inf, ("end_time_s", scene.end_time_s)
-    for joint in scene.joints_with_clearance:
-        clearance: Clearance = getattr(scene.clearance, joint)
-        gap = joint_gap(scene, joint, position[None], velocity[None])
-        distance, speed = float(np.hypot(*gap.gap_m[0])), float(np.hypot(*gap.rate_m_s[0]))
-        for field, value, time_s in _times(scene, clearance, distance, speed):
-            if time_s < shortest:
-                shortest, found = time_s, (f"clearance.{joint}.{field}", value)
-    return found
+def too_slow(scene: Scene, steps: str) -> SimulationFailed:
+    """Return the failure of a run whose steps, described in words, are too short to come to its end."""
+    field, value = forcing_field(scene)
+    return SimulationFailed(
+        f"{field}: expected a value that lets a run come to its end, got {value:g} (forces {steps})"
+    )
 
 
-def _times(
-    scene: Scene, clearance: Clearance, distance_m: float, speed_m_s: float
-) -> list[tuple[str, float, float]]:
-    """Return fields of a joint, their values, and the time in s that each makes with the lightest body."""
-    c = clearance.radial_clearance_m
-    times = [("radial_clearance_m", c, c / speed_m_s if speed_m_s > 0 else math.inf)]
-    if distance_m <= c or clearance.law == "rigid":
-        return times
-    mass, n = min(body.mass_kg for body in scene.bodies), exponent_of(clearance)
-    depth = np.float64(distance_m - c)
-    spring = stiffness_of(clearance) * depth**n
-    stiff = "young_modulus_Pa" if clearance.stiffness is None else "stiffness"
-    times = [(stiff, getattr(clearance, stiff), float(np.sqrt(mass * depth / spring)))]
-    if clearance.damping_N_s_m:
-        times.append(("damping_N_s_m", clearance.damping_N_s_m, mass / clearance.damping_N_s_m))
-    if clearance.friction is not None and clearance.friction.coefficient > 0:
-        full = clearance.friction.regularisation_speed_m_s
-        rate = clearance.friction.coefficient * spring / mass
-        times.append(("friction.regularisation_speed_m_s", full, float(full / rate)))
-    return times
+def forcing_field(scene: Scene) -> tuple[str, float]:
+    """Return name and value of the field that makes the shortest time in the scene.
+
+    The times are those of an impact at the speed of the crank's pin at the start, or of a fall from the
+    crank's height, on the lightest body.
+    """
+    r, tiny = scene.crank.length_m, sys.float_info.min
+    pin_m_s = math.hypot(r * scene.start.crank_speed_rad_s, math.sqrt(2 * scene.gravity_m_s2 * r))
+    mass, speed = min(body.mass_kg for body in scene.bodies), np.float64(max(pin_m_s, tiny))
+    times = {("end_time_s", scene.end_time_s): scene.end_time_s}
+    with np.errstate(all="ignore"):
+        for joint in scene.joints_with_clearance:
+            clearance: Clearance = getattr(scene.clearance, joint)
+            field, c = f"clearance.{joint}", clearance.radial_clearance_m
+            times[f"{field}.radial_clearance_m", c] = float(c / speed)
+            force = np.float64(mass * speed**2 / r)
+            if clearance.law != "rigid":
+                # All kinetic energy goes into the spring: m v^2/2 = K d^(n+1)/(n+1).
+                K, n = stiffness_of(clearance), exponent_of(clearance)
+                depth = (mass * speed**2 * (n + 1) / (2 * K)) ** (1 / (n + 1))
+                force = K * depth**n
+                stiff = "young_modulus_Pa" if clearance.stiffness is None else "stiffness"
+                times[f"{field}.{stiff}", getattr(clearance, stiff)] = float(depth / speed)
+            if damping := clearance.damping_N_s_m:
+                times[f"{field}.damping_N_s_m", damping] = mass / damping
+            if (friction := clearance.friction) is not None and friction.coefficient > 0:
+                full = friction.regularisation_speed_m_s
+                name = f"{field}.friction.regularisation_speed_m_s"
+                times[name, full] = float(mass * full / (friction.coefficient * force))
+    return min(times, key=lambda field: times[field])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +15,9 @@ from engine_models.engine import (
     FloatArray,
     Impacts,
     RunSettings,
-    SimulationFailed,
     Trajectory,
 )
-from engine_models.pace import MOST_STEPS, require_pace
+from engine_models.pace import MOST_STEPS, require_pace, too_slow
 from engine_models.progress import tell
 from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
 from engine_models.scene import Clearance, Scene
@@ -32,13 +32,14 @@ from reference_solver.solver import Solution, Stabilisation, StepChoice, make_st
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
 MOST_TRIES, ROOM = 5, 0.8
 
-#: Steps after which a contact's run looks up: a second or so.
-LOOK_UP_STEPS = 2_000_000
+#: Steps of contacts, and events between rigid walls, after which their pace is judged: some seconds; and
+#: events that there is no time for.
+LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS = 2_000_000, 2_000, 1e8
 
 if TYPE_CHECKING:  # it brings Numba
     from collections.abc import Callable
 
-    from reference_solver.contact_stepper import ContactSolution, ContactStepper
+    from reference_solver.contact_stepper import ContactSolution
 
 
 def _start(scene: Scene) -> tuple[FloatArray, FloatArray]:
@@ -77,7 +78,8 @@ def compliant_run(
     q, v = _start(scene)
     stepper = ContactStepper(mechanism_of(scene), q, rates, stabilisation)
     started = time.perf_counter()
-    run = record_contacts(stepper, q, v, scene.end_time_s, settings.samples, _watch(scene, stepper, q, v))
+    watch = _watch(scene, lambda: stepper.steps, LOOK_UP_STEPS, MOST_STEPS)
+    run = record_contacts(stepper, q, v, scene.end_time_s, settings.samples, watch)
     solve_time = time.perf_counter() - started
     contacts = {
         name: _contact(getattr(scene.clearance, name), run, k)
@@ -91,17 +93,20 @@ def compliant_run(
     return trajectory
 
 
-def _watch(scene: Scene, stepper: ContactStepper, q: FloatArray, v: FloatArray) -> Callable[[float], None]:
-    """Return what tells how far a run has come, and ends one whose steps have collapsed."""
-    looked_up, at = 0, 0.0
+def _watch(scene: Scene, steps: Callable[[], int], outlasting: int, most: float) -> Callable[[float], None]:
+    """Return what tells how far a run has come, and ends one whose steps have collapsed.
+
+    So many of the steps that it counts outlast any contact, and the most are more than there is time for.
+    """
+    judged, judged_s = 0, 0.0
 
     def watch(t: float) -> None:
-        nonlocal looked_up, at
+        nonlocal judged, judged_s
         tell(t)
-        steps = stepper.steps - looked_up
-        if steps >= LOOK_UP_STEPS:
-            require_pace(scene, q.reshape(-1, 3), v.reshape(-1, 3), t, t - at, steps)
-            looked_up, at = stepper.steps, t
+        since = steps() - judged
+        if since >= outlasting:
+            require_pace(scene, t, t - judged_s, since, most)
+            judged, judged_s = judged + since, t
 
     return watch
 
@@ -116,23 +121,10 @@ def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
         try:
             return _rigid_run(scene, settings)
         except FrictionTooStiff as stiff:
-            _require_rubbing_pace(scene, stiff.needed_s)
+            if stiff.needed_s * MOST_STEPS < scene.end_time_s:
+                raise too_slow(scene, f"steps of {stiff.needed_s:.3g} s") from stiff
             settings = RunSettings(ROOM * stiff.needed_s, settings.samples)
     return _rigid_run(scene, settings)
-
-
-def _require_rubbing_pace(scene: Scene, needed_s: float) -> None:
-    if needed_s * MOST_STEPS < scene.end_time_s:
-        rubbing = {
-            name: friction.regularisation_speed_m_s
-            for name in scene.joints_with_clearance
-            if (friction := getattr(scene.clearance, name).friction) is not None
-        }
-        name = min(rubbing, key=lambda name: rubbing[name])
-        raise SimulationFailed(
-            f"clearance.{name}.friction.regularisation_speed_m_s: expected a value that a run can follow, "
-            f"got {rubbing[name]:g} (forces steps of {needed_s:.3g} s)"
-        )
 
 
 def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
@@ -142,7 +134,7 @@ def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
     """
     end, step, (q, v) = scene.end_time_s, settings.step_used_s(scene.end_time_s), _start(scene)
     per_sample = settings.steps_per_sample(end)
-    joints = rigid_joints_of(scene)
+    joints, events = rigid_joints_of(scene), count(1)
     started = time.perf_counter()
     run = solve_rigid(
         mechanism_of(scene),
@@ -152,7 +144,7 @@ def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
         end_time_s=end,
         samples=settings.samples,
         steps_per_sample=per_sample,
-        tell=tell,
+        tell=_watch(scene, lambda: next(events), LOOK_UP_EVENTS, MOST_EVENTS),
     )
     solve_time = time.perf_counter() - started
     gaps = JointGeometry(mechanism_of(scene), joints)

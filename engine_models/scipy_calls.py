@@ -104,12 +104,12 @@ class Calls:
     def _right(self, t: float, y: FloatArray) -> FloatArray:
         self.evaluations += 1
         if self.evaluations > self._pause:
-            self._look_up(t, y)
+            self._look_up(t)
         if self._memory is not None:
             self._derivative.sense(y, self._memory)
         return self._derivative(t, y)
 
-    def _look_up(self, t: float, y: FloatArray) -> None:
+    def _look_up(self, t: float) -> None:
         """Tell how far the run has come, and end one that does not get on."""
         if self.evaluations > self._choice.max_evaluations:
             raise SimulationFailed(
@@ -118,8 +118,7 @@ class Calls:
             )
         tell(t)
         if self.evaluations - self._judged >= OUTLASTING:
-            position, velocity = y[: 2 * self._derivative.n].reshape(2, -1, 3)
-            require_pace(self._scene, position, velocity, t, t - self._judged_s, OUTLASTING)
+            require_pace(self._scene, t, t - self._judged_s, OUTLASTING)
             self._judged, self._judged_s = self.evaluations, t
         self._pause = min(self.evaluations + PAUSE, self._choice.max_evaluations)
 
