@@ -20,6 +20,7 @@ from engine_models.exudyn_build import load_build, require_build
 from engine_models.exudyn_laws import native_twin
 from engine_models.memory import require_memory
 from engine_models.scene import Scene
+from engine_models.start_check import unwound, wound
 
 if TYPE_CHECKING:  # its build is chosen when an engine runs
     import exudyn as exu
@@ -107,7 +108,7 @@ class ExudynEngine:
         from engine_models.exudyn_solver import silence, solve
 
         with silence(), np.errstate(all="ignore"):
-            model, chosen = self._model(scene), self._simulation_settings(scene, settings)
+            model, chosen = self._model(wound(scene)), self._simulation_settings(scene, settings)
             chosen.solution.sensors.writePeriod = scene.end_time_s
             return solve(scene, model, chosen, self.timeout_s)
 
@@ -125,11 +126,10 @@ class ExudynEngine:
         from engine_models.exudyn_solver import silence
 
         with silence(), np.errstate(all="ignore"):  # require_finite is the judge
-            model = self._model(scene)
+            model = self._model(wound(scene))
             run = clearance_run if scene.joints_with_clearance else ideal_run
-            return require_finite(
-                run(scene, settings, model, self._simulation_settings(scene, settings), self.timeout_s)
-            )
+            chosen = self._simulation_settings(scene, settings)
+            return unwound(scene, require_finite(run(wound(scene), settings, model, chosen, self.timeout_s)))
 
     def _recorded(self, scene: Scene, run: RunSettings) -> tuple[int, int]:
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""

@@ -4,7 +4,6 @@ import exudyn as exu
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from engine_models.assembly import start_state
 from engine_models.engine import JOINTS, Contact, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn_contact_record import contact_record, contact_states, integral
 from engine_models.exudyn_forces import driver_torque, joint_forces
@@ -143,8 +142,6 @@ def _trajectory(
     solve_time_s: float,
     contacts: dict[str, Contact] | None = None,
 ) -> Trajectory:
-    # The model started within half a turn of zero.
-    position[:, CRANK, 2] += start_state(scene)[0][CRANK, 2] - position[0, CRANK, 2]
     if scene.drive.kind == "torque":
         torque = np.full(len(position), scene.drive.torque_N_m)
         work = scene.drive.torque_N_m * (position[:, CRANK, 2] - position[0, CRANK, 2])

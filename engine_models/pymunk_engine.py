@@ -19,6 +19,7 @@ from engine_models.pymunk_rigid import RigidContact, Sweeps
 from engine_models.pymunk_runs import Model, trajectory_of
 from engine_models.pymunk_twin import rigid_twin
 from engine_models.scene import Scene
+from engine_models.start_check import unwound, wound
 
 #: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
 LIBRARY_ITERATIONS, LIBRARY_ERROR_BIAS = 10, (1.0 - 0.1) ** 60.0
@@ -115,9 +116,9 @@ class PymunkEngine:
                 wall of its bearing, the rod turned over, or the numbers overflowed.
         """
         require_memory(scene, settings)
-        model = self._model(self.twin(scene))
+        model = self._model(wound(self.twin(scene)))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            return trajectory_of(model, settings, self.half_kick_start)
+            return unwound(scene, trajectory_of(model, settings, self.half_kick_start))
 
     def _model(self, scene: Scene) -> Model:
         space, bodies = build(scene, self.iterations, self.error_bias)

@@ -22,6 +22,7 @@ from engine_models.scene import Scene
 from engine_models.scipy_calls import Calls, Choice
 from engine_models.scipy_runs import LocatedRun, switching_run
 from engine_models.scipy_trajectory import trajectory_of
+from engine_models.start_check import unwound, wound
 
 #: Room for rounding in the longest step, so that as many of them fill a run as should.
 ROOM = 1e-9
@@ -99,7 +100,7 @@ class ScipyEngine:
         """
         self.check(scene)
         require_memory(scene, settings)
-        derivative = Derivative(scene)
+        derivative = Derivative(wound(scene))
         located = self.locate_events or not scene.joints_with_clearance
         memory = None if located else np.full(derivative.contact_count, np.nan)
         longest = min(settings.step_s, scene.end_time_s)
@@ -112,4 +113,5 @@ class ScipyEngine:
         else:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
-        return require_finite(trajectory_of(scene, derivative, record, longest, calls.steps, solve_time))
+        run = trajectory_of(scene, derivative, record, longest, calls.steps, solve_time)
+        return unwound(scene, require_finite(run))

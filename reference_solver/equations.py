@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 from reference_solver.arrays import MechanismArrays
 from reference_solver.contact import add_contact_force
 from reference_solver.contact_events import CONTACT
-from reference_solver.errors import SingularConfiguration
+from reference_solver.errors import NonFiniteState, SingularConfiguration
 from reference_solver.mechanism import GROUND, Mechanism, SpringDamper
 
 FloatArray = NDArray[np.float64]
@@ -150,8 +150,11 @@ class Equations:
 
         Raises:
             SingularConfiguration: [B] has not full row rank, by the smallest pivot.
+            NonFiniteState: it has overflowed.
         """
         G = (B * self.inverse_mass) @ B.T
+        if not np.isfinite(G).all():
+            raise NonFiniteState(t)
         L, info = lapack.dpotrf(G, lower=1)
         threshold = len(G) * PIVOT_TOLERANCE_PER_ROW
         if info != 0 or np.any(L.diagonal() ** 2 < threshold * G.diagonal()):
