@@ -88,7 +88,8 @@ class RigidContact:
     def _record(self, arbiter: Any, _space: Any, _data: Any) -> None:
         """Enter the kick's impulse, if there is one; Pymunk tells the one on the bearing."""
         touch = self._touch
-        assert touch is not None
+        if touch is None:  # the pin is lost, which ends the run after this step
+            return
         x, y = arbiter.total_impulse
         n_x, n_y = touch.n
         normal = x * n_x + y * n_y
