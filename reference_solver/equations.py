@@ -159,7 +159,8 @@ class Equations:
         threshold = len(G) * PIVOT_TOLERANCE_PER_ROW
         if info != 0 or np.any(L.diagonal() ** 2 < threshold * G.diagonal()):
             scaled = B * np.sqrt(self.inverse_mass)
-            scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
+            size = np.linalg.norm(scaled, axis=1, keepdims=True)
+            scaled = np.divide(scaled, size, out=np.zeros_like(scaled), where=size > 0)
             rank = int(np.linalg.matrix_rank(scaled, tol=np.sqrt(threshold)))
             raise SingularConfiguration(rank, len(B), t, q)
         return np.asarray(L)

@@ -1,6 +1,7 @@
 """Whole turns of the crank at the start change its angle and nothing else."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -41,11 +42,8 @@ def test_whole_turns_of_the_crank_change_only_its_angle(engine: str, name: str) 
 @pytest.mark.parametrize("angle", ["1e12", "-1e7"])
 def test_an_angle_without_digits_is_refused_by_its_field(angle: str, tmp_path: Path) -> None:
     text = crankslider("show", "ideal-driven").stdout
-    lines = [
-        f"crank_angle_rad = {angle}" if "crank_angle_rad" in line else line for line in text.splitlines()
-    ]
     path = tmp_path / "scene.toml"
-    path.write_text("\n".join(lines))
+    path.write_text(re.sub("crank_angle_rad = .*", f"crank_angle_rad = {angle}", text))
     done = crankslider("simulate", path)
     assert done.code == 2
     assert "start.crank_angle_rad: expected" in done.stderr
