@@ -18,7 +18,9 @@ from engine_models.engine import (
 )
 from engine_models.exudyn_build import load_build, require_build
 from engine_models.exudyn_laws import native_twin
+from engine_models.memory import require_memory
 from engine_models.scene import Scene
+from engine_models.start_check import unwound, wound
 
 if TYPE_CHECKING:  # its build is chosen when an engine runs
     import exudyn as exu
@@ -28,6 +30,8 @@ if TYPE_CHECKING:  # its build is chosen when an engine runs
 IMPLICIT, ADAPTIVE = ("TrapezoidalIndex2", "GeneralizedAlpha"), ("DOPRI5", "ODE23")
 
 
+#: What a recorded step takes, with what is made of it after the run (measured).
+BYTES_PER_STEP, BYTES_PER_STEP_WITH_CONTACT = 550, 5_000
 #: The smallest tolerance that ``sharper`` goes to.
 SHARPEST = 1e-14
 
@@ -104,9 +108,9 @@ class ExudynEngine:
         from engine_models.exudyn_solver import silence, solve
 
         with silence(), np.errstate(all="ignore"):
-            model, chosen = self._model(scene), self._simulation_settings(scene, settings)
+            model, chosen = self._model(wound(scene)), self._simulation_settings(scene, settings)
             chosen.solution.sensors.writePeriod = scene.end_time_s
-            return solve(model, chosen, self.timeout_s)
+            return solve(scene, model, chosen, self.timeout_s)
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run a scene.
@@ -116,16 +120,23 @@ class ExudynEngine:
             SimulationFailed: Exudyn gave up, stopped short, ran out of time or returned non-finite numbers.
         """
         self.check(scene)
+        require_memory(scene, settings, *self._recorded(scene, settings))
         load_build(self.fast)
         from engine_models.exudyn_runs import clearance_run, ideal_run
         from engine_models.exudyn_solver import silence
 
         with silence(), np.errstate(all="ignore"):  # require_finite is the judge
-            model = self._model(scene)
+            model = self._model(wound(scene))
             run = clearance_run if scene.joints_with_clearance else ideal_run
-            return require_finite(
-                run(scene, settings, model, self._simulation_settings(scene, settings), self.timeout_s)
-            )
+            chosen = self._simulation_settings(scene, settings)
+            return unwound(scene, require_finite(run(wound(scene), settings, model, chosen, self.timeout_s)))
+
+    def _recorded(self, scene: Scene, run: RunSettings) -> tuple[int, int]:
+        """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""
+        if scene.joints_with_clearance:
+            return run.samples * run.steps_per_sample(scene.end_time_s), BYTES_PER_STEP_WITH_CONTACT
+        driven = scene.drive.kind == "constant-speed"
+        return driven * run.samples * run.steps_per_sample(scene.end_time_s), BYTES_PER_STEP
 
     def _model(self, scene: Scene) -> Model:
         from engine_models.exudyn_model import build_model, build_tree_model

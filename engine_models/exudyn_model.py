@@ -17,7 +17,7 @@ from engine_models.exudyn_bodies import Bodies, Part, add_bodies
 from engine_models.exudyn_contact import add_contact
 from engine_models.exudyn_tree import CRANK, tree_links
 from engine_models.scene import Scene
-from engine_models.start_check import ends, joint_gap, wound_start
+from engine_models.start_check import checked_start, ends, joint_gap
 
 items: Any = itemInterface  # its constructors carry no types
 
@@ -49,7 +49,7 @@ class Model:
 
 def build_model(scene: Scene) -> Model:
     """Return the assembled absolute model."""
-    container, (position, velocity) = exu.SystemContainer(), wound_start(scene)
+    container, (position, velocity) = exu.SystemContainer(), checked_start(scene)
     mbs = container.AddSystem()
     bodies = add_bodies(mbs, scene, position, velocity)
     forces: dict[str, int] = {}
@@ -83,7 +83,7 @@ def build_model(scene: Scene) -> Model:
 
 def build_tree_model(scene: Scene) -> Model:
     """Return the assembled tree model of a scene with clearance."""
-    container, (position, velocity) = exu.SystemContainer(), wound_start(scene)
+    container, (position, velocity) = exu.SystemContainer(), checked_start(scene)
     mbs = container.AddSystem()
     flywheel = FLYWHEEL_KG_M2 if scene.drive.kind == "constant-speed" else 0.0
     bodies = add_bodies(mbs, scene, position, velocity, tree_links(scene), flywheel)

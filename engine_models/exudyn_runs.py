@@ -4,7 +4,6 @@ import exudyn as exu
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from engine_models.assembly import start_state
 from engine_models.engine import JOINTS, Contact, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn_contact_record import contact_record, contact_states, integral
 from engine_models.exudyn_forces import driver_torque, joint_forces
@@ -27,7 +26,7 @@ def ideal_run(
     scene: Scene, run: RunSettings, model: Model, settings: exu.SimulationSettings, timeout_s: float
 ) -> Trajectory:
     """Run a model of ideal joints whose sensors record every ``record_every`` steps."""
-    solve_time = solve(model, settings, timeout_s)
+    solve_time = solve(scene, model, settings, timeout_s)
     per_sample, step = run.steps_per_sample(scene.end_time_s), run.step_used_s(scene.end_time_s)
     per_record = record_every(scene, run)
     grid = np.linspace(0.0, scene.end_time_s, run.samples * per_sample // per_record + 1)
@@ -67,7 +66,7 @@ def clearance_run(
     The motion is interpolated as ``Motion`` says. Forces of constraints are Exudyn's multipliers, linear
     between steps; without constraints they follow from the accelerations.
     """
-    solve_time = solve(model, settings, timeout_s)
+    solve_time = solve(scene, model, settings, timeout_s)
     motion = recorded_motion(scene, model)
     time = np.linspace(0.0, scene.end_time_s, run.samples + 1)
     position, velocity, _ = motion.at(time)
@@ -143,8 +142,6 @@ def _trajectory(
     solve_time_s: float,
     contacts: dict[str, Contact] | None = None,
 ) -> Trajectory:
-    # The model started within half a turn of zero.
-    position[:, CRANK, 2] += start_state(scene)[0][CRANK, 2] - position[0, CRANK, 2]
     if scene.drive.kind == "torque":
         torque = np.full(len(position), scene.drive.torque_N_m)
         work = scene.drive.torque_N_m * (position[:, CRANK, 2] - position[0, CRANK, 2])

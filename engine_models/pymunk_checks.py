@@ -26,7 +26,8 @@ def require_the_mechanism(scene: Scene, position: FloatArray, time_s: FloatArray
         if not holds.all():
             failures.append((int(np.argmin(holds)), what))
 
-    ideal = [gap[name] for name in scene.joints if name not in scene.joints_with_clearance]
+    nothing = np.zeros(len(position))
+    ideal = [nothing, *(gap[name] for name in scene.joints if name not in scene.joints_with_clearance)]
     room = 0.0
     for name in scene.joints_with_clearance:
         clearance = getattr(scene.clearance, name)
@@ -37,8 +38,8 @@ def require_the_mechanism(scene: Scene, position: FloatArray, time_s: FloatArray
         crank, rod, _ = scene.crank_slider()
         if rod.length_m >= crank.length_m + room:
             note(~(np.cos(position[:, 1, 2]) <= 0), "rod turned over")
-    apart = np.max(ideal, axis=0, initial=0.0)
+    apart = np.max(ideal, axis=0)
     note(apart <= LOST_GAP * scene.crank.length_m, "constraints lost, a joint is {gap:.3g} m apart,")
     if failures:
         first, what = min(failures)
-        raise SimulationFailed(f"{what.format(gap=np.atleast_1d(apart)[first])} at t = {time_s[first]:.6g} s")
+        raise SimulationFailed(f"{what.format(gap=apart[first])} at t = {time_s[first]:.6g} s")

@@ -18,16 +18,17 @@ from engine_models.pymunk_pin import PinInBearing, Touch
 class CompliantContact:
     """The contact force of one pin, at x_k and, as far as it depends on speeds, at v of t_k - dt/2.
 
-    ``step`` is the number of the kick that the next call belongs to; ``steps`` has the kicks in contact.
+    ``step`` is the number of the kick that the next call belongs to.
     """
 
     def __init__(self, space: pymunk.Space, pin: PinInBearing, first_step: int) -> None:
-        self.pin, self.steps, self.step = pin, list[ContactStep](), first_step
+        self.pin, self.step = pin, first_step
+        self._steps: list[ContactStep] = []
         self._law, self._friction = NormalLaw(pin.room), pin.room.friction
         self.clips = self._law.clips
         self._approach = 0.0  # v0 of the present contact, valid while _touch is
         self._touch: Touch | None = None
-        self._kick = ContactStep(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)  # as known before the kick
+        self._kick: ContactStep | None = None  # the last one, as known before it
         self.hook = pymunk.SlideJoint(
             pin.bearing, pin.pin, (pin.bearing_x, 0.0), (pin.pin_x, 0.0), 0.0, math.inf
         )
@@ -38,7 +39,7 @@ class CompliantContact:
         space.add(self.hook)
 
     def _push(self, _hook: Any, space: pymunk.Space) -> None:
-        self.finish()
+        self._finish()
         touch, new = self.pin.touch(), self._touch is None
         self._touch = touch
         step, self.step = self.step, self.step + 1
@@ -61,14 +62,21 @@ class CompliantContact:
         dt = space.current_time_step
         self._kick = ContactStep(step, normal * dt, friction * dt, rate, rate, sliding, spring * dt, clipped)
 
-    def finish(self) -> None:
+    def _finish(self) -> None:
         """Enter the last kick, now that the velocities after it are known."""
-        if self._touch is None:
+        kick, touch = self._kick, self._touch
+        if kick is None or touch is None:
             return
-        rate, sliding = self.pin.speeds(self._touch)
-        kick = self._kick
-        self.steps.append(
+        rate, sliding = self.pin.speeds(touch)
+        self._kick = None
+        self._steps.append(
             kick._replace(
                 mean_rate=(kick.mean_rate + rate) / 2, mean_sliding=(kick.mean_sliding + sliding) / 2
             )
         )
+
+    def taken(self) -> list[ContactStep]:
+        """Return the kicks in contact since the last call, and forget them."""
+        self._finish()
+        steps, self._steps = self._steps, []
+        return steps

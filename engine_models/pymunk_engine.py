@@ -12,12 +12,14 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
+from engine_models.memory import require_memory
 from engine_models.pymunk_compliant import CompliantContact
 from engine_models.pymunk_model import build, pins
 from engine_models.pymunk_rigid import RigidContact, Sweeps
 from engine_models.pymunk_runs import Model, trajectory_of
 from engine_models.pymunk_twin import rigid_twin
 from engine_models.scene import Scene
+from engine_models.start_check import unwound, wound
 
 #: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
 LIBRARY_ITERATIONS, LIBRARY_ERROR_BIAS = 10, (1.0 - 0.1) ** 60.0
@@ -113,9 +115,10 @@ class PymunkEngine:
             SimulationFailed: a joint came apart by more than a tenth of the crank, a pin went through the
                 wall of its bearing, the rod turned over, or the numbers overflowed.
         """
-        model = self._model(self.twin(scene))
+        require_memory(scene, settings)
+        model = self._model(wound(self.twin(scene)))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            return trajectory_of(model, settings, self.half_kick_start)
+            return unwound(scene, trajectory_of(model, settings, self.half_kick_start))
 
     def _model(self, scene: Scene) -> Model:
         space, bodies = build(scene, self.iterations, self.error_bias)

@@ -39,14 +39,15 @@ class Sweeps:
 class RigidContact:
     """The contact of one pin between rigid walls.
 
-    ``step`` is the number of the kick that the next call belongs to; ``steps`` has the kicks with an impulse.
+    ``step`` is the number of the kick that the next call belongs to.
     ``number`` tells the joint's shapes from those of others.
     """
 
     clips = False
 
     def __init__(self, pin: PinInBearing, number: int, sweeps: Sweeps, first_step: int) -> None:
-        self.pin, self.steps, self.step = pin, list[ContactStep](), first_step
+        self.pin, self.step = pin, first_step
+        self._steps: list[ContactStep] = []
         room = pin.room
         self._sweeps, self._closing_speed = sweeps, room.minimum_impact_speed_m_s or 0.0
         self._R, self._R_pin = room.bearing_radius_m, room.bearing_radius_m - room.radial_clearance_m
@@ -87,14 +88,15 @@ class RigidContact:
     def _record(self, arbiter: Any, _space: Any, _data: Any) -> None:
         """Enter the kick's impulse, if there is one; Pymunk tells the one on the bearing."""
         touch = self._touch
-        assert touch is not None
+        if touch is None:  # the pin is lost, which ends the run after this step
+            return
         x, y = arbiter.total_impulse
         n_x, n_y = touch.n
         normal = x * n_x + y * n_y
         if normal <= 0.0:
             return
         (rate, sliding), (rate_after, sliding_after) = self._before, self.pin.speeds(touch)
-        self.steps.append(
+        self._steps.append(
             ContactStep(
                 self.step - 1,
                 normal,
@@ -107,5 +109,7 @@ class RigidContact:
             )
         )
 
-    def finish(self) -> None:
-        """Nothing is left over after the last step."""
+    def taken(self) -> list[ContactStep]:
+        """Return the kicks with an impulse since the last call, and forget them."""
+        steps, self._steps = self._steps, []
+        return steps

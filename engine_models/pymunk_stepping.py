@@ -1,8 +1,9 @@
 """The loop that steps a Pymunk space and reads it, and that lets no exception of a callback get lost."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from pymunk import batch
 
 from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.progress import tell
 from engine_models.pymunk_model import Bodies
 from engine_models.pymunk_pin import PinLost
 
@@ -28,6 +30,22 @@ STATE = (
 )
 
 
+@dataclass(frozen=True)
+class Block:
+    """Steps that are taken, and then worked off, together: up to ``last``.
+
+    ``wanted`` are those of which results are kept, ``read`` those whose states it takes for that.
+    """
+
+    last: int
+    wanted: NDArray[np.int64]
+    read: NDArray[np.int64]
+
+
+#: Works off a block from its states as Pymunk stores them, each (reads, bodies, 3): positions, velocities.
+Work = Callable[[Block, FloatArray, FloatArray], None]
+
+
 def run(
     space: pymunk.Space,
     bodies: Bodies,
@@ -35,20 +53,22 @@ def run(
     *,
     crank_torque_N_m: float | None,
     half_kick_start: bool,
-    read_after: NDArray[np.int64],
-) -> tuple[FloatArray, FloatArray, float]:
-    """Step the space and read it after the given steps, increasing from 0 (before the first step).
+    blocks: Iterable[Block],
+    work_off: Work,
+) -> float:
+    """Step the space through the blocks, the first of which reads step 0 (before the first step) to step 4.
+
+    Work gets positions and velocities of crank, rod, slider by (x, y, phi) of the body's origin.
 
     Returns:
-        Positions and velocities as Pymunk stores them, each (reads, bodies, 3): crank, rod, slider by
-        (x, y, phi) of the body's origin; and the wall time in s of the calls of ``space.step`` and what must
-        go with each (the loop, a torque that has to be set again, contacts' callbacks), without the reading.
+        The wall time in s of the calls of ``space.step`` and what must go with each (the loop, a torque that
+        has to be set again, contacts' callbacks), without the reading and the work.
 
     Raises:
         SimulationFailed: a pin went through the wall of its bearing, or a contact's numbers overflowed.
         BaseException: whatever else a callback raised, or a signal's handler while one ran.
     """
-    log, order = batch.Buffer(), _order_of_reading(space, bodies)
+    log, (listed, order) = batch.Buffer(), _order_of_reading(space, bodies)
     iterations, done, solve_time = space.iterations, 0, 0.0
     with _exceptions_of_callbacks() as raised:
 
@@ -70,14 +90,20 @@ def run(
             solve_time += advance(dt / 2, 0, 0)
             for body in bodies:
                 body.position_func = pymunk.Body.update_position
-        for target in read_after.tolist():
-            if done == START_KICKS - 1:
-                space.iterations = iterations
-            solve_time += advance(dt, done + 1, target)
-            done = target
-            batch.get_space_bodies(space, STATE, log)
-    states = np.frombuffer(bytes(log.float_buf())).reshape(len(read_after), -1, 6)[:, order]
-    return states[:, :, :3], states[:, :, 3:], solve_time
+        for block in blocks:
+            log.clear()
+            reads = block.read.tolist()
+            for number, target in enumerate([*reads, block.last]):
+                if done == START_KICKS - 1:
+                    space.iterations = iterations
+                solve_time += advance(dt, done + 1, target)
+                done = max(done, target)
+                if number < len(reads):
+                    batch.get_space_bodies(space, STATE, log)
+            states = np.frombuffer(bytes(log.float_buf())).reshape(len(block.read), listed, 6)[:, order]
+            work_off(block, states[:, :, :3], states[:, :, 3:])
+            tell(block.last * dt)
+    return solve_time
 
 
 @contextmanager
@@ -109,9 +135,9 @@ def _stay(body: pymunk.Body, dt: float) -> None:
     """Leave the body where it is: the position update of a step that only kicks."""
 
 
-def _order_of_reading(space: pymunk.Space, bodies: Bodies) -> list[int]:
-    """Return where the bodies stand in a batch reading of the space."""
+def _order_of_reading(space: pymunk.Space, bodies: Bodies) -> tuple[int, list[int]]:
+    """Return how many bodies a batch reading of the space has, and where these stand in it."""
     ids = batch.Buffer()
     batch.get_space_bodies(space, batch.BodyFields.BODY_ID, ids)
     listed = memoryview(ids.int_buf()).cast("P").tolist()
-    return [listed.index(body.id) for body in bodies]
+    return len(listed), [listed.index(body.id) for body in bodies]

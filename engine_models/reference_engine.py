@@ -15,10 +15,12 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
+from engine_models.memory import require_memory
 from engine_models.reference_compilation import compile_time_s
 from engine_models.reference_model import rigid_joints_of
 from engine_models.reference_runs import compliant_run, ideal_run, rigid_run
 from engine_models.scene import Scene
+from engine_models.start_check import unwound, wound
 from reference_solver.equations import Baumgarte
 from reference_solver.errors import SolverError
 from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, Stabilisation, StepChoice
@@ -70,9 +72,11 @@ class ReferenceEngine:
             SimulationFailed: singular configuration or overflow.
         """
         self.check(scene)
+        require_memory(scene, settings)
         try:
             with np.errstate(all="ignore"):  # require_finite is the judge
-                return require_energy(scene, require_finite(self._run(scene, settings)))
+                run = require_finite(self._run(wound(scene), settings))
+                return unwound(scene, require_energy(scene, run))
         except SolverError as error:
             raise SimulationFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite

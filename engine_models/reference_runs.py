@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import time
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from engine_models.contact_stiffness import elastic_energy_J
-from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, RunSettings, Trajectory
+from engine_models.engine import (
+    JOINTS,
+    Contact,
+    FloatArray,
+    Impacts,
+    RunSettings,
+    Trajectory,
+)
+from engine_models.pace import MOST_STEPS, require_pace, too_slow
+from engine_models.progress import tell
 from engine_models.reference_model import CRANK, mechanism_of, rigid_joints_of
 from engine_models.scene import Clearance, Scene
 from engine_models.start_check import checked_start
@@ -22,7 +32,13 @@ from reference_solver.solver import Solution, Stabilisation, StepChoice, make_st
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
 MOST_TRIES, ROOM = 5, 0.8
 
+#: Steps of contacts, and events between rigid walls, after which their pace is judged: some seconds; and
+#: events that there is no time for.
+LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS = 2_000_000, 2_000, 1e8
+
 if TYPE_CHECKING:  # it brings Numba
+    from collections.abc import Callable
+
     from reference_solver.contact_stepper import ContactSolution
 
 
@@ -40,7 +56,7 @@ def ideal_run(
     stepper = make_stepper(mechanism_of(scene), q, step, stabilisation, compiled)
     started = time.perf_counter()
     solution = record(
-        stepper, q.copy(), v, end_time_s=end, samples=settings.samples, steps_per_sample=per_sample
+        stepper, q.copy(), v, end_time_s=end, samples=settings.samples, steps_per_sample=per_sample, tell=tell
     )
     solve_time = time.perf_counter() - started
     steps, stabilised = settings.samples * per_sample, stabilisation != "none"
@@ -62,7 +78,8 @@ def compliant_run(
     q, v = _start(scene)
     stepper = ContactStepper(mechanism_of(scene), q, rates, stabilisation)
     started = time.perf_counter()
-    run = record_contacts(stepper, q.copy(), v, scene.end_time_s, settings.samples)
+    watch = _watch(scene, lambda: stepper.steps, LOOK_UP_STEPS, MOST_STEPS)
+    run = record_contacts(stepper, q, v, scene.end_time_s, settings.samples, watch)
     solve_time = time.perf_counter() - started
     contacts = {
         name: _contact(getattr(scene.clearance, name), run, k)
@@ -76,6 +93,24 @@ def compliant_run(
     return trajectory
 
 
+def _watch(scene: Scene, steps: Callable[[], int], outlasting: int, most: float) -> Callable[[float], None]:
+    """Return what tells how far a run has come, and ends one whose steps have collapsed.
+
+    So many of the steps that it counts outlast any contact, and the most are more than there is time for.
+    """
+    judged, judged_s = 0, 0.0
+
+    def watch(t: float) -> None:
+        nonlocal judged, judged_s
+        tell(t)
+        since = steps() - judged
+        if since >= outlasting:
+            require_pace(scene, t, t - judged_s, since, most)
+            judged, judged_s = judged + since, t
+
+    return watch
+
+
 def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
     """Run a scene with rigid clearance as ``_rigid_run`` does, with shorter steps if friction needs them.
 
@@ -86,6 +121,8 @@ def rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
         try:
             return _rigid_run(scene, settings)
         except FrictionTooStiff as stiff:
+            if stiff.needed_s * MOST_STEPS < scene.end_time_s:
+                raise too_slow(scene, f"steps of {stiff.needed_s:.3g} s") from stiff
             settings = RunSettings(ROOM * stiff.needed_s, settings.samples)
     return _rigid_run(scene, settings)
 
@@ -97,7 +134,7 @@ def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
     """
     end, step, (q, v) = scene.end_time_s, settings.step_used_s(scene.end_time_s), _start(scene)
     per_sample = settings.steps_per_sample(end)
-    joints = rigid_joints_of(scene)
+    joints, events = rigid_joints_of(scene), count(1)
     started = time.perf_counter()
     run = solve_rigid(
         mechanism_of(scene),
@@ -107,6 +144,7 @@ def _rigid_run(scene: Scene, settings: RunSettings) -> Trajectory:
         end_time_s=end,
         samples=settings.samples,
         steps_per_sample=per_sample,
+        tell=_watch(scene, lambda: next(events), LOOK_UP_EVENTS, MOST_EVENTS),
     )
     solve_time = time.perf_counter() - started
     gaps = JointGeometry(mechanism_of(scene), joints)

@@ -13,6 +13,9 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0)]
+#: Beyond this an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
+LARGEST_ANGLE_RAD = 1e6
+Angle = Annotated[float, Field(ge=-LARGEST_ANGLE_RAD, le=LARGEST_ANGLE_RAD)]
 NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
@@ -74,7 +77,7 @@ class BodyState(SceneData):
 
     x_m: float
     y_m: float
-    angle_rad: float
+    angle_rad: Angle
     velocity_x_m_s: float
     velocity_y_m_s: float
     angular_velocity_rad_s: float
@@ -87,7 +90,7 @@ class Start(SceneData):
     is then that of the drive alone.
     """
 
-    crank_angle_rad: float
+    crank_angle_rad: Angle
     crank_speed_rad_s: float
     crank: BodyState | None = None
     rod: BodyState | None = None

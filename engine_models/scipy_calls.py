@@ -9,12 +9,17 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.pace import require_pace
+from engine_models.progress import tell
 from engine_models.reference_scipy import Derivative
+from engine_models.scene import Scene
 from engine_models.scipy_events import Steps, Watch
 
 #: Absolute tolerance of the sums in y, which takes them out of the error control. It is finite because Radau
 #: differences the right-hand side by steps of a part of it.
 UNCONTROLLED = 1e30
+#: Evaluations after which a run tells how far it has come, and after which its pace is judged.
+PAUSE, OUTLASTING = 10_000, 300_000
 
 
 @dataclass(frozen=True)
@@ -39,13 +44,17 @@ class Root(NamedTuple):
 class Calls:
     """The calls of one run. With ``memory`` (K,) the right-hand side sets the contacts' phases itself."""
 
-    def __init__(self, derivative: Derivative, choice: Choice, memory: FloatArray | None = None) -> None:
+    def __init__(
+        self, scene: Scene, derivative: Derivative, choice: Choice, memory: FloatArray | None = None
+    ) -> None:
+        self._scene = scene
         self._derivative, self._choice, self._memory = derivative, choice, memory
         self._atol = np.full(len(derivative.start), choice.atol)
         self._atol[2 * derivative.n :] = UNCONTROLLED
         self._steps = Steps(derivative, memory)
-        #: Evaluations of the right-hand side so far.
-        self.evaluations = 0
+        #: Evaluations of the right-hand side so far, and at which to look up again.
+        self.evaluations, self._pause = 0, 0
+        self._judged, self._judged_s = 0, 0.0
         solve_ivp(lambda _, y: -y, (0.0, 1.0), [1.0], choice.method)  # loads the method, out of any timing
 
     @property
@@ -94,14 +103,24 @@ class Calls:
 
     def _right(self, t: float, y: FloatArray) -> FloatArray:
         self.evaluations += 1
+        if self.evaluations > self._pause:
+            self._look_up(t)
+        if self._memory is not None:
+            self._derivative.sense(y, self._memory)
+        return self._derivative(t, y)
+
+    def _look_up(self, t: float) -> None:
+        """Tell how far the run has come, and end one that does not get on."""
         if self.evaluations > self._choice.max_evaluations:
             raise SimulationFailed(
                 f"{self._choice.max_evaluations} evaluations came no further than t = {t:.6g} s: "
                 "loosen rtol and atol, or raise max_evaluations"
             )
-        if self._memory is not None:
-            self._derivative.sense(y, self._memory)
-        return self._derivative(t, y)
+        tell(t)
+        if self.evaluations - self._judged >= OUTLASTING:
+            require_pace(self._scene, t, t - self._judged_s, OUTLASTING)
+            self._judged, self._judged_s = self.evaluations, t
+        self._pause = min(self.evaluations + PAUSE, self._choice.max_evaluations)
 
     def _failure(self, message: str) -> SimulationFailed:
         reached = self._steps.last_time_s

@@ -15,12 +15,14 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
+from engine_models.memory import require_memory
 from engine_models.reference_compilation import compile_time_s
 from engine_models.reference_scipy import Derivative
 from engine_models.scene import Scene
 from engine_models.scipy_calls import Calls, Choice
 from engine_models.scipy_runs import LocatedRun, switching_run
 from engine_models.scipy_trajectory import trajectory_of
+from engine_models.start_check import unwound, wound
 
 #: Room for rounding in the longest step, so that as many of them fill a run as should.
 ROOM = 1e-9
@@ -97,12 +99,13 @@ class ScipyEngine:
             SimulationFailed: SciPy gives up or warns, a singular configuration, too many evaluations.
         """
         self.check(scene)
-        derivative = Derivative(scene)
+        require_memory(scene, settings)
+        derivative = Derivative(wound(scene))
         located = self.locate_events or not scene.joints_with_clearance
         memory = None if located else np.full(derivative.contact_count, np.nan)
         longest = min(settings.step_s, scene.end_time_s)
         choice = Choice(self.method, self.rtol, self.atol, longest * (1 + ROOM), self.max_evaluations)
-        calls = Calls(derivative, choice, memory)
+        calls = Calls(scene, derivative, choice, memory)
         times = np.linspace(0.0, scene.end_time_s, settings.samples + 1)
         started = time.perf_counter()
         if located:
@@ -110,4 +113,5 @@ class ScipyEngine:
         else:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
-        return require_finite(trajectory_of(scene, derivative, record, longest, calls.steps, solve_time))
+        run = trajectory_of(scene, derivative, record, longest, calls.steps, solve_time)
+        return unwound(scene, require_finite(run))

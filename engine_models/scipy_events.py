@@ -82,8 +82,9 @@ class Steps:
         self.accepted, self.last_time_s = self.accepted + 1, t
         if self.memory is not None:
             self.memory[:] = self.derivative.remember(y, self.memory)
-            self._times.append(t)
-            self._memories.append(self.memory.copy())
+            if not (self._memories and np.array_equal(self.memory, self._memories[-1], equal_nan=True)):
+                self._times.append(t)
+                self._memories.append(self.memory.copy())
         return 1.0
 
     def memory_at(self, t: float) -> FloatArray:

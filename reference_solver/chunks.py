@@ -13,8 +13,20 @@ FloatArray = NDArray[np.float64]
 #: A kernel's (q, v, first, count) -> (steps done, drivers' work): it steps in place until it meets a fault.
 Kernel = Callable[[FloatArray, FloatArray, int, int], tuple[int, float]]
 
+#: Takes the time in s that a run has reached.
+Tell = Callable[[float], None]
+
 #: Steps times bodies per call of a kernel: a fraction of a second, so that an interrupt is answered.
 CHUNK = 1_000_000
+
+
+def nobody(_: float) -> None:
+    """Tell nobody how far a run has come."""
+
+
+def longest_chunk(q: FloatArray) -> int:
+    """Return the steps per call of a kernel for so many coordinates."""
+    return max(1, 3 * CHUNK // len(q))
 
 
 def advance_in_chunks(
@@ -35,7 +47,7 @@ def advance_in_chunks(
         SingularConfiguration: the constraint matrix loses full row rank.
         NonFiniteState: the state overflows.
     """
-    work, last, longest = 0.0, first + count, max(1, 3 * CHUNK // len(q))
+    work, last, longest = 0.0, first + count, longest_chunk(q)
     while first < last:
         chunk = min(longest, last - first)
         done, added = kernel(q, v, first, chunk)

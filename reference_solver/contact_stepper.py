@@ -6,7 +6,7 @@ from functools import cache, cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.kernel_store import load_kernel
+from reference_solver.chunks import Tell, nobody
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_driver import load_driver
 from reference_solver.contact_laws import steepest
@@ -21,6 +21,7 @@ from reference_solver.contact_types import (
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import NonFiniteState, Stalled
 from reference_solver.kernel import Topology, contact_source, stabilised
+from reference_solver.kernel_store import load_kernel
 from reference_solver.mechanism import ClearanceJoint, Mechanism
 from reference_solver.solver import Solution, Stabilisation, StepChoice, check_start
 
@@ -99,11 +100,13 @@ class ContactStepper:
         self.steps = 0
         self.run(q_start, np.zeros_like(q_start), 0.0, np.zeros(0))  # compiled or loaded, out of any timing
 
-    def run(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> Records:
+    def run(
+        self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray, tell: Tell = nobody
+    ) -> Records:
         """Run from q and v at t = 0 to the end; return the records, with a sample for each of the times.
 
         The ``times`` (s,) ascend from 0 to the end. A step lands on the end; on the others only where events
-        are not located.
+        are not located. ``tell`` is called with the time reached after every call of the kernel.
 
         Raises:
             SingularConfiguration: the constraint matrix loses full row rank.
@@ -127,6 +130,8 @@ class ContactStepper:
             begin, (now,) = float(clock["time"][0]), clock
             now["events"], now["budget"] = 0, now["steps"] + CHUNK
             status = self._advance(self._parameters, self.contacts, self.motion, clock, records)
+            self.steps = int(now["steps"])
+            tell(float(now["time"]))
             if now["time"] == begin and status == SPENT:
                 raise Stalled(begin, CHUNK)
             self.events.append(records.events[: now["events"]].copy())
@@ -138,7 +143,6 @@ class ContactStepper:
                 # Says what is wrong, if it is at this very state.
                 self._equations.accelerations(float(now["time"]), self.motion.q, self.motion.v)
                 raise NonFiniteState(float(now["time"]), self.choice.longest_s)
-        self.steps += int(clock["steps"][0])
         if not (np.isfinite(self.motion.q).all() and np.isfinite(self.motion.v).all()):
             raise NonFiniteState(end_time_s, self.choice.longest_s)
         return records
@@ -175,7 +179,12 @@ def solve_with_contacts(
 
 
 def record_contacts(
-    stepper: ContactStepper, q: FloatArray, v: FloatArray, end_time_s: float, samples: int
+    stepper: ContactStepper,
+    q: FloatArray,
+    v: FloatArray,
+    end_time_s: float,
+    samples: int,
+    tell: Tell = nobody,
 ) -> ContactSolution:
     """Run a stepper from q and v and return ``samples + 1`` states.
 
@@ -184,7 +193,7 @@ def record_contacts(
     have one length, which is to fit into the samples' interval, lands on every sample.
     """
     time = np.linspace(0.0, end_time_s, samples + 1)
-    run, names = stepper.run(q, v, end_time_s, time), stepper.rate_names
+    run, names = stepper.run(q, v, end_time_s, time, tell), stepper.rate_names
     events, sums = np.concatenate(stepper.events), np.concatenate(stepper.event_sums)
     removed = run.sums[:, -1] if run.sums.shape[1] > 1 + len(names) else np.zeros(len(time))
     return ContactSolution(

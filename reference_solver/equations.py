@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from reference_solver.constraints import CONSTRAINTS
 from reference_solver.contact import contact_force, elastic_force, rates_of
-from reference_solver.errors import SingularConfiguration
+from reference_solver.errors import NonFiniteState, SingularConfiguration
 from reference_solver.factors import Factors
 from reference_solver.loads import LOADS, Forces
 from reference_solver.mechanism import GROUND, Mechanism
@@ -213,12 +213,19 @@ class Equations:
         return found
 
     def refuse_singular(self, t: float, q: FloatArray) -> None:
-        """Raise SingularConfiguration with the rank of [B]."""
+        """Say why [B] has not full row rank.
+
+        Raises:
+            SingularConfiguration: with its rank.
+            NonFiniteState: it has overflowed.
+        """
         scaled = self.constraint_matrix(q) * np.sqrt(self.inverse_mass)
-        scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
-        threshold = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
-        rank = int(np.linalg.matrix_rank(scaled, tol=float(threshold)))
-        raise SingularConfiguration(rank, len(scaled), t, q)
+        size = np.linalg.norm(scaled, axis=1, keepdims=True)
+        if not np.isfinite(size).all():
+            raise NonFiniteState(t)
+        scaled = np.divide(scaled, size, out=np.zeros_like(scaled), where=size > 0)
+        tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
+        raise SingularConfiguration(int(np.linalg.matrix_rank(scaled, tol=tolerance)), len(scaled), t, q)
 
     def project_q(self, t: Scalar, q: Array) -> tuple[Array, Scalar, Scalar]:
         """Return q moved onto the constraints, the energy lost in J, and whether [B] has full row rank.

@@ -21,15 +21,27 @@ class SingularConfiguration(SolverError):
 
 
 class NonFiniteState(SolverError):
-    """The state has overflowed or become NaN."""
+    """The state has overflowed or become NaN; the step is None where it is not known."""
 
-    def __init__(self, time_s: float, step_s: float) -> None:
+    def __init__(self, time_s: float, step_s: float | None = None) -> None:
         self.time_s = time_s
-        super().__init__(f"non-finite state at t = {time_s:.6g} s with step {step_s:.3g} s: shorten the step")
+        step = "" if step_s is None else f" with step {step_s:.3g} s"
+        super().__init__(f"non-finite state at t = {time_s:.6g} s{step}: shorten the step")
 
 
 class InconsistentStart(SolverError):
     """The initial positions or velocities violate the constraints."""
+
+
+class EventLost(SolverError):
+    """The search for an event within a step has found none."""
+
+    def __init__(self, time_s: float, step_s: float, joint: int, reason: str) -> None:
+        self.time_s = time_s
+        super().__init__(
+            f"event of rigid joint {joint} within the step of {step_s:.3g} s at t = {time_s:.6g} s not found "
+            f"({reason}): shorten the step"
+        )
 
 
 class Stalled(SolverError):

@@ -13,6 +13,7 @@ of the saturated linear law and of Ambrosio's, which are no events, a step's own
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver.chunks import Tell, nobody
 from reference_solver.errors import SolverError
 from reference_solver.mechanism import Mechanism
 from reference_solver.rigid_events import first_event
@@ -23,6 +24,8 @@ from reference_solver.rigid_solution import Ledger, ModeChange, RigidImpact
 
 FloatArray = NDArray[np.float64]
 
+#: Steps per call of a kernel: a fraction of a second, so that an interrupt is answered.
+CHUNK = 200_000
 #: Events at one time, per joint: more than a few mean that they do not settle.
 EVENTS_AT_ONCE = 20
 
@@ -68,7 +71,7 @@ class Automaton:
             )
         return self._modes[self.following]
 
-    def advance(self, first: int, last: int) -> None:
+    def advance(self, first: int, last: int, tell: Tell = nobody) -> None:
         """Advance from grid point ``first``, where the run stands, to ``last``, through all events between.
 
         Raises:
@@ -80,9 +83,10 @@ class Automaton:
         while done < last:
             whole = self.time_s == done * self._h
             length = self._h if whole else (done + 1) * self._h - self.time_s
+            tell(self.time_s)
             tolerance, sums = self._tolerance(), np.zeros(1 + 2 * len(self._joints))
             taken, alarmed = self.mode.until_alarm(
-                self.q, self.v, self.time_s, length, last - done if whole else 1, tolerance, sums
+                self.q, self.v, self.time_s, length, min(CHUNK, last - done) if whole else 1, tolerance, sums
             )
             self.ledger.add(sums)
             if taken:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver.chunks import Tell, nobody
 from reference_solver.equations import Equations
 from reference_solver.errors import InconsistentStart
 from reference_solver.mechanism import Mechanism
@@ -25,12 +26,13 @@ def solve_rigid(
     steps_per_sample: int,
     closing_flight_fraction: float = 1e-3,
     compiled: bool = True,
+    tell: Tell = nobody,
 ) -> RigidSolution:
     """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
 
     The step is ``end_time_s / (samples * steps_per_sample)`` where no event cuts it. The mechanism holds the
     ideal joints; ``joints`` have clearance. ``closing_flight_fraction`` of the step is the flight below which
-    bounces end (see ``rigid_automaton``).
+    bounces end (see ``rigid_automaton``). ``tell`` is called with the time reached, now and then.
 
     Raises:
         ValueError: no joint has clearance, a joint names no body, or the mechanism has compliant contacts.
@@ -55,7 +57,7 @@ def solve_rigid(
     records = []
     for sample in range(samples + 1):
         if sample:
-            run.advance((sample - 1) * steps_per_sample, sample * steps_per_sample)
+            run.advance((sample - 1) * steps_per_sample, sample * steps_per_sample, tell)
         ledger = (*energy(run.q, run.v), *run.ledger.entries())
         records.append((run.q.copy(), run.v.copy(), *run.forces(), *ledger))
     columns = [np.array(column) for column in zip(*records, strict=True)]

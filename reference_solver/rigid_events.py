@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from reference_solver.errors import EventLost
 from reference_solver.rigid_modes import Mode
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +29,10 @@ def first_event(
     A joint in flight reaches its wall, found too where it touches and leaves within the step (its distance
     peaks, once); the force of a joint that follows changes sign, seen at the step's end. ``ignored`` joints
     have just had their event at t and take no part.
+
+    Raises:
+        EventLost: the search for an event within the step has come to nothing.
+        SolverError: a step of the search failed.
     """
 
     def gap(joint: int, column: int) -> Callable[[float], float]:
@@ -46,6 +51,13 @@ def first_event(
     before, (after_q, after_v, _) = mode.gaps(q, v), mode.step(q, v, t, h)
     after = mode.gaps(after_q, after_v)
     first: tuple[float, int | None] = (h, None)
+
+    def searched(value: Callable[[float], float], longest: float, joint: int, noise: float = 0.0) -> float:
+        try:
+            return zero(value, longest, noise)
+        except (RuntimeError, ValueError) as trouble:  # brentq's: no convergence; no change of sign, or NaN
+            raise EventLost(t, h, joint, str(trouble).rstrip(".")) from trouble
+
     for joint in range(len(before)):
         if joint in ignored:
             continue
@@ -57,10 +69,10 @@ def first_event(
             past = after[joint, 0] > 0 and bool(np.any(after[joint] > tolerance[joint]))
             if not past and before[joint, 1] > 0 > after[joint, 1]:
                 rate = gap(joint, 1)
-                at = zero(lambda length, rate=rate: -rate(length), h)  # type: ignore[misc]
+                at = searched(lambda length, rate=rate: -rate(length), h, joint)  # type: ignore[misc]
                 past = event(at) > tolerance[joint, 0]
         if past:
-            length = zero(event, at, 0.0 if joint in mode.following else tolerance[joint, 0])
+            length = searched(event, at, joint, 0.0 if joint in mode.following else tolerance[joint, 0])
             if first[1] is None or length < first[0]:
                 first = length, joint
     return first

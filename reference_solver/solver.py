@@ -6,6 +6,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver.chunks import Tell, longest_chunk, nobody
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import InconsistentStart
 from reference_solver.mechanism import Mechanism
@@ -111,13 +112,29 @@ def check_start(equations: Equations, q: FloatArray, v: FloatArray) -> None:
 
 
 def record(
-    stepper: Stepper, q: FloatArray, v: FloatArray, *, end_time_s: float, samples: int, steps_per_sample: int
+    stepper: Stepper,
+    q: FloatArray,
+    v: FloatArray,
+    *,
+    end_time_s: float,
+    samples: int,
+    steps_per_sample: int,
+    tell: Tell = nobody,
 ) -> Solution:
-    """Run a stepper from q and v, which it overwrites, and return ``samples + 1`` states."""
+    """Run a stepper from q and v, which it overwrites, and return ``samples + 1`` states.
+
+    ``tell`` is called with the time reached, at every sample and within those of very many steps.
+    """
     time, work, before = np.linspace(0.0, end_time_s, samples + 1), 0.0, stepper.stabilisation_loss_J
     records = [(q.copy(), v.copy(), stepper.multipliers(0.0, q, v), work, 0.0)]
     for sample in range(samples):
-        work += stepper.advance(q, v, sample * steps_per_sample, steps_per_sample)
+        first, last, added = sample * steps_per_sample, (sample + 1) * steps_per_sample, 0.0
+        while first < last:
+            count = min(longest_chunk(q), last - first)
+            added += stepper.advance(q, v, first, count)
+            first += count
+            tell(first * end_time_s / (samples * steps_per_sample))
+        work += added
         multipliers = stepper.multipliers(time[sample + 1], q, v)
         records.append((q.copy(), v.copy(), multipliers, work, stepper.stabilisation_loss_J - before))
     return Solution(time, *(np.array(column) for column in zip(*records, strict=True)))

@@ -80,8 +80,10 @@ def simulate(
     import numpy as np
 
     from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+    from engine_models.memory import TooLarge
     from engine_models.reference_kernels import FolderRefused
     from engine_models.step_halving import simulate_to_tolerance
+    from studies.progress_display import shown_progress
     from studies.request import (
         SimulateOptions,
         checked,
@@ -102,11 +104,14 @@ def simulate(
     chosen = read_engine(engine, assignments or [])
     with writing("--out", out or Path("stdout")), _opened(out) as file:
         try:
-            with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
+            # Engines look for non-finite numbers themselves.
+            with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
                 if options.tolerance is not None:
                     result = simulate_to_tolerance(chosen, physics, options.tolerance, options.samples)
                 else:
                     result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
+        except TooLarge as reason:
+            raise BadInput(f"--{reason}") from None
         except UnsupportedScene as reason:
             raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
         except FolderRefused as reason:

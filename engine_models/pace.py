@@ -1,0 +1,68 @@
+"""The end of runs that would take for ever, with the field of the scene that forces their steps."""
+
+import math
+import sys
+
+import numpy as np
+
+from engine_models.contact_stiffness import exponent_of, stiffness_of
+from engine_models.engine import SimulationFailed
+from engine_models.scene import Clearance, Scene
+
+#: A run that needs more steps than this would take hours or more.
+MOST_STEPS = 1e10
+
+
+def require_pace(
+    scene: Scene, reached_s: float, passed_s: float, steps: int, most_steps: float = MOST_STEPS
+) -> None:
+    """Check that a run that passed so much time in its last steps comes to its end.
+
+    ``steps`` are to be enough of them to outlast any one contact.
+
+    Raises:
+        SimulationFailed: at this pace the run would need more than ``most_steps``; the message names the
+            field of the scene that forces it.
+    """
+    if passed_s * most_steps < steps * scene.end_time_s:
+        raise too_slow(scene, f"steps of {passed_s / steps:.3g} s at t = {reached_s:.6g} s")
+
+
+def too_slow(scene: Scene, steps: str) -> SimulationFailed:
+    """Return the failure of a run whose steps, described in words, are too short to come to its end."""
+    field, value = forcing_field(scene)
+    return SimulationFailed(
+        f"{field}: expected a value that lets a run come to its end, got {value:g} (forces {steps})"
+    )
+
+
+def forcing_field(scene: Scene) -> tuple[str, float]:
+    """Return name and value of the field that makes the shortest time in the scene.
+
+    The times are those of an impact at the speed of the crank's pin at the start, or of a fall from the
+    crank's height, on the lightest body.
+    """
+    r, tiny = scene.crank.length_m, sys.float_info.min
+    pin_m_s = math.hypot(r * scene.start.crank_speed_rad_s, math.sqrt(2 * scene.gravity_m_s2 * r))
+    mass, speed = min(body.mass_kg for body in scene.bodies), np.float64(max(pin_m_s, tiny))
+    times = {("end_time_s", scene.end_time_s): scene.end_time_s}
+    with np.errstate(all="ignore"):
+        for joint in scene.joints_with_clearance:
+            clearance: Clearance = getattr(scene.clearance, joint)
+            field, c = f"clearance.{joint}", clearance.radial_clearance_m
+            times[f"{field}.radial_clearance_m", c] = float(c / speed)
+            force = np.float64(mass * speed**2 / r)
+            if clearance.law != "rigid":
+                # All kinetic energy goes into the spring: m v^2/2 = K d^(n+1)/(n+1).
+                K, n = stiffness_of(clearance), exponent_of(clearance)
+                depth = (mass * speed**2 * (n + 1) / (2 * K)) ** (1 / (n + 1))
+                force = K * depth**n
+                stiff = "young_modulus_Pa" if clearance.stiffness is None else "stiffness"
+                times[f"{field}.{stiff}", getattr(clearance, stiff)] = float(depth / speed)
+            if damping := clearance.damping_N_s_m:
+                times[f"{field}.damping_N_s_m", damping] = mass / damping
+            if (friction := clearance.friction) is not None and friction.coefficient > 0:
+                full = friction.regularisation_speed_m_s
+                name = f"{field}.friction.regularisation_speed_m_s"
+                times[name, full] = float(mass * full / (friction.coefficient * force))
+    return min(times, key=lambda field: times[field])
