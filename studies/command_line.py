@@ -15,6 +15,7 @@ from studies.command_errors import (
     explained,
     say,
     silence_stdout,
+    terminated_as_interrupted,
     writing,
 )
 
@@ -128,12 +129,17 @@ def run(
             metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."
         ),
     ] = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Also run again what neither finished nor was refused.")
+    ] = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
     from engine_models.plain_words import one_of, shown
     from studies.execution import RunBroken
     from studies.execution_cluster import cluster
+    from studies.folder_lock import FolderHeld
     from studies.request import RunOptions, checked
+    from studies.rows import DamagedRows
     from studies.runner import STUDIES, run_studies
 
     for name in studies or []:
@@ -143,8 +149,10 @@ def run(
     names = list(dict.fromkeys(studies or STUDIES))
     try:
         executors = nullcontext() if scheduler is None else cluster(scheduler)
-        with executors as executor, writing("--out", out):
-            run_studies(names, full, options.jobs, out, executor)
+        with executors as executor, writing("--out", out), terminated_as_interrupted():
+            run_studies(names, full, options.jobs, out, executor, retry_failed)
+    except (FolderHeld, DamagedRows) as reason:
+        raise BadInput(f"--out: expected {reason}") from None
     except RunBroken as reason:
         raise Failed(str(reason)) from None
     say(f"note: the results are in {out}")
