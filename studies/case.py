@@ -29,7 +29,7 @@ class Limits:
 
 
 #: What a case may take that has no limits of its own: what takes longer, or more, will never end.
-ROOMY = Limits(time_limit_s=3600.0, memory_limit_bytes=8 * 2**30)
+ROOMY = Limits(time_limit_s=1800.0, memory_limit_bytes=8 * 2**30)
 
 
 @dataclass(frozen=True)

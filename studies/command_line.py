@@ -170,11 +170,13 @@ def report(
 
     try:
         with writing("--out", out):
-            write_report(results, out)
+            notes = write_report(results, out)
     except (NoResults, BrokenResults) as reason:
         raise BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
         raise Failed(str(reason)) from None
+    for note in notes:
+        say(f"note: {note}")
     say(f"note: the report is {out / 'index.html'}")
 
 

@@ -162,7 +162,7 @@ def _run(
     """
     again: dict[str, Case] = {}
     answers: SimpleQueue[Future[Any]] = SimpleQueue()
-    begun, unbegun, hopeless = False, 0, min(HOPELESS, len(cases)) if last else HOPELESS
+    begun, unbegun = False, 0
     with make() as pool:
         try:
             keys = {_submitted(pool, case): key for key, case in cases.items()}
@@ -174,7 +174,7 @@ def _run(
                 row, curves = _outcome(cases[key], future)
                 begun = begun or row["status"] != NOT_BEGUN
                 unbegun += not begun
-                if unbegun == hopeless:
+                if unbegun == HOPELESS:
                     raise RunBroken(f"no process can begin: {row['reason']}")
                 if row["status"] in NO_RESULT and not last:
                     again[key] = cases[key]

@@ -2,9 +2,11 @@
 
 import ctypes
 import os
+import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
@@ -28,6 +30,11 @@ def case(
     """Return a case that does what the arm says; its number tells it from others."""
     scene = ideal_free().model_copy(update={"end_time_s": 0.01})
     return Case(NAME, scene, engine, arm, RunSettings(1e-3, number + 1), settings, timed, limits)
+
+
+def steady(row: dict[str, Any]) -> dict[str, Any]:
+    """Return what is the same in the row of each run of a case."""
+    return {name: value for name, value in row.items() if name not in ("pid", "began", "ended", "checksum")}
 
 
 def cases(full: bool) -> list[Case]:
@@ -66,6 +73,15 @@ def _misbehave(case: Case) -> None:
             ctypes.string_at(0)
         case "exit":
             os._exit(3)
+        case "be killed once":
+            if _first(case, 1):
+                os.kill(os.getpid(), signal.SIGTERM)
+        case "be killed twice":
+            if _first(case, 2):
+                os.kill(os.getpid(), signal.SIGKILL)
+        case "abort once":
+            if _first(case, 1):
+                os.abort()
         case "hang":
             Path(str(case.settings["pid_file"])).write_text(str(os.getpid()))
             # A C function that keeps the interpreter's lock, as native solvers do.
@@ -92,3 +108,10 @@ def _misbehave(case: Case) -> None:
             raise KeyError("no such thing")
         case _:
             raise AssertionError(case.arm)
+
+
+def _first(case: Case, times: int) -> bool:
+    """Return whether the case is run for one of the first times."""
+    with Path(str(case.settings["been_file"])).open("a+") as file:
+        file.write("x")
+        return file.tell() <= times

@@ -234,10 +234,12 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
     calls: list[tuple[object, ...]] = []
     monkeypatch.setattr(runner, "run_studies", lambda *arguments: calls.append(arguments))
     assert crankslider("run").code == 0
-    assert crankslider("run", "agreement", "--full", "--jobs", 3, "--out", tmp_path).code == 0
+    assert (
+        crankslider("run", "agreement", "--full", "--retry-failed", "--jobs", 3, "--out", tmp_path).code == 0
+    )
     assert calls == [
-        (list(runner.STUDIES), False, os.cpu_count(), Path("results"), None),
-        (["agreement"], True, 3, tmp_path, None),
+        (list(runner.STUDIES), False, os.cpu_count(), Path("results"), None, False),
+        (["agreement"], True, 3, tmp_path, None, True),
     ]
 
 
@@ -245,8 +247,13 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
     from reports import page
 
     calls: list[tuple[object, ...]] = []
-    monkeypatch.setattr(page, "write_report", lambda *arguments: calls.append(arguments))
-    assert crankslider("report").code == 0
+
+    def write_report(*arguments: object) -> list[str]:
+        calls.append(arguments)
+        return ["a note"]
+
+    monkeypatch.setattr(page, "write_report", write_report)
+    assert crankslider("report").stderr == "note: a note\nnote: the report is report/index.html\n"
     assert crankslider("report", "--results", tmp_path, "--out", tmp_path / "r").code == 0
     assert calls == [(Path("results"), Path("report")), (tmp_path, tmp_path / "r")]
 
