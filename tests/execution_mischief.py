@@ -8,6 +8,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene_library import ideal_free
@@ -59,7 +61,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         row: Row = {"farthest_m": float(trajectory.slider_position_m.max())}
     else:
         _misbehave(case)
-        curves, row = {}, {}
+        curves, row = {"time_s": np.arange(100.0)}, {}
     return {**row, "pid": os.getpid(), "began": began, "ended": time.monotonic()}, curves
 
 

@@ -16,6 +16,7 @@ from engine_models.scene_library import IDEAL_SCENES, SCENES
 from studies.trajectory_table import table
 from studies.truth import exact
 from tests.command import crankslider
+from tests.running import HEAR
 
 IDEAL = list(IDEAL_SCENES)
 SHORT = ("--end", 0.01, "--samples", 4)
@@ -207,7 +208,8 @@ def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path:
     out = tmp_path / "out.csv"
     out.write_text("before")
     long = ("simulate", "ideal-free", "--engine", engine, "--end", "1000", "--out", str(out))
-    run = subprocess.Popen([*COMMAND, *long], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-c", HEAR + COMMAND[-1], *long]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     give_up = time.monotonic() + 60
     while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < give_up:  # its output is open: it runs
         time.sleep(0.02)

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from operator import itemgetter
 from pathlib import Path
@@ -17,56 +17,15 @@ import pytest
 
 from studies.provenance import NUMERICAL_CODE, ROOT
 from tests.execution_mischief import NAME, steady
+from tests.running import HEAR, IGNORE, gone, lines, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
-#: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
-CODE = (
-    "import signal; signal.signal(signal.SIGINT, signal.{disposition});"
-    f"from studies import runner; runner.STUDIES = {{{{'{NAME}': '{NAME}'}}}};"
-    "from studies.command_line import main; main()"
-)
 CASES = 15
-
-
-@contextmanager
-def started(
-    out: Path, cwd: Path | None = None, disposition: str = "default_int_handler", **environment: str
-) -> Iterator["subprocess.Popen[str]"]:
-    """Start a run of the study, which ends here at the latest."""
-    code = CODE.format(disposition=disposition)  # a shell may have us ignore Ctrl-C, and so our children
-    command = [sys.executable, "-c", code, "run", "--full", "--jobs", "2", "--out", str(out)]
-    environment = {**os.environ, **environment}
-    with subprocess.Popen(
-        command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as run:
-        try:
-            yield run
-        finally:
-            run.kill()
-
-
-def until(true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
-def lines(out: Path) -> list[str]:
-    file = out / NAME / "rows.jsonl"
-    return file.read_text().splitlines(keepends=True) if file.exists() else []
 
 
 def measured(out: Path) -> list[dict[str, Any]]:
     return [steady(json.loads(line)) for line in lines(out)]
-
-
-def gone(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
 
 
 def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_path: Path) -> None:
@@ -90,12 +49,10 @@ def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_p
 
 
 @contextmanager
-def hanging(
-    folder: Path, disposition: str = "default_int_handler"
-) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
+def hanging(folder: Path, first: str = HEAR) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
     """Start a run of two cases that end and two that never will; give it and its workers when it hangs."""
     files = [folder / f"pid{n}" for n in range(2)]
-    with started(folder, disposition=disposition, HANG_IN=str(folder)) as run:
+    with started(folder, first, HANG_IN=str(folder)) as run:
         until(lambda: len(lines(folder)) == 2 and all(file.exists() and file.read_text() for file in files))
         yield run, [int(file.read_text()) for file in files]
 
@@ -115,7 +72,7 @@ def test_a_signal_ends_a_run_that_hangs_with_one_word_and_keeps_what_was_finishe
 
 
 def test_a_run_whose_shell_ignores_ctrl_c_ignores_it_and_ends_on_sigterm(tmp_path: Path) -> None:
-    with hanging(tmp_path, "SIG_IGN") as (run, workers):
+    with hanging(tmp_path, IGNORE) as (run, workers):
         os.killpg(run.pid, signal.SIGINT)
         time.sleep(0.5)
         assert run.poll() is None
