@@ -16,6 +16,7 @@ from studies import runner
 from studies.case import Case, Limits
 from studies.execution import CaseEnded, RunBroken
 from studies.execution_processes import Processes
+from studies.execution_worker import _memory_limited
 from studies.runner import run_case, run_study
 from tests.execution_mischief import MEGABYTE, NAME, case
 from tests.row_files import read_rows
@@ -109,6 +110,20 @@ def test_every_case_has_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     hangs = [case("hang", n, timed=n == 1, pid_file=str(tmp_path / "pid")) for n in range(2)]
     found = [(row["arm"], row["status"]) for row in run(tmp_path, *hangs)]
     assert found == [("hang", "timed out")] * 2
+
+
+def _soft_limit_under(lower: int) -> int:
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_DATA, (lower, resource.RLIM_INFINITY))
+    with _memory_limited(1000 * lower):
+        return resource.getrlimit(resource.RLIMIT_DATA)[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory limits are for Linux")
+def test_a_limit_on_memory_does_not_lift_one_that_is_there() -> None:
+    with Processes(1) as pool:
+        assert pool.submit(_soft_limit_under, 10_000 * MEGABYTE).result() == 10_000 * MEGABYTE
 
 
 def test_a_case_killed_once_from_outside_is_run_again_alone(tmp_path: Path) -> None:
