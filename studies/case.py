@@ -28,8 +28,8 @@ class Limits:
     memory_limit_bytes: int
 
 
-#: What a case may take that has no limits of its own. The longest of the full sets take a minute and 2 GB when
-#: two cores do the work of eight: what takes thirty times as long, or four times as much, will never end.
+#: What a case may take that has no limits of its own. The longest of the full sets take a minute and 2 GB on
+#: two cores with the work of eight: what takes thirty times as long, or four times as much, will never end.
 ROOMY = Limits(time_limit_s=1800.0, memory_limit_bytes=8 * 2**30)
 
 

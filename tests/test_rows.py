@@ -77,6 +77,15 @@ def test_rows_of_other_code_are_set_aside_and_come_back_with_it(tmp_path: Path) 
     ]
 
 
+def test_rows_are_set_aside_beside_those_that_are_there(tmp_path: Path) -> None:
+    keep(tmp_path, "a", code=OLD)
+    (tmp_path / "rows.jsonl").rename(tmp_path / "away")
+    keep(tmp_path, "b", code=OLD)
+    (tmp_path / "away").rename(tmp_path / f"rows.{OLD}.jsonl")
+    assert kept(tmp_path, NEW) == []
+    assert kept(tmp_path, OLD) == ["a", "b"]
+
+
 @pytest.mark.parametrize("writes", [0, 1])
 def test_rows_set_aside_survive_a_failure_at_any_moment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writes: int
@@ -196,6 +205,7 @@ def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
                 rows.keep("b", HEAD, curves)
         assert (tmp_path / "rows.jsonl").read_bytes() == before
         assert list(rows.statuses()) == ["a"]
+        assert list(tmp_path.rglob("*.new")) == []
         rows.keep("c", HEAD, curves)
     assert kept(tmp_path) == ["a", "c"]
     whole = {path.name for path in (tmp_path / "curves").iterdir()}
