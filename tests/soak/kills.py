@@ -109,7 +109,8 @@ def _disturb(
                 done[kind] += 1
         return []
     if kind == PARENT_STOPPED:  # before it holds its folder it is no run but a program that begins
-        until(lambda: (out / NAME / "rows.lock").exists())
+        lock = out / NAME / "rows.lock"
+        until(lambda: lock.exists() and f'"pid": {run.pid},' in lock.read_text())
     time.sleep(random.uniform(0, LATEST_S))
     workers = _workers(run.pid)
     if run.poll() is None:
