@@ -139,12 +139,9 @@ def _row(line: bytes, where: str) -> dict[str, Any]:
         if not isinstance(row.get(column), kind):
             raise BrokenResults(f"{where}: expected a row with a column {column}, got {shown}")
     if row.get("checksum") != right:
-        came = (
-            "other numbers"
-            if "checksum" in row
-            else "none: rows of an earlier version, run `crankslider run`"
-        )
-        raise BrokenResults(f"{where}: expected a row that fits its checksum, got {came}")
+        came = "one that was edited or damaged" if "checksum" in row else "one of an earlier version"
+        todo = "move the file away and run `crankslider run`"
+        raise BrokenResults(f"{where}: expected a row that fits its checksum, got {came}: {todo}")
     return row
 
 

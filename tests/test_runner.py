@@ -18,8 +18,10 @@ import pytest
 from engine_models.engine import RunSettings
 from engine_models.scene import Clearance, Clearances
 from engine_models.scene_library import ideal_free
-from studies import agreement
+from studies import agreement, runner
 from studies.case import Case, Limits
+from studies.execution import RunBroken
+from studies.execution_processes import Processes
 from studies.provenance import fingerprint
 from studies.runner import run_case, run_study
 from tests.row_files import read_rows
@@ -59,6 +61,13 @@ def test_a_line_cut_short_by_a_kill_is_run_again_and_gives_the_same_row(tmp_path
     (tmp_path / "rows.jsonl").write_text(whole[: len(whole) - 40])
     run_study("agreement", [case(), case(step=5e-4)], tmp_path, in_process)
     assert (tmp_path / "rows.jsonl").read_text() == whole
+
+
+def test_a_process_with_other_code_breaks_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "fingerprint", lambda: "0" * 16)
+    other = rf"a process has other code or libraries \({fingerprint()}\) than the run \(0{{16}}\)"
+    with pytest.raises(RunBroken, match=other):
+        run_study("agreement", [case()], tmp_path, lambda: Processes(1))
 
 
 def test_a_failure_and_a_refusal_are_rows_with_a_reason() -> None:
