@@ -34,7 +34,7 @@ Rows = dict[str, dict[str, Any]]
 
 def kills(random: Random, folder: Path) -> Counter[str]:
     """Kill parents and workers of run after run; each goes on where the one before was, until all is done."""
-    done = Counter({PARENT_KILLED: 0, PARENT_STOPPED: 0, WORKER_KILLED: 0, "runs": 0, "rows": 0})
+    done = Counter({PARENT_KILLED: 0, PARENT_STOPPED: 0, WORKER_KILLED: 0, "runs": 0, "rows compared": 0})
     alone = _reference(folder / "alone")
     out, before = folder / "0", Rows()
     while sum(done[kind] for kind in (PARENT_KILLED, PARENT_STOPPED, WORKER_KILLED)) < KILLS:
@@ -49,7 +49,7 @@ def kills(random: Random, folder: Path) -> Counter[str]:
         before = _require_whole(out, before)
         done["runs"] += 1
         if run.returncode == 0 and _measured(before) == alone:
-            done["rows"] += len(before)
+            done["rows compared"] += len(before)
             out, before = folder / str(done["runs"]), Rows()
     _finish(out, alone, done)
     return done
@@ -57,7 +57,7 @@ def kills(random: Random, folder: Path) -> Counter[str]:
 
 def pairs(random: Random, folder: Path) -> Counter[str]:
     """Start two runs into one folder: the second one is refused, or does what the first has left."""
-    done, alone = Counter({"refused": 0, "not refused": 0, "rows": 0}), _reference(folder / "alone")
+    done, alone = Counter({"refused": 0, "not refused": 0, "rows compared": 0}), _reference(folder / "alone")
     for n in range(PAIRS):
         out = folder / str(n)
         with started(out) as first:
@@ -78,7 +78,7 @@ def pairs(random: Random, folder: Path) -> Counter[str]:
 
 def full_disk(random: Random, folder: Path) -> Counter[str]:
     """Let no file grow beyond a random size: the run ends with one line, and one with room finishes it."""
-    done, alone = Counter({"runs without room": 0, "rows kept": 0, "rows": 0}), _reference(folder / "alone")
+    done, alone = Counter({"runs without room": 0, "rows kept": 0, "rows compared": 0}), _reference(folder / "alone")
     while done["runs without room"] < FULL_DISKS:
         out, room = folder / str(done["runs without room"]), random.randrange(ALL_ROWS)
         first = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}));"
@@ -149,7 +149,7 @@ def _finish(out: Path, alone: Rows, done: Counter[str], before: Rows | None = No
     assert run.returncode == 0, stderr
     rows = _require_whole(out, before or {})
     assert _measured(rows) == alone
-    done["rows"] += len(rows)
+    done["rows compared"] += len(rows)
 
 
 def _require_whole(out: Path, before: Rows) -> Rows:
