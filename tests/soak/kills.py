@@ -78,7 +78,10 @@ def pairs(random: Random, folder: Path) -> Counter[str]:
 
 def full_disk(random: Random, folder: Path) -> Counter[str]:
     """Let no file grow beyond a random size: the run ends with one line, and one with room finishes it."""
-    done, alone = Counter({"runs without room": 0, "rows kept": 0, "rows compared": 0}), _reference(folder / "alone")
+    done, alone = (
+        Counter({"runs without room": 0, "rows kept": 0, "rows compared": 0}),
+        _reference(folder / "alone"),
+    )
     while done["runs without room"] < FULL_DISKS:
         out, room = folder / str(done["runs without room"]), random.randrange(ALL_ROWS)
         first = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}));"
