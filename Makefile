@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test lint types benchmark publish lock clean
+.PHONY: study test soak lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -10,6 +10,10 @@ study: .venv/.ready
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2
+
+# Kills and full disks at random moments, some ten minutes; it prints its seed and its figures. Linux.
+soak: .venv/.ready
+	$(BIN)/python -m tests.soak $(if $(SEED),--seed $(SEED))
 
 lint: .venv/.ready
 	$(BIN)/ruff check .

@@ -54,12 +54,14 @@ class Chapter:
     sections: Sequence[Section]
     sidecar: dict[str, Any] | None
     runs: int
+    notes: Sequence[str]
 
 
-def write_report(results: Path, out: Path) -> None:
+def write_report(results: Path, out: Path) -> list[str]:
     """Make the report in ``out`` from the studies in ``results``: index.html, figures/, tables/.
 
     It is built beside ``out`` and takes its place when finished; a report that was there is replaced.
+    What a user should know of the results is returned.
 
     Raises:
         NoResults: no study in ``results`` has rows.
@@ -83,6 +85,7 @@ def write_report(results: Path, out: Path) -> None:
             if old.exists():
                 old.rename(out)
             raise
+    return [note for chapter in chapters for note in chapter.notes]
 
 
 def _chapters(results: Path) -> list[Chapter]:
@@ -96,9 +99,8 @@ def _chapters(results: Path) -> list[Chapter]:
                 missing.append(str(reason))
                 continue
             sections = study.sections(found)
-            chapters.append(
-                Chapter(name, study.TITLE, study.INTRODUCTION, sections, found.sidecar, len(found.runs))
-            )
+            title, text, runs = study.TITLE, study.INTRODUCTION, len(found.runs)
+            chapters.append(Chapter(name, title, text, sections, found.sidecar, runs, found.notes))
     if not chapters:
         raise NoResults("; ".join(missing))
     return chapters

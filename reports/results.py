@@ -1,5 +1,6 @@
 """Reads what studies wrote: ``rows.jsonl``, ``curves/CASE.npz`` and ``sidecar.json`` per study."""
 
+import hashlib
 import json
 import math
 from dataclasses import dataclass
@@ -22,6 +23,8 @@ HEAD: dict[str, type | tuple[type, ...]] = {
     "status": str,
     "reason": str,
 }
+#: How a case ended of which nothing is known.
+NO_RESULT = ("killed from outside", "not begun")
 
 
 class NoResults(Exception):
@@ -69,11 +72,15 @@ class Run:
 
 @dataclass(frozen=True)
 class Results:
-    """The results of one study, in an order that does not depend on when which case finished."""
+    """The results of one study, in an order that does not depend on when which case finished.
+
+    ``notes`` are what a reader should know of the files.
+    """
 
     folder: Path
     runs: tuple[Run, ...]
     sidecar: dict[str, Any] | None
+    notes: tuple[str, ...] = ()
 
     def curve(self, run: Run, column: str) -> FloatArray | None:
         """Return a curve of a finished run, (n,), or None if it has no such curve.
@@ -99,25 +106,46 @@ def read_results(folder: Path) -> Results:
     path = folder / "rows.jsonl"
     if not path.exists():
         raise NoResults(f"no results: {path} is missing; run `crankslider run`")
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
-    # A last line that a kill cut short is no row, as for the runner.
-    runs = [_run(line, f"{path}:{n}") for n, line in enumerate(lines, 1) if line.endswith("\n")]
+    *lines, _ = path.read_bytes().split(b"\n")  # a last line that a kill cut short is no row
+    rows: dict[str, dict[str, Any]] = {}
+    for n, line in enumerate(lines, 1):
+        row = _row(line, f"{path}:{n}")
+        if rows.setdefault(row["case"], row)["checksum"] != row["checksum"]:
+            raise BrokenResults(f"{path}:{n}: expected one row of each case, got another of {row['case']}")
+    runs = [_run(row) for row in rows.values() if row["status"] not in NO_RESULT]
     if not runs:
         raise NoResults(f"no results: {path} has no rows; run `crankslider run`")
     if len({run.fingerprint for run in runs}) > 1:
         raise BrokenResults(f"{path}: rows made by different code; run `crankslider run` to renew them")
     runs.sort(key=lambda run: (run.scene, run.engine, run.arm, -run.step_s, run.case))
-    return Results(folder, tuple(runs), _sidecar(folder / "sidecar.json", runs[0].fingerprint))
+    counts = {
+        "rows are there twice and count once": len(lines) - len(rows),
+        "cases were killed from outside and are left out; run `crankslider run`": len(rows) - len(runs),
+    }
+    notes = tuple(f"{path}: {count} {what}" for what, count in counts.items() if count)
+    return Results(folder, tuple(runs), _sidecar(folder / "sidecar.json", runs[0].fingerprint), notes)
 
 
-def _run(line: str, where: str) -> Run:
+def _row(line: bytes, where: str) -> dict[str, Any]:
+    """Return the row in a line if it is as the study wrote it."""
+    shown = line[:60].decode(errors="replace").strip() + "..."
     try:
-        row = json.loads(line)
-    except json.JSONDecodeError as error:
-        raise BrokenResults(f"{where}: expected a JSON object, got {error}") from error
+        row: dict[str, Any] = json.loads(line.decode())
+        rest = {name: value for name, value in row.items() if name != "checksum"}
+        right = hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
+    except (ValueError, AttributeError, RecursionError):
+        raise BrokenResults(f"{where}: expected a row of results, got {shown}") from None
     for column, kind in HEAD.items():
-        if not isinstance(row, dict) or not isinstance(row.get(column), kind):
-            raise BrokenResults(f"{where}: expected a row with a column {column}, got {line[:60].strip()}...")
+        if not isinstance(row.get(column), kind):
+            raise BrokenResults(f"{where}: expected a row with a column {column}, got {shown}")
+    if row.get("checksum") != right:
+        came = "one that was edited or damaged" if "checksum" in row else "one of an earlier version"
+        todo = "move the file away and run `crankslider run`"
+        raise BrokenResults(f"{where}: expected a row that fits its checksum, got {came}: {todo}")
+    return row
+
+
+def _run(row: dict[str, Any]) -> Run:
     numbers = {
         name: float(value)
         for name, value in row.items()

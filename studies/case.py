@@ -28,13 +28,19 @@ class Limits:
     memory_limit_bytes: int
 
 
+#: What a case may take that has no limits of its own. The longest of the full sets take a minute and 2 GB on
+#: two cores with the work of eight: what takes thirty times as long, or four times as much, will never end.
+ROOMY = Limits(time_limit_s=1800.0, memory_limit_bytes=8 * 2**30)
+
+
 @dataclass(frozen=True)
 class Case:
     """A run to be made. ``arm`` names the engine's settings in tables and figures.
 
-    A ``timed`` case runs with nothing beside it, after all others of its study, in the order given. Cases
-    with ``limits`` or ``timed`` run on this machine, whatever runs the others. ``columns`` are
-    the study's own in the row's head, where they tell runs apart.
+    A ``timed`` case runs with nothing beside it, after all others of its study, in the order given. One with
+    ``limits`` of its own asks what can be done within them: they are part of its row and of its key. All
+    others have ``ROOMY`` ones. Cases with ``limits`` or ``timed`` run on this machine, whatever runs
+    the others. ``columns`` are the study's own in the row's head, where they tell runs apart.
     """
 
     study: str

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Iterator
@@ -42,6 +43,20 @@ def writing(field: str, place: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         raise BadInput(f"{field}: expected a place that can be written, got {place} ({reason})") from None
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """Let SIGTERM end the block as Ctrl-C does, unless whoever started us wants it ignored."""
+    before = signal.getsignal(signal.SIGTERM)
+    if before is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def explained(error: Exception) -> tuple[str, int]:

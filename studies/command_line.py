@@ -17,6 +17,7 @@ from studies.command_errors import (
     explained,
     say,
     silence_stdout,
+    terminated_as_interrupted,
     writing,
 )
 
@@ -138,13 +139,18 @@ def run(
             metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."
         ),
     ] = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Also run again what neither finished nor was refused.")
+    ] = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
     from engine_models.plain_words import one_of, shown
     from engine_models.reference_kernels import FolderRefused, writable_folder
     from studies.execution import RunBroken
     from studies.execution_cluster import cluster
+    from studies.folder_lock import FolderHeld
     from studies.request import RunOptions, checked
+    from studies.rows import DamagedRows
     from studies.runner import STUDIES, run_studies
 
     for name in studies or []:
@@ -154,10 +160,17 @@ def run(
     names = list(dict.fromkeys(studies or STUDIES))
     try:
         executors = nullcontext() if scheduler is None else cluster(scheduler)
-        with writable_folder(), executors as executor, writing("--out", out):
-            run_studies(names, full, options.jobs, out, executor)
+        with (
+            writable_folder(),
+            executors as executor,
+            writing("--out", out),
+            terminated_as_interrupted(),
+        ):
+            run_studies(names, full, options.jobs, out, executor, retry_failed)
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None
+    except (FolderHeld, DamagedRows) as reason:
+        raise BadInput(f"--out: expected {reason}") from None
     except RunBroken as reason:
         raise Failed(str(reason)) from None
     say(f"note: the results are in {out}")
@@ -176,11 +189,13 @@ def report(
 
     try:
         with writing("--out", out):
-            write_report(results, out)
+            notes = write_report(results, out)
     except (NoResults, BrokenResults) as reason:
         raise BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
         raise Failed(str(reason)) from None
+    for note in notes:
+        say(f"note: {note}")
     say(f"note: the report is {out / 'index.html'}")
 
 

@@ -3,17 +3,18 @@
 import asyncio
 import logging
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import CancelledError, Future
 from concurrent.futures import wait as wait_for
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
+from multiprocessing import current_process
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
-from engine_models.engine import ProcessTaken
+from studies.case import ROOMY, Limits
 from studies.command_errors import BadInput
-from studies.execution import RunBroken
+from studies.execution import LimitedExecutor, RunBroken
 from studies.execution_processes import Processes
 from studies.provenance import fingerprint
 
@@ -22,12 +23,12 @@ T = TypeVar("T")
 
 #: How long a scheduler may take to answer.
 CONNECT_S = 5.0
-#: Engines are not known to bear company in their process, whatever number of threads a worker has.
-_ALONE = Lock()
+#: Held by the thread that looks for a worker's processes, lest two make them.
+_FIRST = Lock()
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Callable[[], Executor]]:
+def cluster(address: str) -> Iterator[Callable[[], LimitedExecutor]]:
     """Connect to the Dask scheduler at ``address`` and give a function that makes executors on its workers.
 
     Raises:
@@ -75,11 +76,13 @@ def _refusal(expected: str, came: str) -> BadInput:
     return BadInput(f"--scheduler: expected {expected}, got {came}")
 
 
-class ClusterExecutor(Executor):
-    """Submits calls to the workers of a Dask client.
+class ClusterExecutor(LimitedExecutor):
+    """Submits calls to the workers of a Dask client, which run them in processes of their own.
 
-    Not the client's own executor: some of its futures are never done if the scheduler goes. And Dask blames
-    the death of a worker on every call that waited there too, so the blamed run again in a process here.
+    So a call that hangs or crashes is the affair of nobody else, and a worker answers its scheduler whatever
+    a solver does to its process. Not the client's own executor: some of its futures are never done if
+    the scheduler goes. And Dask blames the death of a worker on every call that waited there too, so
+    the blamed run again in a process here.
     """
 
     def __init__(self, distributed: Any, client: Any) -> None:
@@ -88,12 +91,18 @@ class ClusterExecutor(Executor):
         self._here = Processes(1)
 
     def submit(self, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
-        """Run a call on a worker; it fails with RunBroken on one that joined later with other code."""
+        """Run a call within ``ROOMY`` limits."""
+        return self.submit_within(ROOMY, call, *args, **kwargs)
+
+    def submit_within(
+        self, limits: Limits, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+    ) -> "Future[T]":
+        """Run a call in a process of a worker, which is ended when it exceeds the limits."""
         future: Future[T] = Future()
         future.set_running_or_notify_cancel()
         bound = partial(call, *args, **kwargs)
-        self._calls[future] = remote = self._client.submit(_run_alone, fingerprint(), bound, pure=False)
-        self._client.loop.add_callback(self._pass_on, future, remote, bound)
+        self._calls[future] = remote = self._client.submit(_contained, limits, bound, pure=False)
+        self._client.loop.add_callback(self._pass_on, future, remote, limits, bound)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -105,13 +114,13 @@ class ClusterExecutor(Executor):
             wait_for(list(self._calls))
         self._here.shutdown(wait, cancel_futures=cancel_futures)
 
-    async def _pass_on(self, future: "Future[T]", remote: Any, call: Callable[[], T]) -> None:
+    async def _pass_on(self, future: "Future[T]", remote: Any, limits: Limits, call: Callable[[], T]) -> None:
         try:
             value = await remote
         except (CancelledError, OSError) as error:
             future.set_exception(RunBroken(f"the scheduler of the cluster is gone: {error}"))
-        except (self._worker_died, ProcessTaken):
-            self._here.submit(call).add_done_callback(partial(_copy, future))
+        except self._worker_died:
+            self._here.submit_within(limits, call).add_done_callback(partial(_copy, future))
         except BaseException as error:
             future.set_exception(error)
         else:
@@ -126,8 +135,16 @@ def _copy(future: "Future[T]", done: "Future[T]") -> None:
         future.set_result(done.result())
 
 
-def _run_alone(code: str, call: Callable[[], T]) -> T:
-    if fingerprint() != code:
-        raise RunBroken(f"a worker of the cluster has other code ({fingerprint()}) than we ({code})")
-    with _ALONE:
-        return call()
+def _contained(limits: Limits, call: Callable[[], T]) -> T:
+    """Run a call on a worker, in a process of its own."""
+    with _FIRST:
+        processes = _processes()
+    return processes.submit_within(limits, call).result()
+
+
+@cache
+def _processes() -> Processes:
+    """Return the processes of this worker, as many as it has threads."""
+    # A nanny makes its workers daemons, which may have no children lest these outlive them; ours do not.
+    current_process().daemon = False
+    return Processes(import_module("distributed").get_worker().state.nthreads)

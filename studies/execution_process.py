@@ -11,15 +11,23 @@ from threading import Lock
 from typing import Any
 
 from studies.case import Limits
-from studies.execution import CRASHED, OUT_OF_MEMORY, TIMED_OUT, CaseEnded, RunBroken
+from studies.execution import CRASHED, KILLED, NOT_BEGUN, OUT_OF_MEMORY, TIMED_OUT, CaseEnded
 from studies.execution_worker import BEGUN, serve
 
 #: How much of what a process said on stderr is kept, in bytes, and of its last line shown, in characters.
 KEPT_WORDS, SHOWN_WORDS = 10_000, 200
 #: A process that has closed its pipe is dead within this time, or it never will be by itself.
 DYING_S = 5.0
+#: A process that has not imported what a call needs within this time never will.
+BEGINNING_S = 600.0
+#: Signals that no solver sends to itself: the kernel short of memory does, and people do.
+FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT")
 #: Starting a child reaps others: two threads at once would take each other's exit codes.
 _CHILDREN = Lock()
+
+
+class _Silent(Exception):
+    """A process did not answer in time."""
 
 
 class WorkerProcess:
@@ -40,22 +48,23 @@ class WorkerProcess:
         """Return what the call returns there, or raise what it raises.
 
         Raises:
-            CaseEnded: the process died of the call, or exceeded the limits and was killed.
-            RunBroken: the process was dead before the call began.
+            CaseEnded: the process died of the call or was killed, exceeded the limits, or could not begin.
         """
         begun = False
         memory_limit = None if limits is None else limits.memory_limit_bytes
         try:
             self._calls.send_bytes(pickle.dumps((call, memory_limit)))
-            message = self._answer(None)
+            message = self._answer(BEGINNING_S)
             if begun := message == BEGUN:
                 message = self._answer(None if limits is None else limits.time_limit_s)
         except (EOFError, OSError):
             status, reason = self._death(limits)
-            if begun:
-                raise CaseEnded(status, reason) from None
-            raise RunBroken(f"a worker process could not begin: {reason}") from None
+            raise CaseEnded(status if begun else NOT_BEGUN, reason) from None
+        except _Silent as silence:
+            raise CaseEnded(TIMED_OUT if begun else NOT_BEGUN, str(silence)) from None
         value, error = pickle.loads(message)
+        if not begun:
+            raise CaseEnded(NOT_BEGUN, f"{type(error).__name__}: {error}")
         if error is not None:
             raise error
         return value
@@ -83,7 +92,7 @@ class WorkerProcess:
             if self._calls in ready:
                 return self._calls.recv_bytes()
             if not ready:
-                raise CaseEnded(TIMED_OUT, f"not finished within the limit of {time_limit_s:g} s")
+                raise _Silent(f"not finished within the limit of {time_limit_s:g} s")
             if not self._listen():
                 watched.remove(self._stderr)
 
@@ -99,11 +108,12 @@ class WorkerProcess:
         while os.name == "posix" and self._stderr.poll(0) and self._listen():
             pass
         last = (self._words.decode(errors="replace").strip().splitlines() or [""])[-1].strip()
-        names = {number.value: number.name for number in signal.Signals}
-        how = (
-            f"killed by {names.get(-code, f'signal {-code}')}" if code < 0 else f"ended with exit code {code}"
-        )
+        signals = {number.value: number.name for number in signal.Signals}
+        name = signals.get(-code, f"signal {-code}")
+        how = f"killed by {name}" if code < 0 else f"ended with exit code {code}"
         reason = f"{how}: {last[:SHOWN_WORDS]}" if last else how
+        if code < 0 and name in FROM_OUTSIDE:
+            return KILLED, reason
         if limits is not None and b"bad_alloc" in self._words:  # how C++ dies for want of memory
             return OUT_OF_MEMORY, f"{reason} (limit {limits.memory_limit_bytes:g} bytes)"
         return CRASHED, reason

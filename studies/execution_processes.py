@@ -7,7 +7,7 @@ cannot always tell which call that was. Here every process has its own pipe.
 
 import signal
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import CancelledError, Future
 from functools import partial
 from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
@@ -16,7 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from engine_models.engine import ProcessTaken
 from studies.case import Limits
-from studies.execution import TIMED_OUT, CaseEnded, RunBroken
+from studies.execution import KILLED, NOT_BEGUN, TIMED_OUT, CaseEnded, LimitedExecutor
 from studies.execution_process import WorkerProcess
 
 P = ParamSpec("P")
@@ -24,7 +24,7 @@ T = TypeVar("T")
 Call = Callable[[], Any]
 
 
-class Processes(Executor):
+class Processes(LimitedExecutor):
     """An executor of up to ``jobs`` long-lived processes, each started when a call first needs it.
 
     The future of a call whose process dies has the exception CaseEnded; the next call gets a new process.
@@ -105,16 +105,18 @@ class _Slot:
     def run(self, call: Call, limits: Limits | None) -> Any:
         """Run a call; one that ends a process which ran others before is run again in a new one.
 
-        So no call answers for the damage that another did, nor for what another loaded.
+        So no call answers for the damage that another did, nor for what another loaded. Neither does one for
+        a process that died before it began.
         """
-        if self._process is not None:
-            try:
-                return self._run(call, limits)
-            except (RunBroken, ProcessTaken):
-                pass
-            except CaseEnded as end:
-                if end.status == TIMED_OUT:
-                    raise
+        used = self._process is not None
+        try:
+            return self._run(call, limits)
+        except ProcessTaken:
+            if not used:
+                raise
+        except CaseEnded as end:
+            if end.status in (TIMED_OUT, KILLED) or (not used and end.status != NOT_BEGUN):
+                raise
         return self._run(call, limits)
 
     def _run(self, call: Call, limits: Limits | None) -> Any:
@@ -124,7 +126,7 @@ class _Slot:
             process = self._process = self._process or WorkerProcess()
         try:
             return process.run(call, limits)
-        except (CaseEnded, RunBroken, ProcessTaken):
+        except (CaseEnded, ProcessTaken):
             self.close()
             raise
 

@@ -51,8 +51,10 @@ def _memory_limited(limit_bytes: int | None) -> Iterator[None]:
 
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    set_before = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
     # Not the address space: libraries and kernels reserve of it what they never use.
-    resource.setrlimit(resource.RLIMIT_DATA, (pages * resource.getpagesize() + limit_bytes, hard))
+    least = min([pages * resource.getpagesize() + limit_bytes, *set_before])
+    resource.setrlimit(resource.RLIMIT_DATA, (least, hard))
     try:
         yield
     finally:

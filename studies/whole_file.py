@@ -3,8 +3,12 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 from typing import TextIO
+
+#: How the name of a file ends that a kill left unfinished.
+UNFINISHED = ".new"
 
 
 @contextmanager
@@ -31,3 +35,22 @@ def whole_file(path: Path) -> Iterator[TextIO]:
         new.replace(path)
     finally:
         new.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that takes the place of ``path`` once it is on the disk, and vanishes if it fails."""
+    new = path.with_name(f"{path.name}{UNFINISHED}")
+    try:
+        with new.open("wb", buffering=0) as file:
+            write_through(file, content)
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def write_through(file: FileIO, content: bytes) -> None:
+    """Write to an unbuffered file, all of it and down to the disk."""
+    left = memoryview(content)
+    while left:
+        left = left[file.write(left) :]
+    os.fsync(file.fileno())

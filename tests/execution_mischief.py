@@ -2,9 +2,13 @@
 
 import ctypes
 import os
+import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
@@ -30,6 +34,11 @@ def case(
     return Case(NAME, scene, engine, arm, RunSettings(1e-3, number + 1), settings, timed, limits)
 
 
+def steady(row: dict[str, Any]) -> dict[str, Any]:
+    """Return what is the same in the row of each run of a case."""
+    return {name: value for name, value in row.items() if name not in ("pid", "began", "ended", "checksum")}
+
+
 def cases(full: bool) -> list[Case]:
     """Return work that takes a moment; the full set adds a crash and two timed cases, ``HANG_IN`` two hangs.
 
@@ -52,7 +61,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         row: Row = {"farthest_m": float(trajectory.slider_position_m.max())}
     else:
         _misbehave(case)
-        curves, row = {}, {}
+        curves, row = {"time_s": np.arange(100.0)}, {}
     return {**row, "pid": os.getpid(), "began": began, "ended": time.monotonic()}, curves
 
 
@@ -66,6 +75,15 @@ def _misbehave(case: Case) -> None:
             ctypes.string_at(0)
         case "exit":
             os._exit(3)
+        case "be killed once":
+            if _first(case, 1):
+                os.kill(os.getpid(), signal.SIGTERM)
+        case "be killed twice":
+            if _first(case, 2):
+                os.kill(os.getpid(), signal.SIGKILL)
+        case "abort once":
+            if _first(case, 1):
+                os.abort()
         case "hang":
             Path(str(case.settings["pid_file"])).write_text(str(os.getpid()))
             # A C function that keeps the interpreter's lock, as native solvers do.
@@ -92,3 +110,10 @@ def _misbehave(case: Case) -> None:
             raise KeyError("no such thing")
         case _:
             raise AssertionError(case.arm)
+
+
+def _first(case: Case, times: int) -> bool:
+    """Return whether the case is run for one of the first times."""
+    with Path(str(case.settings["been_file"])).open("a+") as file:
+        file.write("x")
+        return file.tell() <= times

@@ -16,6 +16,7 @@ from engine_models.scene_library import IDEAL_SCENES, SCENES
 from studies.trajectory_table import table
 from studies.truth import exact
 from tests.command import crankslider
+from tests.running import HEAR
 
 IDEAL = list(IDEAL_SCENES)
 SHORT = ("--end", 0.01, "--samples", 4)
@@ -207,7 +208,8 @@ def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path:
     out = tmp_path / "out.csv"
     out.write_text("before")
     long = ("simulate", "ideal-free", "--engine", engine, "--end", "1000", "--out", str(out))
-    run = subprocess.Popen([*COMMAND, *long], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-c", HEAR + COMMAND[-1], *long]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     give_up = time.monotonic() + 60
     while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < give_up:  # its output is open: it runs
         time.sleep(0.02)
@@ -234,10 +236,12 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
     calls: list[tuple[object, ...]] = []
     monkeypatch.setattr(runner, "run_studies", lambda *arguments: calls.append(arguments))
     assert crankslider("run").code == 0
-    assert crankslider("run", "agreement", "--full", "--jobs", 3, "--out", tmp_path).code == 0
+    assert (
+        crankslider("run", "agreement", "--full", "--retry-failed", "--jobs", 3, "--out", tmp_path).code == 0
+    )
     assert calls == [
-        (list(runner.STUDIES), False, os.cpu_count(), Path("results"), None),
-        (["agreement"], True, 3, tmp_path, None),
+        (list(runner.STUDIES), False, os.cpu_count(), Path("results"), None, False),
+        (["agreement"], True, 3, tmp_path, None, True),
     ]
 
 
@@ -245,8 +249,13 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
     from reports import page
 
     calls: list[tuple[object, ...]] = []
-    monkeypatch.setattr(page, "write_report", lambda *arguments: calls.append(arguments))
-    assert crankslider("report").code == 0
+
+    def write_report(*arguments: object) -> list[str]:
+        calls.append(arguments)
+        return ["a note"]
+
+    monkeypatch.setattr(page, "write_report", write_report)
+    assert crankslider("report").stderr == "note: a note\nnote: the report is report/index.html\n"
     assert crankslider("report", "--results", tmp_path, "--out", tmp_path / "r").code == 0
     assert calls == [(Path("results"), Path("report")), (tmp_path, tmp_path / "r")]
 

@@ -1,10 +1,9 @@
 """Cases on a Dask cluster: a real scheduler and two real workers of this machine."""
 
-import json
-import os
 import socket
 import sys
 from collections.abc import Iterator
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +11,14 @@ import pytest
 from distributed import Client, LocalCluster
 
 from engine_models.engines import ENGINES
-from studies import execution_cluster, provenance
+from studies import execution_cluster, provenance, runner
 from studies.case import Limits
-from studies.execution import RunBroken
 from studies.execution_cluster import cluster
 from studies.execution_processes import Processes
 from studies.runner import run_study
 from tests.command import crankslider
-from tests.execution_mischief import MEGABYTE, NAME, case
+from tests.execution_mischief import MEGABYTE, NAME, case, steady
+from tests.row_files import read_rows
 from tests.test_bad_input import require_refusal
 
 
@@ -37,12 +36,11 @@ def client(local: LocalCluster) -> Iterator[Client]:
 
 
 def rows(folder: Path) -> list[dict[str, Any]]:
-    found = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
-    return sorted(found, key=lambda row: str(row["case"]))
+    return sorted(read_rows(folder / "rows.jsonl"), key=lambda row: str(row["case"]))
 
 
 def measured(folder: Path) -> list[dict[str, Any]]:
-    return [{k: v for k, v in row.items() if k not in ("pid", "began", "ended")} for row in rows(folder)]
+    return [steady(row) for row in rows(folder)]
 
 
 def test_a_cluster_gives_the_rows_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
@@ -61,10 +59,14 @@ def test_timed_and_limited_cases_stay_on_this_machine(
     local: LocalCluster, client: Client, tmp_path: Path
 ) -> None:
     cases = [case("work"), case("work", 1, timed=True), case("work", 2, Limits(60, 500 * MEGABYTE))]
-    workers = set(client.run(os.getpid).values())
     with cluster(local.scheduler_address) as executor:
         run_study(NAME, cases, tmp_path, executor)
-    assert {row["samples"]: row["pid"] in workers for row in rows(tmp_path)} == {1: True, 2: False, 3: False}
+    children = set().union(*client.run(_children).values())
+    assert {row["samples"]: row["pid"] in children for row in rows(tmp_path)} == {1: True, 2: False, 3: False}
+
+
+def _children() -> set[int | None]:
+    return {child.pid for child in active_children()}
 
 
 def test_a_crash_on_the_cluster_is_the_row_of_the_case_that_did_it(
@@ -75,6 +77,19 @@ def test_a_crash_on_the_cluster_is_the_row_of_the_case_that_did_it(
         run_study(NAME, cases, tmp_path, executor)
     statuses = {(row["arm"], row["status"], row["reason"]) for row in rows(tmp_path)}
     assert statuses == {("work", "ok", ""), ("abort", "crashed", "killed by SIGABRT")}
+
+
+def test_a_hang_on_the_cluster_is_a_row_and_its_worker_goes_on(
+    local: LocalCluster, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "ROOMY", Limits(3, 1000 * MEGABYTE))
+    before = set(client.scheduler_info()["workers"])
+    hangs = [case("hang", n, pid_file=str(tmp_path / f"pid{n}")) for n in range(2)]
+    with cluster(local.scheduler_address) as executor:
+        run_study(NAME, [*hangs, case("work", 7)], tmp_path, executor)
+    found = {(row["arm"], row["status"], row["reason"]) for row in rows(tmp_path)}
+    assert found == {("work", "ok", ""), ("hang", "timed out", "not finished within the limit of 3 s")}
+    assert set(client.scheduler_info()["workers"]) == before
 
 
 def _pretend(code: str) -> None:
@@ -93,8 +108,6 @@ def test_workers_with_other_code_are_refused(local: LocalCluster, client: Client
     )
     require_refusal(done.stdout, done.stderr, done.code, expected, "got other")
     assert not list(tmp_path.iterdir())
-    with pytest.raises(RunBroken, match=r"a worker of the cluster has other code \(\w+\) than we \(ours\)"):
-        execution_cluster._run_alone("ours", print)
 
 
 def test_a_worker_is_not_taken_for_a_scheduler(client: Client) -> None:

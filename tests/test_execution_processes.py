@@ -1,6 +1,5 @@
 """Cases in processes of their own: what an engine does to its process is a row, and no other's affair."""
 
-import json
 import os
 import signal
 import sys
@@ -12,11 +11,15 @@ from typing import Any
 
 import pytest
 
+from engine_models.engine import RunSettings
+from studies import runner
 from studies.case import Case, Limits
 from studies.execution import CaseEnded, RunBroken
 from studies.execution_processes import Processes
+from studies.execution_worker import _memory_limited
 from studies.runner import run_case, run_study
 from tests.execution_mischief import MEGABYTE, NAME, case
+from tests.row_files import read_rows
 
 AMPLE = Limits(time_limit_s=60, memory_limit_bytes=200 * MEGABYTE)
 HASTY = Limits(time_limit_s=0.5, memory_limit_bytes=200 * MEGABYTE)
@@ -28,7 +31,7 @@ def two() -> Executor:
 
 def run(folder: Path, *cases: Case) -> list[dict[str, Any]]:
     run_study(NAME, list(cases), folder, two, two)
-    return [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
+    return read_rows(folder / "rows.jsonl")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory limits are for Linux")
@@ -102,16 +105,71 @@ def test_a_bug_of_a_study_stops_the_run_and_is_named(tmp_path: Path) -> None:
         run(tmp_path, case("bug"))
 
 
-class _Deadly:
+def test_every_case_has_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "ROOMY", Limits(1, 200 * MEGABYTE))
+    hangs = [case("hang", n, timed=n == 1, pid_file=str(tmp_path / "pid")) for n in range(2)]
+    found = [(row["arm"], row["status"]) for row in run(tmp_path, *hangs)]
+    assert found == [("hang", "timed out")] * 2
+
+
+def _soft_limit_under(lower: int) -> int:
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_DATA, (lower, resource.RLIM_INFINITY))
+    with _memory_limited(1000 * lower):
+        return resource.getrlimit(resource.RLIMIT_DATA)[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory limits are for Linux")
+def test_a_limit_on_memory_does_not_lift_one_that_is_there() -> None:
+    with Processes(1) as pool:
+        assert pool.submit(_soft_limit_under, 10_000 * MEGABYTE).result() == 10_000 * MEGABYTE
+
+
+def test_a_case_killed_once_from_outside_is_run_again_alone(tmp_path: Path) -> None:
+    killed = case("be killed once", been_file=str(tmp_path / "been"))
+    rows = run(tmp_path, killed, *(case("work", n) for n in range(4)))
+    assert {row["status"] for row in rows} == {"ok"}
+    assert rows[-1]["arm"] == "be killed once"
+    assert max(row["ended"] for row in rows[:-1]) <= rows[-1]["began"]
+
+
+def test_the_next_run_tries_again_what_was_killed_and_what_failed_if_asked_for(tmp_path: Path) -> None:
+    cases = [
+        case("be killed twice", been_file=str(tmp_path / "killed")),
+        case("abort once", been_file=str(tmp_path / "aborted")),
+        case("work"),
+    ]
+    rows = run(tmp_path, *cases)
+    first = {row["arm"]: (row["status"], row["reason"]) for row in rows}
+    killed, crashed = ("killed from outside", "killed by SIGKILL"), ("crashed", "killed by SIGABRT")
+    assert first == {"be killed twice": killed, "abort once": crashed, "work": ("ok", "")}
+    second = {row["arm"]: (row["status"], row["reason"]) for row in run(tmp_path, *cases)}
+    assert second == {**first, "be killed twice": ("ok", "")}
+    run_study(NAME, cases, tmp_path, two, retry_failed=True)
+    third = read_rows(tmp_path / "rows.jsonl")
+    assert sorted(row["arm"] for row in third if row["status"] == "ok") == sorted(first)
+    assert [row for row in third if row["arm"] == "work"] == [row for row in rows if row["arm"] == "work"]
+
+
+class _Deadly(Case):
     def __reduce__(self) -> tuple[Callable[[int], None], tuple[int]]:
         return os._exit, (4,)
 
 
-def test_processes_that_cannot_begin_break_the_run() -> None:
-    with Processes(1) as pool:
-        error = pool.submit(print, _Deadly()).exception()
-    assert isinstance(error, RunBroken)
-    assert "a worker process could not begin: ended with exit code 4" in str(error)
+def deadly(number: int) -> Case:
+    return _Deadly(NAME, case("work").scene, "mischief", "deadly", RunSettings(1e-3, number + 1))
+
+
+def test_a_process_that_dies_as_it_begins_does_not_end_the_run(tmp_path: Path) -> None:
+    rows = run(tmp_path, deadly(0), deadly(1), case("work"))
+    found = {row["arm"]: (row["status"], row["reason"]) for row in rows}
+    assert found == {"work": ("ok", ""), "deadly": ("not begun", "ended with exit code 4")}
+
+
+def test_processes_that_cannot_begin_break_the_run(tmp_path: Path) -> None:
+    with pytest.raises(RunBroken, match="no process can begin: ended with exit code 4"):
+        run(tmp_path, *map(deadly, range(4)))
 
 
 def test_a_cancelled_executor_kills_what_hangs_and_starts_nothing(tmp_path: Path) -> None:

@@ -2,11 +2,12 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from operator import itemgetter
 from pathlib import Path
@@ -14,54 +15,17 @@ from typing import Any
 
 import pytest
 
-from tests.execution_mischief import NAME
+from studies.provenance import NUMERICAL_CODE, ROOT
+from tests.execution_mischief import NAME, steady
+from tests.running import HEAR, IGNORE, gone, lines, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
-#: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
-CODE = (
-    f"from studies import runner; runner.STUDIES = {{'{NAME}': '{NAME}'}};"
-    "from studies.command_line import main; main()"
-)
 CASES = 15
 
 
-@contextmanager
-def started(out: Path, **environment: str) -> Iterator["subprocess.Popen[str]"]:
-    """Start a run of the study, which ends here at the latest."""
-    command = [sys.executable, "-c", CODE, "run", "--full", "--jobs", "2", "--out", str(out)]
-    environment = {**os.environ, **environment}
-    with subprocess.Popen(
-        command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as run:
-        try:
-            yield run
-        finally:
-            run.kill()
-
-
-def until(true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
-def lines(out: Path) -> list[str]:
-    file = out / NAME / "rows.jsonl"
-    return file.read_text().splitlines(keepends=True) if file.exists() else []
-
-
 def measured(out: Path) -> list[dict[str, Any]]:
-    rows = [json.loads(line) for line in lines(out)]
-    return [{k: v for k, v in row.items() if k not in ("pid", "began", "ended")} for row in rows]
-
-
-def gone(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
+    return [steady(json.loads(line)) for line in lines(out)]
 
 
 def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_path: Path) -> None:
@@ -85,17 +49,20 @@ def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_p
 
 
 @contextmanager
-def hanging(folder: Path) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
+def hanging(folder: Path, first: str = HEAR) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
     """Start a run of two cases that end and two that never will; give it and its workers when it hangs."""
     files = [folder / f"pid{n}" for n in range(2)]
-    with started(folder, HANG_IN=str(folder)) as run:
+    with started(folder, first, HANG_IN=str(folder)) as run:
         until(lambda: len(lines(folder)) == 2 and all(file.exists() and file.read_text() for file in files))
         yield run, [int(file.read_text()) for file in files]
 
 
-def test_ctrl_c_ends_a_run_that_hangs_with_one_word_and_keeps_what_was_finished(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_that_hangs_with_one_word_and_keeps_what_was_finished(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     with hanging(tmp_path) as (run, workers):
-        os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to the workers too
+        os.killpg(run.pid, number)  # as a terminal or a supervisor does: to the workers too
         _, stderr = run.communicate(timeout=30)
     assert run.returncode == 130
     assert stderr.endswith("error: interrupted\n")
@@ -104,9 +71,43 @@ def test_ctrl_c_ends_a_run_that_hangs_with_one_word_and_keeps_what_was_finished(
     assert [row["status"] for row in measured(tmp_path)] == ["ok", "ok"]
 
 
+def test_a_run_whose_shell_ignores_ctrl_c_ignores_it_and_ends_on_sigterm(tmp_path: Path) -> None:
+    with hanging(tmp_path, IGNORE) as (run, workers):
+        os.killpg(run.pid, signal.SIGINT)
+        time.sleep(0.5)
+        assert run.poll() is None
+        assert not any(gone(pid) for pid in workers)
+        run.terminate()
+        _, stderr = run.communicate(timeout=30)
+    assert (run.returncode, stderr.endswith("error: interrupted\n")) == (130, True)
+    assert all(gone(pid) for pid in workers)
+
+
 def test_workers_that_hang_in_native_code_do_not_survive_their_parent(tmp_path: Path) -> None:
     with hanging(tmp_path) as (run, workers):
         assert not any(gone(pid) for pid in workers)
+        held = [os.readlink(file) for pid in workers for file in Path(f"/proc/{pid}/fd").iterdir()]
+        assert str(tmp_path / NAME / "rows.lock") not in held, "they do not hold the folder"
         run.kill()
         until(lambda: all(gone(pid) for pid in workers))
     assert [row["status"] for row in measured(tmp_path)] == ["ok", "ok"]
+
+
+def test_a_run_whose_code_changes_stops_and_keeps_what_was_finished(tmp_path: Path) -> None:
+    for package in (*NUMERICAL_CODE, "tests"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    results = tmp_path / "results"
+    with started(results, cwd=tmp_path) as run:
+        until(lambda: len(lines(results)) >= 1)
+        with (tmp_path / "studies/truth.py").open("a") as file:
+            file.write("# what means nothing\n")
+        until(lambda: len(lines(results)) >= 3)
+        with (tmp_path / "studies/ladders.py").open("a") as file:
+            file.write("AND_MORE = 1\n")
+        _, stderr = run.communicate(timeout=30)
+    assert run.returncode == 1
+    assert stderr.splitlines()[-1] == (
+        "error: the code changed under the run (studies/ladders.py): what was finished is kept, run it again"
+    )
+    assert 3 <= len(lines(results)) < CASES
+    assert "Traceback" not in stderr

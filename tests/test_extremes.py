@@ -1,6 +1,5 @@
 """The gallery of extremes: its theory, its verdicts, and what the reference makes of it."""
 
-import json
 import math
 import pickle
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ from studies.case import Case, Row
 from studies.extremes_scenes import CLEARANCE_M, GRAVITY_M_S2, WHEEL, wheel
 from studies.extremes_truth import dropped_wheel
 from studies.runner import run_case, run_study
+from tests.row_files import read_rows, write_rows
 
 CASES = {(case.scene.name, case.engine, case.arm): case for case in extremes.cases(full=False)}
 RIGHT: Row = {"relative_error": 1e-4, "energy_relative": 1e-4, "constraint_relative": 1e-6}
@@ -214,7 +214,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cases: list[Case] = [replace(case, limits=None) for case in CASES.values() if case.scene.name in TINY]
     run_study("extremes", cases, folder / "extremes", lambda: ThreadPoolExecutor(1))
     rows = folder / "extremes/rows.jsonl"
-    lines = [json.loads(line) for line in rows.read_text("utf-8").splitlines()]
+    lines = read_rows(rows)
     for line, status in zip(lines, ("crashed", "timed out", "out of memory"), strict=False):
         kept = {name: value for name, value in line.items() if name not in extremes.RIGHT}
         ended = {
@@ -225,7 +225,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "place": 99,
         }
         lines.append(kept | ended)
-    rows.write_text("".join(json.dumps(line) + "\n" for line in lines), "utf-8")
+    write_rows(rows, lines)
     return folder
 
 

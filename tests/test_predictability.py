@@ -1,6 +1,5 @@
 """Horizons, exponents and ensembles: known exponents, PHYSICS's horizons, and tests that keep their level."""
 
-import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -24,6 +23,7 @@ from studies.lyapunov import growth
 from studies.predictability_cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MOVES_RAD, moves_rad
 from studies.predictability_scenes import clearance_driven_lossy, following
 from studies.runner import run_case, run_study
+from tests.row_files import read_rows, write_rows
 
 REVOLUTION_S = 0.012
 ROOM_M, GRAVITY_M_S2 = 5e-4, 9.81
@@ -292,11 +292,11 @@ def test_a_periodic_scene_whose_twins_part_contradicts_the_chapter(
 ) -> None:
     broken = Path(shutil.copytree(results, tmp_path / "results"))
     path = broken / "predictability/rows.jsonl"
-    rows = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
+    rows = read_rows(path)
     for row in rows:
         if row["arm"] == HORIZON and row["scene"] == "clearance-driven-0.02mm":
             row["largest_distance_halved_m"] = 1e-3
-    path.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
+    write_rows(path, rows)
     with pytest.raises(Contradiction, match="Nothing parts"):
         built(broken, tmp_path / "report", monkeypatch)
 

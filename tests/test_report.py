@@ -19,6 +19,8 @@ from reports.style import label, line_style, ordered
 from reports.tables import comma_separated, error, in_text, latex, markdown
 from studies import agreement
 from studies.runner import run_study
+from tests import row_files
+from tests.row_files import read_rows
 
 #: Steps per sample interval of the cheap cases: enough for an order, a second or two in all.
 CHEAP = (2, 4, 8)
@@ -67,12 +69,11 @@ def broken(small: Path, tmp_path: Path) -> Path:
 
 
 def rows_of(results: Path) -> list[dict[str, object]]:
-    return [json.loads(line) for line in (results / "agreement/rows.jsonl").read_text("utf-8").splitlines()]
+    return read_rows(results / "agreement/rows.jsonl")
 
 
 def write_rows(results: Path, rows: list[dict[str, object]]) -> None:
-    text = "".join(json.dumps(row) + "\n" for row in rows)
-    (results / "agreement/rows.jsonl").write_text(text, encoding="utf-8")
+    row_files.write_rows(results / "agreement/rows.jsonl", rows)
 
 
 class Page(HTMLParser):

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,11 +18,13 @@ import pytest
 from engine_models.engine import RunSettings
 from engine_models.scene import Clearance, Clearances
 from engine_models.scene_library import ideal_free
-from studies import agreement
+from studies import agreement, runner
 from studies.case import Case, Limits
 from studies.execution import RunBroken
+from studies.execution_processes import Processes
 from studies.provenance import fingerprint
 from studies.runner import run_case, run_study
+from tests.row_files import read_rows
 
 
 def in_process() -> Executor:
@@ -33,8 +36,8 @@ def case(engine: str = "reference", step: float = 1e-3, **settings: int) -> Case
     return Case("agreement", scene, engine, "arm", RunSettings(step, 4), settings)
 
 
-def rows(folder: Path) -> list[dict[str, object]]:
-    return [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
+def rows(folder: Path) -> list[dict[str, Any]]:
+    return read_rows(folder / "rows.jsonl")
 
 
 def refused() -> Executor:
@@ -60,21 +63,11 @@ def test_a_line_cut_short_by_a_kill_is_run_again_and_gives_the_same_row(tmp_path
     assert (tmp_path / "rows.jsonl").read_text() == whole
 
 
-def test_rows_of_other_code_are_set_aside_not_mixed(tmp_path: Path) -> None:
-    run_study("agreement", [case()], tmp_path, in_process)
-    old = (tmp_path / "rows.jsonl").read_text().replace(fingerprint(), "0" * 16)
-    (tmp_path / "rows.jsonl").write_text(old)
-    run_study("agreement", [case()], tmp_path, in_process)
-    assert [row["fingerprint"] for row in rows(tmp_path)] == [fingerprint()]
-    assert (tmp_path / "rows.previous.jsonl").read_text() == old
-
-
-@pytest.mark.parametrize("junk", [b"not json\n", b"{}\n", b"\x80\n", b"3\n"])
-def test_a_file_that_holds_no_rows_is_left_alone_and_named(tmp_path: Path, junk: bytes) -> None:
-    (tmp_path / "rows.jsonl").write_bytes(junk)
-    with pytest.raises(RunBroken, match=r"rows\.jsonl: expected a row"):
-        run_study("agreement", [case()], tmp_path, refused)
-    assert (tmp_path / "rows.jsonl").read_bytes() == junk
+def test_a_process_with_other_code_breaks_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "fingerprint", lambda: "0" * 16)
+    other = rf"a process has other code or libraries \({fingerprint()}\) than the run \(0{{16}}\)"
+    with pytest.raises(RunBroken, match=other):
+        run_study("agreement", [case()], tmp_path, lambda: Processes(1))
 
 
 def test_a_failure_and_a_refusal_are_rows_with_a_reason() -> None:

@@ -43,6 +43,7 @@ from studies.stability_verdict import (
     finite,
     verdict_of,
 )
+from tests.row_files import read_rows, write_rows
 
 #: What the scalar problem must recover of theory's values.
 WITHIN = 0.01
@@ -269,24 +270,14 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     ]
     run_study("stability", cases, folder / "stability", lambda: ThreadPoolExecutor(1))
-    rows = read_rows(folder)
+    rows = read_rows(folder / "stability/rows.jsonl")
     cut = next(row for row in rows if row["arm"] == "located" and row["step_s"] == pytest.approx(1e-6))
     for name in [name for name in cut if "per_" in name or name.startswith(("verdict", "steps", "mean"))]:
         if "bound" not in name:
             del cut[name]
     cut |= {"status": "timed out", "reason": "not finished within the limit of 120 s"}
-    write_rows(folder, rows)
+    write_rows(folder / "stability/rows.jsonl", rows)
     return folder
-
-
-def read_rows(results: Path) -> list[dict[str, Value]]:
-    lines = (results / "stability/rows.jsonl").read_text("utf-8").splitlines()
-    return [json.loads(line) for line in lines]
-
-
-def write_rows(results: Path, rows: list[dict[str, Value]]) -> None:
-    text = "".join(json.dumps(row) + "\n" for row in rows)
-    (results / "stability/rows.jsonl").write_text(text, encoding="utf-8")
 
 
 def test_the_chapter_has_a_map_of_what_was_run_and_its_tables(results: Path) -> None:
@@ -320,11 +311,11 @@ def test_the_boundary_is_between_the_last_steady_step_and_the_next(results: Path
 
 
 def test_a_cell_called_accurate_beyond_its_bounds_breaks_the_chapter(results: Path, tmp_path: Path) -> None:
-    rows = read_rows(results)
+    rows = read_rows(results / "stability/rows.jsonl")
     row = next(row for row in rows if row.get("verdict") == ACCURATE)
     row[GAIN] = 1.0
     (tmp_path / "stability").mkdir()
-    write_rows(tmp_path, rows)
+    write_rows(tmp_path / "stability/rows.jsonl", rows)
     with pytest.raises(Contradiction, match="are called accurate"):
         chapter.sections(read_results(tmp_path / "stability"))
 

@@ -1,0 +1,1 @@
+"""What takes minutes and chance: run by ``make soak``, not by the everyday suite."""
