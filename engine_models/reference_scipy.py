@@ -14,13 +14,13 @@ from engine_models.engine import FloatArray
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
-from reference_solver.kernel_store import load_kernel
 from reference_solver.contact import ContactState, contact_state
 from reference_solver.contact_stepper import contact_record
 from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, GAP_RECORD, Motion
 from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
 from reference_solver.kernel import Kernel, Topology, write_gaps
+from reference_solver.kernel_store import load_kernel
 
 
 def derivative_source(topology: Topology) -> str:

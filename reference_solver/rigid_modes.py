@@ -45,8 +45,8 @@ class Mode:
         )
         self._step, self._gaps = self._readable_step, self._readable_gaps
         if compiled:
-            from reference_solver.kernel_store import load_kernel  # Numba takes a moment to import
             from reference_solver.kernel import Topology
+            from reference_solver.kernel_store import load_kernel  # Numba takes a moment to import
             from reference_solver.rigid_source import rigid_source_of
 
             topology = Topology(holding, None, True, joints, following)

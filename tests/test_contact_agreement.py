@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from engine_models.assembly import start_state
 from engine_models.reference_model import mechanism_of
 from engine_models.scene_library import CLEARANCE_SCENES
-from reference_solver.kernel_store import load_kernel
 from reference_solver.contact import ContactState, contact_force, contact_state
 from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
 from reference_solver.contact_stepper import contact_record, solve_with_contacts
 from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, Rates, new_motion
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.kernel import Topology, contact_source
+from reference_solver.kernel_store import load_kernel
 from reference_solver.mechanism import GROUND, Mechanism
 from reference_solver.points import State
 from reference_solver.readable import step as readable_step

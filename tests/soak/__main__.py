@@ -6,15 +6,18 @@ from pathlib import Path
 from random import Random, randrange
 from tempfile import TemporaryDirectory
 
-from tests.soak import kills
+from tests.soak import fuzz, kills
 
 #: What was done and found, by words for it.
 Figures = dict[str, int]
+#: Scenes and options that are fuzzed.
+FUZZED = 2000
 #: The parts by name; each raises AssertionError at what must not happen.
 PARTS: dict[str, Callable[[Random, Path], Figures]] = {
     "kills": kills.kills,
     "pairs": kills.pairs,
     "full disk": kills.full_disk,
+    "fuzz": lambda random, _: fuzz.fuzz(random.randrange(10**6), FUZZED),
 }
 
 
