@@ -117,7 +117,7 @@ class Mode:
         q[:], v[:] = new_q, new_v
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise NonFiniteState(t + h, h)
-        sums += list(added.values())
+        sums += np.array(list(added.values()))
         return True
 
     def _readable_gaps(self, _: FloatArray, q: FloatArray, v: FloatArray, out: FloatArray) -> None:
