@@ -113,11 +113,11 @@ class Mode:
     ) -> bool:
         """Take one step in place, and add its sums, as the kernels do."""
         with np.errstate(over="ignore", invalid="ignore"):
-            new_q, new_v, added, _ = readable_step(self.equations, t, q, v, h, projected=True)
-        q[:], v[:] = new_q, new_v
+            new = readable_step(self.equations, t, q, v, h, projected=True)
+        q[:], v[:] = new[:2]
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise NonFiniteState(t + h, h)
-        sums += np.array(list(added.values()))
+        sums += list(new[2].values())
         return True
 
     def _readable_gaps(self, _: FloatArray, q: FloatArray, v: FloatArray, out: FloatArray) -> None:
