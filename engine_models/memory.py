@@ -45,13 +45,12 @@ def require_memory(
 
 
 def free_bytes() -> int:
-    """Return how much memory the machine, or this process's share of it, has free."""
-    free = [UNTOLD_BYTES]
+    """Return how much memory the machine has free, but no more than this process's group may have."""
+    free = UNTOLD_BYTES
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        free = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")] or free
-        limit, used = (Path(f"/sys/fs/cgroup/memory.{name}").read_text() for name in ("max", "current"))
-        free.append(int(limit) - int(used))
-    except (OSError, ValueError):  # another system, or no limit
-        pass
-    return max(min(free), 0)
+        free = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
+        # Not less what the group uses: that counts cached files, which make room.
+        return min(free, int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
+    except (OSError, ValueError, StopIteration):  # another system, or no limit
+        return free
