@@ -129,8 +129,8 @@ def test_baumgarte_bounds_the_drift_and_projection_removes_it() -> None:
 def test_energy_and_joints_hold_to_round_off_at_a_fine_step(name: str) -> None:
     scene, trajectory = run(name, "projection", 1024)
     residual = np.abs(energy_balance_residual_J(scene, trajectory)).max()
-    # The sums of the steps are compensated: the energy keeps some units in the last place. The driver's work is
-    # a plain sum, which walks at random by up to one with every step. Truncation is below both.
+    # The sums of the steps are compensated: the energy keeps some units in the last place. The driver's work
+    # is a plain sum, which walks at random by up to one with every step. Truncation is below both.
     expected = 50 * EPS * kinetic_energy_J(scene, trajectory).max()
     if trajectory.driver_work_J is not None:
         expected += 2 * np.sqrt(trajectory.steps) * EPS * np.abs(trajectory.driver_work_J).max()
