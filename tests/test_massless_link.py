@@ -55,15 +55,17 @@ def linked() -> tuple[Mechanism, FloatArray, FloatArray]:
 def test_a_compiled_step_with_links_agrees_with_the_readable_one_to_round_off(
     stabilisation: Stabilisation,
 ) -> None:
-    mechanism, q, v = linked()
+    (mechanism, q, v), h = linked(), 1e-3
     found = []
     for compiled in (True, False):
-        stepper = make_stepper(mechanism, q, 1e-3, stabilisation, compiled)
+        stepper = make_stepper(mechanism, q, h, stabilisation, compiled)
         after_q, after_v = q.copy(), v.copy()
         work = stepper.advance(after_q, after_v, 0, 1)
         found.append((after_q, after_v, stepper.multipliers(0.0, q, v), np.array([work])))
+    # The driver's torque may be small beside the other multipliers, but it is rounded as they are.
+    most_work = h * np.abs(found[1][2]).max() * np.abs(v).max()
     for name, one, other in zip(("q", "v", "multipliers", "work"), *found, strict=True):
-        scale = np.abs(other).max()
+        scale = most_work if name == "work" else np.abs(other).max()
         difference = np.abs(one - other).max()
         assert difference <= ROUND_OFF * scale, f"{name}: {difference:.2e} of {scale:.2e}"
 

@@ -92,7 +92,8 @@ def test_every_signal_of_the_contacts_agrees_with_the_reference(name: str) -> No
 
 
 def test_the_error_falls_with_the_tolerance() -> None:
-    name, rtols = "clearance-free-0.5mm", (1e-6, 1e-8, 1e-10)
+    # Not down to 1e-10: there the reference's own 1e-11 m shows, and round-off decides which steps are taken.
+    name, rtols = "clearance-free-0.5mm", (1e-6, 1e-7, 1e-8, 1e-9)
     found = [
         np.abs(run(name, "DOP853", r).slider_position_m - reference(name).slider_position_m) for r in rtols
     ]
