@@ -17,7 +17,7 @@ DELAY_S, REFRESH_S, LINE_S = 1.5, 0.2, 30.0
 
 
 @contextmanager
-def shown_progress(end_time_s: float, line_s: float = LINE_S) -> Iterator[None]:
+def shown_progress(end_time_s: float, line_s: float | None = None) -> Iterator[None]:
     """Show how far the simulations in this block, each to ``end_time_s``, have come.
 
     A thread of its own does, so that an engine that tells nothing is not silent either.
@@ -28,7 +28,7 @@ def shown_progress(end_time_s: float, line_s: float = LINE_S) -> Iterator[None]:
         reached[0] = time_s
 
     show = _bar if sys.stderr.isatty() else _lines
-    thread = Thread(target=show, args=(reached, end_time_s, over, line_s), daemon=True)
+    thread = Thread(target=show, args=(reached, end_time_s, over, line_s or LINE_S), daemon=True)
     thread.start()
     try:
         with told_to(note):

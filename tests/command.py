@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from io import StringIO
 from unittest.mock import patch
 
+from studies import progress_display
 from studies.command_line import main
 
 
@@ -26,6 +27,7 @@ def crankslider(*arguments: object) -> Finished:
         patch.object(sys, "argv", argv),
         redirect_stdout(StringIO()) as out,
         redirect_stderr(StringIO()) as err,
+        patch.object(progress_display, "LINE_S", 1e6),  # what is said does not depend on the machine
     ):
         try:
             main()
