@@ -127,19 +127,17 @@ class Kernel:
         stores: Iterable[tuple[str, Scalar]] = (),
         options: str = ENTRY,
         before: Sequence[str] | None = None,
-        after: Sequence[str] = (),
     ) -> None:
         """Write a function that stores values in arrays and returns results.
 
-        It begins with lines ``before`` all else, by default those that unpack q and v, and has others
-        ``after`` the stores.
+        It begins with lines ``before`` all else, by default those that unpack q and v.
         """
         stores = list(stores)
         writer = Writer(self.known_as, [*arguments, *self.state])
         texts = writer.write(tape, [*(value for _, value in stores), *results])
         lines = [*(self.unpack() if before is None else before), *writer.lines]
         lines += [f"{place} = {text}" for (place, _), text in zip(stores, texts, strict=False)]
-        lines += [*after, f"return {', '.join(texts[len(stores) :])}"]
+        lines.append(f"return {', '.join(texts[len(stores) :])}")
         self.define(name, arguments, lines, options)
 
     def define(self, name: str, arguments: Sequence[str], lines: list[str], options: str = ENTRY) -> None:
@@ -295,11 +293,7 @@ def contact_source(topology: Topology) -> str:
 def write_gaps(kernel: Kernel) -> None:
     """Write ``gaps(p, contacts, motion)``, which sets the gaps of a state (see ``contact.gap``)."""
     tape, equations, q, v = kernel.begin()
-    stores, phases = [], equations.phases
-    for k, joint in enumerate(equations.mechanism.contacts):
-        fields = gap(joint, phases[2 * k], phases[2 * k + 1], State(q, v))
-        stores += [(f"motion.gaps[{k}].{field}", value) for field, value in fields.items()]
-    arguments = ["p", "contacts", "motion"]
+    arguments, stores = ["p", "contacts", "motion"], _gaps(equations, State(q, v), "motion")
     kernel.add("gaps", arguments, tape, [True], stores, before=kernel.unpack("motion."))
 
 
@@ -308,13 +302,23 @@ def _contact_step(kernel: Kernel) -> None:
 
     The sums are those of ``Equations.power_names``, and with a stabilisation the energy it removes.
     """
-    tape, _, q, v = kernel.begin()
+    tape, equations, q, v = kernel.begin()
     step = kernel.step(tape, tape.input("t"), q, v, tape.input("h"))
     sums = [*step.sums.values(), *([step.removed] if stabilised(kernel.topology) else [])]
     parts = (("q", step.q), ("v", step.v), ("sums", sums))
     stores = [(f"new.{name}[{c}]", x) for name, values in parts for c, x in enumerate(values)]
-    arguments, after = ["p", "contacts", "t", "h", "old", "new"], ["gaps(p, contacts, new)"]
-    kernel.add("step", arguments, tape, [step.ok], stores, before=kernel.unpack("old."), after=after)
+    stores += _gaps(equations, State(step.q, step.v), "new")
+    arguments = ["p", "contacts", "t", "h", "old", "new"]
+    kernel.add("step", arguments, tape, [step.ok], stores, before=kernel.unpack("old."))
+
+
+def _gaps(equations: Equations, state: State, motion: str) -> list[tuple[str, Scalar]]:
+    """Return the fields of the contacts' gaps at a state, with their places in a motion."""
+    phases, stores = equations.phases.reshape(-1, 2), []
+    for k, joint in enumerate(equations.mechanism.contacts):
+        fields = gap(joint, *phases[k], state)
+        stores += [(f"{motion}.gaps[{k}].{field}", value) for field, value in fields.items()]
+    return stores
 
 
 def stabilised(topology: Topology) -> bool:

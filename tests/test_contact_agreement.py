@@ -105,7 +105,8 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     q, v, sums = new.q, new.v, new.sums
     again.q[:], again.v[:] = q, v
     assert kernel.gaps(parameters, contacts, again)
-    assert np.array_equal(new.gaps, again.gaps)
+    for field, scale in (("depth", np.abs(q).max()), ("rate", np.abs(v).max())):
+        assert np.abs(new.gaps[field] - again.gaps[field]).max() <= ROUND_OFF * scale
     a, rates, lambda_ = np.empty_like(at.q), np.empty(size), np.empty(len(equations.C))
     assert kernel.slopes(parameters, contacts, at.t, old, Rates(a, rates, lambda_))
 
