@@ -27,6 +27,8 @@ from reference_solver.kernel_store import njit
 
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+#: What every step calls: a call that is not inlined counts the references of all arrays that it is given.
+INLINE = {**INNER, "forceinline": True}
 
 ARRAY, TABLE = float64[::1], float64[:, ::1]
 CONTACTS, GAPS, EVENTS, CLOCK = (
@@ -52,7 +54,7 @@ INSIDE = 1.0 / 3.0
 # ---------------------------------------------------------------------------------------- events
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def alarm(contact, gap, kind):
     """Return a number that is positive past the event: 0 is touch or release, 1 the law's change of sign."""
     if kind == 0:
@@ -62,7 +64,7 @@ def alarm(contact, gap, kind):
     return -gap.push if contact.phase == CONTACT else gap.push
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def first_alarm(contacts, gaps, skip):
     """Return the number 2 k + kind of an alarm other than ``skip`` that has gone off, or -1."""
     for k in range(len(contacts)):
@@ -187,13 +189,13 @@ def note(gap_accelerations, p, contacts, motion, event, spare, clock, records):
 # ------------------------------------------------------------------------------- the next step
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def graded(h, duration, distance):
     """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
     return min(h, h * h / duration + 2.0 * h * np.sqrt(max(distance, 0.0) / duration))
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def step_length(contacts, gaps, now):
     """Return the longest step that the phases allow."""
     h = now.longest
@@ -339,7 +341,7 @@ def within(slopes, p, contacts, h, old, new, now, records):
 # -------------------------------------------------------------------------------------- the loop
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def finite(gaps):
     """Return whether all gaps are finite: what overflows anywhere is in them a step later."""
     total = 0.0
@@ -348,7 +350,7 @@ def finite(gaps):
     return np.isfinite(total)
 
 
-@njit(**INNER)
+@njit(**INLINE)
 def take(old, new):
     """Move the state on to ``new``, whose sums are those of the step alone."""
     for c in range(len(old.q)):
@@ -357,6 +359,15 @@ def take(old, new):
         old.sums[c] += new.sums[c]
     for k in range(len(old.gaps)):
         old.gaps[k] = new.gaps[k]
+
+
+@njit(**INLINE)
+def suspicious(contacts, gaps, new_gaps):
+    """Return whether an event may lie within a step: an alarm has gone off, or a pin has turned back."""
+    for k in range(len(contacts)):
+        if contacts[k].phase == FLIGHT and gaps[k].rate > 0.0 and new_gaps[k].rate < 0.0:
+            return True
+    return first_alarm(contacts, new_gaps, -1) >= 0
 
 
 @njit(**INNER)
@@ -407,11 +418,12 @@ def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records
             h = landing - t
         if not step(p, contacts, t, h, motion, new) or not finite(new.gaps):
             return FAILED
-        whole = h
-        if now.located:
-            event, h = cut(step, p, contacts, t, h, motion, new)
-        else:
-            event = first_alarm(contacts, new.gaps, -1)
+        event, whole = -1, h
+        if suspicious(contacts, motion.gaps, new.gaps):
+            if now.located:
+                event, h = cut(step, p, contacts, t, h, motion, new)
+            else:
+                event = first_alarm(contacts, new.gaps, -1)
         last = last and h == whole
         change = h + now.lost
         new_t = landing if last else t + change

@@ -316,7 +316,7 @@ def _gaps(equations: Equations, state: State, motion: str) -> list[tuple[str, Sc
     """Return the fields of the contacts' gaps at a state, with their places in a motion."""
     phases, stores = equations.phases.reshape(-1, 2), []
     for k, joint in enumerate(equations.mechanism.contacts):
-        fields = gap(joint, *phases[k], state)
+        fields = gap(joint, phases[k, 0], phases[k, 1], state)
         stores += [(f"{motion}.gaps[{k}].{field}", value) for field, value in fields.items()]
     return stores
 
