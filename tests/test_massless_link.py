@@ -15,8 +15,9 @@ from reference_solver.mechanism import (
     SpringDamper,
     StraightGuide,
 )
-from reference_solver.solver import Stabilisation, make_stepper, solve
+from reference_solver.solver import Stabilisation, solve
 from tests.independent_mechanisms import GRAVITY, Rod, TriplePendulum
+from tests.test_reference_kernel import check_faces
 
 FloatArray = NDArray[np.float64]
 #: The two faces sum in different orders (see test_reference_kernel).
@@ -55,19 +56,7 @@ def linked() -> tuple[Mechanism, FloatArray, FloatArray]:
 def test_a_compiled_step_with_links_agrees_with_the_readable_one_to_round_off(
     stabilisation: Stabilisation,
 ) -> None:
-    (mechanism, q, v), h = linked(), 1e-3
-    found = []
-    for compiled in (True, False):
-        stepper = make_stepper(mechanism, q, h, stabilisation, compiled)
-        after_q, after_v = q.copy(), v.copy()
-        work = stepper.advance(after_q, after_v, 0, 1)
-        found.append((after_q, after_v, stepper.multipliers(0.0, q, v), np.array([work])))
-    # The driver's torque may be small beside the other multipliers, but it is rounded as they are.
-    most_work = h * np.abs(found[1][2]).max() * np.abs(v).max()
-    for name, one, other in zip(("q", "v", "multipliers", "work"), *found, strict=True):
-        scale = most_work if name == "work" else np.abs(other).max()
-        difference = np.abs(one - other).max()
-        assert difference <= ROUND_OFF * scale, f"{name}: {difference:.2e} of {scale:.2e}"
+    check_faces(*linked(), 1e-3, stabilisation, ROUND_OFF)
 
 
 def test_a_links_rows_are_the_derivatives_of_its_position() -> None:

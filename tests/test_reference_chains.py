@@ -76,16 +76,7 @@ CASES: dict[str, Callable[[], Start]] = {
 
 @pytest.mark.parametrize("stabilisation", small.VARIANTS, ids=["none", "projection", "baumgarte"])
 def test_a_compiled_step_of_a_ring_agrees_with_the_readable_one(stabilisation: Stabilisation) -> None:
-    mechanism, q, v, h = ring_case()
-    found = []
-    for compiled in (True, False):
-        stepper = make_stepper(mechanism, q, h, stabilisation, compiled)
-        after_q, after_v = q.copy(), v.copy()
-        work = stepper.advance(after_q, after_v, 3, 1)
-        found.append((after_q, after_v, stepper.multipliers(0.0, q, v), np.array([work])))
-    for name, one, other in zip(("q", "v", "multipliers", "work"), *found, strict=True):
-        scale, difference = np.abs(other).max(), np.abs(one - other).max()
-        assert difference <= ROUND_OFF * scale, f"{name}: {difference:.2e} of {scale:.2e}"
+    small.check_faces(*ring_case(), stabilisation, ROUND_OFF)
 
 
 def test_a_mechanism_too_large_for_straight_line_code_is_stepped_by_the_readable_face() -> None:
