@@ -343,8 +343,8 @@ def test_positions_are_compared_through_the_first_impacts_only(bounce: tuple[Cas
 
 
 def test_what_is_left_at_an_adaptive_methods_tolerance_is_no_growth() -> None:
-    # Overdamped by zeta = 2 a deviation falls to a sixtieth in this step, and soon to the method's errors. Those
-    # move the factor by up to 2.5 %, as the processor's round-off has it; taken for growth they made it over 1.
+    # Overdamped by zeta = 2 a deviation falls to a sixtieth in this step, and soon to the method's errors.
+    # Those move the factor by up to 2.5 %, as a processor's round-off has it; taken for growth it was over 1.
     x = 15.3779296875
     found = measured_growth(make_engine("scipy"), x, 2.0, 24, order=2)
     assert found == pytest.approx(exp(-(2 - sqrt(3)) * x), rel=0.1)
