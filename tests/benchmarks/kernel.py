@@ -6,18 +6,23 @@ quotient within a round, in which slow spells of the machine cancel; its spread 
 
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.solver import Stepper, make_stepper
+from engine_models.scene_library import clearance_driven_05
+from reference_solver.solver import StepChoice, Stepper, make_stepper
 from tests.benchmarks.c_loop import CLoop, compiler
+from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
 from tests.test_reference_chains import chain, chain_start
 from tests.test_reference_kernel import scene_case
 
 FloatArray = NDArray[np.float64]
-Contender = tuple[Stepper | CLoop, FloatArray, FloatArray]
+#: Takes a turn as long as the number given, in units of its own; returns its seconds and its steps.
+Contender = Callable[[int], tuple[float, int]]
 
 #: Rounds, and how long a turn lasts: long against the clock's resolution and a call from Python.
 ROUNDS, TURN_S = 25, 0.02
@@ -25,6 +30,8 @@ STEP_S = 1e-6
 LINKS = (2, 4, 8)
 #: Steps for which the C loop must follow the kernel, and how far rounding may part them, relative.
 CHECKED_STEPS, ROUND_OFF = 1000, 1e-12
+#: The stretch of the clearance scene, eight contacts long, and its steps: the engine's own at 1e-6 s.
+CLEARANCE_END_S, CHOICE = 0.003, StepChoice(STEP_S, 1000)
 C, KERNEL = "C by hand, gcc -O3", "generated kernel"
 TARGET = 1.5
 
@@ -44,7 +51,7 @@ def crank_slider(folder: Path) -> dict[str, Contender]:
     }
     if C in steppers:
         check(steppers[C], steppers[KERNEL], q, v)
-    return {name: (stepper, q, v) for name, stepper in steppers.items()}
+    return {name: stepping(stepper, q, v) for name, stepper in steppers.items()}
 
 
 def check(one: Stepper | CLoop, other: Stepper | CLoop, q: FloatArray, v: FloatArray) -> None:
@@ -65,33 +72,60 @@ def chains() -> dict[str, Contender]:
     contenders: dict[str, Contender] = {}
     for links in LINKS:
         q, v = chain_start(np.zeros(links), np.zeros(links))
-        contenders[f"{links} links"] = make_stepper(chain(links), q, STEP_S, "none", compiled=True), q, v
+        contenders[f"{links} links"] = stepping(make_stepper(chain(links), q, STEP_S, "none", True), q, v)
     return contenders
 
 
-def seconds(contender: Contender, steps: int) -> float:
-    """Return how long a number of steps from the start took."""
-    stepper, q, v = contender
-    q, v = q.copy(), v.copy()
-    start = time.perf_counter()
-    stepper.advance(q, v, 0, steps)
-    return time.perf_counter() - start
+def clearance_crank_slider(folder: Path) -> dict[str, Contender]:
+    """Return who runs the driven crank-slider with clearance, by name."""
+    scene = clearance_driven_05().model_copy(update={"end_time_s": CLEARANCE_END_S})
+    by_kernel = partial(run_by_kernel, scene, CHOICE)
+    contenders = {KERNEL: running(by_kernel)}
+    if compiler():
+        by_c = ByC(scene, CHOICE, folder).run
+        if apart := difference(by_c(), by_kernel()):
+            raise SystemExit(f"{C} and the {KERNEL} with clearance differ in {apart}: nothing was timed")
+        contenders = {C: running(by_c), **contenders}
+    return contenders
+
+
+def stepping(stepper: Stepper | CLoop, q: FloatArray, v: FloatArray) -> Contender:
+    """Return the contender whose turn is a number of steps from the start."""
+
+    def turn(steps: int) -> tuple[float, int]:
+        end_q, end_v = q.copy(), v.copy()
+        start = time.perf_counter()
+        stepper.advance(end_q, end_v, 0, steps)
+        return time.perf_counter() - start, steps
+
+    return turn
+
+
+def running(run: Callable[[], Run]) -> Contender:
+    """Return the contender whose turn is a number of runs."""
+
+    def turn(runs: int) -> tuple[float, int]:
+        found = [run() for _ in range(runs)]
+        return sum(one.seconds for one in found), sum(one.steps for one in found)
+
+    return turn
 
 
 def measure(contenders: dict[str, Contender]) -> dict[str, FloatArray]:
     """Return each contender's ns per step, round by round."""
-    steps = {}
-    for name, contender in contenders.items():
-        count = 1
-        while (took := seconds(contender, count)) < TURN_S / 10:
-            count *= 2
-        steps[name] = max(1, round(count * TURN_S / took))
+    lengths = {}
+    for name, turn in contenders.items():
+        length = 1
+        while (took := turn(length)[0]) < TURN_S / 10:
+            length *= 2
+        lengths[name] = max(1, round(length * TURN_S / took))
     found: dict[str, list[float]] = {name: [] for name in contenders}
     order, random = list(contenders), np.random.default_rng(0)
     for _ in range(ROUNDS):
         random.shuffle(order)
         for name in order:
-            found[name].append(1e9 * seconds(contenders[name], steps[name]) / steps[name])
+            seconds, steps = contenders[name](lengths[name])
+            found[name].append(1e9 * seconds / steps)
     return {name: np.array(times) for name, times in found.items()}
 
 
@@ -101,23 +135,32 @@ def spread(values: FloatArray, form: str) -> str:
     return f"{middle:{form}}  ({low:{form}} to {high:{form}})"
 
 
-def main() -> None:
-    """Measure and print."""
-    with tempfile.TemporaryDirectory() as folder:
-        times = measure(crank_slider(Path(folder)) | chains())
+def show(title: str, times: dict[str, FloatArray]) -> None:
+    """Print a table of a crank-slider's contenders, and how the kernel stands beside C."""
     base = C if C in times else KERNEL
-    print(f"One RK4 step of the ideal driven crank-slider; median (middle half) of {ROUNDS} rounds\n")
+    print(f"{title}; median (middle half) of {ROUNDS} rounds\n")
     print(f"{'':30}{'ns per step':34}ratio to {base}")
-    for name in (name for name in times if "links" not in name):
-        print(f"{name:30}{spread(times[name], ',.0f'):34}{spread(times[name] / times[base], '.2f')}")
-    print("\nThe generated kernel on a chain\n")
-    print(f"{'':30}{'ns per step':34}ns per step and link")
-    for links in LINKS:
-        found = times[f"{links} links"]
-        print(f"{f'{links} links':30}{spread(found, ',.0f'):34}{spread(found / links, '.0f')}")
+    for name, found in times.items():
+        print(f"{name:30}{spread(found, ',.0f'):34}{spread(found / times[base], '.2f')}")
     if C in times:
         ratio = float(np.median(times[KERNEL] / times[C]))
         print(f"\nThe {KERNEL} takes {ratio:.2f} of the time of C; the target is at most {TARGET}.")
+
+
+def main() -> None:
+    """Measure and print."""
+    with tempfile.TemporaryDirectory() as folder:
+        ideal, clearance = crank_slider(Path(folder)), clearance_crank_slider(Path(folder))
+        times = measure(ideal | chains())
+        show("One RK4 step of the ideal driven crank-slider", {name: times[name] for name in ideal})
+        print("\nThe generated kernel on a chain\n")
+        print(f"{'':30}{'ns per step':34}ns per step and link")
+        for links in LINKS:
+            found = times[f"{links} links"]
+            print(f"{f'{links} links':30}{spread(found, ',.0f'):34}{spread(found / links, '.0f')}")
+        print()
+        title = "One step of the driven crank-slider with clearance, projected, its events located"
+        show(title, measure(clearance))
 
 
 if __name__ == "__main__":
