@@ -17,8 +17,7 @@ from engine_models.engine import (
 )
 from engine_models.memory import require_memory
 from engine_models.reference_compilation import compile_time_s
-from engine_models.reference_model import rigid_joints_of
-from engine_models.reference_runs import compliant_run, ideal_run, rigid_run
+from engine_models.reference_runs import reference_run
 from engine_models.scene import Scene
 from engine_models.start_check import unwound, wound
 from reference_solver.equations import Baumgarte
@@ -49,11 +48,11 @@ class ReferenceEngine:
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where rigid contact or the settings stand in the way."""
-        rigid = rigid_joints_of(scene)
-        if rigid and self.stabilisation != "projection":
-            raise UnsupportedScene("reference runs rigid contact with stabilisation = projection only")
-        if scene.joints_with_clearance and self.kernel == "readable":
-            raise UnsupportedScene("reference runs joints with clearance with kernel = compiled only")
+        rigid = any(getattr(scene.clearance, name).law == "rigid" for name in scene.joints_with_clearance)
+        if rigid and not (self.stabilisation == "projection" and self.locate_events):
+            raise UnsupportedScene(
+                "reference runs rigid contact with stabilisation = projection and locate_events only"
+            )
 
     def twin(self, scene: Scene) -> Scene:
         """Return the scene itself: the reference solves every law."""
@@ -87,11 +86,8 @@ class ReferenceEngine:
         return compile_time_s(self, scene, settings)
 
     def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        if rigid_joints_of(scene):
-            return rigid_run(scene, settings)
-        if scene.joints_with_clearance:
-            return compliant_run(scene, settings, self._rates(scene, settings), self._stabilisation())
-        return ideal_run(scene, settings, self._stabilisation(), self.kernel == "compiled")
+        choice, compiled = self._rates(scene, settings), self.kernel == "compiled"
+        return reference_run(scene, settings, choice, self._stabilisation(), compiled)
 
     def _stabilisation(self) -> Stabilisation:
         if self.stabilisation == "baumgarte":

@@ -1,9 +1,8 @@
 """The scene as a mechanism of the reference solver: joints O, A, B, then the guide, then a driver."""
 
 from engine_models.contact_stiffness import exponent_of, stiffness_of
-from engine_models.engine import UnsupportedScene
 from engine_models.scene import Clearance, Friction, Link, Scene
-from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
+from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism import (
     GROUND,
     Body,
@@ -15,7 +14,6 @@ from reference_solver.mechanism import (
     StraightGuide,
     Torque,
 )
-from reference_solver.rigid_joint import RigidJoint
 
 CRANK, ROD, SLIDER = range(3)
 
@@ -24,7 +22,7 @@ MINIMUM_IMPACT_SPEED_M_S = 1e-6
 
 
 def mechanism_of(scene: Scene) -> Mechanism:
-    """Return the mechanism; a joint with clearance has no rows, and is a contact if its law is compliant."""
+    """Return the mechanism; a joint with clearance has no rows, and is a contact."""
     driven = scene.drive.kind == "constant-speed"
     return Mechanism(
         bodies=tuple(Body(part.mass_kg, part.inertia_kg_m2) for part in scene.bodies),
@@ -36,35 +34,8 @@ def mechanism_of(scene: Scene) -> Mechanism:
         loads=(Torque(CRANK, scene.drive.torque_N_m),) if scene.drive.kind == "torque" else (),
         gravity_m_s2=scene.gravity_m_s2,
         contacts=tuple(
-            _contact(joint, clearance)
-            for joint, clearance in _joints(scene)
-            if clearance is not None and clearance.law != "rigid"
+            _contact(joint, clearance) for joint, clearance in _joints(scene) if clearance is not None
         ),
-    )
-
-
-def rigid_joints_of(scene: Scene) -> tuple[RigidJoint, ...]:
-    """Return the joints with rigid clearance, in the order O, A, B.
-
-    Raises:
-        UnsupportedScene: they stand beside compliant ones.
-    """
-    rigid = [(joint, c) for joint, c in _joints(scene) if c is not None and c.law == "rigid"]
-    if rigid and len(rigid) < len(scene.joints_with_clearance):
-        raise UnsupportedScene("reference does not mix rigid and compliant contact laws in one scene")
-    return tuple(
-        RigidJoint(
-            joint.body_i,
-            joint.point_i,
-            joint.body_j,
-            joint.point_j,
-            c.radial_clearance_m,
-            c.bearing_radius_m,
-            c.restitution or 0.0,
-            _friction(c.friction),
-            c.minimum_impact_speed_m_s or 0.0,
-        )
-        for joint, c in rigid
     )
 
 
@@ -87,7 +58,6 @@ def _joints(scene: Scene) -> list[tuple[RevoluteJoint, Clearance | None]]:
 
 
 def _contact(joint: RevoluteJoint, clearance: Clearance) -> ClearanceJoint:
-    factor = DAMPING_FACTORS.get(clearance.law)
     return ClearanceJoint(
         joint.body_i,
         joint.point_i,
@@ -95,15 +65,22 @@ def _contact(joint: RevoluteJoint, clearance: Clearance) -> ClearanceJoint:
         joint.point_j,
         clearance.radial_clearance_m,
         clearance.bearing_radius_m,
-        ContactLaw(
-            stiffness_of(clearance),
-            exponent_of(clearance),
-            0.0 if factor is None or clearance.restitution is None else factor(clearance.restitution),
-            clearance.damping_N_s_m or 0.0,
-            clearance.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S,
-            clearance.may_pull,
-        ),
+        _law(clearance),
         _friction(clearance.friction),
+    )
+
+
+def _law(clearance: Clearance) -> ContactLaw | RigidWall:
+    if clearance.law == "rigid":
+        return RigidWall(clearance.restitution or 0.0, clearance.minimum_impact_speed_m_s or 0.0)
+    factor = DAMPING_FACTORS.get(clearance.law)
+    return ContactLaw(
+        stiffness_of(clearance),
+        exponent_of(clearance),
+        0.0 if factor is None or clearance.restitution is None else factor(clearance.restitution),
+        clearance.damping_N_s_m or 0.0,
+        clearance.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S,
+        clearance.may_pull,
     )
 
 

@@ -15,30 +15,31 @@ from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
 from reference_solver.contact import ContactState, contact_state
-from reference_solver.contact_stepper import contact_record
 from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, GAP_RECORD, Motion
 from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
-from reference_solver.kernel import Kernel, Topology, write_gaps
+from reference_solver.kernel import Kernel, Topology
 from reference_solver.kernel_store import load_kernel
+from reference_solver.solver import contact_record
 
 
 def derivative_source(topology: Topology) -> str:
-    """Return a module with ``evaluate`` and, for contacts, ``gaps`` (see ``kernel.write_gaps``).
+    """Return a module with ``evaluate`` and, for contacts, ``gaps`` (see ``kernel.Kernel.gaps``).
 
     ``evaluate(p, contacts, t, y, rate, multipliers)`` writes y' and {lambda} and tells whether it could.
     """
     kernel = Kernel(topology)
     unpack = [f"q{c}, v{c} = y[{c}], y[{kernel.n + c}]" for c in range(kernel.n)]
-    tape, equations, q, v = kernel.begin()
-    found = equations.answer(tape.input("t"), q, v)
-    rates = [*v, *found.accelerations, *(found.powers[name] for name in _integrated(equations))]
+    draft = kernel.begin()
+    found = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+    powers = [found.powers[name] for name in _integrated(draft.equations)]
+    rates = [*draft.v, *found.accelerations, *powers]
     stores = [(f"rate[{k}]", value) for k, value in enumerate(rates)]
     stores += [(f"multipliers[{r}]", value) for r, value in enumerate(found.multipliers)]
     arguments = ["p", "contacts", "t", "y", "rate", "multipliers"]
-    kernel.add("evaluate", arguments, tape, [found.ok], stores, before=unpack)
+    kernel.entry("evaluate", arguments, draft, found.ok, stores, unpack)
     if topology.mechanism.contacts:
-        write_gaps(kernel)
+        kernel.gaps()
     return kernel.source()
 
 
@@ -71,7 +72,7 @@ class Derivative:
         self.sums = tuple(name.replace("drivers", "work") for name in _integrated(self._readable))
         self.contact_count = len(self._joints)
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
-        clipped = [k for k, joint in enumerate(self._joints) if joint.law.clipped]
+        clipped = [k for k, joint in enumerate(self._joints) if joint.compliance.clipped]
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
         self.start = np.concatenate([q.ravel(), v.ravel(), np.zeros(len(self.sums))])
         self._refused: tuple[float, FloatArray] | None = None
@@ -93,9 +94,8 @@ class Derivative:
         if self._refused is None or self._refused[0] < since_s or not np.isfinite(self._refused[1]).all():
             return ""
         t, y = self._refused
-        self._readable.phases = self.phases()
         try:
-            self._readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n])
+            self._readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n], self.phases().reshape(-1, 2))
         except SolverError as error:
             return str(error)
         return f"the constraint matrix is about to lose rank at t = {t:.6g} s"
@@ -114,7 +114,7 @@ class Derivative:
         """Return every contact's gap (K,), records of ``GAP_RECORD``."""
         gaps = np.zeros(len(self._joints), GAP_RECORD)
         motion = Motion(y[: self.n], y[self.n : 2 * self.n], y[2 * self.n :], gaps)
-        self._kernel.gaps(self._parameters, self._contacts, motion)
+        self._kernel.gaps(self._parameters, self._contacts, 0.0, motion)
         return gaps
 
     def contacts(self, y: FloatArray) -> list[ContactState]:
@@ -173,5 +173,5 @@ class Derivative:
         return np.where(self._contacts["phase"] == FLIGHT, np.nan, self._contacts["memory"])
 
     def _memory(self, contact: int, speed_m_s: float) -> float:
-        law = self._joints[contact].law
+        law = self._joints[contact].compliance
         return law.damping_factor / max(speed_m_s, law.minimum_impact_speed_m_s)

@@ -14,7 +14,7 @@ from reference_solver.contact_laws import FRICTION_LAWS, NORMAL_LAWS
 from reference_solver.contact_types import CLIPPED, FLIGHT, PROBE
 from reference_solver.loads import Forces, pair
 from reference_solver.mechanism import ClearanceJoint
-from reference_solver.points import Point, State
+from reference_solver.points import State, ends_of
 from reference_solver.tape import Array, Scalar, array, choose, equal, larger, named, sqrt, when
 
 FloatArray = NDArray[np.float64]
@@ -22,29 +22,30 @@ FloatArray = NDArray[np.float64]
 #: As a part of the clearance: round-off of the penetration.
 LEAST_DEPTH = 1e-12
 #: What a contact's branch computes, as the code names it.
-OF_CONTACT = ("force_x", "force_y", "twist_i", "twist_j", "normal", "loss", "clip", "slide")
-
-
-def ends_of(joint: ClearanceJoint, state: State) -> tuple[Point, Point]:
-    """Return the bearing's centre and the pin's."""
-    return state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+OF_CONTACT = ("force_x", "force_y", "twist_i", "twist_j", "normal", "loss", "clip", "slide", "tangential")
 
 
 def rates_of(joint: ClearanceJoint, number: int) -> list[str]:
     """Return the names of what a contact adds up: normal force and losses.
 
-    The losses are by the normal force, where it is clipped, and by friction.
+    Losses are, of a compliant contact, by the normal force and where that is clipped; of a rigid wall, in
+    impacts and in closings; of both by friction.
     """
-    clip, slide = joint.law.clipped, joint.friction is not None
-    return [f"normal{number}", f"loss{number}"] + clip * [f"clip{number}"] + slide * [f"slide{number}"]
+    names = ["normal", "impact", "closing"] if joint.rigid else ["normal", "loss"]
+    if not joint.rigid and joint.compliance.clipped:
+        names.append("clip")
+    return [f"{name}{number}" for name in [*names, *(["slide"] if joint.friction else [])]]
 
 
 def contact_force(
     joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State
-) -> tuple[Forces, list[Scalar]]:
-    """Return the generalised forces of a contact in its phase, and its ``rates_of`` in N and W."""
+) -> tuple[Forces, list[Scalar], Scalar]:
+    """Return the generalised forces of a contact in its phase, its ``rates_of`` in N and W, and friction.
+
+    That is the force on the pin along t, in N.
+    """
     bearing, pin = ends_of(joint, state)
-    d, d_dot, law = pin.place - bearing.place, pin.rate - bearing.rate, joint.law
+    d, d_dot, law = pin.place - bearing.place, pin.rate - bearing.rate, joint.compliance
 
     def closed() -> tuple[Scalar, ...]:
         distance = sqrt(d @ d)
@@ -58,7 +59,7 @@ def contact_force(
             clip = choose(clipped, -elastic * rate, 0.0)
         probe = equal(phase, PROBE)  # for the gap's mobility
         normal, loss = choose(probe, 1.0, normal), choose(probe, 0.0, loss)
-        force, twist_i, twist_j = -normal * n, 0.0, 0.0
+        force, twist_i, twist_j, tangential = -normal * n, 0.0, 0.0, 0.0
         if joint.friction is not None:
             arm_i = joint.bearing_radius_m + 0.5 * depth
             arm_j = joint.bearing_radius_m - joint.radial_clearance_m - 0.5 * depth
@@ -69,35 +70,38 @@ def contact_force(
             tangential = -(joint.friction.coefficient * pressing * share)
             slide, twist_i, twist_j = -tangential * sliding, -arm_i * tangential, arm_j * tangential
             force = force + tangential * array([-n[1], n[0]])
-        return (*force, twist_i, twist_j, normal, loss, clip, slide)
+        return (*force, twist_i, twist_j, normal, loss, clip, slide, tangential)
 
-    found = when(phase > FLIGHT, closed, 8)
+    found = when(phase > FLIGHT, closed, len(OF_CONTACT))
     for name, value in zip(OF_CONTACT, found, strict=True):
         named(f"{name}_{joint.body_j}", value, "contact of a pin in its bearing")
-    x, y, twist_i, twist_j, normal, loss, clip, slide = found
+    x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = found
     rates = [normal, loss] + law.clipped * [clip] + (joint.friction is not None) * [slide]
-    return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates
+    return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential
 
 
 def elastic_force(joint: ClearanceJoint, phase: Scalar, state: State) -> Forces:
     """Return what a contact pushes with at rest, clipped or not: the part that has a potential."""
     bearing, pin = ends_of(joint, state)
-    d = pin.place - bearing.place
+    d, law = pin.place - bearing.place, joint.compliance
 
     def closed() -> tuple[Scalar, ...]:
         distance = sqrt(d @ d)
         depth = larger(distance - joint.radial_clearance_m, 0.0)
-        return ((-NORMAL_LAWS[joint.law.kind](joint.law, depth, 0.0)[0]) / distance,)
+        return ((-NORMAL_LAWS[law.kind](law, depth, 0.0)[0]) / distance,)
 
     (pull,) = when(phase > FLIGHT, closed, 1)
     return pair(bearing, pin, pull * d)
 
 
-def gap(joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State) -> dict[str, Scalar]:
+def gap(
+    joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State, pressing: Scalar = 0.0
+) -> dict[str, Scalar]:
     """Return the fields of ``contact_types.GAP_RECORD``.
 
     g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch. Where the
-    elastic force vanishes, "push" is as it is at a ``LEAST_DEPTH``.
+    elastic force vanishes, "push" is as it is at a ``LEAST_DEPTH``; of a pin that follows a rigid wall it is
+    the force that presses it inwards, ``pressing`` in N.
     """
     (bearing, pin), c = ends_of(joint, state), joint.radial_clearance_m
     d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
@@ -105,10 +109,11 @@ def gap(joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State) -> d
     depth = distance - c
 
     def closed() -> tuple[Scalar, ...]:
-        elastic, damper = NORMAL_LAWS[joint.law.kind](joint.law, larger(depth, LEAST_DEPTH * c), memory)
+        law = joint.compliance
+        elastic, damper = NORMAL_LAWS[law.kind](law, larger(depth, LEAST_DEPTH * c), memory)
         return elastic, damper, 1.0 + damper / elastic * (g_rate * c / distance)
 
-    elastic, damper, push = when(phase > FLIGHT, closed, 3)
+    elastic, damper, push = (0.0, 0.0, pressing) if joint.rigid else when(phase > FLIGHT, closed, 3)
     fields = {"g": 0.5 * (d @ d - c * c) / c, "rate": g_rate, "speed": sqrt(d_dot @ d_dot), "depth": depth}
     return {**fields, "elastic": elastic, "damper": damper, "push": push}
 
@@ -156,7 +161,6 @@ def contact_state(
     if distance == 0:
         return ContactState(d, -joint.radial_clearance_m, 0.0, 0.0, 0.0)
     n = d / distance
-    forces, (normal, *_) = contact_force(joint, phase, memory, state)
-    on_pin = forces[joint.body_j][:2]
-    friction = float(n[0] * on_pin[1] - n[1] * on_pin[0]) if joint.friction is not None else 0.0
-    return ContactState(d, distance - joint.radial_clearance_m, float(n @ d_dot), float(normal), friction)
+    _, (normal, *_), friction = contact_force(joint, phase, memory, state)
+    rate = float(n @ d_dot)
+    return ContactState(d, distance - joint.radial_clearance_m, rate, float(normal), float(friction))

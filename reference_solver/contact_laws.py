@@ -51,6 +51,28 @@ class ContactLaw:
         return (self.damping_factor != 0 or self.kind != "dissipative") and not self.may_pull
 
 
+@dataclass(frozen=True)
+class RigidWall:
+    """A wall that does not give (see ``rigid_settling``): Newton's restitution, of the normal speed.
+
+    An approach slower than ``minimum_impact_speed_m_s`` closes without rebound.
+    """
+
+    restitution: float
+    minimum_impact_speed_m_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        require("RigidWall.restitution", self.restitution, 0 <= self.restitution <= 1, "a number from 0 to 1")
+        slowest = self.minimum_impact_speed_m_s
+        require("RigidWall.minimum_impact_speed_m_s", slowest, 0 <= slowest < float("inf"), "a number from 0")
+
+
+def require(field: str, value: float, valid: bool, wanted: str) -> None:
+    """Raise ValueError for a value that is not valid."""
+    if not valid:
+        raise ValueError(f"{field}: expected {wanted}, got {value}")
+
+
 def dissipative(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:
     """Return elastic force and damper of F = K delta^n (1 + a delta'/v0) + c delta'; the memory is a/v0.
 
@@ -86,6 +108,13 @@ class FrictionLaw:
     coefficient: float
     regularisation_speed_m_s: float
     dead_band_speed_m_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        full, least = self.regularisation_speed_m_s, self.dead_band_speed_m_s
+        mu = self.coefficient
+        require("FrictionLaw.coefficient", mu, 0 <= mu < float("inf"), "a number from 0")
+        require("FrictionLaw.regularisation_speed_m_s", full, 0 < full < float("inf"), "a positive number")
+        require("FrictionLaw.dead_band_speed_m_s", least, 0 <= least < full, f"a number from 0 below {full}")
 
 
 def saturated_linear(law: FrictionLaw, sliding: Scalar) -> Scalar:

@@ -2,28 +2,37 @@
 
 Numba compiles this module as it stands, once for all mechanisms: ``step``, ``slopes`` and
 ``gap_accelerations`` are functions of the mechanism's own kernel (see ``kernel``), called by address, which
-costs 5 % of a step. Between events every right-hand side is smooth; an event is located by shortening the
-step until its end lies on it.
+costs 5 % of a step. Without Numba it runs too, as the readable face (see ``faces``). Between events every
+right-hand side is smooth; an event is located by shortening the step until its end lies on it.
 """
 
 import numpy as np
 from numba import from_dtype
+from numba.extending import register_jitable
 from numba.types import FunctionType, NamedTuple, NamedUniTuple, boolean, float64, int64
 
+from reference_solver import contact_types
 from reference_solver.contact_types import (
     CLIPPED,
     CLOCK_RECORD,
     CONTACT,
     CONTACT_RECORD,
+    DONE,
     EVENT_RECORD,
+    FAILED,
     FLIGHT,
+    FULL,
     GAP_RECORD,
     PROBE,
+    SETTLE,
+    SPENT,
     Motion,
     Rates,
     Records,
 )
-from reference_solver.kernel_store import njit
+
+#: Modules whose constants the machine code has taken over.
+COMPILED_WITH = (contact_types,)
 
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -35,16 +44,13 @@ CONTACTS, GAPS, EVENTS, CLOCK = (
     from_dtype(dtype)[::1] for dtype in (CONTACT_RECORD, GAP_RECORD, EVENT_RECORD, CLOCK_RECORD)
 )
 MOTION = NamedTuple((ARRAY, ARRAY, ARRAY, GAPS), Motion)
-RATES = NamedUniTuple(ARRAY, 3, Rates)
-RECORDS = NamedTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE), Records)
+RATES = NamedUniTuple(ARRAY, 4, Rates)
+RECORDS = NamedTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE), Records)
 STEP = FunctionType(boolean(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, RATES))
 GAP_ACCELERATIONS = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, ARRAY))
 ADVANCE = int64(STEP, SLOPES, GAP_ACCELERATIONS, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS)
 
-#: How ``advance`` ends: at the end, with its budget of steps used, with the log full, or at a step that met
-#: a singular configuration or overflowed.
-DONE, SPENT, FULL, FAILED = 0, 1, 2, 3
 
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
 #: share it.
@@ -54,27 +60,47 @@ INSIDE = 1.0 / 3.0
 # ---------------------------------------------------------------------------------------- events
 
 
-@njit(**INLINE)
+@register_jitable(**INLINE)
 def alarm(contact, gap, kind):
-    """Return a number that is positive past the event: 0 is touch or release, 1 the law's change of sign."""
+    """Return a number that is positive past the event: 0 is touch or release, 1 a change of the force's sign.
+
+    A rigid wall is touched by the first, and released by the second.
+    """
     if kind == 0:
-        return gap.g if contact.phase == FLIGHT else -gap.g
-    if contact.phase == FLIGHT or contact.clipped == 0.0:
+        if contact.phase == FLIGHT:
+            return gap.g
+        return -1.0 if contact.rigid != 0.0 else -gap.g
+    if contact.phase == FLIGHT:
+        return -1.0
+    if contact.rigid != 0.0:
+        return -gap.push
+    if contact.clipped == 0.0:
         return -1.0
     return -gap.push if contact.phase == CONTACT else gap.push
 
 
-@njit(**INLINE)
+@register_jitable(**INLINE)
+def gone_off(contact, gap, kind):
+    """Return whether an alarm has; of a pin before a rigid wall, that it is no round-off."""
+    value = alarm(contact, gap, kind)
+    if contact.rigid == 0.0 or contact.phase != FLIGHT or kind == 1:
+        return value > 0.0
+    if contact.ignored != 0.0:
+        return False
+    return value > contact.noise or (value > 0.0 and gap.rate > contact.rate_noise)
+
+
+@register_jitable(**INLINE)
 def first_alarm(contacts, gaps, skip):
     """Return the number 2 k + kind of an alarm other than ``skip`` that has gone off, or -1."""
     for k in range(len(contacts)):
         for kind in range(2):
-            if 2 * k + kind != skip and alarm(contacts[k], gaps[k], kind) > 0.0:
+            if 2 * k + kind != skip and gone_off(contacts[k], gaps[k], kind):
                 return 2 * k + kind
     return -1
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def value_at(step, p, contacts, t, h, old, new, event):
     """Return the alarm of an event after a step of length h, left in ``new``."""
     if not step(p, contacts, t, h, old, new):
@@ -82,7 +108,7 @@ def value_at(step, p, contacts, t, h, old, new, event):
     return alarm(contacts[event // 2], new.gaps[event // 2], event % 2)
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def locate(step, p, contacts, t, h, old, new, event):
     """Return the step that ends on an event known to lie within h, or beyond it by rounding.
 
@@ -119,7 +145,7 @@ def locate(step, p, contacts, t, h, old, new, event):
     return high
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def peak(gap, new_gap, h):
     """Return the time within a step of length h at which the cubic through both ends' g and rates peaks."""
     rise, fall = gap.rate, new_gap.rate
@@ -132,22 +158,29 @@ def peak(gap, new_gap, h):
     return h * min(max(x, 0.0), 1.0)
 
 
-@njit(**INNER)
-def approach(step, p, contacts, t, h, old, new):
+@register_jitable(**INLINE)
+def turned_back(contact, gap, new_gap):
+    """Return whether a pin in flight has been nearest to its wall within a step."""
+    return contact.phase == FLIGHT and contact.ignored == 0.0 and gap.rate > 0.0 and new_gap.rate < 0.0
+
+
+@register_jitable(**INNER)
+def approach(step, p, contacts, t, h, old, new, skip):
     """Look for a pin that touches and leaves within the step: return its event and a step ending inside.
 
-    Without one, return -1 and the whole step. The state after the returned step is left in ``new``.
+    Without one but ``skip``, return -1 and the whole step. The state after the returned step is left in
+    ``new``.
     """
     for k in range(len(contacts)):
-        if contacts[k].phase == FLIGHT and old.gaps[k].rate > 0.0 and new.gaps[k].rate < 0.0:
+        if 2 * k != skip and turned_back(contacts[k], old.gaps[k], new.gaps[k]):
             nearest = peak(old.gaps[k], new.gaps[k], h)
-            if value_at(step, p, contacts, t, nearest, old, new, 2 * k) > 0.0:
+            if value_at(step, p, contacts, t, nearest, old, new, 2 * k) > contacts[k].noise:
                 return 2 * k, nearest
             value_at(step, p, contacts, t, h, old, new, 2 * k)
     return -1, h
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def switch(gap_accelerations, p, contacts, t, motion, event, spare):
     """Change a contact's phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume."""
     k, kind = event // 2, event % 2
@@ -173,7 +206,7 @@ def switch(gap_accelerations, p, contacts, t, motion, event, spare):
     return 1
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def note(gap_accelerations, p, contacts, motion, event, spare, clock, records):
     """Change a contact's phase at an event and write the event into the log."""
     now = clock[0]
@@ -189,13 +222,13 @@ def note(gap_accelerations, p, contacts, motion, event, spare, clock, records):
 # ------------------------------------------------------------------------------- the next step
 
 
-@njit(**INLINE)
+@register_jitable(**INLINE)
 def graded(h, duration, distance):
     """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
     return min(h, h * h / duration + 2.0 * h * np.sqrt(max(distance, 0.0) / duration))
 
 
-@njit(**INLINE)
+@register_jitable(**INLINE)
 def step_length(contacts, gaps, now):
     """Return the longest step that the phases allow."""
     h = now.longest
@@ -204,6 +237,8 @@ def step_length(contacts, gaps, now):
         if contact.phase == FLIGHT:
             if gap.speed * h > 0.25 * contact.clearance:  # a quarter of the way across
                 h = 0.25 * contact.clearance / gap.speed
+            continue
+        if contact.rigid != 0.0:
             continue
         duration, depth = contact.duration_s, max(gap.depth, 0.0)
         if depth > 0.0:
@@ -229,7 +264,7 @@ def step_length(contacts, gaps, now):
 # own derivative would divide the round-off of q by h, and graded steps are short.)
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def quintic(rise, slope, new_slope, curve, new_curve, x):
     """Return at x what a quantity has changed by, with its slopes and half its curvatures at both ends.
 
@@ -242,7 +277,7 @@ def quintic(rise, slope, new_slope, curve, new_curve, x):
     return x * (slope + x * (curve + x * (cubic + x * (quartic + x * (6.0 * rise - 3.0 * turn + bend)))))
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def quartic(change, slope, new_slope, bump, x):
     """Return at x what a quantity has changed by, with the slopes at both ends per unit of x.
 
@@ -252,7 +287,7 @@ def quartic(change, slope, new_slope, bump, x):
     return x * (slope + x * (3.0 * rest - turn + x * (turn - 2.0 * rest) + bump * (1.0 - x) * (1.0 - x)))
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def bump_of(change, slope, new_slope, inside):
     """Return the quartic's bump from its slope at ``INSIDE``."""
     rest, turn, x = change - slope, new_slope - slope, INSIDE
@@ -260,7 +295,7 @@ def bump_of(change, slope, new_slope, inside):
     return (inside - cubic) / (2.0 * x * (1.0 - x) * (1.0 - 2.0 * x))
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def empty_motion(like):
     """Return a state of the size of another."""
     return Motion(
@@ -268,15 +303,16 @@ def empty_motion(like):
     )
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def empty_rates(motion, records):
     """Return rates of the size of a state and of a run's multipliers."""
-    return Rates(np.empty_like(motion.q), np.empty_like(motion.sums), np.empty(records.multipliers.shape[1]))
+    rows, forces = np.empty(records.multipliers.shape[1]), np.empty(records.forces.shape[1])
+    return Rates(np.empty_like(motion.q), np.empty_like(motion.sums), rows, forces)
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def write(slopes, p, contacts, t, motion, now, records):
-    """Write the sample of a state."""
+    """Write the sample of a state; of the multipliers come first those of the mechanism's own rows."""
     row, rates = now.taken, empty_rates(motion, records)
     slopes(p, contacts, t, motion, rates)
     for c in range(len(motion.q)):
@@ -285,12 +321,14 @@ def write(slopes, p, contacts, t, motion, now, records):
         records.sums[row, c] = motion.sums[c]
     for k in range(len(contacts)):
         records.phases[row, 2 * k], records.phases[row, 2 * k + 1] = contacts[k].phase, contacts[k].memory
+    for c in range(len(rates.forces)):
+        records.forces[row, c] = rates.forces[c]
     for r in range(records.multipliers.shape[1]):
         records.multipliers[row, r] = rates.multipliers[r]
     now.taken += 1
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def between(at, x, h, ends, rates, bumps):
     """Set q, v and sums of ``at`` to those at x of a step of h, from states and rates at both its ends."""
     (old, new), (slope, new_slope) = ends, rates
@@ -305,7 +343,7 @@ def between(at, x, h, ends, rates, bumps):
         at.sums[c] = old.sums[c] + quartic(new.sums[c], powers[0], powers[1], bumps.powers[c], x)
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def within(slopes, p, contacts, h, old, new, now, records):
     """Write the samples that lie before the end of a step of h from ``old`` to ``new``.
 
@@ -341,7 +379,7 @@ def within(slopes, p, contacts, h, old, new, now, records):
 # -------------------------------------------------------------------------------------- the loop
 
 
-@njit(**INLINE)
+@register_jitable(**INLINE)
 def finite(gaps):
     """Return whether all gaps are finite: what overflows anywhere is in them a step later."""
     total = 0.0
@@ -350,7 +388,7 @@ def finite(gaps):
     return np.isfinite(total)
 
 
-@njit(**INLINE)
+@register_jitable(**INLINE)
 def take(old, new):
     """Move the state on to ``new``, whose sums are those of the step alone."""
     for c in range(len(old.q)):
@@ -361,43 +399,46 @@ def take(old, new):
         old.gaps[k] = new.gaps[k]
 
 
-@njit(**INLINE)
+@register_jitable(**INLINE)
 def suspicious(contacts, gaps, new_gaps):
     """Return whether an event may lie within a step: an alarm has gone off, or a pin has turned back."""
     for k in range(len(contacts)):
-        if contacts[k].phase == FLIGHT and gaps[k].rate > 0.0 and new_gaps[k].rate < 0.0:
+        if turned_back(contacts[k], gaps[k], new_gaps[k]):
             return True
     return first_alarm(contacts, new_gaps, -1) >= 0
 
 
-@njit(**INNER)
+@register_jitable(**INNER)
 def cut(step, p, contacts, t, h, old, new):
     """Return the first event within a step of h, -1 without one, and the step up to it, left in ``new``."""
-    event = first_alarm(contacts, new.gaps, -1)
-    if event < 0:
-        event, h = approach(step, p, contacts, t, h, old, new)
-    other = event
-    while other >= 0:
-        shorter = locate(step, p, contacts, t, h, old, new, other)
-        if other != event and shorter >= h:
-            break
-        event, h = other, shorter
+    event, other = -1, first_alarm(contacts, new.gaps, -1)
+    while True:
+        if other >= 0:
+            shorter = locate(step, p, contacts, t, h, old, new, other)
+            if event >= 0 and shorter >= h:
+                return event, h
+            event, h = other, shorter
+        else:
+            other, inside = approach(step, p, contacts, t, h, old, new, event)
+            if other < 0:
+                return event, h
+            event, h = other, locate(step, p, contacts, t, inside, old, new, other)
         other = first_alarm(contacts, new.gaps, event)
-    return event, h
 
 
-@njit(ADVANCE, **OPTIONS, cache=True)
 def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records):
     """Advance the motion to the clock's end in place, event by event; return how that ended.
 
     Events are added to the log, and a sample is written for each of the records' times up to the end. Where
-    events are located, steps do not depend on the times; else, they land on each.
+    events are located, steps do not depend on the times; else, they land on each. An event on a rigid wall
+    ends the call: whoever called settles it.
     """
     now, new, spare = clock[0], empty_motion(motion), np.empty(len(contacts))
-    event = first_alarm(contacts, motion.gaps, -1) if now.time == 0.0 and now.end > 0.0 else -1
-    while event >= 0:  # closed at the start
-        note(gap_accelerations, p, contacts, motion, event, spare, clock, records)
-        event = first_alarm(contacts, motion.gaps, event)
+    for k in range(len(contacts)):
+        contact = contacts[k]
+        closed = contact.rigid == 0.0 and contact.phase == FLIGHT and motion.gaps[k].g > 0.0
+        if now.time == 0.0 and now.end > 0.0 and closed:  # from the start
+            note(gap_accelerations, p, contacts, motion, 2 * k, spare, clock, records)
     while True:
         t = now.time
         while now.taken < len(records.time) and records.time[now.taken] <= t:
@@ -416,6 +457,7 @@ def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records
         last = t + h >= landing - 1e-6 * h
         if last:
             h = landing - t
+        now.tried = h
         if not step(p, contacts, t, h, motion, new) or not finite(new.gaps):
             return FAILED
         event, whole = -1, h
@@ -433,5 +475,12 @@ def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records
         now.time = new_t
         take(motion, new)
         now.steps += 1
+        if now.rigid >= 0 and new_t > t:
+            now.rigid = -1
+            for k in range(len(contacts)):
+                contacts[k].ignored = 0.0
+        if event >= 0 and contacts[event // 2].rigid != 0.0:
+            now.rigid = event // 2
+            return SETTLE
         if event >= 0:
             note(gap_accelerations, p, contacts, motion, event, spare, clock, records)

@@ -7,26 +7,32 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-#: The phases of a contact: flight, contact, contact with the force clipped because the law would pull, and a
-#: probe, which answers with a unit normal force.
+#: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), contact with the force
+#: clipped because the law would pull, and a probe, which answers with a unit normal force.
 FLIGHT, CONTACT, CLIPPED, PROBE = 0.0, 1.0, 2.0, 3.0
+
+#: How ``contact_loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step
+#: that met a singular configuration or overflowed, or at an event on a rigid wall that is to be settled.
+DONE, SPENT, FULL, FAILED, SETTLE = range(5)
 
 #: A contact. Its state: phase and memory (see ``contact_laws``), and since its touch the time, the duration
 #: expected, and the mobility in 1/kg of the gap. Its law: radial clearance, stiffness, exponent, damping
-#: factor, minimum impact speed, steepest slope of friction in s/m, and whether the force is clipped.
+#: factor, minimum impact speed, steepest slope of friction in s/m, and whether the force is clipped. Of a
+#: rigid wall: that it is one, the round-off of g and of its rate, and that it takes no part in this step.
 CONTACT_RECORD = np.dtype(
     [
         (name, np.float64)
         for name in (
             *("phase", "memory", "began_s", "duration_s", "mobility"),
             *("clearance", "stiffness", "exponent", "factor", "slowest", "friction", "clipped"),
+            *("rigid", "noise", "rate_noise", "ignored"),
         )
     ]
 )
 
 #: A contact's gap at a state: g in m, which has the sign of the penetration, its rate, the speed of the pin's
 #: centre in its bearing, the penetration, and in contact the elastic force, the damper in N s/m, and the
-#: normal force as a part of the elastic one.
+#: normal force as a part of the elastic one; on a rigid wall the normal force in N.
 GAP_RECORD = np.dtype(
     [(name, np.float64) for name in ("g", "rate", "speed", "depth", "elastic", "damper", "push")]
 )
@@ -43,13 +49,36 @@ EVENT_RECORD = np.dtype(
 )
 
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
-#: contact, whether events are located, the end; events, samples and steps so far, and the most steps.
+#: contact, the step tried last, the end; whether events are located; events, samples and steps so far, the
+#: most steps, and the contact whose event on a rigid wall is to be settled.
 CLOCK_RECORD = np.dtype(
     [
-        *((name, np.float64) for name in ("time", "lost", "longest", "per_contact", "end")),
-        *((name, np.int64) for name in ("located", "events", "taken", "steps", "budget")),
+        *((name, np.float64) for name in ("time", "lost", "longest", "per_contact", "tried", "end")),
+        *((name, np.int64) for name in ("located", "events", "taken", "steps", "budget", "rigid")),
     ]
 )
+
+
+class Impact(NamedTuple):
+    """A contact that is over, or an impulse on a rigid wall.
+
+    ``kind``: a "contact" with a compliant wall; an "impact" with a rigid one's restitution; a "closing"
+    without rebound, after which the pin follows it; a "support", passed on by a pin that followed its wall
+    when another hit. The approach speed and the impulse along n are positive, the latter pushing the pin
+    inwards; the tangential one is on the pin along t (see ``rigid_geometry``). ``energy_lost_J`` is this
+    contact's part, friction's included; ``effective_mass_kg`` is its own on a rigid wall. What a compliant
+    contact does not tell is NaN.
+    """
+
+    time_s: float
+    contact: int
+    kind: str
+    duration_s: float
+    approach_speed_m_s: float
+    normal_impulse_N_s: float
+    tangential_impulse_N_s: float
+    energy_lost_J: float
+    effective_mass_kg: float
 
 
 class Motion(NamedTuple):
@@ -62,11 +91,15 @@ class Motion(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """What changes at a state: {q''} (n,), powers (s,), and {lambda} (m,)."""
+    """What changes at a state: {q''} (n,) and powers (s,); {lambda} (m,) and the contacts' forces (2K,).
+
+    Those are of every contact the normal one and friction, in N.
+    """
 
     a: FloatArray
     powers: FloatArray
     multipliers: FloatArray
+    forces: FloatArray
 
 
 class Records(NamedTuple):
@@ -80,6 +113,7 @@ class Records(NamedTuple):
     sums: FloatArray
     phases: FloatArray
     multipliers: FloatArray
+    forces: FloatArray
 
 
 def new_motion(n: int, sums: int, contacts: int) -> Motion:

@@ -16,14 +16,20 @@ from numpy.typing import NDArray
 
 from reference_solver.constraints import CONSTRAINTS
 from reference_solver.contact import contact_force, elastic_force, rates_of
-from reference_solver.errors import NonFiniteState, SingularConfiguration
+from reference_solver.contact_types import FLIGHT
+from reference_solver.errors import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
 from reference_solver.factors import Factors
 from reference_solver.loads import LOADS, Forces
-from reference_solver.mechanism import GROUND, Mechanism
+from reference_solver.mechanism import GROUND, ClearanceJoint, Mechanism
+from reference_solver.methods import RK4, Method
 from reference_solver.points import State
-from reference_solver.tape import Array, Scalar, array, named
+from reference_solver.rigid_friction import Rubbing, rubbed
+from reference_solver.rigid_geometry import wall_link
+from reference_solver.tape import Array, Scalar, array, both, named
 
 FloatArray = NDArray[np.float64]
+#: Phase and memory of every contact, (K, 2); None where all are in flight.
+Phases = Array | None
 
 #: A pivot that is mere round-off, relative to its diagonal entry: the row depends on others.
 PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
@@ -51,14 +57,16 @@ class System:
 class Answer:
     """{q''} (n,) and {lambda} (m,) at a state, and what is integrated with them.
 
-    ``powers`` are by name in W, normal forces in N (see ``Equations.power_names``); ``removed_W`` is what
-    Baumgarte's feedback takes away; ``damper_per_s`` is the rate of the damper that friction of pins in
-    following is, 0 without; ``ok`` says whether [B] has full row rank.
+    ``powers`` are by name in W, normal forces in N (see ``Equations.power_names``); ``friction_N`` has the
+    friction force of every contact, on its pin along t; ``removed_W`` is what Baumgarte's feedback takes
+    away; ``damper_per_s`` is the rate of the damper that friction of pins that follow rigid walls is, 0
+    without; ``ok`` says whether [B] has full row rank, and friction leaves such pins their mobility.
     """
 
     accelerations: Array
     multipliers: Array
     powers: dict[str, Scalar]
+    friction_N: list[Scalar]
     removed_W: Scalar
     damper_per_s: Scalar
     ok: Scalar
@@ -75,19 +83,33 @@ def row_slices(mechanism: Mechanism) -> list[slice]:
 class Equations:
     """The paper's equations for one mechanism with n = 3 x bodies coordinates and m constraint rows.
 
-    ``q_start`` (n,) are the initial coordinates, from which g is measured.
+    ``q_start`` (n,) are the initial coordinates, from which g is measured. Pins of the contacts in
+    ``following`` follow their rigid walls: each has a row more, g = (d.d - c^2)/2, behind all others. The
+    ``phases`` that methods take are phase and memory (a/v0) of every contact, constant between events (see
+    ``contact_loop``); without them all contacts are in flight.
     """
 
-    def __init__(self, mechanism: Mechanism, q_start: Array, baumgarte: Baumgarte | None = None) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        q_start: Array,
+        baumgarte: Baumgarte | None = None,
+        following: tuple[int, ...] = (),
+    ) -> None:
         self.mechanism, self._q_start, self._baumgarte = mechanism, q_start, baumgarte
-        self.n = 3 * len(mechanism.bodies)
-        #: Phase and memory (a/v0) of every contact (2K,), constant between events (see ``contact_loop``).
-        self.phases: Array = np.zeros(2 * len(mechanism.contacts))
+        self.n, self.following = 3 * len(mechanism.bodies), following
+        joints = [(k, mechanism.contacts[k]) for k in following]
+        self._constraints = (*mechanism.constraints, *(wall_link(joint) for _, joint in joints))
         self.mass = array([a for b in mechanism.bodies for a in (b.mass_kg, b.mass_kg, b.inertia_kg_m2)])
         self.inverse_mass = 1.0 / self.mass
         still = np.zeros(self.n)
         #: {C} (m,): what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
         self.C = self.system(0.0, still, still).C
+        rows = enumerate(joints, len(self.C) - len(joints))
+        #: The pins that follow with friction.
+        self.rubbing = [
+            Rubbing(row, k, joint, law) for row, (k, joint) in rows if (law := joint.friction) is not None
+        ]
 
     @property
     def power_names(self) -> list[str]:
@@ -98,7 +120,7 @@ class Equations:
     def system(self, t: Scalar, q: Array, v: Array) -> System:
         """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}."""
         state = State(q, v)
-        parts = [CONSTRAINTS[type(c)](c, state, t, self._q_start) for c in self.mechanism.constraints]
+        parts = [CONSTRAINTS[type(c)](c, state, t, self._q_start) for c in self._constraints]
         rows: list[list[Scalar]] = []
         for part in parts:
             for k in range(len(part.C)):
@@ -122,29 +144,36 @@ class Equations:
         """Return {g} (m,): gaps in m, angles in rad, links' in m^2; its time derivative is [B]{q'} - {C}."""
         return np.asarray(self.system(t, q, np.zeros(self.n)).g)
 
-    def applied_force(self, q: Array, v: Array) -> Array:
-        """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers, contacts."""
-        return self._force(q, v)[0]
+    def applied_force(self, q: Array, v: Array, phases: Phases = None) -> Array:
+        """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers, compliant contacts."""
+        return self._force(q, v, phases)[0]
 
-    def _force(self, q: Array, v: Array) -> tuple[Array, dict[str, Scalar]]:
-        """Return {F} (n,), and the contacts' rates by name."""
-        state, rates = State(q, v), dict[str, Scalar]()
+    def _compliant(self, phases: Phases) -> list[tuple[int, ClearanceJoint, Scalar, Scalar]]:
+        """Return number, joint, phase and memory of every compliant contact."""
+        joints = self.mechanism.contacts
+        found = np.full((len(joints), 2), FLIGHT) if phases is None else phases
+        return [(k, joint, *found[k]) for k, joint in enumerate(joints) if not joint.rigid]
+
+    def _force(self, q: Array, v: Array, phases: Phases) -> tuple[Array, dict[str, Scalar], list[Scalar]]:
+        """Return {F} (n,), the contacts' rates by name, and their friction forces."""
+        state, rates = State(q, v), dict.fromkeys(self.power_names, 0.0)
+        friction: list[Scalar] = [0.0] * len(self.mechanism.contacts)
         forces = [LOADS[type(load)](load, state, False) for load in self.mechanism.loads]
-        for k, joint in enumerate(self.mechanism.contacts):
-            force, found = contact_force(joint, self.phases[2 * k], self.phases[2 * k + 1], state)
+        for k, joint, phase, memory in self._compliant(phases):
+            force, found, friction[k] = contact_force(joint, phase, memory, state)
             forces.append(force)
             rates |= zip(rates_of(joint, k), found, strict=True)
-        return self._sum(forces), rates
+        return self._sum(forces), rates, friction
 
-    def stored_force(self, q: Array) -> Array:
+    def stored_force(self, q: Array, phases: Phases = None) -> Array:
         """Return the part of {F} (n,) that has a potential: gravity, torques, springs, elastic contacts.
 
         It is what is applied at rest; a clipped contact still stores its elastic energy.
         """
         state = State(q, np.zeros(self.n))
         forces = [LOADS[type(load)](load, state, True) for load in self.mechanism.loads]
-        contacts = enumerate(self.mechanism.contacts)
-        return self._sum(forces + [elastic_force(joint, self.phases[2 * k], state) for k, joint in contacts])
+        contacts = self._compliant(phases)
+        return self._sum(forces + [elastic_force(joint, phase, state) for _, joint, phase, _ in contacts])
 
     def _sum(self, forces: list[Forces]) -> Array:
         """Return gravity and the forces on all bodies, (n,)."""
@@ -161,11 +190,11 @@ class Equations:
         G = (B * self.inverse_mass) @ B.T
         return Factors(named("g", G, "(5) [B][M]^-1[B]^T and its factors"), len(G) * PIVOT_TOLERANCE_PER_ROW)
 
-    def answer(self, t: Scalar, q: Array, v: Array) -> Answer:
+    def answer(self, t: Scalar, q: Array, v: Array, phases: Phases = None) -> Answer:
         """Return {q''} = {A}, {lambda} and powers, equations (3)-(10)."""
         system = self.system(t, q, v)
         B = named("B", system.B, "(1) [B]")
-        F, rates = self._force(q, v)
+        F, powers, friction = self._force(q, v, phases)
         free = named("f", self.inverse_mass * F, "(3) [M]^-1{F}")
         factors = self.factors(B)
         # (4), (5): {C'} is zero, since prescribed speeds are constant.
@@ -174,7 +203,17 @@ class Equations:
             right, removed = self._fed_back(self._baumgarte, system, v, factors, right)
         lambda_ = named("lambda", factors.solve(named("h", right, "(5) right-hand side")), "(7), (8)")
         A = named("a", free + (B * self.inverse_mass).T @ lambda_, "(9), (10)")
-        return Answer(A, lambda_, {"drivers": lambda_ @ system.C, **rates}, removed, 0.0, factors.ok)
+        ok, damper = factors.ok, 0.0
+        if self.rubbing:
+            found = rubbed(self.rubbing, State(q, v), self.inverse_mass, B, factors, lambda_)
+            A, lambda_, ok = A + found.change, found.multipliers, both(ok, found.ok)
+            damper = found.damper_per_s
+            for pin, force, lost in zip(self.rubbing, found.forces, found.powers, strict=True):
+                friction[pin.contact], powers[f"slide{pin.contact}"] = force, lost
+        for row, k in enumerate(self.following, len(self.C) - len(self.following)):
+            powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
+        powers["drivers"] = lambda_ @ system.C
+        return Answer(A, lambda_, powers, friction, removed, damper, ok)
 
     def _fed_back(
         self, gains: Baumgarte, system: System, v: Array, factors: Factors, right: Array
@@ -192,24 +231,35 @@ class Equations:
         feedback = named("feedback", 2 * gains.alpha_s * drift + gains.beta_s * gains.beta_s * system.g)
         return right - feedback, factors.solve(drift) @ feedback
 
-    def accelerations(self, t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def accelerations(
+        self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10).
 
         Raises:
             SingularConfiguration: [B] has not full row rank.
+            PainleveParadox: friction leaves a pin that follows its wall no mobility along its normal.
         """
-        answer = self.required(t, q, v)
+        answer = self.required(t, q, v, phases)
         return answer.accelerations, answer.multipliers
 
-    def required(self, t: float, q: FloatArray, v: FloatArray, h: float = 0.0) -> Answer:  # noqa: ARG002
-        """Return the answer in numbers, for a step of h.
+    def required(
+        self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None, h: float = 0.0, of: Method = RK4
+    ) -> Answer:
+        """Return the answer in numbers, for a step of h by a method.
 
         Raises:
             SingularConfiguration: [B] has not full row rank.
+            PainleveParadox: friction leaves a pin that follows its wall no mobility along its normal.
+            FrictionTooStiff: a step of h is too long at this state.
         """
-        found = self.answer(t, q, v)
+        found = self.answer(t, q, v, phases)
         if not found.ok and np.isfinite(q).all() and np.isfinite(v).all():
-            self.refuse_singular(t, q)
+            if not self.factors(self.constraint_matrix(q)).ok:
+                self.refuse_singular(t, q)
+            raise PainleveParadox(t, tuple(pin.contact for pin in self.rubbing))
+        if h * found.damper_per_s > of.damper_limit:
+            raise FrictionTooStiff(t, h, float(found.damper_per_s), of.damper_limit)
         return found
 
     def refuse_singular(self, t: float, q: FloatArray) -> None:
@@ -227,7 +277,15 @@ class Equations:
         tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
         raise SingularConfiguration(int(np.linalg.matrix_rank(scaled, tol=tolerance)), len(scaled), t, q)
 
-    def project_q(self, t: Scalar, q: Array) -> tuple[Array, Scalar, Scalar]:
+    def project(
+        self, t: Scalar, q: Array, v: Array, phases: Phases = None
+    ) -> tuple[Array, Array, Scalar, Scalar]:
+        """Return q and then q' moved onto the constraints, the energy lost in J, and success."""
+        q, removed_q, ok = self._project_q(t, q, phases)
+        v, removed_v, still_ok = self._project_v(t, q, v)
+        return q, v, removed_q + removed_v, both(ok, still_ok)
+
+    def _project_q(self, t: Scalar, q: Array, phases: Phases) -> tuple[Array, Scalar, Scalar]:
         """Return q moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
 
         It is the least change in the norm of [M], one Newton step, which leaves a violation quadratic in the
@@ -239,10 +297,10 @@ class Equations:
         factors = self.factors(named("B", system.B, "(1) [B]"))
         BW = system.B * self.inverse_mass
         mu = named("mu", factors.solve(system.g), "multipliers of the move")
-        removed = -(mu @ (BW @ self.stored_force(q)))
+        removed = -(mu @ (BW @ self.stored_force(q, phases)))
         return named("new", q - BW.T @ mu, "projection of {q}"), removed, factors.ok
 
-    def project_v(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Scalar, Scalar]:
+    def _project_v(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Scalar, Scalar]:
         """Return q' moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
 
         T(v) - T(v') = (v - v')^T[M](v + v')/2, with v' as rounded: what rounding adds the next projection

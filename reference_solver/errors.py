@@ -33,14 +33,45 @@ class InconsistentStart(SolverError):
     """The initial positions or velocities violate the constraints."""
 
 
-class EventLost(SolverError):
-    """The search for an event within a step has found none."""
+class BlockedImpact(SolverError):
+    """The ideal joints and drivers leave a pin no motion along the line of centres."""
 
-    def __init__(self, time_s: float, step_s: float, joint: int, reason: str) -> None:
-        self.time_s = time_s
+    def __init__(self, time_s: float) -> None:
         super().__init__(
-            f"event of rigid joint {joint} within the step of {step_s:.3g} s at t = {time_s:.6g} s not found "
-            f"({reason}): shorten the step"
+            f"impact at t = {time_s:.6g} s: the ideal joints and drivers prescribe the pin's motion along "
+            "the line of centres, which leaves no finite effective mass: free one of them"
+        )
+
+
+class PainleveParadox(SolverError):
+    """Friction leaves a pin no motion that answers its wall's push along the normal."""
+
+    def __init__(self, time_s: float, joints: tuple[int, ...]) -> None:
+        super().__init__(
+            f"rigid joints {', '.join(map(str, joints))} at t = {time_s:.6g} s: with friction the normal "
+            "mobility is not positive (Painleve's paradox): lower the friction or use a compliant law"
+        )
+
+
+class FrictionTooStiff(SolverError):
+    """The step is too long for the damping by regularised friction; one below ``needed_s`` is not."""
+
+    def __init__(self, time_s: float, h: float, rate: float, limit: float) -> None:
+        self.needed_s = limit / rate
+        super().__init__(
+            f"step {h:.3g} s at t = {time_s:.6g} s: friction in rigid joints damps sliding at {rate:.3g} 1/s "
+            f"and needs a step below {self.needed_s:.3g} s: shorten the step or raise the "
+            "regularisation speed"
+        )
+
+
+class UnsettledEvents(SolverError):
+    """The joints' events at one time have no end."""
+
+    def __init__(self, time_s: float, joint: int) -> None:
+        super().__init__(
+            f"the rigid joints' events at t = {time_s:.6g} s have no end (joint {joint} last): "
+            "change the step or give the joints a minimum impact speed"
         )
 
 

@@ -68,7 +68,8 @@ class KeptCode(_Cache):
     def __init__(self, function: Callable[..., Any]) -> None:
         module = sys.modules[function.__module__]
         self._name = f"{module.__name__}.{function.__qualname__}"
-        self._what = (*VERSIONS, inspect.getsource(module), self._name)
+        texts = [inspect.getsource(of) for of in (module, *getattr(module, "COMPILED_WITH", ()))]
+        self._what = (*VERSIONS, *texts, self._name)
 
     @property
     def cache_path(self) -> str:
@@ -153,6 +154,12 @@ def load_kernel(source: str) -> ModuleType:
     return module
 
 
+@cache
+def compiled(function: Callable[..., Any], signature: object) -> Callable[..., Any]:
+    """Return a function compiled for a signature with its module's ``OPTIONS``, its machine code kept."""
+    return njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
+
+
 @contextmanager
 def compiled_anew() -> Iterator[None]:
     """Have kernels compiled as on a machine that has none, in a folder that is gone afterwards.
@@ -161,8 +168,10 @@ def compiled_anew() -> Iterator[None]:
     """
     with temporary_folder():
         load_kernel.cache_clear()
+        compiled.cache_clear()
         try:
             load_kernel("from numba import njit\n\nready = njit(lambda x: x + 1.0)\n").ready(1.0)
             yield
         finally:
             load_kernel.cache_clear()
+            compiled.cache_clear()

@@ -7,7 +7,7 @@ whose origin is the centre of mass; points on GROUND are in the global frame. A 
 from dataclasses import dataclass
 from typing import Final
 
-from reference_solver.contact_laws import ContactLaw, FrictionLaw
+from reference_solver.contact_laws import ContactLaw, FrictionLaw, RigidWall, require
 
 Point = tuple[float, float]
 
@@ -69,8 +69,8 @@ class MasslessLink:
     length_m: float
 
     def __post_init__(self) -> None:
-        if not 0 < self.length_m < float("inf"):
-            raise ValueError(f"MasslessLink.length_m: expected a positive number, got {self.length_m}")
+        length = self.length_m
+        require("MasslessLink.length_m", length, 0 < length < float("inf"), "a positive number")
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,12 @@ class SpringDamper:
 
 @dataclass(frozen=True)
 class ClearanceJoint:
-    """A pin of body j at ``point_j`` in a bearing of body i at ``point_i``: a contact, and no row of [B]."""
+    """A pin of body j at ``point_j`` in a bearing of body i at ``point_i``, of ``bearing_radius_m`` R_i.
+
+    Its law says how the bearing's wall answers: it gives, and is a contact, or it is rigid. Friction on a
+    rigid wall holds as it is while the pin follows it; in impacts, which are over at once and leave no speed
+    to regularise, its coefficient is Coulomb's.
+    """
 
     body_i: int
     point_i: Point
@@ -107,8 +112,31 @@ class ClearanceJoint:
     point_j: Point
     radial_clearance_m: float
     bearing_radius_m: float
-    law: ContactLaw
+    law: ContactLaw | RigidWall
     friction: FrictionLaw | None = None
+
+    def __post_init__(self) -> None:
+        radius, clearance = self.bearing_radius_m, self.radial_clearance_m
+        valid, wanted = 0 < clearance < radius, "a positive number below the bearing's radius"
+        require("ClearanceJoint.bearing_radius_m", radius, 0 < radius < float("inf"), "a positive number")
+        require("ClearanceJoint.radial_clearance_m", clearance, valid, wanted)
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the wall is rigid."""
+        return isinstance(self.law, RigidWall)
+
+    @property
+    def compliance(self) -> ContactLaw:
+        """Return the law of a wall that gives."""
+        assert isinstance(self.law, ContactLaw)
+        return self.law
+
+    @property
+    def wall(self) -> RigidWall:
+        """Return the law of a rigid wall."""
+        assert isinstance(self.law, RigidWall)
+        return self.law
 
 
 Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed | MasslessLink

@@ -1,17 +1,23 @@
-"""Runge-Kutta methods as data, and their step, on numbers as on a tape's values."""
+"""Runge-Kutta methods as data, and the step, on numbers as on a tape's values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from reference_solver.tape import Array, Scalar
+import numpy as np
+
+from reference_solver.tape import Array, Scalar, both, named
 
 
 @dataclass(frozen=True)
 class Method:
-    """An explicit Runge-Kutta method by its Butcher tableau: nodes (s,), matrix (s rows), weights (s,)."""
+    """An explicit Runge-Kutta method by its Butcher tableau: nodes (s,), matrix (s rows), weights (s,).
+
+    It is stable up to ``damper_limit``, a step times a damper's rate, on the negative real axis.
+    """
 
     order: int
+    damper_limit: float
     nodes: tuple[float, ...]
     matrix: tuple[tuple[float, ...], ...]
     weights: tuple[float, ...]
@@ -20,6 +26,7 @@ class Method:
 #: The classical method (Kutta 1901), the paper's (13).
 RK4 = Method(
     order=4,
+    damper_limit=2.785,
     nodes=(0.0, 0.5, 0.5, 1.0),
     matrix=((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
     weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
@@ -61,9 +68,53 @@ def quadrature(method: Method, h: Scalar, values: list[Any]) -> Any:
     return total
 
 
-def increments(method: Method, h: Scalar, found: list[Stage]) -> tuple[Array, Array]:
-    """Return what q and v change by in a step with these stages, (13)."""
-    return (
-        quadrature(method, h, [stage.v for stage in found]),
-        quadrature(method, h, [stage.answer.accelerations for stage in found]),
-    )
+@dataclass(frozen=True)
+class Step:
+    """A step: the new state, what rounding has taken from it, integrals by name, and success.
+
+    ``removed`` is the energy in J that the stabilisation takes.
+    """
+
+    q: Array
+    v: Array
+    lost: Array
+    sums: dict[str, Scalar]
+    removed: Scalar
+    ok: Scalar
+
+
+def step(
+    method: Method,
+    answer: Callable[[Scalar, Array, Array], Any],
+    project: Callable[[Scalar, Array, Array], tuple[Array, Array, Scalar, Scalar]] | None,
+    t: Scalar,
+    q: Array,
+    v: Array,
+    h: Scalar,
+    lost: Array | None = None,
+) -> Step:
+    """Return the step (11)-(13) of h from q and v (n,) at t, moved onto the constraints by ``project``.
+
+    ``answer(t, q, v)`` is that of ``Equations``. ``lost`` (2n,) is what rounding has taken from q and v,
+    carried on to this step (Kahan 1965). What Baumgarte's feedback removes is its power at the start of the
+    step times h: within a step the stages violate the constraints by more than the solution does.
+    """
+    found, n = stages(method, answer, t, q, v, h), len(q)
+    change_q = quadrature(method, h, [stage.v for stage in found])
+    change_v = quadrature(method, h, [stage.answer.accelerations for stage in found])
+    changes, old = np.concatenate([change_q, change_v]), np.concatenate([q, v])
+    if lost is not None:
+        changes = named("change", changes + lost)
+    new = named("next", old + changes, "(13)")
+    powers = [stage.answer.powers for stage in found]
+    sums = {name: quadrature(method, h, [power[name] for power in powers]) for name in powers[0]}
+    ok: Scalar = True
+    for stage in found:
+        ok = both(ok, stage.answer.ok)
+        if not isinstance(stage.answer.damper_per_s, float):
+            ok = both(ok, h * stage.answer.damper_per_s < method.damper_limit)
+    new_q, new_v, removed = new[:n], new[n:], h * found[0].answer.removed_W
+    if project is not None:
+        new_q, new_v, removed, held = project(t + h, new_q, new_v)
+        ok = both(ok, held)
+    return Step(new_q, new_v, changes - (new - old), sums, removed, ok)

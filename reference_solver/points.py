@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from reference_solver.mechanism import GROUND
+from reference_solver.mechanism import GROUND, ClearanceJoint
 from reference_solver.mechanism import Point as Place
 from reference_solver.tape import Array, Scalar, array, cos, sin
 
@@ -62,3 +62,8 @@ class State:
         spin = rate[2]
         turning = array([-spin * arm[1], spin * arm[0]])
         return Point(body, arm, at[:2] + arm, rate[:2] + turning, spin)
+
+
+def ends_of(joint: ClearanceJoint, state: State) -> tuple[Point, Point]:
+    """Return the bearing's centre and the pin's."""
+    return state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)

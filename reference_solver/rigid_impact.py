@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from reference_solver.complementarity import complementary
 from reference_solver.equations import Equations
-from reference_solver.errors import SolverError
+from reference_solver.errors import BlockedImpact
 
 FloatArray = NDArray[np.float64]
 
@@ -33,16 +33,6 @@ FloatArray = NDArray[np.float64]
 DEPENDENT = 1e-12
 #: Relative slack of signs and limits when a case of sticking or sliding is judged.
 SLACK = 1e-10
-
-
-class BlockedImpact(SolverError):
-    """The ideal joints and drivers leave a pin no motion along the line of centres."""
-
-    def __init__(self, time_s: float) -> None:
-        super().__init__(
-            f"impact at t = {time_s:.6g} s: the ideal joints and drivers prescribe the pin's motion along "
-            "the line of centres, which leaves no finite effective mass: free one of them"
-        )
 
 
 @dataclass(frozen=True)

@@ -14,19 +14,19 @@
   matrix are positive; otherwise there is ``PainleveParadox``.
 """
 
-from typing import Literal
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.complementarity import complementary, least_minor_ratio
 from reference_solver.contact_laws import FRICTION_LAWS
-from reference_solver.equations import Equations
-from reference_solver.mechanism import Mechanism
-from reference_solver.rigid_friction import LEAST_MOBILITY, PainleveParadox
+from reference_solver.contact_types import Impact
+from reference_solver.equations import Equations, Phases
+from reference_solver.errors import PainleveParadox
+from reference_solver.rigid_friction import LEAST_MOBILITY
+from reference_solver.rigid_geometry import Separation, separation
 from reference_solver.rigid_impact import Eliminated, Jump, Touching, impact
-from reference_solver.rigid_joint import JointGeometry, RigidJoint
-from reference_solver.rigid_solution import Ledger, RigidImpact
 
 FloatArray = NDArray[np.float64]
 
@@ -35,42 +35,56 @@ DEEPEST_UNSEEN = 2.0
 
 
 class Settling:
-    """Settles the joints of one mechanism; it keeps the list of impacts and their part of the ledger."""
+    """Settles the pins of a mechanism's joints with rigid walls; it keeps the list of impacts.
+
+    ``equations`` are those of no pin following; ``add(name, value)`` adds to the ledger what is integrated
+    elsewhere (see ``contact.rates_of``).
+    """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        joints: tuple[RigidJoint, ...],
-        q_start: FloatArray,
-        shortest_flight_s: float,
-        ledger: Ledger,
+        self, equations: Equations, shortest_flight_s: float, add: Callable[[str, float], None]
     ) -> None:
-        self.impacts: list[RigidImpact] = []
-        self.geometry = JointGeometry(mechanism, joints)
-        self._joints, self._ledger, self._shortest_flight_s = joints, ledger, shortest_flight_s
-        self._ideal = Equations(mechanism, q_start)
+        self.impacts: list[Impact] = []
+        rigid = [(k, joint) for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
+        #: Their numbers among the contacts.
+        self.numbers = np.array([k for k, _ in rigid])
+        self._joints = tuple(joint for _, joint in rigid)
+        self._clearance_m = np.array([joint.radial_clearance_m for joint in self._joints])
+        self._equations, self._shortest_flight_s, self._add = equations, shortest_flight_s, add
+        self._phases: Phases = None
+
+    def where(self, q: FloatArray, v: FloatArray) -> Separation:
+        """Return where the pins stand."""
+        return separation(self._joints, q, v)
 
     def __call__(
-        self, t: float, q: FloatArray, v: FloatArray, following: tuple[int, ...], released: int | None
+        self,
+        t: float,
+        q: FloatArray,
+        v: FloatArray,
+        phases: Phases,
+        following: tuple[int, ...],
+        released: int | None,
     ) -> tuple[FloatArray, tuple[int, ...], bool]:
-        """Return v after impacts, the joints that follow from now on, and whether any pin hit.
+        """Return v after impacts, the contacts whose pins follow from now on, and whether any pin hit.
 
-        ``released`` is the joint whose force has just changed sign.
+        ``phases`` are those of compliant contacts beside them; ``released`` is the contact whose force has
+        just changed sign.
         """
-        where, round_off = self.geometry.separation(q, v), self.geometry.round_off(q, v)
-        touching = where.distance_m >= self.geometry.clearance_m - round_off[:, 0]
-        touching[list(following)] = True
-        hitting = touching & (where.normal_speed > round_off[:, 1])
-        hitting[list(following)] = False
+        self._phases, where = phases, self.where(q, v)
+        touching = where.distance_m >= self._clearance_m - where.round_off[:, 0]
+        follows = np.isin(self.numbers, following)
+        touching |= follows
+        hitting = touching & (where.normal_speed > where.round_off[:, 1]) & ~follows
         if hitting.any():
             v = self._hit(t, q, v, np.flatnonzero(touching), hitting)
-            where = self.geometry.separation(q, v)
-        closed = touching & (np.abs(where.normal_speed) <= round_off[:, 1])
+            where = self.where(q, v)
+        closed = touching & (np.abs(where.normal_speed) <= where.round_off[:, 1])
         if released is not None:
-            closed[released] = False
+            closed[self.numbers == released] = False
         places = np.flatnonzero(closed)
         pressed = places[self._pressing(t, q, v, places)[0] > 0]
-        return v, tuple(int(k) for k in pressed), bool(hitting.any())
+        return v, tuple(int(k) for k in self.numbers[pressed]), bool(hitting.any())
 
     def _hit(
         self,
@@ -82,73 +96,63 @@ class Settling:
     ) -> FloatArray:
         """Return v after pins have hit, and enter the impulses in the list and in the ledger."""
         joints = [self._joints[k] for k in touching]
-        where, hits = self.geometry.separation(q, v), hitting[touching]
-        friction = np.array([joint.friction_coefficient for joint in joints])
+        where, hits = self.where(q, v), hitting[touching]
+        friction = np.array([0.0 if (law := joint.friction) is None else law.coefficient for joint in joints])
         approach = where.normal_speed[touching]
+        walls = [joint.law for joint in joints]
 
         def jump(rebounds: NDArray[np.bool_]) -> Jump:
-            restitution = np.where(rebounds, [joint.restitution for joint in joints], 0.0)
+            restitution = np.where(rebounds, [wall.restitution for wall in walls], 0.0)
             contacts = Touching(-where.normal[touching], where.tangent[touching], restitution, friction)
-            return impact(self._ideal, t, q, v, contacts)
+            return impact(self._equations, t, q, v, contacts)
 
         found = jump(hits)
-        slow = approach < [joint.minimum_impact_speed_m_s for joint in joints]
+        slow = approach < [wall.minimum_impact_speed_m_s for wall in walls]
         closing = hits & (slow | self._short_flights(t, q, found.v, touching)[touching])
-        closing &= np.array([joint.restitution > 0 for joint in joints])
+        closing &= np.array([wall.restitution > 0 for wall in walls])
         if closing.any():
             found = jump(hits & ~closing)
-        for i, k in enumerate(touching):
-            if found.normal_impulse_N_s[i] == 0:
-                continue
-            kind: Literal["impact", "closing", "support"] = (
-                "closing" if closing[i] else "impact" if hits[i] else "support"
-            )
-            self.impacts.append(
-                RigidImpact(
-                    t,
-                    int(k),
-                    kind,
-                    float(approach[i]),
-                    float(found.normal_impulse_N_s[i]),
-                    float(found.tangential_impulse_N_s[i]),
-                    float(found.energy_lost_J[i]),
-                    float(found.effective_mass_kg[i]),
-                )
-            )
-        self._ledger.constraint_work_J += found.driver_work_J
-        self._ledger.normal_impulse_N_s[touching] += found.normal_impulse_N_s
-        self._ledger.closing_loss_J[touching] += np.where(closing, found.energy_lost_J, 0.0)
-        self._ledger.impact_loss_J[touching] += np.where(closing, 0.0, found.energy_lost_J)
+        self._add("drivers", found.driver_work_J)
+        for i, k in enumerate(self.numbers[touching]):
+            normal, lost = float(found.normal_impulse_N_s[i]), float(found.energy_lost_J[i])
+            kind = "closing" if closing[i] else "impact" if hits[i] else "support"
+            self._add(f"normal{k}", normal)
+            self._add(f"{'closing' if closing[i] else 'impact'}{k}", lost)
+            if normal != 0:
+                tangential, mass = float(found.tangential_impulse_N_s[i]), float(found.effective_mass_kg[i])
+                speed = float(approach[i])
+                self.impacts.append(Impact(t, int(k), kind, 0.0, speed, normal, tangential, lost, mass))
         return self._caught(t, q, found.v, touching)
 
     def _short_flights(
         self, t: float, q: FloatArray, v: FloatArray, touching: NDArray[np.intp]
     ) -> NDArray[np.bool_]:
         """Return which joints (J,), leaving their walls with v, would be back too soon."""
-        where, round_off = self.geometry.separation(q, v), self.geometry.round_off(q, v)
-        closed = touching[np.abs(where.normal_speed[touching]) <= round_off[touching, 1]]
+        where = self.where(q, v)
+        closed = touching[np.abs(where.normal_speed[touching]) <= where.round_off[touching, 1]]
         outward = where.normal @ self._pressing(t, q, v, closed)[1] + where.turning
         inward = np.maximum(-where.normal_speed, 0.0)
-        lowest = DEEPEST_UNSEEN * round_off[:, 0]
+        lowest = DEEPEST_UNSEEN * where.round_off[:, 0]
         shortest = np.maximum(self._shortest_flight_s * outward, np.sqrt(8 * lowest * np.maximum(outward, 0)))
         return np.asarray((outward > 0) & (2 * inward < shortest))
 
     def _caught(self, t: float, q: FloatArray, v: FloatArray, touching: NDArray[np.intp]) -> FloatArray:
         """Return v with the joints kept on their walls that another's impact throws off for too short."""
-        where, round_off = self.geometry.separation(q, v), self.geometry.round_off(q, v)
-        leaving = where.normal_speed[touching] < -round_off[touching, 1]
+        where = self.where(q, v)
+        leaving = where.normal_speed[touching] < -where.round_off[touching, 1]
         leaving &= self._short_flights(t, q, v, touching)[touching]
         if not leaving.any():
             return v
-        still = np.abs(where.normal_speed[touching]) <= round_off[touching, 1]
+        still = np.abs(where.normal_speed[touching]) <= where.round_off[touching, 1]
         kept = touching[leaving | still]
         rows = where.normal[kept]
-        answer = Eliminated(self._ideal, t, q, rows, len(rows))
+        answer = Eliminated(self._equations, t, q, rows, len(rows))
         speeds = rows @ v
         impulse = -np.linalg.lstsq(answer.W, speeds, rcond=None)[0]
-        self._ledger.constraint_work_J += float(answer.reactions.T @ self._ideal.C @ impulse)
-        self._ledger.normal_impulse_N_s[kept] -= impulse
-        self._ledger.closing_loss_J[kept] -= speeds * impulse / 2
+        self._add("drivers", float(answer.reactions.T @ self._equations.C @ impulse))
+        for k, outward, lost in zip(self.numbers[kept], impulse, -speeds * impulse / 2, strict=True):
+            self._add(f"normal{k}", -float(outward))
+            self._add(f"closing{k}", float(lost))
         return np.asarray(v + answer.motion @ impulse)
 
     def _pressing(
@@ -159,10 +163,10 @@ class Settling:
         Raises:
             PainleveParadox: no or more than one set of forces fits.
         """
-        accelerations, _ = self._ideal.accelerations(t, q, v)
+        accelerations, _ = self._equations.accelerations(t, q, v, self._phases)
         if not len(closed):
             return np.zeros(0), accelerations
-        where, k = self.geometry.separation(q, v), len(closed)
+        where, k = self.where(q, v), len(closed)
         inward = -(where.normal @ accelerations + where.turning)[closed]
         shares = np.zeros(k)
         for i, joint in enumerate(closed):
@@ -171,11 +175,11 @@ class Settling:
                 shares[i] = law.coefficient * FRICTION_LAWS[law.kind](law, sliding)
         rubbing = shares != 0
         rows = np.concatenate([-where.normal[closed], where.tangent[closed[rubbing]]])
-        answer = Eliminated(self._ideal, t, q, rows, k)
+        answer = Eliminated(self._equations, t, q, rows, k)
         # Of unit normal forces, with the friction that comes with each.
         forces = np.concatenate([np.eye(k), -np.diag(shares)[rubbing]])
         W = answer.W[:k] @ forces
         if least_minor_ratio(W, answer.W[:k, :k]) <= LEAST_MOBILITY:
-            raise PainleveParadox(t, tuple(int(joint) for joint in closed[rubbing]))
+            raise PainleveParadox(t, tuple(int(k) for k in self.numbers[closed[rubbing]]))
         pressing = complementary(W, inward)
         return pressing, accelerations + answer.motion @ (forces @ pressing)

@@ -1,104 +1,295 @@
-"""The driver: consistent start, steps by the readable or the compiled face, recording."""
+"""The solver: consistent start, steps by one of the two faces, events on rigid walls, recording."""
 
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.chunks import Tell, longest_chunk, nobody
+from reference_solver.contact_laws import RigidWall, steepest
+from reference_solver.contact_types import (
+    CLOCK_RECORD,
+    CONTACT,
+    CONTACT_RECORD,
+    DONE,
+    EVENT_RECORD,
+    FAILED,
+    FLIGHT,
+    SETTLE,
+    SPENT,
+    Impact,
+    Motion,
+    Records,
+    new_motion,
+)
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.errors import InconsistentStart
-from reference_solver.mechanism import Mechanism
-from reference_solver.readable import ReadableStepper
+from reference_solver.errors import InconsistentStart, NonFiniteState, Stalled, UnsettledEvents
+from reference_solver.mechanism import ClearanceJoint, Mechanism
+from reference_solver.rigid_geometry import separation
+from reference_solver.rigid_settling import Settling
+from reference_solver.solution import ModeChange, Solution, contact_impacts
+
+if TYPE_CHECKING:  # it brings Numba, which takes a moment
+    from reference_solver.faces import CompiledFace, ReadableFace
 
 FloatArray = NDArray[np.float64]
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
+#: Takes the time in s that a run has reached.
+Tell = Callable[[float], None]
 
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
 START_TOLERANCE = 1e-9
-
 #: Bodies up to which straight-line code is compiled, for ten seconds; beyond them the readable face runs.
 LARGEST_COMPILED = 16
-
 #: Fewer steps do not follow a contact.
 FEWEST_STEPS_PER_CONTACT = 10.0
-
-
-@dataclass(frozen=True)
-class Solution:
-    """The sampled motion of a mechanism with n coordinates and m constraint rows, at s equally spaced times.
-
-    ``time_s`` (s,), ``q`` and ``v`` (s, n), ``multipliers`` (s, m) by the rows of [B] (see ``row_slices``),
-    and ``constraint_work_J`` (s,), the work of the drivers: the integral of {lambda}^T{C} by RK4's own
-    quadrature. ``stabilisation_loss_J`` (s,) is the energy that the stabilisation has removed since t = 0,
-    negative where it has added some: by projection (see ``readable.project_with_loss``) or by Baumgarte's
-    feedback (see ``Equations.feedback_power``). It is zero without one, and None where it is not counted.
-    """
-
-    time_s: FloatArray
-    q: FloatArray
-    v: FloatArray
-    multipliers: FloatArray
-    constraint_work_J: FloatArray
-    stabilisation_loss_J: FloatArray | None = None
+#: Steps times coordinates per call of a face: a fraction of a second, so that an interrupt is answered.
+CHUNK = 2_000_000
+#: Events per call of a face.
+LOG_ROWS = 256
+#: Events on rigid walls at one time, per contact: more than a few mean that they do not settle.
+EVENTS_AT_ONCE = 20
 
 
 @dataclass(frozen=True)
 class StepChoice:
-    """The two rates: ``longest_s`` in flight, and a number of steps per contact's duration.
+    """The two rates: ``longest_s`` in flight and without contacts, and steps per contact's duration.
 
     Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
-    step: the plain algorithm, for comparison.
+    step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
+    than the part ``closing_flight_fraction`` of the longest step (see ``rigid_settling``).
     """
 
     longest_s: float
     steps_per_contact: float = 100.0
     locate_events: bool = True
+    closing_flight_fraction: float = 1e-3
 
     def at(self, longest_s: float) -> "StepChoice":
         """Return both rates in proportion, at another longest step."""
         per_contact = self.steps_per_contact * self.longest_s / longest_s
-        return StepChoice(longest_s, max(FEWEST_STEPS_PER_CONTACT, per_contact), self.locate_events)
+        return replace(
+            self, longest_s=longest_s, steps_per_contact=max(FEWEST_STEPS_PER_CONTACT, per_contact)
+        )
 
 
-class Stepper(Protocol):
-    """One of the two faces of the algorithm, at a fixed step."""
-
-    @property
-    def stabilisation_loss_J(self) -> float:
-        """Energy that the stabilisation has removed in all steps so far."""
-        ...
-
-    def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
-        """Take steps number first to first + count - 1 in place; return the drivers' work."""
-        ...
-
-    def multipliers(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return {lambda} at a state."""
-        ...
+def nobody(_: float) -> None:
+    """Tell nobody how far a run has come."""
 
 
-def make_stepper(
-    mechanism: Mechanism, q_start: FloatArray, h: float, stabilisation: Stabilisation, compiled: bool
-) -> Stepper:
-    """Return the readable face, or the compiled one of a mechanism that is not too large for it."""
-    if mechanism.contacts:
-        raise ValueError("contacts: expected none (see contact_stepper.solve_with_contacts)")
-    baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
-    projected = stabilisation == "projection"
-    # Numba takes a moment to import.
-    if compiled and len(mechanism.bodies) <= LARGEST_COMPILED:
-        from reference_solver.compiled import CompiledStepper
+def solve(
+    mechanism: Mechanism,
+    q: FloatArray,
+    v: FloatArray,
+    *,
+    end_time_s: float,
+    samples: int,
+    step: StepChoice | float,
+    stabilisation: Stabilisation = "projection",
+    compiled: bool = True,
+    tell: Tell = nobody,
+) -> Solution:
+    """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
 
-        return CompiledStepper(mechanism, q_start, h, baumgarte, projected)
-    return ReadableStepper(Equations(mechanism, q_start, baumgarte), h, projected)
+    ``step`` is the longest one in s, or both rates. Without contacts, and with contacts that are not located,
+    all steps have one length that fits into the samples' interval. Where events are located, steps are the
+    run's own, whatever the samples: those within a step are interpolated, at the order of the step. ``tell``
+    is called with the time reached, now and then.
+
+    Raises:
+        ValueError: rigid walls without projection or without location of events.
+        InconsistentStart: q or v violate the constraints, or a pin is outside a rigid bearing.
+        SolverError: a step or an impact failed; it says which and when.
+    """
+    choice = step if isinstance(step, StepChoice) else StepChoice(step)
+    return Solver(mechanism, q, choice, stabilisation, compiled).run(q, v, end_time_s, samples, tell)
+
+
+class Solver:
+    """Runs one mechanism; its kernels are made with it, those of pins that follow walls when first needed.
+
+    ``q_start`` (n,) are the coordinates that {g} is measured from. ``steps`` and ``settled``, events on rigid
+    walls, count those of the present run.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        q_start: FloatArray,
+        choice: StepChoice,
+        stabilisation: Stabilisation = "projection",
+        compiled: bool = True,
+    ) -> None:
+        self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
+        self._rigid = any(joint.rigid for joint in self._joints)
+        if self._rigid and not (stabilisation == "projection" and choice.locate_events):
+            raise ValueError(
+                "rigid walls: expected stabilisation = projection and located events, got others"
+            )
+        self._baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
+        self._projected = stabilisation == "projection"
+        self._compiled = compiled and len(mechanism.bodies) <= LARGEST_COMPILED
+        self._q_start = np.array(q_start, dtype=float)
+        self._equations = Equations(mechanism, self._q_start, self._baumgarte)
+        self._names = [*self._equations.power_names, "removed"]
+        self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
+        self.steps = self.settled = 0
+        state = self._new(self._q_start, np.zeros_like(self._q_start), 0.0, np.zeros(0))
+        self._face(()).advance(*state)  # compiled or loaded, out of any timing
+
+    def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
+        from reference_solver.faces import CompiledFace, ReadableFace
+        from reference_solver.kernel import Topology
+
+        if following not in self._faces:
+            topology = Topology(self._mechanism, self._baumgarte, self._projected, following)
+            kind = CompiledFace if self._compiled else ReadableFace
+            self._faces[following] = kind(topology, self._q_start)
+        return self._faces[following]
+
+    def _new(
+        self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray
+    ) -> tuple[NDArray[np.void], Motion, NDArray[np.void], Records]:
+        """Return contacts in flight, the motion at t = 0, the clock, and room for samples at times."""
+        contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
+        motion = new_motion(len(q), len(self._names), len(contacts))
+        motion.q[:], motion.v[:] = q, v
+        clock = np.zeros(1, CLOCK_RECORD)
+        clock["longest"], clock["per_contact"] = self._choice.longest_s, self._choice.steps_per_contact
+        clock["located"], clock["end"], clock["rigid"] = self._choice.locate_events, end_time_s, -1
+        if len(times) > 1 and not (len(contacts) and self._choice.locate_events):
+            interval = times[1]
+            clock["longest"] = interval / np.ceil(interval / self._choice.longest_s * (1 - 1e-9))
+        sums, states, rows = len(self._names), 2 * len(contacts), len(self._equations.C)
+        log = np.zeros(LOG_ROWS, EVENT_RECORD), np.zeros((LOG_ROWS, sums))
+        sizes = (len(q), len(q), sums, states, rows, states)
+        records = Records(*log, times, *(np.zeros((len(times), size)) for size in sizes))
+        return contacts, motion, clock, records
+
+    def run(
+        self, q: FloatArray, v: FloatArray, end_time_s: float, samples: int, tell: Tell = nobody
+    ) -> Solution:
+        """Integrate from q and v as ``solve`` does."""
+        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+        check_start(self._equations, q, v)
+        state = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
+        contacts, motion, clock, records = state
+        (now,) = clock.view(np.recarray)
+        self.steps = self.settled = at_once = 0
+        events, sums = [np.zeros(0, EVENT_RECORD)], [np.zeros((0, len(self._names)))]
+
+        def add(name: str, value: float) -> None:
+            motion.sums[self._names.index(name)] += value
+
+        settling = Settling(self._equations, self._choice.closing_flight_fraction * float(now.longest), add)
+        changes: list[ModeChange] = []
+        following = self._settled(settling, changes, (), contacts, motion, now) if self._rigid else ()
+        self._face(following).gaps(contacts, 0.0, motion)
+        status = SPENT
+        while status != DONE:
+            begin, now.events, now.budget = float(now.time), 0, now.steps + CHUNK // len(q)
+            status = self._face(following).advance(contacts, motion, clock, records)
+            self.steps = int(now.steps)
+            tell(float(now.time))
+            events.append(records.events[: now.events].copy())
+            sums.append(records.event_sums[: now.events].copy())
+            if status == FAILED:
+                self._refuse(following, contacts, motion, now)
+            if status == SPENT and now.time == begin:
+                raise Stalled(begin, CHUNK // len(q))
+            if status == SETTLE:
+                self.settled += 1
+                at_once = at_once + 1 if now.time == begin else 1
+                if at_once > EVENTS_AT_ONCE * len(contacts):
+                    raise UnsettledEvents(begin, int(now.rigid))
+                following = self._settled(settling, changes, following, contacts, motion, now)
+                self._face(following).gaps(contacts, float(now.time), motion)
+        if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
+            raise NonFiniteState(end_time_s, float(now.longest))
+        return self._solution(
+            records, np.concatenate(events), np.concatenate(sums), settling.impacts, changes
+        )
+
+    def _settled(
+        self,
+        settling: Settling,
+        changes: list[ModeChange],
+        following: tuple[int, ...],
+        contacts: NDArray[np.void],
+        motion: Motion,
+        now: np.record,
+    ) -> tuple[int, ...]:
+        """Let the pins that touch rigid walls hit, follow or leave; return those that follow from now on."""
+        touched, phases = int(now.rigid), np.column_stack([contacts["phase"], contacts["memory"]])
+        released = touched if touched in following else None
+        found = settling(float(now.time), motion.q, motion.v, phases, following, released)
+        motion.v[:], new, hit = found
+        if new != following:
+            changes.append(ModeChange(float(now.time), new))
+        where, rigid = settling.where(motion.q, motion.v), settling.numbers
+        contacts["phase"][rigid] = np.where(np.isin(rigid, new), CONTACT, FLIGHT)
+        contacts["noise"][rigid], contacts["rate_noise"][rigid] = where.round_off.T
+        if touched >= 0 and released is None and not hit and touched not in new:
+            contacts["ignored"][touched] = 1.0
+        return new
+
+    def _refuse(
+        self, following: tuple[int, ...], contacts: NDArray[np.void], motion: Motion, now: np.record
+    ) -> None:
+        """Say why the step tried last could not be taken."""
+        from reference_solver.faces import ReadableFace
+        from reference_solver.kernel import Topology
+
+        topology = Topology(self._mechanism, self._baumgarte, self._projected, following)
+        t, h = float(now.time), float(now.tried)
+        end = new_motion(*(len(part) for part in motion if part is not motion.v))
+        with np.errstate(all="ignore"):
+            ReadableFace(topology, self._q_start).step(None, contacts, t, h, motion, end)
+        raise NonFiniteState(t + h, h)
+
+    def _solution(
+        self,
+        run: Records,
+        events: NDArray[np.void],
+        event_sums: FloatArray,
+        impulses: list[Impact],
+        changes: list[ModeChange],
+    ) -> Solution:
+        compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
+        found = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
+        return Solution(
+            mechanism=self._mechanism,
+            time_s=run.time,
+            q=run.q,
+            v=run.v,
+            multipliers=run.multipliers,
+            phases=run.phases.reshape(len(run.time), -1, 2),
+            normal_force_N=run.forces[:, ::2],
+            friction_force_N=run.forces[:, 1::2],
+            sums=dict(zip(self._names, run.sums.T, strict=True)),
+            events=events,
+            impacts=tuple(sorted([*impulses, *found], key=lambda i: i.time_s + i.duration_s)),
+            mode_changes=tuple(changes),
+            steps=self.steps,
+        )
+
+
+def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
+    """Return a contact in flight as ``CONTACT_RECORD`` has it."""
+    law, clearance, friction = joint.law, joint.radial_clearance_m, joint.friction
+    state = (FLIGHT, 0.0, 0.0, 0.0, 0.0)
+    if isinstance(law, RigidWall):
+        return *state, clearance, *[0.0] * 6, 1.0, 0.0, 0.0, 0.0
+    slope = 0.0 if friction is None else friction.coefficient * steepest(friction)
+    compliant = (law.stiffness, law.exponent, law.damping_factor, law.minimum_impact_speed_m_s, slope)
+    return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0
 
 
 def check_start(equations: Equations, q: FloatArray, v: FloatArray) -> None:
-    """Check that positions and velocities meet the constraints.
+    """Check that positions and velocities meet the constraints, and pins are inside rigid bearings.
 
     Raises:
         InconsistentStart: they do not, by more than ``START_TOLERANCE``.
@@ -109,59 +300,10 @@ def check_start(equations: Equations, q: FloatArray, v: FloatArray) -> None:
     rate = np.abs(equations.constraint_matrix(q) @ v - equations.C).max(initial=0)
     if not rate <= START_TOLERANCE * (1 + np.abs(v).max()):
         raise InconsistentStart(f"initial velocities: expected [B]q' = C, got a violation of {rate:.3g}")
-
-
-def record(
-    stepper: Stepper,
-    q: FloatArray,
-    v: FloatArray,
-    *,
-    end_time_s: float,
-    samples: int,
-    steps_per_sample: int,
-    tell: Tell = nobody,
-) -> Solution:
-    """Run a stepper from q and v, which it overwrites, and return ``samples + 1`` states.
-
-    ``tell`` is called with the time reached, at every sample and within those of very many steps.
-    """
-    time, work, before = np.linspace(0.0, end_time_s, samples + 1), 0.0, stepper.stabilisation_loss_J
-    records = [(q.copy(), v.copy(), stepper.multipliers(0.0, q, v), work, 0.0)]
-    for sample in range(samples):
-        first, last, added = sample * steps_per_sample, (sample + 1) * steps_per_sample, 0.0
-        while first < last:
-            count = min(longest_chunk(q), last - first)
-            added += stepper.advance(q, v, first, count)
-            first += count
-            tell(first * end_time_s / (samples * steps_per_sample))
-        work += added
-        multipliers = stepper.multipliers(time[sample + 1], q, v)
-        records.append((q.copy(), v.copy(), multipliers, work, stepper.stabilisation_loss_J - before))
-    return Solution(time, *(np.array(column) for column in zip(*records, strict=True)))
-
-
-def solve(
-    mechanism: Mechanism,
-    q: FloatArray,
-    v: FloatArray,
-    *,
-    end_time_s: float,
-    samples: int,
-    steps_per_sample: int,
-    stabilisation: Stabilisation = "projection",
-    compiled: bool = True,
-) -> Solution:
-    """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
-
-    The step is ``end_time_s / (samples * steps_per_sample)``.
-
-    Raises:
-        InconsistentStart: q or v violate the constraints.
-        SingularConfiguration: the constraint matrix loses full row rank.
-        NonFiniteState: the state overflows.
-    """
-    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
-    check_start(Equations(mechanism, q), q, v)
-    h = end_time_s / (samples * steps_per_sample)
-    stepper = make_stepper(mechanism, q, h, stabilisation, compiled)
-    return record(stepper, q, v, end_time_s=end_time_s, samples=samples, steps_per_sample=steps_per_sample)
+    rigid = [(k, joint) for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
+    for k, joint in rigid:
+        outside = float(separation((joint,), q, v).distance_m[0]) - joint.radial_clearance_m
+        if not outside <= START_TOLERANCE:
+            raise InconsistentStart(
+                f"contacts[{k}]: expected the pin inside its bearing, got it {outside:.3g} m past the wall"
+            )

@@ -7,7 +7,7 @@ of values too. What NumPy does not know of objects, ``cos``, ``larger``, ``choos
 below, and takes numbers and values.
 
 Values that depend on parameters alone are known before a run: they are computed once, from the raw numbers of
-a mechanism, and the code reads them as p[...] (see ``Parameters``).
+a mechanism, and the code knows them as p0, p1, ... (see ``Parameters``).
 """
 
 from __future__ import annotations
@@ -298,14 +298,14 @@ def _function(name: str, of_numbers: Callable[..., Any], *operands: Scalar) -> S
 
 
 class Parameters:
-    """The numbers that kernels take as p[...], by the text of what they are of the raw numbers r[...]."""
+    """The numbers p0, p1, ... that kernels take, by the text of what they are of the raw numbers r[...]."""
 
     def __init__(self) -> None:
         self._places: dict[str, int] = {}
 
     def place(self, text: str) -> str:
         """Return the code of the parameter with this text."""
-        return f"p[{self._places.setdefault(text, len(self._places))}]"
+        return f"p{self._places.setdefault(text, len(self._places))}"
 
     @property
     def texts(self) -> list[str]:
@@ -314,10 +314,15 @@ class Parameters:
 
 
 class Writer:
-    """Writes what the results of a tape's function need, in order; other nodes leave no trace."""
+    """Writes what the results of a tape's function need, in order; other nodes leave no trace.
+
+    ``reads`` names the parameters that occur, ``calls`` the other functions.
+    """
 
     def __init__(self, parameters: Parameters, taken: Iterable[str] = ()) -> None:
         self.lines: list[str] = []
+        self.reads: list[str] = []
+        self.calls: list[str] = []
         self._parameters, self._taken = parameters, set(taken)
         self._texts: dict[Node, tuple[str, int]] = {}
         self._uses: dict[Node, int] = {}
@@ -350,6 +355,7 @@ class Writer:
                 self._branch(node, indent)
             elif node.operation == "call":
                 (function, count, *arguments), results = node.operands, self._results_of(node)
+                self.calls.append(function)
                 names = [self._name(results[k]) if k in results else "_" for k in range(count)]
                 call = f"{function}({', '.join(self._text(argument, 0) for argument in arguments)})"
                 self._line(indent, node, f"{', '.join(names)} = {call}")
@@ -404,7 +410,10 @@ class Writer:
 
     def _place(self, node: Node) -> tuple[str, int]:
         if node.known:
-            return self._parameters.place(known_text(node)), ATOM
+            name = self._parameters.place(known_text(node))
+            if name not in self.reads:
+                self.reads.append(name)
+            return name, ATOM
         if node.operation == "input":
             return node.operands[0], ATOM
         if node.operation == "result":

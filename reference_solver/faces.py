@@ -1,0 +1,130 @@
+"""The two faces of the algorithm: kernels compiled for a topology, or the equations as they stand.
+
+Both take arrays of contacts, a motion, a clock and records (see ``contact_types``), and change them in place.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_solver import contact_loop
+from reference_solver.contact import gap, gap_acceleration
+from reference_solver.contact_types import DONE, FAILED, SPENT, Motion, Rates, Records
+from reference_solver.equations import Equations
+from reference_solver.kernel import Topology, source_of
+from reference_solver.kernel_store import compiled, load_kernel
+from reference_solver.methods import step
+from reference_solver.points import State
+
+FloatArray = NDArray[np.float64]
+RecordArray = NDArray[np.void]
+
+
+class CompiledFace:
+    """The kernel of a topology, and the loop that calls it."""
+
+    def __init__(self, topology: Topology, q_start: FloatArray) -> None:
+        self._kernel = load_kernel(source_of(topology.marked()))
+        self._parameters = topology.parameters(self._kernel, q_start)
+        self._located = bool(topology.mechanism.contacts)
+
+    def gaps(self, contacts: RecordArray, t: float, motion: Motion) -> None:
+        """Set the contacts' gaps of a motion at t."""
+        if self._located:
+            self._kernel.gaps(self._parameters, contacts, t, motion)
+
+    def advance(self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records) -> int:
+        """Advance a motion as ``contact_loop.advance`` does; without contacts, from sample to sample."""
+        kernel, p = self._kernel, self._parameters
+        if self._located:
+            loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
+            functions = kernel.step, kernel.slopes, kernel.gap_accelerations
+            return int(loop(*functions, p, contacts, motion, clock, records))
+        (now,) = clock.view(np.recarray)
+        while now.taken < len(records.time):
+            time = records.time[now.taken]
+            due = round((time - now.time) / now.longest)
+            count, first = min(due, int(now.budget - now.steps)), int(now.steps)
+            done = kernel.advance(p, motion.q, motion.v, motion.sums, float(now.longest), first, count)
+            now.steps += done
+            now.time, now.tried = now.steps * now.longest, now.longest
+            if done < due:
+                return FAILED if done < count else SPENT
+            contact_loop.write(kernel.slopes, p, contacts, time, motion, now, records)
+        return DONE
+
+
+class ReadableFace:
+    """The equations of a topology in numbers: slow, to be read, and to say what is wrong with a step."""
+
+    def __init__(self, topology: Topology, q_start: FloatArray) -> None:
+        self._topology = topology
+        mechanism = topology.mechanism
+        self.equations = Equations(mechanism, q_start, topology.baumgarte, topology.following)
+
+    def advance(self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records) -> int:
+        """Advance a motion by ``contact_loop.advance``, run as it stands."""
+        contacts, gaps, clock, events = (
+            table.view(np.recarray) for table in (contacts, motion.gaps, clock, records.events)
+        )
+        at, rows = motion._replace(gaps=gaps), records._replace(events=events)
+        functions = self.step, self.slopes, self.gap_accelerations
+        with np.errstate(all="ignore"):
+            return int(contact_loop.advance(*functions, None, contacts, at, clock, rows))
+
+    def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> bool:
+        """Set ``new`` to the state after a step, with the sums of the step alone.
+
+        Raises:
+            SingularConfiguration, PainleveParadox, FrictionTooStiff: as ``Equations.required`` does.
+        """
+        equations, phases, method = self.equations, phases_of(contacts), self._topology.method
+
+        def answer(t: float, q: FloatArray, v: FloatArray) -> object:
+            return equations.required(t, q, v, phases, h, method)
+
+        def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
+            *found, ok = equations.project(t, q, v, phases)
+            if not ok and np.isfinite(q).all():
+                equations.refuse_singular(t, q)
+            return (*found, ok)
+
+        found = step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
+        new.q[:], new.v[:], new.sums[:] = found.q, found.v, [*found.sums.values(), found.removed]
+        finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
+        if finite:
+            self.gaps(contacts, t + h, new)
+        return finite
+
+    def gaps(self, contacts: RecordArray, t: float, motion: Motion) -> None:
+        """Set the contacts' gaps of a motion at t."""
+        phases, state, powers = phases_of(contacts), State(motion.q, motion.v), dict[str, float]()
+        if self._topology.following:
+            powers = self.equations.required(t, motion.q, motion.v, phases).powers
+        for k, joint in enumerate(self._topology.mechanism.contacts):
+            phase, memory = phases[k]
+            fields = gap(joint, phase, memory, state, powers.get(f"normal{k}", 0.0))
+            motion.gaps[k] = tuple(fields.values())
+
+    def slopes(self, _: object, contacts: RecordArray, t: float, motion: Motion, rates: Rates) -> bool:
+        """Set the rates at a state."""
+        found = self.equations.required(t, motion.q, motion.v, phases_of(contacts))
+        rates.a[:], rates.powers[:] = found.accelerations, [*found.powers.values(), found.removed_W]
+        rates.multipliers[: len(found.multipliers)] = found.multipliers
+        rates.forces[::2] = [found.powers[f"normal{k}"] for k in range(len(contacts))]
+        rates.forces[1::2] = found.friction_N
+        return True
+
+    def gap_accelerations(
+        self, _: object, contacts: RecordArray, t: float, motion: Motion, out: FloatArray
+    ) -> bool:
+        """Set ``out`` (K,) (see ``contact.gap_acceleration``)."""
+        state, phases = State(motion.q, motion.v), phases_of(contacts)
+        found = self.equations.required(t, motion.q, motion.v, phases)
+        joints = self._topology.mechanism.contacts
+        out[:] = [gap_acceleration(joint, state, found.accelerations) for joint in joints]
+        return True
+
+
+def phases_of(contacts: RecordArray) -> FloatArray:
+    """Return phase and memory of every contact, (K, 2)."""
+    return np.column_stack([contacts["phase"], contacts["memory"]])

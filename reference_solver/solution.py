@@ -1,0 +1,116 @@
+"""What a run gives: samples of the motion, forces and sums, and what its contacts did."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_solver.contact_types import FLIGHT, Impact
+from reference_solver.mechanism import Mechanism
+from reference_solver.points import State, ends_of
+
+FloatArray = NDArray[np.float64]
+
+#: What a contact dissipates by (see ``contact.rates_of``).
+LOSSES = ("loss", "clip", "slide", "impact", "closing")
+
+
+@dataclass(frozen=True)
+class ModeChange:
+    """From this time on the pins of these contacts follow their rigid walls, and the others fly."""
+
+    time_s: float
+    following: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The motion of a mechanism with n coordinates, m constraint rows and K contacts, at s times.
+
+    ``time_s`` (s,), ``q`` and ``v`` (s, n), ``multipliers`` (s, m) by the rows of [B] (see ``row_slices``).
+    ``phases`` (s, K, 2) are phase and memory of every contact (see ``contact_types``). ``normal_force_N`` and
+    ``friction_force_N`` (s, K) are without impulses: the one presses the pin inwards, the other is on the pin
+    along t.
+
+    ``sums`` are integrals since t = 0 (s,) by RK4's own quadrature: "drivers", their work in J, that of
+    impulses included; of contact k "normalk", the normal impulse in N s, and energies dissipated in J:
+    "lossk" by a compliant wall, "clipk" where its force was clipped, "impactk" and "closingk" by a rigid one
+    (friction's part included), and "slidek" by friction; "removed" is what the stabilisation has removed,
+    negative where it has added some: by projection or by Baumgarte's feedback (see ``Equations``).
+
+    ``events`` (E,) is the log (see ``contact_types.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
+    the order of the contacts' ends; ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all
+    steps taken.
+    """
+
+    mechanism: Mechanism
+    time_s: FloatArray
+    q: FloatArray
+    v: FloatArray
+    multipliers: FloatArray
+    phases: FloatArray
+    normal_force_N: FloatArray
+    friction_force_N: FloatArray
+    sums: dict[str, FloatArray]
+    events: NDArray[np.void]
+    impacts: tuple[Impact, ...]
+    mode_changes: tuple[ModeChange, ...]
+    steps: int
+
+    @property
+    def constraint_work_J(self) -> FloatArray:
+        """Return the work of the drivers, (s,)."""
+        return self.sums["drivers"]
+
+    @property
+    def stabilisation_loss_J(self) -> FloatArray:
+        """Return the energy that the stabilisation has removed, (s,)."""
+        return self.sums["removed"]
+
+    @property
+    def closed(self) -> NDArray[np.bool_]:
+        """Return which pins touch their walls, (s, K)."""
+        return np.asarray(self.phases[..., 0] != FLIGHT)
+
+    @property
+    def gap_m(self) -> FloatArray:
+        """Return d, from bearing centre to pin centre, (s, K, 2)."""
+        found = np.empty((len(self.q), len(self.mechanism.contacts), 2))
+        for sample, q in enumerate(self.q):
+            state = State(q, np.zeros_like(q))
+            for k, joint in enumerate(self.mechanism.contacts):
+                bearing, pin = ends_of(joint, state)
+                found[sample, k] = pin.place - bearing.place
+        return found
+
+    @property
+    def joint_force_N(self) -> FloatArray:
+        """Return the bearing's force on the pin, (s, K, 2): -normal n + friction t with n along d."""
+        d = self.gap_m
+        n = d / np.where(self.closed, np.hypot(d[..., 0], d[..., 1]), 1.0)[..., None]
+        t = np.stack([-n[..., 1], n[..., 0]], axis=-1)
+        return np.asarray(self.friction_force_N[..., None] * t - self.normal_force_N[..., None] * n)
+
+    def impacts_of(self, contact: int) -> list[Impact]:
+        """Return the impacts of one contact, in the order of time."""
+        return [impact for impact in self.impacts if impact.contact == contact]
+
+    def losses_J(self) -> FloatArray:
+        """Return the energy that all contacts have dissipated, (s,)."""
+        lost = [value for name, value in self.sums.items() if name.rstrip("0123456789") in LOSSES]
+        return np.sum(lost, axis=0) if lost else np.zeros(len(self.time_s))
+
+
+def contact_impacts(
+    events: NDArray[np.void], sums: FloatArray, names: list[str], contact: int
+) -> list[Impact]:
+    """Return a compliant contact's ends from the log (E,) and what had been added up by then, (E, names)."""
+    ends = np.flatnonzero((events["contact"] == contact) & (np.abs(events["what"]) == 1))
+    touches, releases = ends[: len(ends) // 2 * 2].reshape(-1, 2).T
+    change, began = sums[releases] - sums[touches], events["time_s"][touches]
+    lost = sum(change[:, names.index(f"{of}{contact}")] for of in LOSSES if f"{of}{contact}" in names)
+    impulse, unknown = change[:, names.index(f"normal{contact}")], np.full(len(began), np.nan)
+    duration, speed = events["time_s"][releases] - began, events["rate"][touches]
+    columns = (began, duration, speed, impulse, unknown, lost, unknown)
+    rows = zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+    return [Impact(t, contact, "contact", *rest) for t, *rest in rows]
