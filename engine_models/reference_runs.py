@@ -1,29 +1,18 @@
-"""Runs of the reference solver as trajectories."""
+"""Runs of the reference solver."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
-import numpy as np
-
-from engine_models.contact_stiffness import elastic_energy_J
-from engine_models.engine import (
-    JOINTS,
-    Contact,
-    FloatArray,
-    Impacts,
-    RunSettings,
-    Trajectory,
-)
+from engine_models.engine import RunSettings, Trajectory
 from engine_models.pace import MOST_STEPS, require_pace, too_slow
 from engine_models.progress import tell
-from engine_models.reference_model import CRANK, mechanism_of
-from engine_models.scene import Clearance, Scene
+from engine_models.reference_model import mechanism_of
+from engine_models.reference_trajectory import trajectory_of
+from engine_models.scene import Scene
 from engine_models.start_check import checked_start
-from reference_solver.equations import row_slices
 from reference_solver.errors import FrictionTooStiff
-from reference_solver.solution import Solution
 from reference_solver.solver import Solver, Stabilisation, StepChoice
 
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
@@ -74,16 +63,7 @@ def _run(
     started = time.perf_counter()
     run = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
     solve_time = time.perf_counter() - started
-    offsets = run.gap_m
-    contacts = {
-        name: _contact(getattr(scene.clearance, name), run, k, offsets[:, k])
-        for k, name in enumerate(scene.joints_with_clearance)
-    }
-    trajectory = _trajectory(scene, run, contacts, choice.longest_s, solve_time, stabilisation != "none")
-    force = run.joint_force_N
-    for k, name in enumerate(contacts):
-        trajectory.joint_force_N[:, JOINTS.index(name)] = force[:, k]
-    return trajectory
+    return trajectory_of(scene, run, choice.longest_s, solve_time, stabilisation != "none")
 
 
 def _watch(scene: Scene, solver: Solver) -> Callable[[float], None]:
@@ -115,67 +95,3 @@ def _judge(scene: Scene, done: Callable[[], int], outlasting: int, most: float) 
             judged, judged_s = judged + since, t
 
     return judge
-
-
-def _contact(clearance: Clearance, run: Solution, k: int, gap: FloatArray) -> Contact:
-    penetration = np.hypot(gap[:, 0], gap[:, 1]) - clearance.radial_clearance_m
-    rigid = clearance.law == "rigid"
-    mine = run.impacts_of(k)
-    return Contact(
-        gap_m=gap,
-        penetration_m=penetration,
-        normal_force_N=run.normal_force_N[:, k],
-        friction_force_N=run.friction_force_N[:, k] if clearance.friction else None,
-        elastic_energy_J=np.zeros(len(gap)) if rigid else elastic_energy_J(clearance, penetration),
-        normal_impulse_N_s=run.sums[f"normal{k}"],
-        normal_loss_J=run.sums[f"impact{k}"] + run.sums[f"closing{k}"] if rigid else run.sums[f"loss{k}"],
-        friction_loss_J=run.sums.get(f"slide{k}"),
-        clipped_loss_J=run.sums.get(f"clip{k}"),
-        impacts=Impacts(
-            time_s=np.array([impact.time_s for impact in mine]),
-            duration_s=np.array([impact.duration_s for impact in mine]),
-            approach_speed_m_s=np.array([impact.approach_speed_m_s for impact in mine]),
-            normal_impulse_N_s=np.array([impact.normal_impulse_N_s for impact in mine]),
-            energy_lost_J=np.array([impact.energy_lost_J for impact in mine]),
-        ),
-    )
-
-
-def _trajectory(
-    scene: Scene,
-    solution: Solution,
-    contacts: dict[str, Contact],
-    step: float,
-    solve_time: float,
-    stabilised: bool,
-) -> Trajectory:
-    """Sort the solver's rows by joint; the force of a joint with clearance is left at zero."""
-    mechanism, multipliers = mechanism_of(scene), solution.multipliers
-    ideal = [name for name in scene.joints if name not in contacts]
-    rows_of = row_slices(mechanism)
-    joint_force = np.zeros((len(multipliers), len(scene.joints), 2))
-    for name, rows in zip(ideal, rows_of, strict=False):
-        joint_force[:, JOINTS.index(name)] = multipliers[:, rows]
-    guide = multipliers[:, rows_of[len(ideal)].start] if scene.is_crank_slider else None
-    position = solution.q.reshape(len(multipliers), -1, 3)
-    torque: FloatArray | None = None
-    work: FloatArray | None = None
-    if scene.drive.kind == "constant-speed":
-        torque, work = multipliers[:, -1], solution.constraint_work_J
-    elif scene.drive.kind == "torque":
-        torque = np.full(len(multipliers), scene.drive.torque_N_m)
-        work = torque * (position[:, CRANK, 2] - position[0, CRANK, 2])
-    return Trajectory(
-        time_s=solution.time_s,
-        position=position,
-        velocity=solution.v.reshape(position.shape),
-        joint_force_N=joint_force,
-        guide_normal_force_N=guide,
-        driver_torque_N_m=torque,
-        driver_work_J=work,
-        step_s=step,
-        steps=solution.steps,
-        solve_time_s=solve_time,
-        contacts=contacts,
-        stabilisation_loss_J=solution.stabilisation_loss_J if stabilised else None,
-    )

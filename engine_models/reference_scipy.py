@@ -14,8 +14,7 @@ from engine_models.engine import FloatArray
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
-from reference_solver.contact import ContactState, contact_state
-from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, GAP_RECORD, Motion
+from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, GAP_RECORD, Motion, Rates
 from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
 from reference_solver.kernel import Kernel, Topology
@@ -26,7 +25,8 @@ from reference_solver.solver import contact_record
 def derivative_source(topology: Topology) -> str:
     """Return a module with ``evaluate`` and, for contacts, ``gaps`` (see ``kernel.Kernel.gaps``).
 
-    ``evaluate(p, contacts, t, y, rate, multipliers)`` writes y' and {lambda} and tells whether it could.
+    ``evaluate(p, contacts, t, y, rate, rates)`` writes y', and {lambda} and the contacts' forces in ``rates``
+    (see ``contact_types.Rates``), and tells whether it could.
     """
     kernel = Kernel(topology)
     unpack = [f"q{c}, v{c} = y[{c}], y[{kernel.n + c}]" for c in range(kernel.n)]
@@ -35,8 +35,11 @@ def derivative_source(topology: Topology) -> str:
     powers = [found.powers[name] for name in _integrated(draft.equations)]
     rates = [*draft.v, *found.accelerations, *powers]
     stores = [(f"rate[{k}]", value) for k, value in enumerate(rates)]
-    stores += [(f"multipliers[{r}]", value) for r, value in enumerate(found.multipliers)]
-    arguments = ["p", "contacts", "t", "y", "rate", "multipliers"]
+    stores += [(f"rates.multipliers[{r}]", value) for r, value in enumerate(found.multipliers)]
+    for k, friction in enumerate(found.friction_N):
+        stores += [(f"rates.forces[{2 * k}]", found.powers[f"normal{k}"])]
+        stores += [(f"rates.forces[{2 * k + 1}]", friction)]
+    arguments = ["p", "contacts", "t", "y", "rate", "rates"]
     kernel.entry("evaluate", arguments, draft, found.ok, stores, unpack)
     if topology.mechanism.contacts:
         kernel.gaps()
@@ -55,7 +58,7 @@ class Derivative:
     """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
 
     The contacts are in flight to begin with (see ``contact_loop``).
-    ``start`` is y at t = 0; ``sums`` names the integrals behind q and q' in it, "work" for the driver's.
+    ``start`` is y at t = 0; ``sums`` names the integrals behind q and q' in it.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -65,11 +68,12 @@ class Derivative:
         self._kernel = load_kernel(_source_of(topology.marked()))
         self._parameters = topology.parameters(self._kernel, q.ravel())
         self._readable = Equations(mechanism, q.ravel())
-        self._joints, self._rows = mechanism.contacts, len(self._readable.C)
-        self._multipliers = np.empty(self._rows)
+        self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self._readable.C)
+        unused = np.empty(0)
+        self._rates = Rates(unused, unused, np.empty(self._rows), np.empty(2 * len(self._joints)))
         self._contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
         self.n = self._readable.n
-        self.sums = tuple(name.replace("drivers", "work") for name in _integrated(self._readable))
+        self.sums = tuple(_integrated(self._readable))
         self.contact_count = len(self._joints)
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
         clipped = [k for k, joint in enumerate(self._joints) if joint.compliance.clipped]
@@ -84,7 +88,7 @@ class Derivative:
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
         """Return y' in the present phases, NaN where [B] has lost rank: an integrator rejects such a step."""
         rate = np.empty_like(y)
-        if not self._kernel.evaluate(self._parameters, self._contacts, t, y, rate, self._multipliers):
+        if not self._kernel.evaluate(self._parameters, self._contacts, t, y, rate, self._rates):
             rate[:] = np.nan
             self._refused = (t, y.copy())
         return rate
@@ -100,11 +104,10 @@ class Derivative:
             return str(error)
         return f"the constraint matrix is about to lose rank at t = {t:.6g} s"
 
-    def multipliers(self, t: float, y: FloatArray) -> FloatArray:
-        """Return {lambda} (m,) in the present phases."""
-        out = np.empty(self._rows)
-        self._kernel.evaluate(self._parameters, self._contacts, t, y, np.empty_like(y), out)
-        return out
+    def forces(self, t: float, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return {lambda} (m,), and every contact's normal force and friction (2K,), in its present phase."""
+        self(t, y)
+        return self._rates.multipliers.copy(), self._rates.forces.copy()
 
     def named_sums(self, y: FloatArray) -> dict[str, FloatArray]:
         """Return the integrals in y, (..., size), by name."""
@@ -116,12 +119,6 @@ class Derivative:
         motion = Motion(y[: self.n], y[self.n : 2 * self.n], y[2 * self.n :], gaps)
         self._kernel.gaps(self._parameters, self._contacts, 0.0, motion)
         return gaps
-
-    def contacts(self, y: FloatArray) -> list[ContactState]:
-        """Return every contact in the present phases."""
-        q, v = y[: self.n], y[self.n : 2 * self.n]
-        pairs = zip(self._joints, self._contacts, strict=True)
-        return [contact_state(joint, c["phase"], c["memory"], q, v) for joint, c in pairs]
 
     def phases(self) -> FloatArray:
         """Return every contact's phase and a/v0, (2K,)."""

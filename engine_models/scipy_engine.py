@@ -18,10 +18,10 @@ from engine_models.engine import (
 from engine_models.memory import require_memory
 from engine_models.reference_compilation import compile_time_s
 from engine_models.reference_scipy import Derivative
+from engine_models.reference_trajectory import trajectory_of
 from engine_models.scene import Scene
 from engine_models.scipy_calls import Calls, Choice
 from engine_models.scipy_runs import LocatedRun, switching_run
-from engine_models.scipy_trajectory import trajectory_of
 from engine_models.start_check import unwound, wound
 
 #: Room for rounding in the longest step, so that as many of them fill a run as should.
@@ -113,5 +113,6 @@ class ScipyEngine:
         else:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
-        run = trajectory_of(scene, derivative, record, longest, calls.steps, solve_time)
+        solution = record.solution(scene.end_time_s, calls.steps)
+        run = trajectory_of(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))

@@ -5,19 +5,12 @@ gets -F_n n + F_t t, the bearing the opposite, both at one point in the middle o
 R_i + delta/2 from the bearing's centre and R_j - delta/2 from the pin's.
 """
 
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
 from reference_solver.contact_laws import FRICTION_LAWS, NORMAL_LAWS
 from reference_solver.contact_types import CLIPPED, FLIGHT, PROBE
 from reference_solver.loads import Forces, pair
 from reference_solver.mechanism import ClearanceJoint
 from reference_solver.points import State, ends_of
 from reference_solver.tape import Array, Scalar, array, choose, equal, larger, named, sqrt, when
-
-FloatArray = NDArray[np.float64]
 
 #: As a part of the clearance: round-off of the penetration.
 LEAST_DEPTH = 1e-12
@@ -125,42 +118,3 @@ def gap_acceleration(joint: ClearanceJoint, state: State, accelerations: Array) 
         point.jacobian @ State(state.q, accelerations).velocity(point.body) for point in (bearing, pin)
     ]
     return (pin.place - bearing.place) @ (of_points[1] - of_points[0]) / joint.radial_clearance_m
-
-
-@dataclass(frozen=True)
-class ContactState:
-    """One contact at one instant.
-
-    ``gap_m`` is d (2,), ``penetration_m`` |d| - c (negative in flight), ``rate_m_s`` its time derivative,
-    ``normal_force_N`` F_n (pushing positive), ``friction_force_N`` F_t along t on the pin.
-    """
-
-    gap_m: FloatArray
-    penetration_m: float
-    rate_m_s: float
-    normal_force_N: float
-    friction_force_N: float
-
-    @property
-    def force_on_pin_N(self) -> FloatArray:
-        """Force on body j, (2,), in the global frame."""
-        if self.normal_force_N == 0 and self.friction_force_N == 0:
-            return np.zeros(2)
-        n = self.gap_m / np.hypot(*self.gap_m)
-        return np.asarray(-self.normal_force_N * n + self.friction_force_N * np.array([-n[1], n[0]]))
-
-
-def contact_state(
-    joint: ClearanceJoint, phase: float, memory: float, q: FloatArray, v: FloatArray
-) -> ContactState:
-    """Return the contact at coordinates q and velocities v in a phase, with its ``memory`` (a/v0)."""
-    state = State(q, v)
-    bearing, pin = ends_of(joint, state)
-    d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
-    distance = float(np.hypot(*d))
-    if distance == 0:
-        return ContactState(d, -joint.radial_clearance_m, 0.0, 0.0, 0.0)
-    n = d / distance
-    _, (normal, *_), friction = contact_force(joint, phase, memory, state)
-    rate = float(n @ d_dot)
-    return ContactState(d, distance - joint.radial_clearance_m, rate, float(normal), float(friction))

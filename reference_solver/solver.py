@@ -90,14 +90,12 @@ def solve(
     step: StepChoice | float,
     stabilisation: Stabilisation = "projection",
     compiled: bool = True,
-    tell: Tell = nobody,
 ) -> Solution:
     """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
 
     ``step`` is the longest one in s, or both rates. Without contacts, and with contacts that are not located,
     all steps have one length that fits into the samples' interval. Where events are located, steps are the
-    run's own, whatever the samples: those within a step are interpolated, at the order of the step. ``tell``
-    is called with the time reached, now and then.
+    run's own, whatever the samples: those within a step are interpolated, at the order of the step.
 
     Raises:
         ValueError: rigid walls without projection or without location of events.
@@ -105,7 +103,7 @@ def solve(
         SolverError: a step or an impact failed; it says which and when.
     """
     choice = step if isinstance(step, StepChoice) else StepChoice(step)
-    return Solver(mechanism, q, choice, stabilisation, compiled).run(q, v, end_time_s, samples, tell)
+    return Solver(mechanism, q, choice, stabilisation, compiled).run(q, v, end_time_s, samples)
 
 
 class Solver:
@@ -172,7 +170,7 @@ class Solver:
     def run(
         self, q: FloatArray, v: FloatArray, end_time_s: float, samples: int, tell: Tell = nobody
     ) -> Solution:
-        """Integrate from q and v as ``solve`` does."""
+        """Integrate from q and v as ``solve`` does; ``tell`` is called now and then with the time reached."""
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
         check_start(self._equations, q, v)
         state = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))

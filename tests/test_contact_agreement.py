@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 from engine_models.assembly import start_state
 from engine_models.reference_model import mechanism_of
 from engine_models.scene_library import CLEARANCE_SCENES
-from reference_solver.contact import ContactState, contact_force, contact_state
+from reference_solver.contact import contact_force
 from reference_solver.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
-from reference_solver.contact_stepper import contact_record, solve_with_contacts
 from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, Rates, new_motion
-from reference_solver.equations import Baumgarte, Equations
-from reference_solver.kernel import Topology, contact_source
+from reference_solver.equations import Baumgarte
+from reference_solver.faces import ReadableFace
+from reference_solver.kernel import Topology, source_of
 from reference_solver.kernel_store import load_kernel
-from reference_solver.mechanism import GROUND, Mechanism
-from reference_solver.points import State
-from reference_solver.readable import step as readable_step
-from reference_solver.solver import Stabilisation, StepChoice
+from reference_solver.mechanism import GROUND, ClearanceJoint, Mechanism
+from reference_solver.points import State, ends_of
+from reference_solver.solver import Stabilisation, StepChoice, contact_record, solve
 
 FloatArray = NDArray[np.float64]
 #: How far the two faces may part in a step, in units in the last place of what enters the sums. Measured: 25.
@@ -33,6 +32,27 @@ VARIANTS: dict[str, Stabilisation] = {
 }
 #: By how much states are moved off the constraints, in m and m/s, so that a stabilisation has work to do.
 OFF_M, OFF_M_S = 1e-9, 1e-4
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """One contact at one instant: penetration, its rate, normal force and friction, by the readable face."""
+
+    penetration_m: float
+    rate_m_s: float
+    normal_force_N: float
+    friction_force_N: float
+
+
+def contact_state(
+    joint: ClearanceJoint, phase: float, memory: float, q: FloatArray, v: FloatArray
+) -> ContactState:
+    state = State(q, v)
+    bearing, pin = ends_of(joint, state)
+    d = pin.place - bearing.place
+    rate = d @ (pin.rate - bearing.rate) / np.hypot(*d)
+    _, (normal, *_), friction = contact_force(joint, phase, memory, state)
+    return ContactState(float(np.hypot(*d) - joint.radial_clearance_m), float(rate), normal, friction)
 
 
 @dataclass(frozen=True)
@@ -51,7 +71,7 @@ class Moment:
         return max(c.penetration_m for c in self.contacts())
 
     def contacts(self) -> list[ContactState]:
-        pairs = zip(self.mechanism.contacts, self.phases.reshape(-1, 2), strict=True)
+        pairs = zip(self.mechanism.contacts, self.phases, strict=True)
         return [contact_state(joint, phase, a, self.q, self.v) for joint, (phase, a) in pairs]
 
     def condition(self) -> float:
@@ -59,7 +79,7 @@ class Moment:
         worst = 1.0
         for joint, state in zip(self.mechanism.contacts, self.contacts(), strict=True):
             if state.penetration_m > 0:
-                worst = max(worst, joint.law.exponent * np.abs(self.q).max() / state.penetration_m)
+                worst = max(worst, joint.compliance.exponent * np.abs(self.q).max() / state.penetration_m)
             if state.penetration_m > 0 and joint.friction is not None:
                 ramp = joint.friction.regularisation_speed_m_s - joint.friction.dead_band_speed_m_s
                 worst += np.abs(self.v).max() / ramp
@@ -72,18 +92,19 @@ def moments(name: str) -> dict[str, Moment]:
     scene = CLEARANCE_SCENES[name]()
     mechanism, (q, v) = mechanism_of(scene), (part.ravel() for part in start_state(scene))
     end = 0.003 if "driven" in name else 0.07 if "pendulum" in name else 0.016
-    run = solve_with_contacts(mechanism, q, v, end_time_s=end, samples=2000, choice=StepChoice(2e-5, 100))
-    depths = np.max([[state.penetration_m for state in joint] for joint in run.contacts], axis=0)
-    flying = np.flatnonzero(run.phases[:, ::2].max(axis=1) == FLIGHT)[-1]
+    run = solve(mechanism, q, v, end_time_s=end, samples=2000, step=StepChoice(2e-5, 100))
+    clearances = [joint.radial_clearance_m for joint in mechanism.contacts]
+    depths = (np.hypot(run.gap_m[..., 0], run.gap_m[..., 1]) - clearances).max(axis=1)
+    flying = np.flatnonzero(~run.closed.any(axis=1))[-1]
     noise_q, noise_v = np.random.default_rng(1).uniform(-1, 1, (2, len(q)))
 
     def moment(k: int, h: float) -> Moment:
-        state = run.motion.q[k] + OFF_M * noise_q, run.motion.v[k] + OFF_M_S * noise_v
-        return Moment(mechanism, q, float(run.motion.time_s[k]), *state, run.phases[k], h)
+        state = run.q[k] + OFF_M * noise_q, run.v[k] + OFF_M_S * noise_v
+        return Moment(mechanism, q, float(run.time_s[k]), *state, run.phases[k], h)
 
     deep = moment(int(depths.argmax()), 5e-7)
     phases = deep.phases.copy()
-    phases[::2][phases[::2] == CONTACT] = CLIPPED
+    phases[phases[:, 0] == CONTACT, 0] = CLIPPED
     return {"flight": moment(int(flying), 1e-5), "contact": deep, "clipped": replace(deep, phases=phases)}
 
 
@@ -92,65 +113,68 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
     projected = stabilisation == "projection"
     topology = Topology(at.mechanism, baumgarte, projected)
-    kernel = load_kernel(contact_source(topology.marked()))
-    equations = Equations(at.mechanism, at.q_start, baumgarte)
-    equations.phases = at.phases
-    names = equations.power_names[1:]
-    parameters, size = topology.parameters(kernel, at.q_start), 1 + len(names) + (stabilisation != "none")
+    kernel, readable = load_kernel(source_of(topology.marked())), ReadableFace(topology, at.q_start)
+    equations = readable.equations
+    names = [*equations.power_names, "removed"]
+    parameters = topology.parameters(kernel, at.q_start)
     contacts = np.array([contact_record(joint) for joint in at.mechanism.contacts], CONTACT_RECORD)
-    contacts["phase"], contacts["memory"] = at.phases.reshape(-1, 2).T
-    old, new, again = (new_motion(len(at.q), size, len(contacts)) for _ in range(3))
+    contacts["phase"], contacts["memory"] = at.phases.T
+    old, new, again, true = (new_motion(len(at.q), len(names), len(contacts)) for _ in range(4))
     old.q[:], old.v[:] = at.q, at.v
     assert kernel.step(parameters, contacts, at.t, at.h, old, new)
     q, v, sums = new.q, new.v, new.sums
     again.q[:], again.v[:] = q, v
-    assert kernel.gaps(parameters, contacts, again)
+    assert kernel.gaps(parameters, contacts, at.t + at.h, again)
     for field, scale in (("depth", np.abs(q).max()), ("rate", np.abs(v).max())):
         assert np.abs(new.gaps[field] - again.gaps[field]).max() <= ROUND_OFF * scale
-    a, rates, lambda_ = np.empty_like(at.q), np.empty(size), np.empty(len(equations.C))
-    assert kernel.slopes(parameters, contacts, at.t, old, Rates(a, rates, lambda_))
+    a, powers, lambda_ = np.empty_like(at.q), np.empty(len(names)), np.empty(len(equations.C))
+    rates = Rates(a, powers, lambda_, np.empty(2 * len(contacts)))
+    assert kernel.slopes(parameters, contacts, at.t, old, rates)
 
-    true_q, true_v, true_sums, removed = readable_step(equations, at.t, at.q, at.v, at.h, projected)
-    work = true_sums["drivers"]
-    true_a, true_lambda = equations.accelerations(at.t, at.q, at.v)
+    assert readable.step(None, contacts, at.t, at.h, old, true)
+    true_a, true_lambda = equations.accelerations(at.t, at.q, at.v, at.phases)
+    work, removed = true.sums[0], true.sums[-1]
     magnified = ROUND_OFF * at.condition()
     speeds = np.abs(at.v).max() + at.condition() * at.h * np.abs(true_a).max()
     torques = np.abs(true_lambda).max(initial=0.0)
     energy = at.h * torques * np.abs(at.v).max()
     compared = {
-        "q": (q, true_q, ROUND_OFF * (np.abs(at.q).max() + at.h * speeds)),
-        "v": (v, true_v, ROUND_OFF * speeds),
+        "q": (q, true.q, ROUND_OFF * (np.abs(at.q).max() + at.h * speeds)),
+        "v": (v, true.v, ROUND_OFF * speeds),
         "accelerations": (a, true_a, magnified * np.abs(true_a).max()),
         "multipliers": (lambda_, true_lambda, magnified * torques),
         "work": (sums[0], work, magnified * energy),
     }
-    if stabilisation != "none":
+    if stabilisation == "none":
+        assert sums[-1] == removed == 0
+    else:
         # A drift of one unit in the last place would do as much, and a projection counts what rounding the
-        # velocities adds (see project_with_loss): a unit of every one of them is 2 eps of kinetic energy.
+        # velocities adds (see Equations): a unit of every one of them is 2 eps of kinetic energy.
         kinetic = float(np.sum(at.v**2 / equations.inverse_mass)) / 2
         tolerance = magnified * (abs(removed) + energy) + 2 * float(np.finfo(float).eps) * kinetic
         compared["removed"] = (sums[-1], removed, tolerance)
     for name, (one, other, tolerance) in compared.items():
         difference = np.abs(one - other).max(initial=0.0)
         assert difference <= tolerance, f"{name}: {difference:.1e}, {tolerance:.1e} expected"
-    check_losses(at, dict(zip(names, rates[1:], strict=False)))
+    check_losses(at, dict(zip(names[1:-1], powers[1:-1], strict=True)), rates.forces)
 
 
-def check_losses(at: Moment, rates: dict[str, float]) -> None:
-    """Compare normal forces, and losses with the power of all contact forces that no spring stores."""
+def check_losses(at: Moment, rates: dict[str, float], forces: FloatArray) -> None:
+    """Compare contact forces, and losses with the power of all contact forces that no spring stores."""
     F, stored, scale = np.zeros(len(at.q)), 0.0, 0.0
-    for k, (joint, (phase, damping)) in enumerate(
-        zip(at.mechanism.contacts, at.phases.reshape(-1, 2), strict=True)
-    ):
+    for k, (joint, (phase, damping)) in enumerate(zip(at.mechanism.contacts, at.phases, strict=True)):
         state = contact_state(joint, phase, damping, at.q, at.v)
         for body, force in contact_force(joint, phase, damping, State(at.q, at.v))[0].items():
             if body != GROUND:
                 F[3 * body : 3 * body + 3] += force
-        spring = joint.law.stiffness * max(state.penetration_m, 0.0) ** joint.law.exponent
+        law = joint.compliance
+        spring = law.stiffness * max(state.penetration_m, 0.0) ** law.exponent
         stored += spring * state.rate_m_s if phase != FLIGHT else 0.0
         scale = max(scale, spring, abs(state.normal_force_N))
-        normal = rates[f"normal{k}"]
+        normal, friction = forces[2 * k : 2 * k + 2]
+        assert normal == rates[f"normal{k}"]
         assert abs(normal - state.normal_force_N) <= ROUND_OFF * at.condition() * scale
+        assert abs(friction - state.friction_force_N) <= ROUND_OFF * at.condition() * scale
     lost = sum(rate for name, rate in rates.items() if not name.startswith("normal"))
     tolerance = ROUND_OFF * at.condition() * scale * np.abs(at.v).max()
     assert abs(lost + F @ at.v + stored) <= tolerance, f"lost {lost} W of {-F @ at.v} W, stored {stored} W"
@@ -164,7 +188,7 @@ def test_a_generated_step_agrees_with_the_readable_one_in_flight_contact_and_cli
     found = moments(name)
     contact = found["contact"]
     assert contact.depth_m() > 1e-6, "the contact is deep"
-    assert contact.phases[1::2].any(), "a/v0 is set"
+    assert contact.phases[:, 1].any(), "a/v0 is set"
     for at in found.values():
         check(at, VARIANTS[variant])
 
@@ -175,7 +199,7 @@ def with_law(law: ContactLaw | None = None, friction: FrictionLaw | None = None)
     (joint,) = at.mechanism.contacts
     phases = at.phases.copy()
     if law is not None:
-        phases[1] *= law.damping_factor / joint.law.damping_factor
+        phases[:, 1] *= law.damping_factor / joint.compliance.damping_factor
     joint = replace(joint, law=law or joint.law, friction=friction)
     return replace(at, mechanism=replace(at.mechanism, contacts=(joint,)), phases=phases)
 

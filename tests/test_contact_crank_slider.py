@@ -12,8 +12,8 @@ from engine_models.reference_engine import ReferenceEngine
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Clearances, Scene
 from engine_models.scene_library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
-from reference_solver.contact_stepper import ContactSolution, solve_with_contacts
-from reference_solver.solver import StepChoice
+from reference_solver.solution import Solution
+from reference_solver.solver import StepChoice, solve
 from studies.metrics import energy_balance_residual_J, kinetic_energy_J
 from studies.truth import exact
 from tests.independent_clearance import integrate
@@ -37,13 +37,12 @@ def short(name: str) -> Scene:
     return CLEARANCE_SCENES[name]().model_copy(update={"end_time_s": HORIZON_S[name]})
 
 
-def solved(scene: Scene, choice: StepChoice, samples: int = 30) -> ContactSolution:
-    return solve_with_contacts(
-        mechanism_of(scene), *start(scene), end_time_s=scene.end_time_s, samples=samples, choice=choice
-    )
+def solved(scene: Scene, choice: StepChoice, samples: int = 30) -> Solution:
+    end = scene.end_time_s
+    return solve(mechanism_of(scene), *start(scene), end_time_s=end, samples=samples, step=choice)
 
 
-def touches(run: ContactSolution) -> np.ndarray:
+def touches(run: Solution) -> np.ndarray:
     return np.asarray(run.events[run.events["what"] == 1])
 
 
@@ -57,7 +56,7 @@ def test_slider_and_impacts_agree_with_an_independent_integration(name: str) -> 
     times_apart = [abs(a[0] - b[0]) for a, b in zip(truth.touches, twin.touches, strict=True)]
     assert max(times_apart) < IMPACT_S / 4, f"their impacts differ by {max(times_apart):.1e} s"
     run = solved(scene, FINE["driven" if "driven" in name else "free"])
-    off = np.abs(run.motion.q[:, -3] - truth.slider_position_m).max()
+    off = np.abs(run.q[:, -3] - truth.slider_position_m).max()
     assert off < POSITION_M, f"slider off by {off:.1e} m"
     found = touches(run)
     assert len(found) == len(truth.touches) > 1
@@ -75,7 +74,7 @@ def test_the_standard_cases_first_impacts_and_peak_force_are_those_known() -> No
     np.testing.assert_allclose(first["time_s"], [0.000227285, 0.000636428, 0.000749140], atol=5e-10, rtol=0)
     np.testing.assert_allclose(first["rate"], [4.385827, 2.748345, 1.825504], atol=5e-7, rtol=0)
     around = scene.model_copy(update={"end_time_s": 0.0003})
-    peak = max(state.normal_force_N for state in solved(around, FINE["driven"], 30_000).contacts[0])
+    peak = solved(around, FINE["driven"], 30_000).normal_force_N.max()
     assert peak == pytest.approx(45870, abs=0.5)
     # t1 ~ sqrt(2c/a0), v1 ~ sqrt(2 c a0), a0 = r w^2 (1 + r/L): within 0.5 %.
     a0, c = 0.05 * (2 * np.pi * 5000 / 60) ** 2 * (1 + 0.05 / 0.12), 5e-4
@@ -147,7 +146,7 @@ def test_the_clearance_scene_tends_to_the_ideal_one_as_the_clearance_vanishes() 
     found = []
     for c in (1e-4, 1e-5, 1e-6):
         scene = ideal.model_copy(update={"clearance": Clearances(B=clearance(c, "hu-guo", 0.5))})
-        found.append(np.abs(solved(scene, StepChoice(2e-6, 100), 20).motion.q[:, 6] - truth).max())
+        found.append(np.abs(solved(scene, StepChoice(2e-6, 100), 20).q[:, 6] - truth).max())
     # The pin strays by the clearance and by the penetration, 1e-5 m for steel under 3e3 N.
     assert found[0] < 2e-4, f"{found}"
     assert found[1] < found[0] / 2, f"{found}"

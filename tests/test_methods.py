@@ -1,11 +1,12 @@
 """Runge-Kutta methods as tables: the conditions of their order, and the order of their step."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
-from reference_solver.methods import RK4, increments, quadrature, stages
+from reference_solver.methods import RK4, stages, step
 
 FloatArray = NDArray[np.float64]
 
@@ -35,20 +36,55 @@ class Answer:
     """What an oscillator answers at a state."""
 
     accelerations: FloatArray
+    powers: dict[str, float] = field(default_factory=dict)
+    removed_W: float = 0.0
+    damper_per_s: float = 0.0
+    ok: bool = True
 
 
 def test_a_step_of_an_oscillator_is_its_taylor_series_up_to_order_four() -> None:
     h, q, v = 0.25, np.array([1.0]), np.array([0.5])
-    found = stages(RK4, lambda t, q, v: Answer(-q), 0.0, q, v, h)  # noqa: ARG005
-    change_q, change_v = increments(RK4, h, found)
+
+    def answer(t: float, q: FloatArray, v: FloatArray) -> Answer:  # noqa: ARG001
+        return Answer(-q, {"speed": float(v[0])}, removed_W=float(q[0]))
+
+    found = step(RK4, answer, None, 0.0, q, v, h)
     series = sum(
         np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]) * h, k) / np.prod(range(1, k + 1))
         for k in range(1, 5)
     )
-    expected = series @ np.array([1.0, 0.5])
-    np.testing.assert_allclose([change_q[0], change_v[0]], expected, rtol=0, atol=1e-15)
-    square = quadrature(RK4, h, [float(stage.v[0]) for stage in found])
-    assert abs(square - change_q[0]) < 1e-16, "what is integrated beside it has the same weights"
+    change_q, change_v = series @ np.array([1.0, 0.5])
+    np.testing.assert_allclose([found.q[0] - 1.0, found.v[0] - 0.5], [change_q, change_v], rtol=0, atol=1e-15)
+    assert abs(found.sums["speed"] - change_q) < 1e-15, "what is integrated beside it has the same weights"
+    assert found.removed == h, "a feedback's power counts as at the start of the step"
+    assert found.ok
+
+
+def test_what_rounding_takes_is_carried_on() -> None:
+    small, count = 1e-17, 1000
+
+    def answer(t: float, q: FloatArray, v: FloatArray) -> Answer:  # noqa: ARG001
+        return Answer(np.zeros(1))
+
+    q, v, lost = np.ones(1), np.full(1, small), np.zeros(2)
+    for _ in range(count):
+        found = step(RK4, answer, None, 0.0, q, v, 1.0, lost)
+        q, lost = found.q, found.lost
+    assert abs(q[0] + lost[0] - 1.0 - count * small) < np.finfo(float).eps
+    assert q[0] > 1.0, "each step alone rounds to nothing"
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_projection_acts_at_the_end_of_a_step_and_its_failure_is_the_steps(held: bool) -> None:
+    def answer(t: float, q: FloatArray, v: FloatArray) -> Answer:  # noqa: ARG001
+        return Answer(-q, removed_W=5.0)
+
+    def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
+        assert t == 2.5
+        return 0 * q, 2 * np.ones_like(v), 3.0, held
+
+    found = step(RK4, answer, project, 2.0, np.ones(1), np.ones(1), 0.5)
+    assert (found.q[0], found.v[0], found.removed, found.ok) == (0.0, 2.0, 3.0, held)
 
 
 def test_stages_are_taken_at_the_nodes_times() -> None:

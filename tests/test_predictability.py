@@ -3,6 +3,7 @@
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from engine_models.engines import make_engine
 from engine_models.scene import BodyState, Clearance, Clearances, FreeDrive, Link, Scene, Start
 from engine_models.scene_library import clearance_driven_002, clearance_driven_05
 from reports import page, predictability
+from reports import predictability_findings as findings
 from reports import predictability_statistics as statistics
 from reports.parts import Contradiction
+from reports.predictability_data import PER_REVOLUTION
 from studies import predictability as study
 from studies.case import Case
 from studies.ensemble import ideal_slider_position_m, period_s
@@ -280,11 +283,22 @@ def test_the_chapter_says_what_the_rows_say(
     text = built(results, tmp_path / "report", monkeypatch)
     assert "Nothing parts on clearance-driven-0.02mm" in text
     assert "No exponent is given where every start settles" in text
-    assert "which is chaos" in text
+    # Two starts: their interval, and so what it says, hangs on round-off.
+    assert "On clearance-driven-A distances grow" in text
     assert "permutation test tells the reference from itself" in text
     assert len(list((tmp_path / "report/figures").glob("*.png"))) == 5
     table = (tmp_path / "report/tables/predictability-horizons.csv").read_text("utf-8")
     assert "clearance-driven-0.02mm,6 revolutions,–,–,–,–,–,–" in table
+
+
+@pytest.mark.parametrize(
+    ("exponents", "said"),
+    [((2.0, 2.1, 2.2), "which is chaos"), ((-1.0, 0.5, 2.0), "which these starts do not tell from zero")],
+)
+def test_chaos_is_an_exponent_whose_interval_is_above_zero(exponents: tuple[float, ...], said: str) -> None:
+    runs = [SimpleNamespace(values={PER_REVOLUTION: each}) for each in exponents]
+    (sentence,) = findings.exponents({"a scene": runs})  # type: ignore[dict-item]
+    assert said in sentence
 
 
 def test_a_periodic_scene_whose_twins_part_contradicts_the_chapter(

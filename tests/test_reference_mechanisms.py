@@ -56,7 +56,11 @@ def test_a_triple_pendulum_and_its_hanging_force_converge_at_order_four() -> Non
     position_errors, force_errors = [], []
     for count in counts:
         run = solve(
-            pendulum_mechanism(), *pendulum_start(), end_time_s=end, samples=samples, steps_per_sample=count
+            pendulum_mechanism(),
+            *pendulum_start(),
+            end_time_s=end,
+            samples=samples,
+            step=end / (samples * count),
         )
         position_errors.append(np.abs(run.q.reshape(-1, 3, 3)[:, :, :2] - centres).max())
         force_errors.append(np.abs(run.multipliers[:, :2] - forces).max())
@@ -96,7 +100,7 @@ def test_a_four_bar_linkage_converges_at_order_four() -> None:
             (X_1 * rate).ravel(),
             end_time_s=end,
             samples=samples,
-            steps_per_sample=count,
+            step=end / (samples * count),
         )
         errors.append(np.abs(run.q.reshape(-1, 3, 3)[:, :, :2] - centres).max())
     order = slope([end / samples / count for count in counts], errors)
@@ -130,7 +134,7 @@ def test_a_damped_block_on_an_inclined_guide_follows_the_closed_form_at_order_fo
             np.zeros(3),
             end_time_s=1.0,
             samples=samples,
-            steps_per_sample=count,
+            step=1.0 / (samples * count),
         )
         errors.append(np.abs(run.q - np.outer(along, direction)).max())
     order = slope([1.0 / samples / count for count in counts], errors)
@@ -141,7 +145,7 @@ def test_a_torque_on_a_pinned_wheel_gives_the_textbook_angle_exactly() -> None:
     wheel = Mechanism(
         (Body(1.0, 0.5),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),), (Torque(0, 2.0),)
     )
-    run = solve(wheel, np.zeros(3), np.zeros(3), end_time_s=1.0, samples=1, steps_per_sample=8)
+    run = solve(wheel, np.zeros(3), np.zeros(3), end_time_s=1.0, samples=1, step=1 / 8)
     # RK4 integrates a quadratic exactly: only round-off is left.
     assert run.q[-1, 2] == pytest.approx(2.0, abs=1e-14)
 
@@ -151,7 +155,7 @@ def test_redundant_constraints_raise_an_error_that_names_the_rank() -> None:
     mechanism = pendulum_mechanism()
     redundant = Mechanism(mechanism.bodies, (*mechanism.constraints, pinned_twice), gravity_m_s2=GRAVITY)
     with pytest.raises(SingularConfiguration, match="rank 6 of 8 rows at t = 0 s") as caught:
-        solve(redundant, *pendulum_start(), end_time_s=1.0, samples=1, steps_per_sample=1)
+        solve(redundant, *pendulum_start(), end_time_s=1.0, samples=1, step=1.0)
     assert (caught.value.rank, caught.value.rows) == (6, 8)
 
 
@@ -165,14 +169,14 @@ def test_two_drivers_on_one_body_raise_an_error_that_names_the_rank() -> None:
         ),
     )
     with pytest.raises(SingularConfiguration, match="rank 3 of 4"):
-        solve(wheel, np.zeros(3), np.array([0, 0, 1.0]), end_time_s=1.0, samples=1, steps_per_sample=1)
+        solve(wheel, np.zeros(3), np.array([0, 0, 1.0]), end_time_s=1.0, samples=1, step=1.0)
 
 
 @pytest.mark.parametrize(("dq", "dv", "message"), [(1e-6, 0.0, "positions"), (0.0, 1e-3, "velocities")])
 def test_an_inconsistent_start_is_refused(dq: float, dv: float, message: str) -> None:
     q, v = pendulum_start()
     with pytest.raises(InconsistentStart, match=message):
-        solve(pendulum_mechanism(), q + dq, v + dv, end_time_s=1.0, samples=1, steps_per_sample=1)
+        solve(pendulum_mechanism(), q + dq, v + dv, end_time_s=1.0, samples=1, step=1.0)
 
 
 def test_an_unstable_step_ends_in_an_error_that_says_when() -> None:
@@ -180,7 +184,7 @@ def test_an_unstable_step_ends_in_an_error_that_says_when() -> None:
     direction = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
     with pytest.raises(NonFiniteState, match=r"t = .* s with step 0\.5 s"):
         solve(
-            oscillator(0.0), 0.65 * direction, np.zeros(3), end_time_s=500.0, samples=1, steps_per_sample=1000
+            oscillator(0.0), 0.65 * direction, np.zeros(3), end_time_s=500.0, samples=1, step=0.5
         )
 
 
