@@ -47,7 +47,7 @@ class ReferenceEngine:
     locate_events: bool = True
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene where rigid contact or the settings stand in the way."""
+        """Raise UnsupportedScene where the settings stand in the way of rigid contact."""
         rigid = any(getattr(scene.clearance, name).law == "rigid" for name in scene.joints_with_clearance)
         if rigid and not (self.stabilisation == "projection" and self.locate_events):
             raise UnsupportedScene(

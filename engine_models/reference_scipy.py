@@ -5,6 +5,7 @@ one, then what every contact adds up (``contact.rates_of``). The text is the ref
 without stabilisation, compiled: a call from Python takes 1-2 us, most of it Python's and not the equations'.
 """
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -14,12 +15,26 @@ from engine_models.engine import FloatArray
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
-from reference_solver.contact_types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, GAP_RECORD, Motion, Rates
+from reference_solver.contact_types import (
+    CLIPPED,
+    CONTACT,
+    CONTACT_RECORD,
+    EVENT_RECORD,
+    FLIGHT,
+    GAP_RECORD,
+    Impact,
+    Motion,
+    Rates,
+)
 from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
 from reference_solver.kernel import Kernel, Topology
 from reference_solver.kernel_store import load_kernel
+from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
+
+#: A contact that is over: time of touch, contact, duration, approach speed, normal impulse and energy lost.
+ContactEnd = tuple[float, int, float, float, float, float]
 
 
 def derivative_source(topology: Topology) -> str:
@@ -108,6 +123,41 @@ class Derivative:
         """Return {lambda} (m,), and every contact's normal force and friction (2K,), in its present phase."""
         self(t, y)
         return self._rates.multipliers.copy(), self._rates.forces.copy()
+
+    def solution(
+        self,
+        end_time_s: float,
+        samples: Sequence[FloatArray],
+        phases: Sequence[FloatArray],
+        ends: Sequence[ContactEnd],
+        steps: int,
+    ) -> Solution:
+        """Return a run with equally spaced samples of y and phases as a solution, with the forces at them."""
+        y, forces, unknown = np.array(samples), [], float("nan")
+        time = np.linspace(0.0, end_time_s, len(y))
+        for t, at, then in zip(time, y, phases, strict=True):
+            self.set_phases(then)
+            forces.append(self.forces(t, at))
+        multipliers, of_contacts = (np.array(column) for column in zip(*forces, strict=True))
+        impacts = [
+            Impact(t, k, "contact", duration, speed, impulse, unknown, lost, unknown)
+            for t, k, duration, speed, impulse, lost in ends
+        ]
+        return Solution(
+            mechanism=self.mechanism,
+            time_s=time,
+            q=y[:, : self.n],
+            v=y[:, self.n : 2 * self.n],
+            multipliers=multipliers,
+            phases=np.reshape(phases, (len(y), -1, 2)),
+            normal_force_N=of_contacts[:, ::2],
+            friction_force_N=of_contacts[:, 1::2],
+            sums=self.named_sums(y),
+            events=np.zeros(0, EVENT_RECORD),
+            impacts=tuple(impacts),
+            mode_changes=(),
+            steps=steps,
+        )
 
     def named_sums(self, y: FloatArray) -> dict[str, FloatArray]:
         """Return the integrals in y, (..., size), by name."""

@@ -87,7 +87,7 @@ class Calls:
                     y,
                     choice.method,
                     times,
-                    events=[self._steps, *watched],
+                    events=[self._step_taken, *watched],
                     rtol=choice.rtol,
                     atol=self._atol,
                     max_step=choice.longest_step_s,
@@ -103,11 +103,15 @@ class Calls:
 
     def _right(self, t: float, y: FloatArray) -> FloatArray:
         self.evaluations += 1
-        if self.evaluations > self._pause:
-            self._look_up(t)
         if self._memory is not None:
             self._derivative.sense(y, self._memory)
         return self._derivative(t, y)
+
+    def _step_taken(self, t: float, y: FloatArray) -> float:
+        """Look up now and then: not in the right-hand side, whose exceptions Fortran prints."""
+        if self.evaluations > self._pause:
+            self._look_up(t)
+        return self._steps(t, y)
 
     def _look_up(self, t: float) -> None:
         """Tell how far the run has come, and end one that does not get on."""

@@ -113,6 +113,6 @@ class ScipyEngine:
         else:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
-        solution = record.solution(scene.end_time_s, calls.steps)
+        solution = derivative.solution(scene.end_time_s, record.y, record.phases, record.ends, calls.steps)
         run = trajectory_of(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))

@@ -6,11 +6,11 @@ R_i + delta/2 from the bearing's centre and R_j - delta/2 from the pin's.
 """
 
 from reference_solver.contact_laws import FRICTION_LAWS, NORMAL_LAWS
-from reference_solver.contact_types import CLIPPED, FLIGHT, PROBE
+from reference_solver.contact_types import CLIPPED, FLIGHT
 from reference_solver.loads import Forces, pair
 from reference_solver.mechanism import ClearanceJoint
 from reference_solver.points import State, ends_of
-from reference_solver.tape import Array, Scalar, array, choose, equal, larger, named, sqrt, when
+from reference_solver.tape import Scalar, array, choose, equal, larger, named, sqrt, when
 
 #: As a part of the clearance: round-off of the penetration.
 LEAST_DEPTH = 1e-12
@@ -50,8 +50,6 @@ def contact_force(
             clipped = equal(phase, CLIPPED)
             normal, loss = choose(clipped, 0.0, normal), choose(clipped, 0.0, loss)
             clip = choose(clipped, -elastic * rate, 0.0)
-        probe = equal(phase, PROBE)  # for the gap's mobility
-        normal, loss = choose(probe, 1.0, normal), choose(probe, 0.0, loss)
         force, twist_i, twist_j, tangential = -normal * n, 0.0, 0.0, 0.0
         if joint.friction is not None:
             arm_i = joint.bearing_radius_m + 0.5 * depth
@@ -109,12 +107,3 @@ def gap(
     elastic, damper, push = (0.0, 0.0, pressing) if joint.rigid else when(phase > FLIGHT, closed, 3)
     fields = {"g": 0.5 * (d @ d - c * c) / c, "rate": g_rate, "speed": sqrt(d_dot @ d_dot), "depth": depth}
     return {**fields, "elastic": elastic, "damper": damper, "push": push}
-
-
-def gap_acceleration(joint: ClearanceJoint, state: State, accelerations: Array) -> Scalar:
-    """Return the part of the second derivative of g that is linear in the accelerations (n,)."""
-    bearing, pin = ends_of(joint, state)
-    of_points = [
-        point.jacobian @ State(state.q, accelerations).velocity(point.body) for point in (bearing, pin)
-    ]
-    return (pin.place - bearing.place) @ (of_points[1] - of_points[0]) / joint.radial_clearance_m

@@ -1,7 +1,7 @@
 """The loop of contacts: steps that land on every touch and release, graded into and out of contact.
 
 Numba compiles this module as it stands, once for all mechanisms: ``step``, ``slopes`` and
-``gap_accelerations`` are functions of the mechanism's own kernel (see ``kernel``), called by address, which
+``mobilities`` are functions of the mechanism's own kernel (see ``kernel``), called by address, which
 costs 5 % of a step. Without Numba it runs too, as the readable face (see ``faces``). Between events every
 right-hand side is smooth; an event is located by shortening the step until its end lies on it.
 """
@@ -23,7 +23,6 @@ from reference_solver.contact_types import (
     FLIGHT,
     FULL,
     GAP_RECORD,
-    PROBE,
     SETTLE,
     SPENT,
     Motion,
@@ -48,8 +47,8 @@ RATES = NamedUniTuple(ARRAY, 4, Rates)
 RECORDS = NamedTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE), Records)
 STEP = FunctionType(boolean(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, RATES))
-GAP_ACCELERATIONS = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, ARRAY))
-ADVANCE = int64(STEP, SLOPES, GAP_ACCELERATIONS, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS)
+MOBILITIES = FunctionType(boolean(ARRAY, MOTION, ARRAY))
+ADVANCE = int64(STEP, SLOPES, MOBILITIES, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS)
 
 
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
@@ -181,7 +180,7 @@ def approach(step, p, contacts, t, h, old, new, skip):
 
 
 @register_jitable(**INNER)
-def switch(gap_accelerations, p, contacts, t, motion, event, spare):
+def switch(mobilities, p, contacts, t, motion, event, spare):
     """Change a contact's phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume."""
     k, kind = event // 2, event % 2
     contact = contacts[k]
@@ -191,14 +190,10 @@ def switch(gap_accelerations, p, contacts, t, motion, event, spare):
     if contact.phase != FLIGHT:
         contact.phase = FLIGHT
         return -1
-    # The gap's answer to a unit force tells the effective mass, and with it how long the contact will take.
-    gap_accelerations(p, contacts, t, motion, spare)
-    free = spare[k]
-    contact.phase = PROBE
-    gap_accelerations(p, contacts, t, motion, spare)
-    contact.phase = CONTACT
+    # The mobility tells how long the contact will take.
+    mobilities(p, motion, spare)
+    contact.phase, contact.mobility = CONTACT, spare[k]
     gap, n = motion.gaps[k], contact.exponent
-    contact.mobility = (free - spare[k]) * contact.clearance / (contact.clearance + gap.depth)
     speed = max(gap.rate, contact.slowest)
     energy = (n + 1.0) * speed * speed / (2.0 * contact.stiffness * contact.mobility)
     contact.memory = contact.factor / speed
@@ -207,12 +202,12 @@ def switch(gap_accelerations, p, contacts, t, motion, event, spare):
 
 
 @register_jitable(**INNER)
-def note(gap_accelerations, p, contacts, motion, event, spare, clock, records):
+def note(mobilities, p, contacts, motion, event, spare, clock, records):
     """Change a contact's phase at an event and write the event into the log."""
     now = clock[0]
     entry, k = records.events[now.events], event // 2
     entry.time_s, entry.contact = now.time, k
-    entry.what = switch(gap_accelerations, p, contacts, now.time, motion, event, spare)
+    entry.what = switch(mobilities, p, contacts, now.time, motion, event, spare)
     entry.rate, entry.depth = motion.gaps[k].rate, motion.gaps[k].depth
     for c in range(len(motion.sums)):
         records.event_sums[now.events, c] = motion.sums[c]
@@ -312,7 +307,7 @@ def empty_rates(motion, records):
 
 @register_jitable(**INNER)
 def write(slopes, p, contacts, t, motion, now, records):
-    """Write the sample of a state; of the multipliers come first those of the mechanism's own rows."""
+    """Write the sample of a state."""
     row, rates = now.taken, empty_rates(motion, records)
     slopes(p, contacts, t, motion, rates)
     for c in range(len(motion.q)):
@@ -426,7 +421,7 @@ def cut(step, p, contacts, t, h, old, new):
         other = first_alarm(contacts, new.gaps, event)
 
 
-def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records):
+def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
     """Advance the motion to the clock's end in place, event by event; return how that ended.
 
     Events are added to the log, and a sample is written for each of the records' times up to the end. Where
@@ -438,7 +433,7 @@ def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records
         contact = contacts[k]
         closed = contact.rigid == 0.0 and contact.phase == FLIGHT and motion.gaps[k].g > 0.0
         if now.time == 0.0 and now.end > 0.0 and closed:  # from the start
-            note(gap_accelerations, p, contacts, motion, 2 * k, spare, clock, records)
+            note(mobilities, p, contacts, motion, 2 * k, spare, clock, records)
     while True:
         t = now.time
         while now.taken < len(records.time) and records.time[now.taken] <= t:
@@ -483,4 +478,4 @@ def advance(step, slopes, gap_accelerations, p, contacts, motion, clock, records
             now.rigid = event // 2
             return SETTLE
         if event >= 0:
-            note(gap_accelerations, p, contacts, motion, event, spare, clock, records)
+            note(mobilities, p, contacts, motion, event, spare, clock, records)

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-#: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), contact with the force
-#: clipped because the law would pull, and a probe, which answers with a unit normal force.
-FLIGHT, CONTACT, CLIPPED, PROBE = 0.0, 1.0, 2.0, 3.0
+#: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
+#: clipped because the law would pull.
+FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 
 #: How ``contact_loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step
 #: that met a singular configuration or overflowed, or at an event on a rigid wall that is to be settled.
@@ -93,7 +93,7 @@ class Motion(NamedTuple):
 class Rates(NamedTuple):
     """What changes at a state: {q''} (n,) and powers (s,); {lambda} (m,) and the contacts' forces (2K,).
 
-    Those are of every contact the normal one and friction, in N.
+    {lambda} is that of the mechanism's own rows; forces are of every contact the normal one and friction.
     """
 
     a: FloatArray

@@ -22,7 +22,7 @@ from reference_solver.factors import Factors
 from reference_solver.loads import LOADS, Forces
 from reference_solver.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.methods import RK4, Method
-from reference_solver.points import State
+from reference_solver.points import State, ends_of, speed_row
 from reference_solver.rigid_friction import Rubbing, rubbed
 from reference_solver.rigid_geometry import wall_link
 from reference_solver.tape import Array, Scalar, array, both, named
@@ -105,11 +105,16 @@ class Equations:
         still = np.zeros(self.n)
         #: {C} (m,): what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
         self.C = self.system(0.0, still, still).C
-        rows = enumerate(joints, len(self.C) - len(joints))
+        rows = enumerate(joints, self.own_rows)
         #: The pins that follow with friction.
         self.rubbing = [
             Rubbing(row, k, joint, law) for row, (k, joint) in rows if (law := joint.friction) is not None
         ]
+
+    @property
+    def own_rows(self) -> int:
+        """Number of rows of the mechanism's own constraints, which come first."""
+        return len(self.C) - len(self.following)
 
     @property
     def power_names(self) -> list[str]:
@@ -210,7 +215,7 @@ class Equations:
             damper = found.damper_per_s
             for pin, force, lost in zip(self.rubbing, found.forces, found.powers, strict=True):
                 friction[pin.contact], powers[f"slide{pin.contact}"] = force, lost
-        for row, k in enumerate(self.following, len(self.C) - len(self.following)):
+        for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
         return Answer(A, lambda_, powers, friction, removed, damper, ok)
@@ -230,6 +235,22 @@ class Equations:
         drift = named("drift", system.B @ v - system.C, "Baumgarte's feedback")
         feedback = named("feedback", 2 * gains.alpha_s * drift + gains.beta_s * gains.beta_s * system.g)
         return right - feedback, factors.solve(drift) @ feedback
+
+    def mobilities(self, q: Array) -> list[Scalar]:
+        """Return every contact's mobility in 1/kg: the rate of its gap per unit of normal impulse (K,).
+
+        It is N ([M]^-1 - [M]^-1 [B]^T ([B][M]^-1[B]^T)^-1 [B][M]^-1) N^T, N the row of the normal speed.
+        """
+        still = np.zeros(self.n)
+        state, B = State(q, still), self.system(0.0, q, still).B
+        factors, found = self.factors(B), []
+        for joint in self.mechanism.contacts:
+            bearing, pin = ends_of(joint, state)
+            d = pin.place - bearing.place
+            N = speed_row(d, bearing, pin, self.n)
+            held = B @ (self.inverse_mass * N)
+            found.append((N @ (self.inverse_mass * N) - held @ factors.solve(held)) / (d @ d))
+        return found
 
     def accelerations(
         self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None

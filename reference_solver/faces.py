@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver import contact_loop
-from reference_solver.contact import gap, gap_acceleration
+from reference_solver.contact import gap
 from reference_solver.contact_types import DONE, FAILED, SPENT, Motion, Rates, Records
 from reference_solver.equations import Equations
 from reference_solver.kernel import Topology, source_of
@@ -21,6 +21,9 @@ RecordArray = NDArray[np.void]
 
 class CompiledFace:
     """The kernel of a topology, and the loop that calls it."""
+
+    #: Steps times coordinates per call: a fraction of a second, so that an interrupt is answered.
+    chunk = 2_000_000
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
         self._kernel = load_kernel(source_of(topology.marked()))
@@ -37,7 +40,7 @@ class CompiledFace:
         kernel, p = self._kernel, self._parameters
         if self._located:
             loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
-            functions = kernel.step, kernel.slopes, kernel.gap_accelerations
+            functions = kernel.step, kernel.slopes, kernel.mobilities
             return int(loop(*functions, p, contacts, motion, clock, records))
         (now,) = clock.view(np.recarray)
         while now.taken < len(records.time):
@@ -56,6 +59,9 @@ class CompiledFace:
 class ReadableFace:
     """The equations of a topology in numbers: slow, to be read, and to say what is wrong with a step."""
 
+    #: Steps times coordinates per call: some seconds.
+    chunk = 20_000
+
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
         self._topology = topology
         mechanism = topology.mechanism
@@ -67,7 +73,7 @@ class ReadableFace:
             table.view(np.recarray) for table in (contacts, motion.gaps, clock, records.events)
         )
         at, rows = motion._replace(gaps=gaps), records._replace(events=events)
-        functions = self.step, self.slopes, self.gap_accelerations
+        functions = self.step, self.slopes, self.mobilities
         with np.errstate(all="ignore"):
             return int(contact_loop.advance(*functions, None, contacts, at, clock, rows))
 
@@ -109,19 +115,14 @@ class ReadableFace:
         """Set the rates at a state."""
         found = self.equations.required(t, motion.q, motion.v, phases_of(contacts))
         rates.a[:], rates.powers[:] = found.accelerations, [*found.powers.values(), found.removed_W]
-        rates.multipliers[: len(found.multipliers)] = found.multipliers
+        rates.multipliers[:] = found.multipliers[: self.equations.own_rows]
         rates.forces[::2] = [found.powers[f"normal{k}"] for k in range(len(contacts))]
         rates.forces[1::2] = found.friction_N
         return True
 
-    def gap_accelerations(
-        self, _: object, contacts: RecordArray, t: float, motion: Motion, out: FloatArray
-    ) -> bool:
-        """Set ``out`` (K,) (see ``contact.gap_acceleration``)."""
-        state, phases = State(motion.q, motion.v), phases_of(contacts)
-        found = self.equations.required(t, motion.q, motion.v, phases)
-        joints = self._topology.mechanism.contacts
-        out[:] = [gap_acceleration(joint, state, found.accelerations) for joint in joints]
+    def mobilities(self, _: object, motion: Motion, out: FloatArray) -> bool:
+        """Set ``out`` (K,) to the contacts' mobilities."""
+        out[:] = self.equations.mobilities(motion.q)
         return True
 
 

@@ -16,7 +16,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.contact import gap, gap_acceleration
+from reference_solver.contact import gap
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.lifting import lifted
 from reference_solver.mechanism import Mechanism
@@ -164,7 +164,9 @@ class Kernel:
         *texts, returned = writer.write(draft.tape, [*values, ok])
         lines = [*(self.unpack(before) if isinstance(before, str) else before), *writer.lines]
         lines += [f"{place} = {text}" for place, text in zip(places, texts, strict=True)]
-        self._define(ENTRY, name, arguments, [*self._reading(writer), *lines, f"return {returned}"])
+        self._define(
+            ENTRY, name, arguments, [*self._reading(writer, arguments), *lines, f"return {returned}"]
+        )
 
     def unpack(self, of: str) -> list[str]:
         """Return lines that name the coordinates and velocities of a state, its name with a point behind."""
@@ -173,11 +175,12 @@ class Kernel:
     def _writer(self, names: Iterable[str] = ()) -> Writer:
         return Writer(self._parameters, [*names, "t", *self._phases, *self._state])
 
-    def _reading(self, writer: Writer) -> list[str]:
-        """Return the lines that read parameters and phases from their arrays."""
+    def _reading(self, writer: Writer, arguments: Sequence[str]) -> list[str]:
+        """Return the lines that read parameters and phases from their arrays, if these are given."""
         reads = [*writer.reads, *(name for inner in writer.calls for name in self._reads[inner])]
         lines = [f"{name} = p[{name[1:]}]" for name in dict.fromkeys(reads)]
-        return lines + [f"{name} = {place}" for name, place in self._phases.items()]
+        phases = self._phases.items() if "contacts" in arguments else ()
+        return lines + [f"{name} = {place}" for name, place in phases]
 
     def _define(self, options: str, name: str, arguments: Sequence[str], lines: list[str]) -> None:
         head = f"@njit({options})\ndef {name}({', '.join(arguments)}):"
@@ -235,7 +238,8 @@ class Kernel:
         found = self.call_answer(draft, draft.t, draft.q, draft.v)
         powers = [*found.powers.values(), found.removed_W]
         forces = [force for k, x in enumerate(found.friction_N) for force in (found.powers[f"normal{k}"], x)]
-        parts = {"a": found.accelerations, "powers": powers, "multipliers": found.multipliers}
+        own = found.multipliers[: self.equations.own_rows]
+        parts = {"a": found.accelerations, "powers": powers, "multipliers": own}
         parts |= {"forces": forces}
         stores = [(f"rates.{name}[{c}]", x) for name, values in parts.items() for c, x in enumerate(values)]
         self.entry("slopes", ["p", "contacts", "t", "motion", "rates"], draft, found.ok, stores, "motion.")
@@ -278,17 +282,12 @@ class Kernel:
         arguments = ["p", "contacts", "t", "h", "old", "new"]
         self.entry("step", arguments, draft, both(found.ok, ok), stores, "old.")
 
-    def gap_accelerations(self) -> None:
-        """Write ``gap_accelerations(p, contacts, t, motion, out)`` (see ``contact``); False on failure."""
+    def mobilities(self) -> None:
+        """Write ``mobilities(p, motion, out)`` (see ``Equations.mobilities``)."""
         draft = self.begin()
-        found = self.call_answer(draft, draft.t, draft.q, draft.v)
-        joints, state = draft.equations.mechanism.contacts, State(draft.q, draft.v)
-        stores = [
-            (f"out[{k}]", gap_acceleration(joint, state, found.accelerations))
-            for k, joint in enumerate(joints)
-        ]
-        arguments = ["p", "contacts", "t", "motion", "out"]
-        self.entry("gap_accelerations", arguments, draft, found.ok, stores, "motion.")
+        found = draft.equations.mobilities(draft.q)
+        stores = [(f"out[{k}]", value) for k, value in enumerate(found)]
+        self.entry("mobilities", ["p", "motion", "out"], draft, True, stores, "motion.")
 
     def advance(self) -> None:
         """Write ``advance(p, q, v, sums, h, first, count)``: steps first to first + count - 1, in place.
@@ -308,7 +307,11 @@ class Kernel:
         inside = ["t = (first + done)*h", *writer.lines, f"if not ({ok}):", "    break"]
         inside += [f"{name} = {text}" for name, text in zip(carried, texts, strict=False)]
         inside += [f"{name} += {text}" for name, text in zip(added, texts[len(carried) :], strict=True)]
-        lines = [*self._reading(writer), *self.unpack(""), *(f"{name} = 0.0" for name in [*own, *added])]
+        lines = [
+            *self._reading(writer, arguments),
+            *self.unpack(""),
+            *(f"{name} = 0.0" for name in [*own, *added]),
+        ]
         lines += ["done = 0", "while done < count:", *(f"    {line}" for line in [*inside, "done += 1"])]
         lines += [f"{name[0]}[{name[1:]}] = {name}" for name in self._state]
         lines += [f"sums[{k}] += {name}" for k, name in enumerate(added)]
@@ -319,7 +322,7 @@ class Kernel:
 def source_of(topology: Topology) -> str:
     """Return the module of a marked topology: ``slopes`` and ``advance``; with contacts, what they need.
 
-    That is ``step``, ``gaps`` and ``gap_accelerations``, for ``contact_loop``.
+    That is ``step``, ``gaps`` and ``mobilities``, for ``contact_loop``.
     """
     kernel = Kernel(topology)
     kernel.answer()
@@ -329,7 +332,7 @@ def source_of(topology: Topology) -> str:
     if topology.mechanism.contacts:
         kernel.gaps()
         kernel.contact_step()
-        kernel.gap_accelerations()
+        kernel.mobilities()
     else:
         kernel.advance()
     return kernel.source()

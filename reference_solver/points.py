@@ -67,3 +67,18 @@ class State:
 def ends_of(joint: ClearanceJoint, state: State) -> tuple[Point, Point]:
     """Return the bearing's centre and the pin's."""
     return state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+
+
+def speed_row(
+    direction: Array, bearing: Point, pin: Point, size: int, twist: tuple[Scalar, Scalar] = (0.0, 0.0)
+) -> Array:
+    """Return the row (size,) that gives from {q'} the speed of the pin from the bearing along a direction.
+
+    ``twist`` adds parts of the angular velocities of bearing and pin.
+    """
+    row: list[Scalar] = [0.0] * size
+    for point, sign, radius in zip((bearing, pin), (-1, 1), twist, strict=True):
+        if point.body != GROUND:
+            entries = sign * (direction @ point.jacobian)
+            row[3 * point.body : 3 * point.body + 3] = [entries[0], entries[1], entries[2] + radius]
+    return array(row)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.mechanism import GROUND, ClearanceJoint, MasslessLink
-from reference_solver.points import Point, State, ends_of
-from reference_solver.tape import Array, Scalar, array
+from reference_solver.mechanism import ClearanceJoint, MasslessLink
+from reference_solver.points import Point, State, ends_of, speed_row
+from reference_solver.tape import Array, array
 
 FloatArray = NDArray[np.float64]
 
@@ -24,21 +24,6 @@ ROUND_OFF = 64 * float(np.finfo(float).eps)
 def wall_link(joint: ClearanceJoint) -> MasslessLink:
     """Return the constraint of a pin that follows its wall."""
     return MasslessLink(joint.body_i, joint.point_i, joint.body_j, joint.point_j, joint.radial_clearance_m)
-
-
-def speed_row(
-    direction: Array, bearing: Point, pin: Point, size: int, twist: tuple[Scalar, Scalar] = (0.0, 0.0)
-) -> Array:
-    """Return the row (size,) that gives from {q'} the speed of the pin from the bearing along a direction.
-
-    ``twist`` adds parts of the angular velocities of bearing and pin.
-    """
-    row: list[Scalar] = [0.0] * size
-    for point, sign, radius in zip((bearing, pin), (-1, 1), twist, strict=True):
-        if point.body != GROUND:
-            entries = sign * (direction @ point.jacobian)
-            row[3 * point.body : 3 * point.body + 3] = [entries[0], entries[1], entries[2] + radius]
-    return array(row)
 
 
 def sliding_row(joint: ClearanceJoint, n: Array, bearing: Point, pin: Point, size: int) -> Array:

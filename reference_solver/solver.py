@@ -46,8 +46,6 @@ START_TOLERANCE = 1e-9
 LARGEST_COMPILED = 16
 #: Fewer steps do not follow a contact.
 FEWEST_STEPS_PER_CONTACT = 10.0
-#: Steps times coordinates per call of a face: a fraction of a second, so that an interrupt is answered.
-CHUNK = 2_000_000
 #: Events per call of a face.
 LOG_ROWS = 256
 #: Events on rigid walls at one time, per contact: more than a few mean that they do not settle.
@@ -188,8 +186,10 @@ class Solver:
         self._face(following).gaps(contacts, 0.0, motion)
         status = SPENT
         while status != DONE:
-            begin, now.events, now.budget = float(now.time), 0, now.steps + CHUNK // len(q)
-            status = self._face(following).advance(contacts, motion, clock, records)
+            face = self._face(following)
+            begin, chunk = float(now.time), 1 + face.chunk // len(q)
+            now.events, now.budget = 0, now.steps + chunk
+            status = face.advance(contacts, motion, clock, records)
             self.steps = int(now.steps)
             tell(float(now.time))
             events.append(records.events[: now.events].copy())
@@ -197,7 +197,7 @@ class Solver:
             if status == FAILED:
                 self._refuse(following, contacts, motion, now)
             if status == SPENT and now.time == begin:
-                raise Stalled(begin, CHUNK // len(q))
+                raise Stalled(begin, chunk)
             if status == SETTLE:
                 self.settled += 1
                 at_once = at_once + 1 if now.time == begin else 1

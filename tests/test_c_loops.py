@@ -8,10 +8,10 @@ import pytest
 from engine_models.scene import Clearances
 from engine_models.scene import ContactLaw as LawName
 from engine_models.scene_library import clearance, clearance_driven_05
-from reference_solver.solver import StepChoice, make_stepper
+from reference_solver.solver import StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, difference, run_by_kernel
-from tests.benchmarks.kernel import STEP_S, check
+from tests.benchmarks.kernel import STEP_S, Kernel, check
 from tests.test_reference_kernel import scene_case
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 def test_the_ideal_loop_follows_the_kernel(tmp_path: Path) -> None:
     mechanism, q, v, _ = scene_case("ideal-driven")
-    check(CLoop(mechanism, STEP_S, tmp_path), make_stepper(mechanism, q, STEP_S, "none", compiled=True), q, v)
+    check(CLoop(mechanism, STEP_S, tmp_path), Kernel(mechanism, q), q, v)
 
 
 @pytest.mark.parametrize(

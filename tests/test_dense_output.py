@@ -10,12 +10,20 @@ from numpy.typing import NDArray
 from engine_models.engine import RunSettings
 from engine_models.reference_engine import ReferenceEngine
 from engine_models.reference_model import mechanism_of
-from engine_models.reference_runs import compliant_run
+from engine_models.reference_runs import reference_run
 from engine_models.scene_library import CLEARANCE_SCENES
-from reference_solver.contact_driver import load_driver
-from reference_solver.contact_stepper import ContactSolution
-from reference_solver.contact_types import CLOCK_RECORD, CONTACT_RECORD, EVENT_RECORD, Records, new_motion
+from reference_solver import contact_loop
+from reference_solver.contact_types import (
+    CLOCK_RECORD,
+    CONTACT_RECORD,
+    DONE,
+    EVENT_RECORD,
+    Records,
+    new_motion,
+)
 from reference_solver.equations import Equations
+from reference_solver.kernel_store import compiled
+from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from tests.independent_clearance import integrate
@@ -59,7 +67,7 @@ def slopes(p, contacts, t, motion, rates):  # type: ignore[no-untyped-def]  # no
 
 
 @njit
-def gap_accelerations(p, contacts, t, motion, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def mobilities(p, motion, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """There is no contact."""
     return True
 
@@ -72,10 +80,11 @@ def interpolation_errors(h: float) -> FloatArray:
     clock, times = np.zeros(1, CLOCK_RECORD), np.linspace(0, h, 9)[1:-1]
     clock["longest"] = clock["end"] = h
     clock["located"] = clock["budget"] = 1
-    rows = [np.zeros((len(times), size)) for size in (1, 1, 1, 0, 1)]
+    rows = [np.zeros((len(times), size)) for size in (1, 1, 1, 0, 1, 0)]
     records = Records(np.zeros(1, EVENT_RECORD), np.zeros((1, 1)), times, *rows)
-    functions = step, slopes, gap_accelerations
-    assert load_driver().advance(*functions, np.zeros(0), contacts, motion, clock, records) == 0
+    functions = step, slopes, mobilities
+    loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
+    assert loop(*functions, np.zeros(0), contacts, motion, clock, records) == DONE
     assert clock["steps"] == 1
     assert (records.multipliers == 7.0).all()
     found = np.column_stack([records.q, records.v, records.sums])
@@ -89,7 +98,7 @@ def test_positions_are_interpolated_at_order_six_velocities_and_sums_at_order_fi
 
 
 @cache
-def pair(name: str) -> tuple[ContactSolution, ContactSolution]:
+def pair(name: str) -> tuple[Solution, Solution]:
     """Return a run with 30 samples, and the same run with 100 times as many."""
     scene, choice = short(name), FINE["driven" if "driven" in name else "free"]
     return solved(scene, choice, 30), solved(scene, choice, 3000)
@@ -100,10 +109,10 @@ def test_a_run_takes_the_same_steps_whatever_its_samples(name: str) -> None:
     few, many = pair(name)
     assert few.steps == many.steps
     assert (few.events == many.events).all()
-    assert (few.motion.q[-1] == many.motion.q[-1]).all()
-    assert (few.motion.v[-1] == many.motion.v[-1]).all()
+    assert (few.q[-1] == many.q[-1]).all()
+    assert (few.v[-1] == many.v[-1]).all()
     # The same instants, written alike or through the last digit of the time.
-    np.testing.assert_allclose(many.motion.q[::100], few.motion.q, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(many.q[::100], few.q, rtol=1e-12, atol=1e-14)
     for key, sums in few.sums.items():
         assert sums[-1] == many.sums[key][-1]
 
@@ -111,28 +120,31 @@ def test_a_run_takes_the_same_steps_whatever_its_samples(name: str) -> None:
 @pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])
 def test_dense_samples_agree_with_an_independent_integration(name: str) -> None:
     scene, (_, many) = short(name), pair(name)
-    truth = integrate(scene, many.motion.time_s, 1e-12)
-    off = np.abs(many.motion.q[:, -3] - truth.slider_position_m).max()
+    truth = integrate(scene, many.time_s, 1e-12)
+    off = np.abs(many.q[:, -3] - truth.slider_position_m).max()
     assert off < POSITION_M, f"slider off by {off:.1e} m"
 
 
 @pytest.mark.parametrize("name", CLEARANCE_SCENES)
 def test_multipliers_and_contact_forces_of_samples_are_those_of_their_states(name: str) -> None:
     scene, (_, many) = short(name), pair(name)
-    equations = Equations(mechanism_of(scene), many.motion.q[0])
+    equations = Equations(mechanism_of(scene), many.q[0])
     for k in range(7, 3000, 171):
-        equations.phases = many.phases[k]
-        expected = equations.accelerations(many.motion.time_s[k], many.motion.q[k], many.motion.v[k])[1]
+        answer = equations.required(many.time_s[k], many.q[k], many.v[k], many.phases[k])
+        expected, contacts = answer.multipliers, range(len(mechanism_of(scene).contacts))
         # Forces in contact magnify the round-off of coordinates (see test_contact_agreement).
         scale = 1 + np.abs(expected).max(initial=0.0)
-        assert np.abs(many.motion.multipliers[k] - expected).max(initial=0.0) < 1e-9 * scale
+        assert np.abs(many.multipliers[k] - expected).max(initial=0.0) < 1e-9 * scale
+        normal = [answer.powers[f"normal{c}"] for c in contacts]
+        np.testing.assert_allclose(many.normal_force_N[k], normal, rtol=1e-9, atol=1e-9 * scale)
+        np.testing.assert_allclose(many.friction_force_N[k], answer.friction_N, rtol=1e-9, atol=1e-9 * scale)
 
 
 def dense(name: str, step: float, per_contact: float, samples: int) -> FloatArray:
     """Return the residual of the ledger of a run at these rates, relative to the energy in play."""
     scene = short(name)
     rates = StepChoice(step, per_contact)
-    run = compliant_run(scene, RunSettings(step, samples), rates, "projection")
+    run = reference_run(scene, RunSettings(step, samples), rates, "projection", compiled=True)
     assert run.step_s == step
     assert constraint_violation_m(scene, run).max() < 1e-14
     return np.asarray(energy_balance_residual_J(scene, run) / kinetic_energy_J(scene, run).max())

@@ -254,8 +254,8 @@ def exudyn_force(scene: Scene) -> np.ndarray[Any, Any]:
 def test_every_law_of_the_family_is_exudyns_own_to_round_off(law: ContactLaw, restitution: float) -> None:
     """Against the reference's law table, at touch with 0.3 m/s, where v0 is the same for both."""
     gap = clearance(5e-4, law, restitution)
-    joint = mechanism_of(pressed(gap, 0.3, 0.0)).contacts[0]
-    expected = joint.law.stiffness * 1e-5**1.5 * (1 + joint.law.damping_factor)
+    wall = mechanism_of(pressed(gap, 0.3, 0.0)).contacts[0].compliance
+    expected = wall.stiffness * 1e-5**1.5 * (1 + wall.damping_factor)
     force = exudyn_force(pressed(gap, 0.3, 0.0))
     # The depth of 1e-5 m is a difference of coordinates of 0.06 m: 14 digits less 4.
     assert -force[0] == pytest.approx(expected, rel=1e-11)

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reference_solver.equations import Equations
+from reference_solver.faces import CompiledFace, ReadableFace
 from reference_solver.mechanism import (
     GROUND,
     Body,
@@ -15,8 +16,7 @@ from reference_solver.mechanism import (
     RevoluteJoint,
     SpringDamper,
 )
-from reference_solver.readable import ReadableStepper
-from reference_solver.solver import LARGEST_COMPILED, Stabilisation, make_stepper, solve
+from reference_solver.solver import LARGEST_COMPILED, Stabilisation, solve
 from tests import test_reference_kernel as small
 from tests.test_reference_mechanisms import ORDER_TOLERANCE, slope
 
@@ -79,17 +79,31 @@ def test_a_compiled_step_of_a_ring_agrees_with_the_readable_one(stabilisation: S
     small.check_faces(*ring_case(), stabilisation, ROUND_OFF)
 
 
-def test_a_mechanism_too_large_for_straight_line_code_is_stepped_by_the_readable_face() -> None:
-    for links, readable in ((2, False), (LARGEST_COMPILED + 1, True)):
+def test_a_mechanism_too_large_for_straight_line_code_is_stepped_by_the_readable_face(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = list[type]()
+
+    def watched(kind: type, advance: Callable[..., int]) -> Callable[..., int]:
+        def of(*arguments: object) -> int:
+            asked.append(kind)
+            return advance(*arguments)
+
+        return of
+
+    for kind in (CompiledFace, ReadableFace):
+        monkeypatch.setattr(kind, "advance", watched(kind, kind.advance))
+    for links, expected in ((2, CompiledFace), (LARGEST_COMPILED + 1, ReadableFace)):
         q, v = chain_start(np.linspace(0, 1, links), np.linspace(1, -1, links))
-        stepper = make_stepper(chain(links), q, 1e-3, "none", compiled=True)
-        assert isinstance(stepper, ReadableStepper) == readable
+        asked.clear()
+        run = solve(chain(links), q, v, end_time_s=1e-3, samples=1, step=1e-3, stabilisation="none")
+        assert set(asked) == {expected}
         B, F = np.zeros((2 * links, 3 * links)), Equations(chain(links), q).applied_force(q, v)
         B[:] = Equations(chain(links), q).constraint_matrix(q)
         weight = Equations(chain(links), q).inverse_mass
         right = -Equations(chain(links), q).centripetal(q, v) - B @ (weight * F)
         dense = np.linalg.solve((B * weight) @ B.T, right)
-        assert np.abs(stepper.multipliers(0.0, q, v) - dense).max() <= 1e-9 * np.abs(dense).max()
+        assert np.abs(run.multipliers[0] - dense).max() <= 1e-9 * np.abs(dense).max()
 
 
 @pytest.mark.parametrize("stabilisation", ["none", "projection"])
@@ -103,7 +117,7 @@ def test_a_chain_of_eight_links_converges_at_order_four(stabilisation: Stabilisa
             v,
             end_time_s=end,
             samples=1,
-            steps_per_sample=count,
+            step=end / count,
             stabilisation=stabilisation,
         ).q[-1]
         for count in counts

@@ -183,9 +183,7 @@ def test_an_unstable_step_ends_in_an_error_that_says_when() -> None:
     # omega h = 10 * 0.5 is past RK4's limit of 2.8284, so the state grows until it overflows.
     direction = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
     with pytest.raises(NonFiniteState, match=r"t = .* s with step 0\.5 s"):
-        solve(
-            oscillator(0.0), 0.65 * direction, np.zeros(3), end_time_s=500.0, samples=1, step=0.5
-        )
+        solve(oscillator(0.0), 0.65 * direction, np.zeros(3), end_time_s=500.0, samples=1, step=0.5)
 
 
 @pytest.mark.parametrize(

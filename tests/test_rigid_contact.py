@@ -1,5 +1,7 @@
 """Rigid joints: flight, impact and following of one pin, against closed forms and minimal coordinates."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -254,9 +256,8 @@ def test_a_pin_outside_its_bearing_is_refused() -> None:
 
 @pytest.mark.parametrize(("field", "value"), [("radial_clearance_m", RADIUS), ("bearing_radius_m", -1.0)])
 def test_a_malformed_joint_is_refused_by_field(field: str, value: float) -> None:
-    good = {"radial_clearance_m": CLEARANCE, "bearing_radius_m": RADIUS}
     with pytest.raises(ValueError, match=f"ClearanceJoint.{field}"):
-        ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), **(good | {field: value}), law=RigidWall(0.5))
+        replace(in_bearing(0.5), **{field: value})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("field", "value"), [("restitution", 1.1), ("minimum_impact_speed_m_s", -1.0)])

@@ -154,8 +154,13 @@ LAWS = [
 def test_the_compiled_run_agrees_with_the_readable_one_in_every_law(law: FrictionLaw) -> None:
     readable, compiled = (block(law, 0.7, 0.02, 20, face) for face in (False, True))
     assert readable.closed.all()
-    for name in ("q", "v", "normal_force_N", "friction_force_N"):
-        one, other = getattr(readable, name), getattr(compiled, name)
+    fields, sums = (
+        ("q", "v", "normal_force_N", "friction_force_N"),
+        ("normal0", "normal1", "slide0", "slide1"),
+    )
+    pairs = [(name, getattr(readable, name), getattr(compiled, name)) for name in fields]
+    pairs += [(name, readable.sums[name], compiled.sums[name]) for name in sums]
+    for name, one, other in pairs:
         # Twenty steps' round-off.
         assert np.abs(one - other).max() < 20 * ROUND_OFF * np.abs(one).max(), name
 

@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 from engine_models.engine import RunSettings
 from engine_models.reference_engine import ReferenceEngine
 from engine_models.scene_library import CLEARANCE_SCENES, IDEAL_SCENES
+from reference_solver import methods
 from reference_solver.contact_types import CONTACT
 from reference_solver.equations import Baumgarte, Equations
+from reference_solver.faces import CompiledFace, ReadableFace
 from reference_solver.mechanism import Mechanism, SpringDamper, Torque
-from reference_solver.readable import project
-from reference_solver.readable import step as readable_step
-from reference_solver.solver import Stabilisation, make_stepper
+from reference_solver.solver import Stabilisation
 from studies.metrics import energy_balance_residual_J, kinetic_energy_J
 from tests.test_contact_agreement import moments
 from tests.test_reference_chains import CASES
 from tests.test_reference_kernel import CASES as SMALL
+from tests.test_reference_kernel import stepped, topology_of
 
 FloatArray = NDArray[np.float64]
 BAUMGARTE = Baumgarte(100.0, 70.0)
@@ -48,9 +49,9 @@ def energy(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> Any:
             reach = place(load.body_j, load.point_j) - place(load.body_i, load.point_i)
             total += load.stiffness_N_m * (np.sqrt(reach @ reach) - load.free_length_m) ** 2 / 2
     for joint in mechanism.contacts:
-        reach = place(joint.body_j, joint.point_j) - place(joint.body_i, joint.point_i)
+        law, reach = joint.compliance, place(joint.body_j, joint.point_j) - place(joint.body_i, joint.point_i)
         depth = max(np.sqrt(reach @ reach) - joint.radial_clearance_m, np.longdouble(0))
-        total += joint.law.stiffness * depth ** (joint.law.exponent + 1) / (joint.law.exponent + 1)
+        total += law.stiffness * depth ** (law.exponent + 1) / (law.exponent + 1)
     return total
 
 
@@ -60,9 +61,10 @@ def test_what_projections_remove_is_the_energy_before_less_that_after(case: str)
     equations, counted, removed = Equations(mechanism, q), 0.0, np.longdouble(0)
     h = 1e-3 if case != "ideal-driven" else h  # coarse, so that there is something to remove
     for number in range(30):
-        q, v, _, _ = readable_step(equations, number * h, q, v, h, projected=False)
-        before = energy(mechanism, q, v)
-        moved_q, moved_v, added = project(equations, (number + 1) * h, q, v)
+        found = methods.step(methods.RK4, equations.answer, None, number * h, q, v, h)
+        before = energy(mechanism, found.q, found.v)
+        moved_q, moved_v, added, ok = equations.project((number + 1) * h, found.q, found.v)
+        assert ok
         removed, counted = removed + before - energy(mechanism, moved_q, moved_v), counted + added
         q, v = moved_q, moved_v
     # Neglected: the stiffness of springs times the square of the moves.
@@ -74,11 +76,11 @@ def test_what_projections_remove_is_the_energy_before_less_that_after(case: str)
 def test_moving_a_contact_is_counted_with_its_elastic_energy(name: str, label: str) -> None:
     at = moments(name)[label]  # off the constraints by 1e-9 m and 1e-4 m/s
     equations = Equations(at.mechanism, at.q_start)
-    equations.phases = at.phases
-    assert (at.phases[::2] >= CONTACT).any()
-    q, v, counted = project(equations, at.t, at.q, at.v)
+    assert (at.phases[:, 0] >= CONTACT).any()
+    q, v, counted, ok = equations.project(at.t, at.q, at.v, at.phases)
+    assert ok
     removed = float(energy(at.mechanism, at.q, at.v) - energy(at.mechanism, q, v))
-    stiffness = max(np.abs(equations.stored_force(at.q)).max() / at.depth_m(), 1.0)
+    stiffness = max(np.abs(equations.stored_force(at.q, at.phases)).max() / at.depth_m(), 1.0)
     neglected = 2 * stiffness * np.sum((q - at.q) ** 2)
     assert abs(counted - removed) <= neglected + 1e-5 * abs(removed), f"{counted} J against {removed} J"
 
@@ -90,25 +92,30 @@ def test_all_faces_count_the_same_to_round_off(case: str, stabilisation: Stabili
     random = np.random.default_rng(3)
     q = start + random.uniform(-1e-4, 1e-4, len(start))  # a violation far above its own round-off
     v = v + random.uniform(-1e-2, 1e-2, len(v))
-    steppers = [
-        make_stepper(mechanism, start, h, stabilisation, compiled=False),
-        *([make_stepper(mechanism, start, h, stabilisation, compiled=True)] if case in SMALL else []),
-    ]
-    for stepper in steppers:
-        assert stepper.stabilisation_loss_J == 0
-        stepper.advance(q.copy(), v.copy(), 0, 3)
-    first, *others = (stepper.stabilisation_loss_J for stepper in steppers)
+    first, *others = removed(mechanism, start, q, v, h, stabilisation, compiled=case in SMALL)
     assert abs(first) > 1e-9
     for other in others:
         assert other == pytest.approx(first, rel=1e-9), "measured: 2e-11 in the chain"
 
 
+def removed(
+    mechanism: Mechanism,
+    start: FloatArray,
+    q: FloatArray,
+    v: FloatArray,
+    h: float,
+    stabilisation: Stabilisation,
+    compiled: bool = True,
+) -> list[float]:
+    """Return what three steps remove by the readable face, and by the compiled one if there is one."""
+    topology, rows = topology_of(mechanism, stabilisation), len(Equations(mechanism, start).C)
+    kinds = (ReadableFace, CompiledFace) if compiled else (ReadableFace,)
+    return [float(stepped(kind(topology, start), rows, q, v, h, 3)[0].sums[1]) for kind in kinds]
+
+
 def test_without_stabilisation_nothing_is_removed() -> None:
     mechanism, q, v, h = SMALL["ideal-free"]()
-    for compiled in (True, False):
-        stepper = make_stepper(mechanism, q, h, "none", compiled)
-        stepper.advance(q.copy(), v + 1e-3, 0, 3)
-        assert stepper.stabilisation_loss_J == 0
+    assert removed(mechanism, q, q, v + 1e-3, h, "none") == [0, 0]
     scene = IDEAL_SCENES["ideal-free"]()
     run = ReferenceEngine(stabilisation="none").simulate(scene, RunSettings(1e-3, 10))
     assert run.stabilisation_loss_J is None

@@ -111,10 +111,10 @@ def test_what_a_branch_needs_alone_is_computed_in_it_alone() -> None:
 def test_what_depends_on_parameters_alone_is_computed_before_the_run() -> None:
     lines, results, parameters = written(lambda a, b, c: [sin(a) / b * c, 1.0 / b + c], known=("a", "b"))
     values = {"a": 0.7, "b": 3.0}
-    p = [eval(text, {**FUNCTIONS, **values}) for text in parameters.texts]
+    p = {f"p{k}": eval(text, {**FUNCTIONS, **values}) for k, text in enumerate(parameters.texts)}
     assert "sin" not in "\n".join([*lines, *results]), "it is a parameter"
     expected = [math.sin(0.7) / 3.0 * 5.0, 1 / 3.0 + 5.0]
-    assert run(lines, results, p=p, c=5.0) == pytest.approx(expected, rel=1e-15)
+    assert run(lines, results, **p, c=5.0) == pytest.approx(expected, rel=1e-15)
 
 
 def test_factors_solve_and_skip_zeros_of_values_as_of_numbers() -> None:

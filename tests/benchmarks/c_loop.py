@@ -77,8 +77,9 @@ class ClearanceCLoop:
         assert isinstance(O, RevoluteJoint)
         assert isinstance(A, RevoluteJoint)
         assert isinstance(drive, PrescribedSpeed)
-        assert B.law.clipped
-        assert (B.law.exponent, B.law.damping_N_s_m, B.friction) == (1.5, 0, None)
+        law = B.compliance
+        assert law.clipped
+        assert (law.exponent, law.damping_N_s_m, B.friction) == (1.5, 0, None)
         masses = [body.mass_kg for body in mechanism.bodies]
         inertias = [body.inertia_kg_m2 for body in mechanism.bodies]
         self._parameters = np.array(
@@ -88,8 +89,7 @@ class ClearanceCLoop:
                 *(1 / x for x in (*masses, *inertias)),
                 *(mechanism.gravity_m_s2, drive.speed_rad_s, q[2], q[8]),
                 CLEARANCE_ROWS * PIVOT_TOLERANCE_PER_ROW,
-                *(B.radial_clearance_m, B.law.stiffness, B.law.damping_factor),
-                B.law.minimum_impact_speed_m_s,
+                *(B.radial_clearance_m, law.stiffness, law.damping_factor, law.minimum_impact_speed_m_s),
                 *(choice.longest_s, choice.steps_per_contact),
             ]
         )

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from engine_models.reference_model import mechanism_of
 from engine_models.scene import Scene
-from reference_solver.contact_stepper import ContactStepper
-from reference_solver.solver import StepChoice
+from reference_solver.solver import Solver, StepChoice
 from tests.benchmarks.c_loop import ClearanceCLoop
 from tests.test_contact_crank_slider import start
 
@@ -36,12 +35,12 @@ class Run:
 def run_by_kernel(scene: Scene, choice: StepChoice) -> Run:
     """Run a scene with the generated kernel and the loop of contacts, with samples at both ends alone."""
     q, v = start(scene)
-    stepper = ContactStepper(mechanism_of(scene), q, choice, "projection")
-    ends = np.array([0.0, scene.end_time_s])
+    solver = Solver(mechanism_of(scene), q, choice, "projection")
     begin = time.perf_counter()
-    stepper.run(q, v, scene.end_time_s, ends)
-    seconds, events = time.perf_counter() - begin, np.concatenate(stepper.events)
-    return Run(*stepper.motion[:3], events["time_s"], events["what"], stepper.steps, seconds)
+    run = solver.run(q, v, scene.end_time_s, 1)
+    seconds, events = time.perf_counter() - begin, run.events
+    sums = np.array([values[-1] for values in run.sums.values()])
+    return Run(run.q[-1], run.v[-1], sums, events["time_s"], events["what"], run.steps, seconds)
 
 
 class ByC:

@@ -14,11 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.scene_library import clearance_driven_05
-from reference_solver.solver import StepChoice, Stepper, make_stepper
+from reference_solver.contact_types import CONTACT_RECORD, new_motion
+from reference_solver.faces import ReadableFace
+from reference_solver.kernel import source_of
+from reference_solver.kernel_store import load_kernel
+from reference_solver.mechanism import Mechanism
+from reference_solver.solver import Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
 from tests.test_reference_chains import chain, chain_start
-from tests.test_reference_kernel import scene_case
+from tests.test_reference_kernel import scene_case, topology_of
 
 FloatArray = NDArray[np.float64]
 #: Takes a turn as long as the number given, in units of its own; returns its seconds and its steps.
@@ -36,25 +41,60 @@ C, KERNEL = "C by hand, gcc -O3", "generated kernel"
 TARGET = 1.5
 
 
+class Kernel:
+    """The generated kernel of an ideal mechanism."""
+
+    def __init__(self, mechanism: Mechanism, q: FloatArray, stabilisation: Stabilisation = "none") -> None:
+        topology = topology_of(mechanism, stabilisation)
+        self._kernel, self._sums = load_kernel(source_of(topology.marked())), np.zeros(2)
+        self._parameters = topology.parameters(self._kernel, q)
+
+    def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
+        """Take steps in place; return the driver's work."""
+        self._sums[:] = 0.0
+        done = self._kernel.advance(self._parameters, q, v, self._sums, STEP_S, first, count)
+        assert done == count, f"the kernel stopped after {done} of {count} steps"
+        return float(self._sums[0])
+
+
+class Readable:
+    """The readable face of an ideal mechanism."""
+
+    def __init__(self, mechanism: Mechanism, q: FloatArray) -> None:
+        self._face = ReadableFace(topology_of(mechanism, "none"), q)
+
+    def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
+        """Take steps in place; return the driver's work."""
+        contacts, new, work = np.zeros(0, CONTACT_RECORD), new_motion(len(q), 2, 0), 0.0
+        old = new._replace(q=q, v=v)
+        for number in range(first, first + count):
+            assert self._face.step(None, contacts, number * STEP_S, STEP_S, old, new)
+            q[:], v[:], work = new.q, new.v, work + new.sums[0]
+        return float(work)
+
+
+Stepper = CLoop | Kernel | Readable
+
+
 def crank_slider(folder: Path) -> dict[str, Contender]:
     """Return who steps the ideal driven crank-slider, by name."""
     mechanism, q, v, _ = scene_case("ideal-driven")
-    steppers: dict[str, Stepper | CLoop] = {}
+    steppers: dict[str, Stepper] = {}
     if compiler():
         steppers[C] = CLoop(mechanism, STEP_S, folder)
     else:
         print(f"no gcc or cc here: {C} is left out, and ratios are to the {KERNEL}\n")
     steppers |= {
-        KERNEL: make_stepper(mechanism, q, STEP_S, "none", compiled=True),
-        f"{KERNEL}, projected": make_stepper(mechanism, q, STEP_S, "projection", compiled=True),
-        "readable NumPy": make_stepper(mechanism, q, STEP_S, "none", compiled=False),
+        KERNEL: Kernel(mechanism, q),
+        f"{KERNEL}, projected": Kernel(mechanism, q, "projection"),
+        "readable NumPy": Readable(mechanism, q),
     }
     if C in steppers:
         check(steppers[C], steppers[KERNEL], q, v)
     return {name: stepping(stepper, q, v) for name, stepper in steppers.items()}
 
 
-def check(one: Stepper | CLoop, other: Stepper | CLoop, q: FloatArray, v: FloatArray) -> None:
+def check(one: Stepper, other: Stepper, q: FloatArray, v: FloatArray) -> None:
     """Stop unless two steppers give the same trajectory and the same work to round-off."""
     ends = []
     for stepper in (one, other):
@@ -72,7 +112,7 @@ def chains() -> dict[str, Contender]:
     contenders: dict[str, Contender] = {}
     for links in LINKS:
         q, v = chain_start(np.zeros(links), np.zeros(links))
-        contenders[f"{links} links"] = stepping(make_stepper(chain(links), q, STEP_S, "none", True), q, v)
+        contenders[f"{links} links"] = stepping(Kernel(chain(links), q), q, v)
     return contenders
 
 
@@ -89,7 +129,7 @@ def clearance_crank_slider(folder: Path) -> dict[str, Contender]:
     return contenders
 
 
-def stepping(stepper: Stepper | CLoop, q: FloatArray, v: FloatArray) -> Contender:
+def stepping(stepper: Stepper, q: FloatArray, v: FloatArray) -> Contender:
     """Return the contender whose turn is a number of steps from the start."""
 
     def turn(steps: int) -> tuple[float, int]:
