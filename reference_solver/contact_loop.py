@@ -145,10 +145,9 @@ def locate(step, p, contacts, t, h, old, new, event):
 
 
 @register_jitable(**INNER)
-def peak(gap, new_gap, h):
-    """Return the time within a step of length h at which the cubic through both ends' g and rates peaks."""
-    rise, fall = gap.rate, new_gap.rate
-    mean = (new_gap.g - gap.g) / h
+def peak(g, rise, new_g, fall, h):
+    """Return the time within h at which the cubic through both ends' g and rates, rise and fall, peaks."""
+    mean = (new_g - g) / h
     curve = 3.0 * mean - 2.0 * rise - fall
     cubic = rise + fall - 2.0 * mean
     # g' = rise + 2 curve x + 3 cubic x^2 over x = time/h; its zero with g' falling.
@@ -168,13 +167,26 @@ def approach(step, p, contacts, t, h, old, new, skip):
     """Look for a pin that touches and leaves within the step: return its event and a step ending inside.
 
     Without one but ``skip``, return -1 and the whole step. The state after the returned step is left in
-    ``new``.
+    ``new``. The peak is sought by cubics through ever nearer ends, as long as it may be past the wall: it is
+    higher than a trial by rate^2/(2 |g''|), of which twice is allowed for.
     """
     for k in range(len(contacts)):
         if 2 * k != skip and turned_back(contacts[k], old.gaps[k], new.gaps[k]):
-            nearest = peak(old.gaps[k], new.gaps[k], h)
-            if value_at(step, p, contacts, t, nearest, old, new, 2 * k) > contacts[k].noise:
-                return 2 * k, nearest
+            low, g, rise = 0.0, old.gaps[k].g, old.gaps[k].rate
+            high, new_g, fall = h, new.gaps[k].g, new.gaps[k].rate
+            bend = (rise - fall) / h
+            for _ in range(20):
+                nearest = low + peak(g, rise, new_g, fall, high - low)
+                value = value_at(step, p, contacts, t, nearest, old, new, 2 * k)
+                if value > contacts[k].noise:
+                    return 2 * k, nearest
+                rate = new.gaps[k].rate
+                if not (low < nearest < high and value + rate * rate / bend > contacts[k].noise):
+                    break
+                if rate > 0.0:
+                    low, g, rise = nearest, value, rate
+                else:
+                    high, new_g, fall = nearest, value, rate
             value_at(step, p, contacts, t, h, old, new, 2 * k)
     return -1, h
 

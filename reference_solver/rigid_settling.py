@@ -75,11 +75,12 @@ class Settling:
         touching = where.distance_m >= self._clearance_m - where.round_off[:, 0]
         follows = np.isin(self.numbers, following)
         touching |= follows
-        hitting = touching & (where.normal_speed > where.round_off[:, 1]) & ~follows
+        noise = where.round_off[:, 1]
+        hitting = touching & (where.normal_speed > noise) & ~follows
         if hitting.any():
             v = self._hit(t, q, v, np.flatnonzero(touching), hitting)
             where = self.where(q, v)
-        closed = touching & (np.abs(where.normal_speed) <= where.round_off[:, 1])
+        closed = touching & (np.abs(where.normal_speed) <= noise)
         if released is not None:
             closed[self.numbers == released] = False
         places = np.flatnonzero(closed)
