@@ -133,8 +133,11 @@ class Solver:
         self._names = [*self._equations.power_names, "removed"]
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
         self.steps = self.settled = 0
-        state = self._new(self._q_start, np.zeros_like(self._q_start), 0.0, np.zeros(0))
-        self._face(()).advance(*state)  # compiled or loaded, out of any timing
+        if self._compiled:  # or loaded, here and not in the run: a run of no length does it
+            state = self._new(self._q_start, np.zeros_like(self._q_start), 0.0, np.zeros(1))
+            contacts, motion, *_ = state
+            self._face(()).gaps(contacts, 0.0, motion)
+            self._face(()).advance(*state)
 
     def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
         from reference_solver.faces import CompiledFace, ReadableFace
@@ -155,8 +158,9 @@ class Solver:
         motion.q[:], motion.v[:] = q, v
         clock = np.zeros(1, CLOCK_RECORD)
         clock["longest"], clock["per_contact"] = self._choice.longest_s, self._choice.steps_per_contact
-        clock["located"], clock["end"], clock["rigid"] = self._choice.locate_events, end_time_s, -1
-        if len(times) > 1 and not (len(contacts) and self._choice.locate_events):
+        located = bool(contacts.size) and self._choice.locate_events
+        clock["located"], clock["end"], clock["rigid"] = located, end_time_s, -1
+        if len(times) > 1 and not located:
             interval = times[1]
             clock["longest"] = interval / np.ceil(interval / self._choice.longest_s * (1 - 1e-9))
         sums, states, rows = len(self._names), 2 * len(contacts), len(self._equations.C)
@@ -182,7 +186,7 @@ class Solver:
 
         settling = Settling(self._equations, self._choice.closing_flight_fraction * float(now.longest), add)
         changes: list[ModeChange] = []
-        following = self._settled(settling, changes, (), contacts, motion, now) if self._rigid else ()
+        following = self._settle(settling, changes, (), contacts, motion, now) if self._rigid else ()
         self._face(following).gaps(contacts, 0.0, motion)
         status = SPENT
         while status != DONE:
@@ -203,7 +207,7 @@ class Solver:
                 at_once = at_once + 1 if now.time == begin else 1
                 if at_once > EVENTS_AT_ONCE * len(contacts):
                     raise UnsettledEvents(begin, int(now.rigid))
-                following = self._settled(settling, changes, following, contacts, motion, now)
+                following = self._settle(settling, changes, following, contacts, motion, now)
                 self._face(following).gaps(contacts, float(now.time), motion)
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise NonFiniteState(end_time_s, float(now.longest))
@@ -211,7 +215,7 @@ class Solver:
             records, np.concatenate(events), np.concatenate(sums), settling.impacts, changes
         )
 
-    def _settled(
+    def _settle(
         self,
         settling: Settling,
         changes: list[ModeChange],
@@ -243,7 +247,7 @@ class Solver:
 
         topology = Topology(self._mechanism, self._baumgarte, self._projected, following)
         t, h = float(now.time), float(now.tried)
-        end = new_motion(*(len(part) for part in motion if part is not motion.v))
+        end = new_motion(len(motion.q), len(motion.sums), len(motion.gaps))
         with np.errstate(all="ignore"):
             ReadableFace(topology, self._q_start).step(None, contacts, t, h, motion, end)
         raise NonFiniteState(t + h, h)
