@@ -104,7 +104,7 @@ def test_a_pendulum_without_clearance_swings_as_the_elliptic_functions_say() -> 
 def test_an_ideal_scene_is_integrated_without_anything_of_contacts() -> None:
     free, driven = Derivative(IDEAL_SCENES["ideal-free"]()), Derivative(IDEAL_SCENES["ideal-driven"]())
     assert (len(free.start), free.sums, free.events) == (18, (), [])
-    assert (len(driven.start), driven.sums, driven.events) == (19, ("work",), [])
+    assert (len(driven.start), driven.sums, driven.events) == (19, ("drivers",), [])
     assert not hasattr(free._kernel, "gaps")
 
 
