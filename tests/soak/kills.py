@@ -21,6 +21,8 @@ from tests.execution_mischief import NAME, steady
 from tests.running import gone, lines, started, until
 
 KILLS, PAIRS, FULL_DISKS = 100, 10, 20
+#: How runs may end: as asked, and by the signal itself before Python listens or after it has stopped to.
+ENDS = (0, 130, -signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)
 #: A moment is at most so long after a run began, in s, while its workers import or work.
 LATEST_S = 5.0
 #: Kills of workers in one run, and kinds of kill with how often each is drawn.
@@ -45,7 +47,7 @@ def kills(random: Random, folder: Path) -> Counter[str]:
         until(lambda workers=workers: all(gone(pid) for pid in workers))  # type: ignore[misc]
         assert "Traceback" not in stderr, stderr
         assert "Exception" not in stderr, stderr
-        assert run.returncode in (0, 130, -signal.SIGTERM, -signal.SIGKILL), stderr
+        assert run.returncode in ENDS, f"{run.returncode}: {stderr}"
         before = _require_whole(out, before)
         done["runs"] += 1
         if run.returncode == 0 and _measured(before) == alone:
