@@ -38,7 +38,8 @@ CHECKED_STEPS, ROUND_OFF = 1000, 1e-12
 #: The stretch of the clearance scene, eight contacts long, and its steps: the engine's own at 1e-6 s.
 CLEARANCE_END_S, CHOICE = 0.003, StepChoice(STEP_S, 1000)
 C, KERNEL = "C by hand, gcc -O3", "generated kernel"
-TARGET = 1.5
+#: The most that a step may take, of C's time.
+IDEAL_TARGET, CLEARANCE_TARGET = 1.1, 1.5
 
 
 class Kernel:
@@ -48,6 +49,7 @@ class Kernel:
         topology = topology_of(mechanism, stabilisation)
         self._kernel, self._sums = load_kernel(source_of(topology.marked())), np.zeros(2)
         self._parameters = topology.parameters(self._kernel, q)
+        self.advance(q.copy(), np.zeros_like(q), 0, 0)  # compiled here, not in the first turn
 
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps in place; return the driver's work."""
@@ -175,7 +177,7 @@ def spread(values: FloatArray, form: str) -> str:
     return f"{middle:{form}}  ({low:{form}} to {high:{form}})"
 
 
-def show(title: str, times: dict[str, FloatArray]) -> None:
+def show(title: str, times: dict[str, FloatArray], target: float) -> None:
     """Print a table of a crank-slider's contenders, and how the kernel stands beside C."""
     base = C if C in times else KERNEL
     print(f"{title}; median (middle half) of {ROUNDS} rounds\n")
@@ -184,7 +186,7 @@ def show(title: str, times: dict[str, FloatArray]) -> None:
         print(f"{name:30}{spread(found, ',.0f'):34}{spread(found / times[base], '.2f')}")
     if C in times:
         ratio = float(np.median(times[KERNEL] / times[C]))
-        print(f"\nThe {KERNEL} takes {ratio:.2f} of the time of C; the target is at most {TARGET}.")
+        print(f"\nThe {KERNEL} takes {ratio:.2f} of the time of C; the target is at most {target}.")
 
 
 def main() -> None:
@@ -192,7 +194,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         ideal, clearance = crank_slider(Path(folder)), clearance_crank_slider(Path(folder))
         times = measure(ideal | chains())
-        show("One RK4 step of the ideal driven crank-slider", {name: times[name] for name in ideal})
+        show(
+            "One RK4 step of the ideal driven crank-slider",
+            {name: times[name] for name in ideal},
+            IDEAL_TARGET,
+        )
         print("\nThe generated kernel on a chain\n")
         print(f"{'':30}{'ns per step':34}ns per step and link")
         for links in LINKS:
@@ -200,7 +206,7 @@ def main() -> None:
             print(f"{f'{links} links':30}{spread(found, ',.0f'):34}{spread(found / links, '.0f')}")
         print()
         title = "One step of the driven crank-slider with clearance, projected, its events located"
-        show(title, measure(clearance))
+        show(title, measure(clearance), CLEARANCE_TARGET)
 
 
 if __name__ == "__main__":
