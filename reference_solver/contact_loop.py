@@ -241,11 +241,9 @@ def step_length(contacts, gaps, now):
     h = now.longest
     for k in range(len(contacts)):
         contact, gap = contacts[k], gaps[k]
-        if contact.phase == FLIGHT:
-            if gap.speed * h > 0.25 * contact.clearance:  # a quarter of the way across
+        if contact.phase == FLIGHT or contact.rigid != 0.0:
+            if gap.speed * h > 0.25 * contact.clearance:  # a quarter of the way across, or of a radian along
                 h = 0.25 * contact.clearance / gap.speed
-            continue
-        if contact.rigid != 0.0:
             continue
         duration, depth = contact.duration_s, max(gap.depth, 0.0)
         if depth > 0.0:
@@ -319,9 +317,9 @@ def empty_rates(motion, records):
 
 @register_jitable(**INNER)
 def write(slopes, p, contacts, t, motion, now, records):
-    """Write the sample of a state."""
+    """Write the sample of a state; return whether it could."""
     row, rates = now.taken, empty_rates(motion, records)
-    slopes(p, contacts, t, motion, rates)
+    ok = slopes(p, contacts, t, motion, rates)
     for c in range(len(motion.q)):
         records.q[row, c], records.v[row, c] = motion.q[c], motion.v[c]
     for c in range(len(motion.sums)):
@@ -333,6 +331,7 @@ def write(slopes, p, contacts, t, motion, now, records):
     for r in range(records.multipliers.shape[1]):
         records.multipliers[row, r] = rates.multipliers[r]
     now.taken += 1
+    return ok
 
 
 @register_jitable(**INNER)
@@ -352,7 +351,7 @@ def between(at, x, h, ends, rates, bumps):
 
 @register_jitable(**INNER)
 def within(slopes, p, contacts, h, old, new, now, records):
-    """Write the samples that lie before the end of a step of h from ``old`` to ``new``.
+    """Write the samples before the end of a step of h from ``old`` to ``new``; return whether it could.
 
     The sums of ``new`` are those of the step alone.
     """
@@ -363,14 +362,13 @@ def within(slopes, p, contacts, h, old, new, now, records):
         empty_rates(old, records),
     )
     at = empty_motion(old)
-    slopes(p, contacts, t, old, rates)
-    slopes(p, contacts, end, new, new_rates)
+    ok = slopes(p, contacts, t, old, rates) and slopes(p, contacts, end, new, new_rates)
     for c in range(len(old.v)):
         bumps.a[c] = 0.0
     for c in range(len(old.sums)):
         bumps.powers[c] = 0.0
     between(at, INSIDE, h, (old, new), (rates, new_rates), bumps)
-    slopes(p, contacts, t + INSIDE * h, at, bumps)
+    ok = slopes(p, contacts, t + INSIDE * h, at, bumps) and ok
     for c in range(len(old.v)):
         change = new.v[c] - old.v[c]
         bumps.a[c] = bump_of(change, h * rates.a[c], h * new_rates.a[c], h * bumps.a[c])
@@ -380,7 +378,8 @@ def within(slopes, p, contacts, h, old, new, now, records):
     while now.taken < len(records.time) and records.time[now.taken] < end:
         time = records.time[now.taken]
         between(at, (time - t) / h, h, (old, new), (rates, new_rates), bumps)
-        write(slopes, p, contacts, time, at, now, records)
+        ok = write(slopes, p, contacts, time, at, now, records) and ok
+    return ok
 
 
 # -------------------------------------------------------------------------------------- the loop
@@ -449,7 +448,8 @@ def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
     while True:
         t = now.time
         while now.taken < len(records.time) and records.time[now.taken] <= t:
-            write(slopes, p, contacts, t, motion, now, records)
+            if not write(slopes, p, contacts, t, motion, now, records):
+                return FAILED
         if t >= now.end:
             return DONE
         if now.steps >= now.budget:
@@ -476,8 +476,9 @@ def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
         last = last and h == whole
         change = h + now.lost
         new_t = landing if last else t + change
-        if now.taken < len(records.time) and records.time[now.taken] < new_t:
-            within(slopes, p, contacts, h, motion, new, now, records)
+        inside = now.taken < len(records.time) and records.time[now.taken] < new_t
+        if inside and not within(slopes, p, contacts, h, motion, new, now, records):
+            return FAILED
         now.lost = 0.0 if last else change - (new_t - t)
         now.time = new_t
         take(motion, new)

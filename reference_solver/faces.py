@@ -52,7 +52,8 @@ class CompiledFace:
             now.time, now.tried = now.steps * now.longest, now.longest
             if done < due:
                 return FAILED if done < count else SPENT
-            contact_loop.write(kernel.slopes, p, contacts, time, motion, now, records)
+            if not contact_loop.write(kernel.slopes, p, contacts, time, motion, now, records):
+                return FAILED
         return DONE
 
 

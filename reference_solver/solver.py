@@ -16,6 +16,7 @@ from reference_solver.contact_types import (
     EVENT_RECORD,
     FAILED,
     FLIGHT,
+    FULL,
     SETTLE,
     SPENT,
     Impact,
@@ -186,7 +187,7 @@ class Solver:
 
         settling = Settling(self._equations, self._choice.closing_flight_fraction * float(now.longest), add)
         changes: list[ModeChange] = []
-        following = self._settle(settling, changes, (), contacts, motion, now) if self._rigid else ()
+        following = self._settle_first(settling, changes, contacts, motion, now) if self._rigid else ()
         self._face(following).gaps(contacts, 0.0, motion)
         status = SPENT
         while status != DONE:
@@ -200,7 +201,7 @@ class Solver:
             sums.append(records.event_sums[: now.events].copy())
             if status == FAILED:
                 self._refuse(following, contacts, motion, now)
-            if status == SPENT and now.time == begin:
+            if status in (SPENT, FULL) and now.time == begin:
                 raise Stalled(begin, chunk)
             if status == SETTLE:
                 self.settled += 1
@@ -214,6 +215,23 @@ class Solver:
         return self._solution(
             records, np.concatenate(events), np.concatenate(sums), settling.impacts, changes
         )
+
+    def _settle_first(
+        self,
+        settling: Settling,
+        changes: list[ModeChange],
+        contacts: NDArray[np.void],
+        motion: Motion,
+        now: np.record,
+    ) -> tuple[int, ...]:
+        """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""
+        self._face(()).gaps(contacts, 0.0, motion)
+        closed = (contacts["rigid"] == 0) & (motion.gaps["g"] > 0)
+        speed = np.maximum(motion.gaps["rate"], contacts["slowest"])[closed]
+        contacts["phase"][closed], contacts["memory"][closed] = CONTACT, contacts["factor"][closed] / speed
+        following = self._settle(settling, changes, (), contacts, motion, now)
+        contacts["phase"][closed], contacts["memory"][closed] = FLIGHT, 0.0
+        return following
 
     def _settle(
         self,

@@ -89,6 +89,23 @@ def test_a_beam_on_a_compliant_and_a_rigid_bearing_closes_its_ledger() -> None:
     assert residuals[1] < residuals[0] / 8, f"order four: {residuals}"
 
 
+def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() -> None:
+    spring = ContactLaw(1e6, 1.0)
+    pins = [
+        ClearanceJoint(GROUND, (0.0, y), 0, (0.0, 0.0), CLEARANCE, BEARING, law)
+        for y, law in ((0.0, WALL), (1e-4, spring))
+    ]
+    disc = Mechanism((Body(MASS, INERTIA),), (), (), GRAVITY, tuple(pins))
+    low = np.array([0.0, -CLEARANCE, 0.0])
+    found = solve(disc, low, np.zeros(3), end_time_s=1e-4, samples=4, step=1e-5, compiled=False)
+    assert not found.mode_changes
+    # The spring is pressed by 0.1 mm: 100 N.
+    assert found.normal_force_N[0] == pytest.approx([0.0, 1e6 * 1e-4], rel=1e-10)
+    # Lifted by 100 N - m g, less what the spring loses in stiffness on the way: omega^2 t^2 / 12.
+    lift = (1e6 * 1e-4 / MASS - GRAVITY) * 1e-4**2 / 2
+    assert found.q[-1, 1] + CLEARANCE == pytest.approx(lift, rel=1e6 / MASS * 1e-4**2 / 10)
+
+
 def test_a_scene_may_have_a_compliant_and_a_rigid_bearing() -> None:
     scene = clearance_driven_05()
     soft = scene.clearance.B
