@@ -13,7 +13,7 @@ from engine_models.reference_trajectory import trajectory_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
 from reference_solver.errors import FrictionTooStiff
-from reference_solver.solver import Solver, Stabilisation, StepChoice
+from reference_solver.solver import Solver, Stabilisation, StepChoice, check_start
 
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
 MOST_TRIES, ROOM = 5, 0.8
@@ -59,7 +59,9 @@ def _run(
     that occurs.
     """
     q, v = (part.ravel() for part in checked_start(scene))
-    solver = Solver(mechanism_of(scene), q, choice, stabilisation, compiled)
+    mechanism = mechanism_of(scene)
+    check_start(mechanism, q, v)
+    solver = Solver(mechanism, q, choice, stabilisation, compiled)
     started = time.perf_counter()
     run = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
     solve_time = time.perf_counter() - started

@@ -42,19 +42,30 @@ class CompiledFace:
             loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
             functions = kernel.step, kernel.slopes, kernel.mobilities
             return int(loop(*functions, p, contacts, motion, clock, records))
-        (now,) = clock.view(np.recarray)
-        while now.taken < len(records.time):
-            time = records.time[now.taken]
-            due = round((time - now.time) / now.longest)
-            count, first = min(due, int(now.budget - now.steps)), int(now.steps)
-            done = kernel.advance(p, motion.q, motion.v, motion.sums, float(now.longest), first, count)
-            now.steps += done
-            now.time, now.tried = now.steps * now.longest, now.longest
-            if done < due:
-                return FAILED if done < count else SPENT
-            if not contact_loop.write(kernel.slopes, p, contacts, time, motion, now, records):
-                return FAILED
-        return DONE
+        return self._from_sample_to_sample(contacts, motion, clock, records)
+
+    def _from_sample_to_sample(
+        self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records
+    ) -> int:
+        """Advance a motion without contacts; its steps have one length, of which samples are multiples."""
+        kernel, p, rates = self._kernel, self._parameters, contact_loop.empty_rates(motion, records)
+        (now,) = clock
+        h, steps, taken, most = (now[name].item() for name in ("longest", "steps", "taken", "budget"))
+        status, times = DONE, records.time.tolist()
+        for time in times[taken:]:
+            due = round(time / h) - steps
+            count = min(due, most - steps)
+            done = kernel.advance(p, motion.q, motion.v, motion.sums, h, steps, count)
+            steps += done
+            held = done == due and kernel.slopes(p, contacts, time, motion, rates)
+            if not held:
+                status = SPENT if done == count < due else FAILED
+                break
+            records.q[taken], records.v[taken], records.sums[taken] = motion.q, motion.v, motion.sums
+            records.multipliers[taken] = rates.multipliers
+            taken += 1
+        now["steps"], now["taken"], now["time"], now["tried"] = steps, taken, steps * h, h
+        return status
 
 
 class ReadableFace:

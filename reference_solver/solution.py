@@ -76,10 +76,9 @@ class Solution:
     def gap_m(self) -> FloatArray:
         """Return d, from bearing centre to pin centre, (s, K, 2)."""
         found = np.empty((len(self.q), len(self.mechanism.contacts), 2))
-        for sample, q in enumerate(self.q):
-            state = State(q, np.zeros_like(q))
-            for k, joint in enumerate(self.mechanism.contacts):
-                bearing, pin = ends_of(joint, state)
+        for k, joint in enumerate(self.mechanism.contacts):
+            for sample, q in enumerate(self.q):
+                bearing, pin = ends_of(joint, State(q, q))
                 found[sample, k] = pin.place - bearing.place
         return found
 

@@ -102,6 +102,8 @@ def solve(
         SolverError: a step or an impact failed; it says which and when.
     """
     choice = step if isinstance(step, StepChoice) else StepChoice(step)
+    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+    check_start(mechanism, q, v)
     return Solver(mechanism, q, choice, stabilisation, compiled).run(q, v, end_time_s, samples)
 
 
@@ -173,9 +175,10 @@ class Solver:
     def run(
         self, q: FloatArray, v: FloatArray, end_time_s: float, samples: int, tell: Tell = nobody
     ) -> Solution:
-        """Integrate from q and v as ``solve`` does; ``tell`` is called now and then with the time reached."""
-        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
-        check_start(self._equations, q, v)
+        """Integrate from q and v, which ``check_start`` is to have passed, as ``solve`` does.
+
+        ``tell`` is called now and then with the time reached.
+        """
         state = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
         contacts, motion, clock, records = state
         (now,) = clock.view(np.recarray)
@@ -308,19 +311,20 @@ def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
     return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0
 
 
-def check_start(equations: Equations, q: FloatArray, v: FloatArray) -> None:
+def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:
     """Check that positions and velocities meet the constraints, and pins are inside rigid bearings.
 
     Raises:
         InconsistentStart: they do not, by more than ``START_TOLERANCE``.
     """
+    equations = Equations(mechanism, q)
     gap = np.abs(equations.violation(0.0, q)).max(initial=0)
     if not gap <= START_TOLERANCE:
         raise InconsistentStart(f"initial positions: expected g = 0, got a violation of {gap:.3g}")
     rate = np.abs(equations.constraint_matrix(q) @ v - equations.C).max(initial=0)
     if not rate <= START_TOLERANCE * (1 + np.abs(v).max()):
         raise InconsistentStart(f"initial velocities: expected [B]q' = C, got a violation of {rate:.3g}")
-    rigid = [(k, joint) for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
+    rigid = [(k, joint) for k, joint in enumerate(mechanism.contacts) if joint.rigid]
     for k, joint in rigid:
         outside = float(separation((joint,), q, v).distance_m[0]) - joint.radial_clearance_m
         if not outside <= START_TOLERANCE:
