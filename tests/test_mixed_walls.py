@@ -49,7 +49,7 @@ def test_parts_that_do_not_touch_move_as_each_does_alone() -> None:
     ]
     alone.append(moved(Mechanism((disc,), (RevoluteJoint(GROUND, hinge, 0, hinge),), (), GRAVITY), turned))
     expected = np.concatenate([one.q for one in alone], axis=1)
-    # Events of all cut the steps of each, whose own error is of this size.
+    # Events of all cut the steps of each, which RK4 takes alike in flight; impacts agree to 1e-14 of themselves.
     assert np.abs(together.q - expected).max() < 1e-9
     for k in range(2):
         found, wanted = together.impacts_of(k), alone[k].impacts_of(0)
@@ -58,7 +58,7 @@ def test_parts_that_do_not_touch_move_as_each_does_alone() -> None:
         for one, other in zip(found, wanted, strict=True):
             numbers = one.time_s, one.approach_speed_m_s, one.normal_impulse_N_s, one.energy_lost_J
             expected_numbers = other.time_s, other.approach_speed_m_s, other.normal_impulse_N_s
-            assert numbers == pytest.approx((*expected_numbers, other.energy_lost_J), rel=1e-6)
+            assert numbers == pytest.approx((*expected_numbers, other.energy_lost_J), rel=1e-9)
 
 
 def energy_J(found: Solution, elastic: int) -> FloatArray:
@@ -85,8 +85,8 @@ def test_a_beam_on_a_compliant_and_a_rigid_bearing_closes_its_ledger() -> None:
         assert min(len(found.impacts_of(k)) for k in range(2)) > 3
         energy, lost = energy_J(found, 0), found.losses_J() + found.stabilisation_loss_J
         residuals.append(float(np.abs(energy - energy[0] + lost).max() / lost[-1]))
-    assert residuals[1] < 1e-6
-    assert residuals[1] < residuals[0] / 8, f"order four: {residuals}"
+    assert residuals[1] < 1e-8, "1.3e-9 of what is lost when this was written"
+    assert residuals[1] < residuals[0] / 8, f"order four, 15.6 then: {residuals}"
 
 
 def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() -> None:
@@ -115,4 +115,5 @@ def test_a_scene_may_have_a_compliant_and_a_rigid_bearing() -> None:
     found = ReferenceEngine().simulate(both, RunSettings(1e-5, 100))
     assert all(len(found.contacts[name].impacts.time_s) > 3 for name in "AB")
     residual = np.abs(energy_balance_residual_J(both, found)).max()
-    assert residual < 1e-4 * kinetic_energy_J(both, found).max()
+    # 3e-7 when this was written, the error of the steps.
+    assert residual < 3e-6 * kinetic_energy_J(both, found).max()
