@@ -49,7 +49,7 @@ def test_parts_that_do_not_touch_move_as_each_does_alone() -> None:
     ]
     alone.append(moved(Mechanism((disc,), (RevoluteJoint(GROUND, hinge, 0, hinge),), (), GRAVITY), turned))
     expected = np.concatenate([one.q for one in alone], axis=1)
-    # Events of all cut the steps of each, which RK4 takes alike in flight; impacts agree to 1e-14 of themselves.
+    # Events of all cut the steps of each; RK4 takes a flight alike in any, and impacts agree to 1e-14.
     assert np.abs(together.q - expected).max() < 1e-9
     for k in range(2):
         found, wanted = together.impacts_of(k), alone[k].impacts_of(0)
