@@ -23,6 +23,7 @@ from reference_solver.contact_types import (
     FLIGHT,
     FULL,
     GAP_RECORD,
+    GO,
     SETTLE,
     SPENT,
     Motion,
@@ -48,7 +49,8 @@ RECORDS = NamedTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE, T
 STEP = FunctionType(boolean(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, RATES))
 MOBILITIES = FunctionType(boolean(ARRAY, MOTION, ARRAY))
-ADVANCE = int64(STEP, SLOPES, MOBILITIES, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS)
+KERNEL = STEP, SLOPES, MOBILITIES
+ADVANCE = int64(*KERNEL, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS)
 
 
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
@@ -270,16 +272,15 @@ def step_length(contacts, gaps, now):
 
 
 @register_jitable(**INNER)
-def quintic(rise, slope, new_slope, curve, new_curve, x):
-    """Return at x what a quantity has changed by, with its slopes and half its curvatures at both ends.
+def quintic(rise, slope, new_slope, curve, new_curve):
+    """Return the coefficients of x^3 to x^5 of a change with these slopes and half curvatures at x = 0 and 1.
 
     All are per unit of x; ``rise`` is the whole change less ``slope`` and ``curve``.
     """
     turn = new_slope - slope - 2.0 * curve
     bend = new_curve - curve
-    cubic = 10.0 * rise - 4.0 * turn + bend
-    quartic = -15.0 * rise + 7.0 * turn - 2.0 * bend
-    return x * (slope + x * (curve + x * (cubic + x * (quartic + x * (6.0 * rise - 3.0 * turn + bend)))))
+    cubic, quartic = 10.0 * rise - 4.0 * turn + bend, -15.0 * rise + 7.0 * turn - 2.0 * bend
+    return cubic, quartic, 6.0 * rise - 3.0 * turn + bend
 
 
 @register_jitable(**INNER)
@@ -341,7 +342,8 @@ def between(at, x, h, ends, rates, bumps):
     for c in range(len(old.q)):
         start, curve = h * old.v[c], 0.5 * h * h * slope.a[c]
         rise = new.q[c] - old.q[c] - start - curve
-        at.q[c] = old.q[c] + quintic(rise, start, h * new.v[c], curve, 0.5 * h * h * new_slope.a[c], x)
+        third, fourth, fifth = quintic(rise, start, h * new.v[c], curve, 0.5 * h * h * new_slope.a[c])
+        at.q[c] = old.q[c] + x * (start + x * (curve + x * (third + x * (fourth + x * fifth))))
         change = new.v[c] - old.v[c]
         at.v[c] = old.v[c] + quartic(change, h * slope.a[c], h * new_slope.a[c], bumps.a[c], x)
     for c in range(len(old.sums)):
@@ -432,6 +434,38 @@ def cut(step, p, contacts, t, h, old, new):
         other = first_alarm(contacts, new.gaps, event)
 
 
+@register_jitable(**INNER)
+def close_at_start(mobilities, p, contacts, motion, spare, clock, records):
+    """Note the touch of compliant contacts that are closed at the start of a run."""
+    now = clock[0]
+    for k in range(len(contacts)):
+        closed = contacts[k].rigid == 0.0 and contacts[k].phase == FLIGHT and motion.gaps[k].g > 0.0
+        if now.time == 0.0 and now.end > 0.0 and closed:
+            note(mobilities, p, contacts, motion, 2 * k, spare, clock, records)
+
+
+@register_jitable(**INNER)
+def due(slopes, p, contacts, motion, now, records):
+    """Write the samples of the present time; return GO if a step is to come, or how the call ends."""
+    while now.taken < len(records.time) and records.time[now.taken] <= now.time:
+        if not write(slopes, p, contacts, now.time, motion, now, records):
+            return FAILED
+    if now.time >= now.end:
+        return DONE
+    if now.steps >= now.budget:
+        return SPENT
+    return FULL if now.events >= len(records.events) else GO
+
+
+@register_jitable(**INLINE)
+def settled(now, contacts, moved):
+    """Have all contacts take part again, once time has moved on since an event on a rigid wall."""
+    if now.rigid >= 0 and moved:
+        now.rigid = -1
+        for k in range(len(contacts)):
+            contacts[k].ignored = 0.0
+
+
 def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
     """Advance the motion to the clock's end in place, event by event; return how that ended.
 
@@ -440,22 +474,12 @@ def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
     ends the call: whoever called settles it.
     """
     now, new, spare = clock[0], empty_motion(motion), np.empty(len(contacts))
-    for k in range(len(contacts)):
-        contact = contacts[k]
-        closed = contact.rigid == 0.0 and contact.phase == FLIGHT and motion.gaps[k].g > 0.0
-        if now.time == 0.0 and now.end > 0.0 and closed:  # from the start
-            note(mobilities, p, contacts, motion, 2 * k, spare, clock, records)
+    close_at_start(mobilities, p, contacts, motion, spare, clock, records)
     while True:
+        status = due(slopes, p, contacts, motion, now, records)
+        if status != GO:
+            return status
         t = now.time
-        while now.taken < len(records.time) and records.time[now.taken] <= t:
-            if not write(slopes, p, contacts, t, motion, now, records):
-                return FAILED
-        if t >= now.end:
-            return DONE
-        if now.steps >= now.budget:
-            return SPENT
-        if now.events >= len(records.events):
-            return FULL
         h, landing = now.longest, now.end
         if now.located:
             h = step_length(contacts, motion.gaps, now)
@@ -483,10 +507,7 @@ def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
         now.time = new_t
         take(motion, new)
         now.steps += 1
-        if now.rigid >= 0 and new_t > t:
-            now.rigid = -1
-            for k in range(len(contacts)):
-                contacts[k].ignored = 0.0
+        settled(now, contacts, new_t > t)
         if event >= 0 and contacts[event // 2].rigid != 0.0:
             now.rigid = event // 2
             return SETTLE

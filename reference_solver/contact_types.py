@@ -12,8 +12,9 @@ FloatArray = NDArray[np.float64]
 FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 
 #: How ``contact_loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step
-#: that met a singular configuration or overflowed, or at an event on a rigid wall that is to be settled.
-DONE, SPENT, FULL, FAILED, SETTLE = range(5)
+#: that met a singular configuration or overflowed, or at an event on a rigid wall that is to be settled. It
+#: goes on until then.
+DONE, SPENT, FULL, FAILED, SETTLE, GO = range(6)
 
 #: A contact. Its state: phase and memory (see ``contact_laws``), and since its touch the time, the duration
 #: expected, and the mobility in 1/kg of the gap. Its law: radial clearance, stiffness, exponent, damping
@@ -55,6 +56,16 @@ CLOCK_RECORD = np.dtype(
     [
         *((name, np.float64) for name in ("time", "lost", "longest", "per_contact", "tried", "end")),
         *((name, np.int64) for name in ("located", "events", "taken", "steps", "budget", "rigid")),
+    ]
+)
+
+#: Error control: tolerance as a part of the mechanism's length in m, the next step and that of the last
+#: flight, a contact's first step as a part of its duration, and the last error over the tolerance; whether
+#: the last step was rejected, and the contact that has just begun, or -1.
+CONTROL_RECORD = np.dtype(
+    [
+        *((name, np.float64) for name in ("tolerance", "length", "step", "flight_step", "first_part", "error")),
+        *((name, np.int64) for name in ("rejected", "fresh")),
     ]
 )
 
@@ -114,6 +125,13 @@ class Records(NamedTuple):
     phases: FloatArray
     multipliers: FloatArray
     forces: FloatArray
+
+
+class Control(NamedTuple):
+    """Error control: its record (1,), and 1 over the tolerance of coordinates and velocities, (2n,)."""
+
+    record: NDArray[np.void]
+    weights: FloatArray
 
 
 def new_motion(n: int, sums: int, contacts: int) -> Motion:

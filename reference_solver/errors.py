@@ -29,6 +29,17 @@ class NonFiniteState(SolverError):
         super().__init__(f"non-finite state at t = {time_s:.6g} s{step}: shorten the step")
 
 
+class StepsCollapsed(SolverError):
+    """Error control has found no step that meets its tolerance."""
+
+    def __init__(self, time_s: float, step_s: float) -> None:
+        self.time_s = time_s
+        super().__init__(
+            f"no step from t = {time_s:.6g} s meets the tolerance (the last one tried is {step_s:.3g} s): "
+            "the forces jump there, or the mechanism is close to a singular configuration: loosen the tolerance"
+        )
+
+
 class InconsistentStart(SolverError):
     """The initial positions or velocities violate the constraints."""
 

@@ -1,17 +1,21 @@
 """The two faces of the algorithm: kernels compiled for a topology, or the equations as they stand.
 
-Both take arrays of contacts, a motion, a clock and records (see ``contact_types``), and change them in place.
+Both take arrays of contacts, a motion, a clock, records and error control (see ``contact_types``), and change
+them in place.
 """
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver import contact_loop
+from reference_solver import adaptive_loop, contact_loop
 from reference_solver.contact import gap
-from reference_solver.contact_types import DONE, FAILED, SPENT, Motion, Rates, Records
+from reference_solver.contact_types import DONE, FAILED, SPENT, Control, Motion, Rates, Records
 from reference_solver.equations import Equations
 from reference_solver.kernel import Topology, source_of
-from reference_solver.kernel_store import compiled, load_kernel
+from reference_solver.kernel_store import callee, compiled, load_kernel
 from reference_solver.methods import step
 from reference_solver.points import State
 
@@ -20,35 +24,50 @@ RecordArray = NDArray[np.void]
 
 
 class CompiledFace:
-    """The kernel of a topology, and the loop that calls it."""
+    """The ``kernel`` of a topology with its ``parameters``, and the loop that calls it."""
 
-    #: Steps times coordinates per call: a fraction of a second, so that an interrupt is answered.
-    chunk = 2_000_000
+    #: Evaluations of {A} times coordinates per call: a fraction of a second, so that an interrupt is answered.
+    chunk = 8_000_000
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
-        self._kernel = load_kernel(source_of(topology.marked()))
-        self._parameters = topology.parameters(self._kernel, q_start)
-        self._located = bool(topology.mechanism.contacts)
+        self.kernel = load_kernel(source_of(topology.marked()))
+        self.parameters = topology.parameters(self.kernel, q_start)
+        self._loop, self._functions = self._callees(topology)
 
-    def gaps(self, contacts: RecordArray, t: float, motion: Motion) -> None:
-        """Set the contacts' gaps of a motion at t."""
-        if self._located:
-            self._kernel.gaps(self._parameters, contacts, t, motion)
-
-    def advance(self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records) -> int:
-        """Advance a motion as ``contact_loop.advance`` does; without contacts, from sample to sample."""
-        kernel, p = self._kernel, self._parameters
-        if self._located:
+    def _callees(self, topology: Topology) -> tuple[Callable[..., Any] | None, tuple[Any, ...]]:
+        """Return the loop that calls the kernel, None without one, and the functions that it takes."""
+        if topology.method.embedded:
+            of = adaptive_loop.Kernel._fields, adaptive_loop.KERNEL
+            loop = compiled(adaptive_loop.advance, adaptive_loop.ADVANCE)
+        elif topology.mechanism.contacts:
+            of = ("step", "slopes", "mobilities"), contact_loop.KERNEL
             loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
-            functions = kernel.step, kernel.slopes, kernel.mobilities
-            return int(loop(*functions, p, contacts, motion, clock, records))
-        return self._from_sample_to_sample(contacts, motion, clock, records)
+        else:
+            return None, ()
+        return loop, tuple(callee(getattr(self.kernel, name), kind) for name, kind in zip(*of, strict=True))
+
+    def advance(
+        self,
+        contacts: RecordArray,
+        motion: Motion,
+        clock: RecordArray,
+        records: Records,
+        control: Control | None = None,
+    ) -> int:
+        """Advance a motion by the loop that suits; without contacts and control, from sample to sample."""
+        p = self.parameters
+        if self._loop is None:
+            return self._from_sample_to_sample(contacts, motion, clock, records)
+        if control is None:
+            return int(self._loop(*self._functions, p, contacts, motion, clock, records))
+        of, (held, weights) = adaptive_loop.Kernel(*self._functions), control
+        return int(self._loop(of, p, contacts, weights, motion, clock, held, records))
 
     def _from_sample_to_sample(
         self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records
     ) -> int:
         """Advance a motion without contacts; its steps have one length, of which samples are multiples."""
-        kernel, p, rates = self._kernel, self._parameters, contact_loop.empty_rates(motion, records)
+        kernel, p, rates = self.kernel, self.parameters, contact_loop.empty_rates(motion, records)
         (now,) = clock
         h, steps, taken, most = (now[name].item() for name in ("longest", "steps", "taken", "budget"))
         status, times = DONE, records.time.tolist()
@@ -69,24 +88,40 @@ class CompiledFace:
 
 
 class ReadableFace:
-    """The equations of a topology in numbers: slow, to be read, and to say what is wrong with a step."""
+    """The equations of a topology in numbers: slow, to be read, and to say what is wrong with a step.
 
-    #: Steps times coordinates per call: some seconds.
-    chunk = 20_000
+    It is its own kernel, whose functions take no parameters.
+    """
+
+    #: Evaluations of {A} times coordinates per call: some seconds.
+    chunk = 80_000
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
-        self._topology = topology
+        self._topology, self.kernel, self.parameters = topology, self, None
         mechanism = topology.mechanism
         self.equations = Equations(mechanism, q_start, topology.baumgarte, topology.following)
 
-    def advance(self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records) -> int:
-        """Advance a motion by ``contact_loop.advance``, run as it stands."""
+    def advance(
+        self,
+        contacts: RecordArray,
+        motion: Motion,
+        clock: RecordArray,
+        records: Records,
+        control: Control | None = None,
+    ) -> int:
+        """Advance a motion by the loop that suits, run as it stands."""
         contacts, gaps, clock, events = (
             table.view(np.recarray) for table in (contacts, motion.gaps, clock, records.events)
         )
         at, rows = motion._replace(gaps=gaps), records._replace(events=events)
-        functions = self.step, self.slopes, self.mobilities
         with np.errstate(all="ignore"):
+            if control is not None:
+                of = adaptive_loop.Kernel(*(getattr(self, name) for name in adaptive_loop.Kernel._fields))
+                held = control.record.view(np.recarray)
+                return int(
+                    adaptive_loop.advance(of, None, contacts, control.weights, at, clock, held, rows)
+                )
+            functions = self.step, self.slopes, self.mobilities
             return int(contact_loop.advance(*functions, None, contacts, at, clock, rows))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> bool:
@@ -110,18 +145,50 @@ class ReadableFace:
         new.q[:], new.v[:], new.sums[:] = found.q, found.v, [*found.sums.values(), found.removed]
         finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
         if finite:
-            self.gaps(contacts, t + h, new)
+            self.gaps(None, contacts, t + h, new)
         return finite
 
-    def gaps(self, contacts: RecordArray, t: float, motion: Motion) -> None:
-        """Set the contacts' gaps of a motion at t."""
+    def right_hand_side(
+        self,
+        _: object,
+        contacts: RecordArray,
+        t: float,
+        row: int,
+        rate: float,
+        y: FloatArray,
+        K: FloatArray,
+    ) -> bool:
+        """Set a row of K to the rates of coordinates and velocities y, and the powers, times a rate."""
+        n = self.equations.n
+        found = self.equations.answer(t, y[:n], y[n : 2 * n], phases_of(contacts))
+        K[row] = rate * np.array(
+            [*y[n : 2 * n], *found.accelerations, *found.powers.values(), found.removed_W]
+        )
+        return bool(found.ok)
+
+    def move(self, _: object, contacts: RecordArray, t: float, motion: Motion) -> bool:
+        """Move a motion onto the constraints; what that removes is added to its last sum."""
+        if not self._topology.projected:
+            return True
+        motion.q[:], motion.v[:], removed, ok = self.equations.project(
+            t, motion.q, motion.v, phases_of(contacts)
+        )
+        motion.sums[-1] += removed
+        return bool(ok)
+
+    def gaps(self, _: object, contacts: RecordArray, t: float, motion: Motion) -> bool:
+        """Set the contacts' gaps of a motion at t; return whether it could."""
         phases, state, powers = phases_of(contacts), State(motion.q, motion.v), dict[str, float]()
         if self._topology.following:
-            powers = self.equations.required(t, motion.q, motion.v, phases).powers
+            found = self.equations.answer(t, motion.q, motion.v, phases)
+            if not found.ok:
+                return False
+            powers = found.powers
         for k, joint in enumerate(self._topology.mechanism.contacts):
             phase, memory = phases[k]
             fields = gap(joint, phase, memory, state, powers.get(f"normal{k}", 0.0))
             motion.gaps[k] = tuple(fields.values())
+        return True
 
     def slopes(self, _: object, contacts: RecordArray, t: float, motion: Motion, rates: Rates) -> bool:
         """Set the rates at a state."""

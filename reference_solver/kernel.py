@@ -159,11 +159,10 @@ class Kernel:
 
         It begins with lines ``before`` all else, or with the names of coordinates and velocities of a state.
         """
-        places, values = zip(*stores, strict=True)
-        writer = self._writer(arguments)
-        *texts, returned = writer.write(draft.tape, [*values, ok])
+        stores, writer = [*stores], self._writer(arguments)
+        *texts, returned = writer.write(draft.tape, [*(value for _, value in stores), ok])
         lines = [*(self.unpack(before) if isinstance(before, str) else before), *writer.lines]
-        lines += [f"{place} = {text}" for place, text in zip(places, texts, strict=True)]
+        lines += [f"{place} = {text}" for (place, _), text in zip(stores, texts, strict=True)]
         self._define(
             ENTRY, name, arguments, [*self._reading(writer, arguments), *lines, f"return {returned}"]
         )
@@ -215,13 +214,19 @@ class Kernel:
         q, v, removed, ok = draft.equations.project(draft.t, draft.q, draft.v, draft.phases)
         self.inner("project", draft, [*q, *v, removed, ok])
 
+    def call_project(
+        self, draft: Draft, t: Scalar, q: Array, v: Array
+    ) -> tuple[Array, Array, Scalar, Scalar]:
+        """Return on a tape what ``project`` does."""
+        names = [f"new{c}" for c in range(2 * self.n)]
+        *new, removed, ok = self.call("project", draft, t, q, v, [*names, "removed", "ok"])
+        return array(new[: self.n]), array(new[self.n :]), removed, ok
+
     def step(self, draft: Draft, h: Scalar, lost: Array | None = None) -> Step:
         """Return a step on a tape (see ``methods.step``)."""
 
         def project(t: Scalar, q: Array, v: Array) -> tuple[Array, Array, Scalar, Scalar]:
-            names = [f"new{c}" for c in range(2 * self.n)]
-            *new, removed, ok = self.call("project", draft, t, q, v, [*names, "removed", "ok"])
-            return array(new[: self.n]), array(new[self.n :]), removed, ok
+            return self.call_project(draft, t, q, v)
 
         def answer(t: Scalar, q: Array, v: Array) -> Answer:
             return self.call_answer(draft, t, q, v)
@@ -243,6 +248,33 @@ class Kernel:
         parts |= {"forces": forces}
         stores = [(f"rates.{name}[{c}]", x) for name, values in parts.items() for c, x in enumerate(values)]
         self.entry("slopes", ["p", "contacts", "t", "motion", "rates"], draft, found.ok, stores, "motion.")
+
+    def right_hand_side(self) -> None:
+        """Write ``right_hand_side(p, contacts, t, row, rate, y, K)`` for ``adaptive_loop``; False on failure.
+
+        y has coordinates and velocities, row of K gets their rates and the powers, all times ``rate``.
+        """
+        draft = self.begin()
+        found, rate = self.call_answer(draft, draft.t, draft.q, draft.v), draft.tape.input("rate")
+        changes = [*draft.v, *found.accelerations, *found.powers.values(), found.removed_W]
+        stores = [(f"K[row, {c}]", rate * x) for c, x in enumerate(changes)]
+        arguments = ["p", "contacts", "t", "row", "rate", "y", "K"]
+        before = [f"{name} = y[{c}]" for c, name in enumerate(self._state)]
+        self.entry("right_hand_side", arguments, draft, found.ok, stores, before)
+
+    def move(self) -> None:
+        """Write ``move(p, contacts, t, motion)``: a motion onto the constraints; False on failure.
+
+        What that removes is added to the last of the sums.
+        """
+        draft, stores, ok = self.begin(), list[tuple[str, Scalar]](), True
+        if self.topology.projected:
+            q, v, removed, ok = self.call_project(draft, draft.t, draft.q, draft.v)
+            parts = {"q": q, "v": v}
+            stores = [(f"motion.{of}[{c}]", x) for of, values in parts.items() for c, x in enumerate(values)]
+            place = f"motion.sums[{len(self.powers)}]"
+            stores += [(place, draft.tape.input(place) + removed)]
+        self.entry("move", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.")
 
     def gaps(self) -> None:
         """Write ``gaps(p, contacts, t, motion)``, which sets the gaps of a state; False on failure."""
@@ -320,16 +352,22 @@ class Kernel:
 
 @cache
 def source_of(topology: Topology) -> str:
-    """Return the module of a marked topology: ``slopes`` and ``advance``; with contacts, what they need.
+    """Return the module of a marked topology: ``slopes``, and what the loop that is to run calls.
 
-    That is ``step``, ``gaps`` and ``mobilities``, for ``contact_loop``.
+    That is ``advance`` without contacts; with them ``step``, ``gaps`` and ``mobilities``, for
+    ``contact_loop``; and with error control what ``adaptive_loop.Kernel`` has.
     """
     kernel = Kernel(topology)
     kernel.answer()
     if topology.projected:
         kernel.projection()
     kernel.slopes()
-    if topology.mechanism.contacts:
+    if topology.method.embedded:
+        kernel.right_hand_side()
+        kernel.move()
+        kernel.gaps()
+        kernel.mobilities()
+    elif topology.mechanism.contacts:
         kernel.gaps()
         kernel.contact_step()
         kernel.mobilities()

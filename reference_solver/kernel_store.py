@@ -156,8 +156,35 @@ def load_kernel(source: str) -> ModuleType:
 
 @cache
 def compiled(function: Callable[..., Any], signature: object) -> Callable[..., Any]:
-    """Return a function compiled for a signature with its module's ``OPTIONS``, its machine code kept."""
-    return njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
+    """Return a function compiled for a signature with its module's ``OPTIONS``, its machine code kept.
+
+    It takes arguments of these types and does not look: to find out what they are would take Numba 30 us.
+    """
+    made: Any = njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
+    overloads = [*getattr(made, "overloads", {}).values()]
+    return cast(Callable[..., Any], overloads[0].entry_point if overloads else made)
+
+
+class Callee(numba.types.WrapperAddressProtocol):  # type: ignore[misc]
+    """A compiled function as an argument of others; to pass it as it is would take Numba 50 us."""
+
+    def __init__(self, function: Any, signature: Any) -> None:
+        self._signature, found = signature, function.get_compile_result(signature)
+        self._address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+        self._function = function  # whose machine code lives as long
+
+    def __wrapper_address__(self) -> int:
+        """Return where the machine code is."""
+        return int(self._address)
+
+    def signature(self) -> Any:
+        """Return its signature."""
+        return self._signature
+
+
+def callee(function: Any, kind: Any) -> Any:
+    """Return a kernel's function as an argument of a Numba function type."""
+    return Callee(function, kind.signature) if hasattr(function, "get_compile_result") else function
 
 
 @contextmanager

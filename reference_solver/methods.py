@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,18 +10,38 @@ import numpy as np
 from reference_solver.tape import Array, Scalar, both, named
 
 
+Row = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """What a method tells of a step beside its end: error estimates and dense output, as weights of slopes.
+
+    ``estimates`` (2, s) are Hairer, Norsett and Wanner's (1993, II.10) of orders 5 and 3. Dense output takes
+    slopes at ``nodes`` by ``matrix``, behind those of the stages and of the end, and ``dense`` are weights of
+    all of them.
+    """
+
+    estimates: tuple[Row, ...]
+    nodes: Row
+    matrix: tuple[Row, ...]
+    dense: tuple[Row, ...]
+
+
 @dataclass(frozen=True)
 class Method:
     """An explicit Runge-Kutta method by its Butcher tableau: nodes (s,), matrix (s rows), weights (s,).
 
-    It is stable up to ``damper_limit``, a step times a damper's rate, on the negative real axis.
+    It is stable up to ``damper_limit``, a step times a damper's rate, on the negative real axis. One that is
+    ``embedded`` can have its steps chosen by their error.
     """
 
     order: int
     damper_limit: float
-    nodes: tuple[float, ...]
-    matrix: tuple[tuple[float, ...], ...]
-    weights: tuple[float, ...]
+    nodes: Row
+    matrix: tuple[Row, ...]
+    weights: Row
+    embedded: Embedded | None = None
 
 
 #: The classical method (Kutta 1901), the paper's (13).
@@ -31,6 +52,25 @@ RK4 = Method(
     matrix=((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
     weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
 )
+
+
+@cache
+def dop853() -> Method:
+    """Return Dormand and Prince's method of order 8 (Hairer, Norsett and Wanner 1993, II.5), as SciPy has it."""
+    from scipy.integrate import DOP853 as Table  # it takes a moment, and RK4 does without
+
+    def rows(table: Any) -> tuple[Row, ...]:
+        return tuple(tuple(row) for row in table.tolist())
+
+    estimates = np.stack([Table.E5, Table.E3])[:, : Table.n_stages]
+    return Method(
+        order=8,
+        damper_limit=6.39,
+        nodes=tuple(Table.C.tolist()),
+        matrix=tuple(row[:i] for i, row in enumerate(rows(Table.A))),
+        weights=tuple(Table.B.tolist()),
+        embedded=Embedded(rows(estimates), tuple(Table.C_EXTRA.tolist()), rows(Table.A_EXTRA), rows(Table.D)),
+    )
 
 
 @dataclass(frozen=True)

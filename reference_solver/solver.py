@@ -12,6 +12,7 @@ from reference_solver.contact_types import (
     CLOCK_RECORD,
     CONTACT,
     CONTACT_RECORD,
+    CONTROL_RECORD,
     DONE,
     EVENT_RECORD,
     FAILED,
@@ -19,25 +20,38 @@ from reference_solver.contact_types import (
     FULL,
     SETTLE,
     SPENT,
+    Control,
     Impact,
     Motion,
+    Rates,
     Records,
     new_motion,
 )
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.errors import InconsistentStart, NonFiniteState, Stalled, UnsettledEvents
+from reference_solver.errors import (
+    InconsistentStart,
+    NonFiniteState,
+    Stalled,
+    StepsCollapsed,
+    UnsettledEvents,
+)
 from reference_solver.mechanism import ClearanceJoint, Mechanism
+from reference_solver.methods import RK4, dop853
 from reference_solver.rigid_geometry import separation
 from reference_solver.rigid_settling import Settling
+from reference_solver.scales import scales_of
 from reference_solver.solution import ModeChange, Solution, contact_impacts
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
     from reference_solver.faces import CompiledFace, ReadableFace
+    from reference_solver.kernel import Topology
 
 FloatArray = NDArray[np.float64]
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
+#: Contacts, motion, clock, records, and error control if there is any.
+State = tuple[NDArray[np.void], Motion, NDArray[np.void], Records, Control | None]
 #: Takes the time in s that a run has reached.
 Tell = Callable[[float], None]
 
@@ -49,6 +63,9 @@ LARGEST_COMPILED = 16
 FEWEST_STEPS_PER_CONTACT = 10.0
 #: Events per call of a face.
 LOG_ROWS = 256
+#: The first step by error control, as a part of the mechanism's own time, and the first of a contact, as a
+#: part of its duration; both are found anew from there.
+FIRST_STEP, FIRST_PART_OF_CONTACT = 1e-3, 0.02
 #: Events on rigid walls at one time, per contact: more than a few mean that they do not settle.
 EVENTS_AT_ONCE = 20
 
@@ -75,6 +92,20 @@ class StepChoice:
         )
 
 
+@dataclass(frozen=True)
+class ErrorControl:
+    """Steps of DOP853, each in error by no more than ``tolerance``, and no longer than ``longest_s``.
+
+    The tolerance is a part of the mechanism's length for positions, of a radian for angles, and of both times
+    the mechanism's own rate for velocities (see ``scales``); it is one of a step, not of the result. Events
+    are located. Pins before rigid walls bounce until a flight would be so short that its height is of the
+    tolerance.
+    """
+
+    tolerance: float
+    longest_s: float = np.inf
+
+
 def nobody(_: float) -> None:
     """Tell nobody how far a run has come."""
 
@@ -86,13 +117,13 @@ def solve(
     *,
     end_time_s: float,
     samples: int,
-    step: StepChoice | float,
+    step: StepChoice | ErrorControl | float,
     stabilisation: Stabilisation = "projection",
     compiled: bool = True,
 ) -> Solution:
     """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
 
-    ``step`` is the longest one in s, or both rates. Without contacts, and with contacts that are not located,
+    ``step`` is the longest one in s, or both rates, of the paper's RK4; or error control. Without contacts, and with contacts that are not located,
     all steps have one length that fits into the samples' interval. Where events are located, steps are the
     run's own, whatever the samples: those within a step are interpolated, at the order of the step.
 
@@ -101,7 +132,7 @@ def solve(
         InconsistentStart: q or v violate the constraints, or a pin is outside a rigid bearing.
         SolverError: a step or an impact failed; it says which and when.
     """
-    choice = step if isinstance(step, StepChoice) else StepChoice(step)
+    choice = StepChoice(step) if isinstance(step, int | float) else step
     q, v = np.array(q, dtype=float), np.array(v, dtype=float)
     check_start(mechanism, q, v)
     return Solver(mechanism, q, choice, stabilisation, compiled).run(q, v, end_time_s, samples)
@@ -118,13 +149,15 @@ class Solver:
         self,
         mechanism: Mechanism,
         q_start: FloatArray,
-        choice: StepChoice,
+        choice: StepChoice | ErrorControl,
         stabilisation: Stabilisation = "projection",
         compiled: bool = True,
     ) -> None:
         self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
         self._rigid = any(joint.rigid for joint in self._joints)
-        if self._rigid and not (stabilisation == "projection" and choice.locate_events):
+        self._controlled = isinstance(choice, ErrorControl)
+        located = isinstance(choice, ErrorControl) or choice.locate_events
+        if self._rigid and not (stabilisation == "projection" and located):
             raise ValueError(
                 "rigid walls: expected stabilisation = projection and located events, got others"
             )
@@ -134,43 +167,80 @@ class Solver:
         self._q_start = np.array(q_start, dtype=float)
         self._equations = Equations(mechanism, self._q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
+        self._method = dop853() if self._controlled else RK4
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
         self.steps = self.settled = 0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it
             state = self._new(self._q_start, np.zeros_like(self._q_start), 0.0, np.zeros(1))
-            contacts, motion, *_ = state
-            self._face(()).gaps(contacts, 0.0, motion)
+            self._gaps((), state[0], 0.0, state[1])
             self._face(()).advance(*state)
 
     def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
         from reference_solver.faces import CompiledFace, ReadableFace
-        from reference_solver.kernel import Topology
 
         if following not in self._faces:
-            topology = Topology(self._mechanism, self._baumgarte, self._projected, following)
             kind = CompiledFace if self._compiled else ReadableFace
-            self._faces[following] = kind(topology, self._q_start)
+            self._faces[following] = kind(self._topology(following), self._q_start)
         return self._faces[following]
+
+    def _topology(self, following: tuple[int, ...]) -> "Topology":
+        from reference_solver.kernel import Topology
+
+        return Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
 
     def _new(
         self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray
-    ) -> tuple[NDArray[np.void], Motion, NDArray[np.void], Records]:
-        """Return contacts in flight, the motion at t = 0, the clock, and room for samples at times."""
+    ) -> State:
+        """Return contacts in flight, the motion at t = 0, the clock, room for samples at times, and control."""
         contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
         motion = new_motion(len(q), len(self._names), len(contacts))
         motion.q[:], motion.v[:] = q, v
-        clock = np.zeros(1, CLOCK_RECORD)
-        clock["longest"], clock["per_contact"] = self._choice.longest_s, self._choice.steps_per_contact
-        located = bool(contacts.size) and self._choice.locate_events
-        clock["located"], clock["end"], clock["rigid"] = located, end_time_s, -1
-        if len(times) > 1 and not located:
-            interval = times[1]
-            clock["longest"] = interval / np.ceil(interval / self._choice.longest_s * (1 - 1e-9))
+        clock, choice = np.zeros(1, CLOCK_RECORD), self._choice
+        clock["longest"], clock["end"], clock["rigid"] = choice.longest_s, end_time_s, -1
+        if isinstance(choice, StepChoice):
+            located = bool(contacts.size) and choice.locate_events
+            clock["per_contact"], clock["located"] = choice.steps_per_contact, located
+            if len(times) > 1 and not located:
+                interval = times[1]
+                clock["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
         sums, states, rows = len(self._names), 2 * len(contacts), len(self._equations.C)
         log = np.zeros(LOG_ROWS, EVENT_RECORD), np.zeros((LOG_ROWS, sums))
         sizes = (len(q), len(q), sums, states, rows, states)
         records = Records(*log, times, *(np.zeros((len(times), size)) for size in sizes))
-        return contacts, motion, clock, records
+        control = None
+        if isinstance(choice, ErrorControl):
+            control = self._control(choice, contacts, motion, end_time_s)
+        return contacts, motion, clock, records, control
+
+    def _control(
+        self, choice: ErrorControl, contacts: NDArray[np.void], motion: Motion, end_time_s: float
+    ) -> Control:
+        """Return error control by the mechanism's scales at a motion at t = 0."""
+        n, face = len(motion.q), self._face(())
+        sizes = n, len(motion.sums), len(self._equations.C), 2 * len(contacts)
+        rates = Rates(*(np.zeros(size) for size in sizes))
+        face.kernel.slopes(face.parameters, contacts, 0.0, motion, rates)
+        scales = scales_of(self._mechanism, motion.q, motion.v, rates.a, end_time_s)
+        tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
+        record = np.zeros(1, CONTROL_RECORD)
+        first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
+        record[0] = (choice.tolerance, scales.length_m, first, first, part, 1.0, 0, -1)
+        return Control(record, 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances]))
+
+    def _shortest_flight_s(self, state: State) -> float:
+        """Return the flight between rigid walls that is not followed any more."""
+        *_, clock, _, control = state
+        if isinstance(self._choice, StepChoice):
+            return self._choice.closing_flight_fraction * float(clock["longest"][0])
+        assert control is not None
+        # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
+        return float(np.sqrt(8.0 * self._choice.tolerance) * control.record["step"][0] / FIRST_STEP)
+
+    def _gaps(self, following: tuple[int, ...], contacts: NDArray[np.void], t: float, motion: Motion) -> None:
+        """Set the contacts' gaps of a motion."""
+        if self._joints:
+            face = self._face(following)
+            face.kernel.gaps(face.parameters, contacts, t, motion)
 
     def run(
         self, q: FloatArray, v: FloatArray, end_time_s: float, samples: int, tell: Tell = nobody
@@ -180,7 +250,7 @@ class Solver:
         ``tell`` is called now and then with the time reached.
         """
         state = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
-        contacts, motion, clock, records = state
+        contacts, motion, clock, records, _ = state
         (now,) = clock.view(np.recarray)
         self.steps = self.settled = at_once = 0
         events, sums = [np.zeros(0, EVENT_RECORD)], [np.zeros((0, len(self._names)))]
@@ -188,16 +258,16 @@ class Solver:
         def add(name: str, value: float) -> None:
             motion.sums[self._names.index(name)] += value
 
-        settling = Settling(self._equations, self._choice.closing_flight_fraction * float(now.longest), add)
+        settling = Settling(self._equations, self._shortest_flight_s(state), add)
         changes: list[ModeChange] = []
         following = self._settle_first(settling, changes, contacts, motion, now) if self._rigid else ()
-        self._face(following).gaps(contacts, 0.0, motion)
+        self._gaps(following, contacts, 0.0, motion)
         status = SPENT
         while status != DONE:
             face = self._face(following)
-            begin, chunk = float(now.time), 1 + face.chunk // len(q)
+            begin, chunk = float(now.time), 1 + face.chunk // (len(q) * len(self._method.weights))
             now.events, now.budget = 0, now.steps + chunk
-            status = face.advance(contacts, motion, clock, records)
+            status = face.advance(*state)
             self.steps = int(now.steps)
             tell(float(now.time))
             events.append(records.events[: now.events].copy())
@@ -212,7 +282,7 @@ class Solver:
                 if at_once > EVENTS_AT_ONCE * len(contacts):
                     raise UnsettledEvents(begin, int(now.rigid))
                 following = self._settle(settling, changes, following, contacts, motion, now)
-                self._face(following).gaps(contacts, float(now.time), motion)
+                self._gaps(following, contacts, float(now.time), motion)
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise NonFiniteState(end_time_s, float(now.longest))
         return self._solution(
@@ -228,7 +298,7 @@ class Solver:
         now: np.record,
     ) -> tuple[int, ...]:
         """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""
-        self._face(()).gaps(contacts, 0.0, motion)
+        self._gaps((), contacts, 0.0, motion)
         closed = (contacts["rigid"] == 0) & (motion.gaps["g"] > 0)
         speed = np.maximum(motion.gaps["rate"], contacts["slowest"])[closed]
         contacts["phase"][closed], contacts["memory"][closed] = CONTACT, contacts["factor"][closed] / speed
@@ -264,14 +334,13 @@ class Solver:
     ) -> None:
         """Say why the step tried last could not be taken."""
         from reference_solver.faces import ReadableFace
-        from reference_solver.kernel import Topology
 
-        topology = Topology(self._mechanism, self._baumgarte, self._projected, following)
         t, h = float(now.time), float(now.tried)
         end = new_motion(len(motion.q), len(motion.sums), len(motion.gaps))
+        readable = ReadableFace(self._topology(following), self._q_start)
         with np.errstate(all="ignore"):
-            ReadableFace(topology, self._q_start).step(None, contacts, t, h, motion, end)
-        raise NonFiniteState(t + h, h)
+            readable.step(None, contacts, t, h, motion, end)
+        raise StepsCollapsed(t, h) if self._controlled else NonFiniteState(t + h, h)
 
     def _solution(
         self,
