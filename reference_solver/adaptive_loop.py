@@ -34,10 +34,10 @@ from reference_solver.contact_loop import (
     RECORDS,
     SLOPES,
     TABLE,
+    WORK,
     alarm,
     close_at_start,
     due,
-    empty_motion,
     gone_off,
     note,
     quintic,
@@ -45,7 +45,7 @@ from reference_solver.contact_loop import (
     turned_back,
     write,
 )
-from reference_solver.contact_types import CONTROL_RECORD, FAILED, FLIGHT, GO, SETTLE, Motion
+from reference_solver.contact_types import CONTROL_RECORD, FAILED, FLIGHT, GO, SETTLE, Control, Motion, Work
 from reference_solver.methods import dop853
 
 __all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "Kernel", "advance"]
@@ -62,7 +62,7 @@ MATRIX = np.array([(*row, *[0.0] * (STAGES - len(row))) for row in METHOD.matrix
 ESTIMATES, DENSE = np.array(METHOD.embedded.estimates), np.array(METHOD.embedded.dense)
 EXTRA_NODES, EXTRA_MATRIX = np.array(METHOD.embedded.nodes), np.array(METHOD.embedded.matrix)
 #: Slopes of a step: its stages, that at its end, and those that dense output takes beside them.
-SLOPE_ROWS = STAGES + 1 + len(EXTRA_NODES)
+SLOPE_ROWS = METHOD.embedded.slopes
 #: Coefficients of dense output: the step's change, its two slopes, and what the method adds.
 DENSE_ROWS = 3 + len(DENSE)
 
@@ -78,7 +78,6 @@ LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
 
-CONTROL = from_dtype(CONTROL_RECORD)[::1]
 RIGHT_HAND_SIDE = FunctionType(boolean(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
 AT_STATE = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION))
 
@@ -94,7 +93,8 @@ class Kernel(NamedTuple):
 
 
 KERNEL = NumbaTuple((RIGHT_HAND_SIDE, SLOPES, AT_STATE, AT_STATE, MOBILITIES), Kernel)
-ADVANCE = int64(KERNEL, ARRAY, CONTACTS, ARRAY, MOTION, CLOCK, CONTROL, RECORDS)
+CONTROL = NumbaTuple((from_dtype(CONTROL_RECORD)[::1], *(ARRAY,) * 7, TABLE, TABLE), Control)
+ADVANCE = int64(KERNEL, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS, WORK, CONTROL)
 
 
 class Course(NamedTuple):
@@ -106,27 +106,14 @@ class Course(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What a run works on: the mechanism, and the states and slopes of a step.
-
-    ``old`` and ``new`` are views of y and ``new_y`` (2n + sums,), with gaps; ``at`` is a state between them.
-    ``weights`` (2n,) are of y, 1 over the tolerance. ``K`` has slopes by row, ``slope`` and ``new_slope``
-    those at both ends in time, ``dense`` the coefficients of dense output.
-    """
+    """What a run works on: the mechanism, the state at both ends of a step and in it, and error control."""
 
     kernel: Kernel
     p: FloatArray
     contacts: NDArray[np.void]
-    weights: FloatArray
     old: Motion
-    new: Motion
-    at: Motion
-    y: FloatArray
-    new_y: FloatArray
-    stage: FloatArray
-    slope: FloatArray
-    new_slope: FloatArray
-    K: FloatArray
-    dense: FloatArray
+    work: Work
+    control: Control
 
 
 # ------------------------------------------------------------------------------------------ time
@@ -193,61 +180,65 @@ def course_of(contacts, gaps, t, h, careful):
 # ---------------------------------------------------------------------------------------- a step
 
 
-@register_jitable(**INNER)
-def combine(out, y, H, weights, K, width):
-    """Set ``out`` to y + H times the weighted sum of slopes."""
-    for c in range(width):
-        out[c] = 0.0
-    for j in range(len(weights)):
-        weight = weights[j]
+@register_jitable(**INLINE)
+def weigh(out, base, scale, weights, rows, K):
+    """Set ``out`` to a base and ``scale`` times the sum of the first rows of slopes by weights."""
+    for c in range(len(out)):
+        out[c] = base[c]
+    for j in range(rows):
+        weight = scale * weights[j]
         if weight != 0.0:
-            for c in range(width):
+            for c in range(len(out)):
                 out[c] += weight * K[j, c]
-    for c in range(width):
-        out[c] = y[c] + H * out[c]
+
+
+@register_jitable(**INLINE)
+def norm(out, estimate, control):
+    """Return the sum of squares of a step's error by one of the estimates, over the tolerance, per unit of s."""
+    weigh(out, control.zeros, 1.0, estimate, STAGES, control.K)
+    total = 0.0
+    for c in range(len(out)):
+        total += (out[c] * control.weights[c]) ** 2
+    return total
 
 
 @register_jitable(**INNER)
 def trial(run, course, H):
     """Take a step of H in s; return its error over the tolerance, infinite on failure."""
-    kernel, p, contacts, K, weights = run.kernel, run.p, run.contacts, run.K, run.weights
-    n = len(weights)
+    control = run.control
+    y, new_y, stage, K = control.y, control.new_y, control.stage, control.K
     _, rate = time_at(course, course.begin)
-    for c in range(len(run.y)):
-        K[0, c] = rate * run.slope[c]
+    for c in range(len(y)):
+        K[0, c] = rate * control.slope[c]
     for i in range(1, STAGES):
-        combine(run.stage, run.y, H, MATRIX[i, :i], K, n)
+        weigh(stage, y, H, MATRIX[i], i, K)
         t, rate = time_at(course, course.begin + NODES[i] * H)
-        if not kernel.right_hand_side(p, contacts, t, i, rate, run.stage, K):
+        if not run.kernel.right_hand_side(run.p, run.contacts, t, i, rate, stage, K):
             return np.inf
-    combine(run.new_y, run.y, H, WEIGHTS, K, len(run.y))
-    fifth, third = 0.0, 0.0
-    for c in range(n):
-        e5, e3 = 0.0, 0.0
-        for j in range(STAGES):
-            e5 += ESTIMATES[0, j] * K[j, c]
-            e3 += ESTIMATES[1, j] * K[j, c]
-        fifth += (e5 * weights[c]) ** 2
-        third += (e3 * weights[c]) ** 2
-    error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * n + 1e-300)
+    weigh(new_y, control.zeros, 1.0, WEIGHTS, STAGES, K)
+    for c in range(len(y)):  # the sum first, then y, for the sake of rounding
+        new_y[c] = y[c] + H * new_y[c]
+    fifth, third = norm(stage, ESTIMATES[0], control), norm(stage, ESTIMATES[1], control)
+    error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * len(run.old.q) + 1e-300)
     return error if np.isfinite(error) else np.inf
 
 
 @register_jitable(**INNER)
 def finish(run, t):
     """Move the new state onto its constraints, and set its gaps and slope; return whether it could."""
-    kernel, p, contacts = run.kernel, run.p, run.contacts
-    if not kernel.move(p, contacts, t, run.new) or not kernel.gaps(p, contacts, t, run.new):
+    kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.work.new
+    if not kernel.move(p, contacts, t, new) or not kernel.gaps(p, contacts, t, new):
         return False
-    return rates(run, t, run.new_y, run.new_slope)
+    return rates(run, t, run.control.new_y, run.control.new_slope)
 
 
 @register_jitable(**INLINE)
 def rates(run, t, y, slope):
     """Set ``slope`` to the rates at a state; return whether it could."""
-    ok = run.kernel.right_hand_side(run.p, run.contacts, t, STAGES, 1.0, y, run.K)
+    K = run.control.K
+    ok = run.kernel.right_hand_side(run.p, run.contacts, t, STAGES, 1.0, y, K)
     for c in range(len(slope)):
-        slope[c] = run.K[STAGES, c]
+        slope[c] = K[STAGES, c]
     return ok
 
 
@@ -268,10 +259,10 @@ def changed(error, before, rejected):
 @register_jitable(**INNER)
 def value_on(run, t, h, x, event):
     """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
-    old, new, at, n = run.old, run.new, run.at, len(run.old.q)
+    old, new, at, n = run.old, run.work.new, run.work.at, len(run.old.q)
     for c in range(n):
-        start, curve = h * old.v[c], 0.5 * h * h * run.slope[n + c]
-        stop, new_curve = h * new.v[c], 0.5 * h * h * run.new_slope[n + c]
+        start, curve = h * old.v[c], 0.5 * h * h * run.control.slope[n + c]
+        stop, new_curve = h * new.v[c], 0.5 * h * h * run.control.new_slope[n + c]
         rise = new.q[c] - old.q[c] - start - curve
         third, fourth, fifth = quintic(rise, start, stop, curve, new_curve)
         at.q[c] = old.q[c] + x * (start + x * (curve + x * (third + x * (fourth + x * fifth))))
@@ -293,7 +284,7 @@ def turning(run, t, h, k, rising):
         value = value_on(run, t, h, x, 2 * k)
         if rising and run.contacts[k].phase == FLIGHT and value > 0.0:
             return x
-        if (run.at.gaps[k].rate > 0.0) == rising:
+        if (run.work.at.gaps[k].rate > 0.0) == rising:
             low = x
         else:
             high = x
@@ -335,7 +326,7 @@ def first_event(run, t, h, noise):
     """Return the first event within a step and its place in it, or -1 and 1."""
     event, place = -1, 1.0
     for k in range(len(run.contacts)):
-        contact, gap, new_gap = run.contacts[k], run.old.gaps[k], run.new.gaps[k]
+        contact, gap, new_gap = run.contacts[k], run.old.gaps[k], run.work.new.gaps[k]
         rising = gap.rate > 0.0
         for kind in range(2):
             low, high = 0.0, -1.0
@@ -345,7 +336,7 @@ def first_event(run, t, h, noise):
                     low = turning(run, t, h, k, rising)
             elif kind == 0 and turned_back(contact, gap, new_gap):
                 high = turning(run, t, h, k, rising)
-                if run.at.gaps[k].g <= max(noise, contact.noise):
+                if run.work.at.gaps[k].g <= max(noise, contact.noise):
                     continue
             if high > 0.0:
                 x = root(run, t, h, 2 * k + kind, low, high)
@@ -375,7 +366,7 @@ def land(run, course, H, t, end, event, held):
                 H = place_at(course, end) - begin
             if not trial(run, course, H) < 10.0 or not finish(run, end):
                 break
-        gap = run.new.gaps[k]
+        gap = run.work.new.gaps[k]
         more = -gap.g / gap.rate
         if not exact or abs(gap.g) <= least or abs(more) <= 1e-15 * end:
             return course, H, end
@@ -391,16 +382,17 @@ def land(run, course, H, t, end, event, held):
 @register_jitable(**INNER)
 def within(run, course, H, end, now, records):
     """Write the samples before the end of a step by the method's own interpolant, of order 7 in s."""
-    K, F, y, new_y, ok = run.K, run.dense, run.y, run.new_y, True
+    control, at, n, ok = run.control, run.work.at, len(run.old.q), True
+    K, F, y, new_y = control.K, control.dense, control.y, control.new_y
     _, first = time_at(course, course.begin)
     _, last = time_at(course, course.begin + H)
     for c in range(len(y)):
-        K[0, c], K[STAGES, c] = first * run.slope[c], last * run.new_slope[c]
+        K[0, c], K[STAGES, c] = first * control.slope[c], last * control.new_slope[c]
     for e in range(len(EXTRA_NODES)):
         row = STAGES + 1 + e
-        combine(run.stage, y, H, EXTRA_MATRIX[e, :row], K, len(y))
+        weigh(control.stage, y, H, EXTRA_MATRIX[e], row, K)
         t, rate = time_at(course, course.begin + EXTRA_NODES[e] * H)
-        ok = run.kernel.right_hand_side(run.p, run.contacts, t, row, rate, run.stage, K) and ok
+        ok = run.kernel.right_hand_side(run.p, run.contacts, t, row, rate, control.stage, K) and ok
     for c in range(len(y)):
         change, start, stop = new_y[c] - y[c], H * K[0, c], H * K[STAGES, c]
         F[0, c], F[1, c], F[2, c] = change, start - change, 2.0 * change - start - stop
@@ -409,8 +401,6 @@ def within(run, course, H, end, now, records):
             for j in range(SLOPE_ROWS):
                 total += DENSE[i, j] * K[j, c]
             F[3 + i, c] = H * total
-    n = len(run.old.q)
-    at = run.at
     while now.taken < len(records.time) and records.time[now.taken] < end:
         time = records.time[now.taken]
         x = (place_at(course, time) - course.begin) / H
@@ -418,12 +408,12 @@ def within(run, course, H, end, now, records):
             change = 0.0
             for i in range(DENSE_ROWS - 1, -1, -1):
                 change = (change + F[i, c]) * (x if i % 2 == 0 else 1.0 - x)
-            run.stage[c] = y[c] + change
+            control.stage[c] = y[c] + change
         for c in range(n):
-            at.q[c], at.v[c] = run.stage[c], run.stage[n + c]
+            at.q[c], at.v[c] = control.stage[c], control.stage[n + c]
         for c in range(len(at.sums)):
-            at.sums[c] = run.stage[2 * n + c]
-        ok = write(run.kernel.slopes, run.p, run.contacts, time, at, now, records) and ok
+            at.sums[c] = control.stage[2 * n + c]
+        ok = write(run.kernel.slopes, run.p, run.contacts, time, at, now, records, run.work.sample_rates) and ok
     return ok
 
 
@@ -441,9 +431,10 @@ def longest(contacts, gaps, h):
 
 
 @register_jitable(**INNER)
-def follow(run, clock, control, spare, records):
+def follow(run, clock, records):
     """Take a step, to the first event at most, or find that it has to be shorter; return GO, or how it ends."""
-    now, held, contacts, old, new = clock[0], control[0], run.contacts, run.old, run.new
+    contacts, old, new, control = run.contacts, run.old, run.work.new, run.control
+    now, held = clock[0], control.record[0]
     t, careful = now.time, held.rejected != 0
     h = longest(contacts, old.gaps, min(held.step, now.longest))
     course, H, releasing = course_of(contacts, old.gaps, t, h, careful)
@@ -477,8 +468,8 @@ def follow(run, clock, control, spare, records):
     if now.taken < len(records.time) and records.time[now.taken] < end:
         if not within(run, course, H, end, now, records):
             return FAILED
-    for c in range(len(run.y)):
-        run.y[c], run.slope[c] = run.new_y[c], run.new_slope[c]
+    for c in range(len(control.y)):
+        control.y[c], control.slope[c] = control.new_y[c], control.new_slope[c]
     for k in range(len(contacts)):
         old.gaps[k] = new.gaps[k]
     now.time = end
@@ -495,7 +486,7 @@ def follow(run, clock, control, spare, records):
     if contacts[event // 2].rigid != 0.0:
         now.rigid = event // 2
         return SETTLE
-    return turn(run, event, clock, control, spare, records)
+    return turn(run, event, clock, records)
 
 
 @register_jitable(**INLINE)
@@ -517,13 +508,13 @@ def next_step(course, H, factor):
 
 
 @register_jitable(**INNER)
-def turn(run, event, clock, control, spare, records):
+def turn(run, event, clock, records):
     """Change a contact's phase at an event, and choose the step after it; return GO or FAILED."""
-    held, contacts, k = control[0], run.contacts, event // 2
+    held, contacts, k = run.control.record[0], run.contacts, event // 2
     closed = 0
     for i in range(len(contacts)):
         closed += contacts[i].phase != FLIGHT and contacts[i].rigid == 0.0
-    note(run.kernel.mobilities, run.p, contacts, run.old, event, spare, clock, records)
+    note(run.kernel.mobilities, run.p, contacts, run.old, event, run.work.spare, clock, records)
     if event % 2 == 0 and contacts[k].phase != FLIGHT:
         if closed == 0:
             held.flight_step = held.step
@@ -532,42 +523,16 @@ def turn(run, event, clock, control, spare, records):
             held.step, held.fresh = first, k
     elif event % 2 == 0:
         held.step, held.fresh = held.flight_step, -1
-    return GO if rates(run, clock[0].time, run.y, run.slope) else FAILED
+    return GO if rates(run, clock[0].time, run.control.y, run.control.slope) else FAILED
 
 
-@register_jitable(**INNER)
-def copy(motion, to):
-    """Set q, v and sums of a motion to another's."""
-    for c in range(len(motion.q)):
-        to.q[c], to.v[c] = motion.q[c], motion.v[c]
-    for c in range(len(motion.sums)):
-        to.sums[c] = motion.sums[c]
-
-
-def advance(kernel, p, contacts, weights, motion, clock, control, records):
-    """Advance the motion to the clock's end in place, as ``contact_loop.advance`` does with located events.
-
-    ``weights`` (2n,) are 1 over the tolerance of every coordinate and velocity. Rejected steps count as
-    steps of the budget, too.
-    """
-    now = clock[0]
-    n, width = len(motion.q), 2 * len(motion.q) + len(motion.sums)
-    y, new_y, K = np.empty(width), np.empty(width), np.zeros((SLOPE_ROWS, width))
-    new_gaps = np.empty_like(motion.gaps)
-    old = Motion(y[:n], y[n : 2 * n], y[2 * n :], motion.gaps)
-    new = Motion(new_y[:n], new_y[n : 2 * n], new_y[2 * n :], new_gaps)
-    rows, dense, at = np.empty((3, width)), np.empty((DENSE_ROWS, width)), empty_motion(motion)
-    stage, slope, new_slope = rows[0], rows[1], rows[2]
-    run = Run(
-        kernel, p, contacts, weights, old, new, at, y, new_y, stage, slope, new_slope, K, dense
-    )
-    copy(motion, old)
-    spare = np.empty(len(contacts))
-    close_at_start(kernel.mobilities, p, contacts, motion, spare, clock, records)
-    status = GO if rates(run, now.time, y, slope) else FAILED
+def advance(kernel, p, contacts, motion, clock, records, work, control):
+    """Advance the motion to the clock's end in place, as ``contact_loop.advance`` does with located events."""
+    run = Run(kernel, p, contacts, motion, work, control)
+    close_at_start(kernel.mobilities, p, contacts, motion, work.spare, clock, records)
+    status = GO if rates(run, clock[0].time, control.y, control.slope) else FAILED
     while status == GO:
-        status = due(kernel.slopes, p, contacts, old, now, records)
+        status = due(kernel.slopes, p, contacts, motion, clock[0], records, work.sample_rates)
         if status == GO:
-            status = follow(run, clock, control, spare, records)
-    copy(old, motion)
+            status = follow(run, clock, records)
     return status

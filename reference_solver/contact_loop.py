@@ -6,10 +6,13 @@ costs 5 % of a step. Without Numba it runs too, as the readable face (see ``face
 right-hand side is smooth; an event is located by shortening the step until its end lies on it.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import from_dtype
 from numba.extending import register_jitable
-from numba.types import FunctionType, NamedTuple, NamedUniTuple, boolean, float64, int64
+from numba.types import FunctionType, NamedUniTuple, boolean, float64, int64
+from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver import contact_types
 from reference_solver.contact_types import (
@@ -29,28 +32,41 @@ from reference_solver.contact_types import (
     Motion,
     Rates,
     Records,
+    Work,
 )
 
 #: Modules whose constants the machine code has taken over.
 COMPILED_WITH = (contact_types,)
 
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+#: All memory is the caller's, so that references of arrays need not be counted, which took half of the time.
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-#: What every step calls: a call that is not inlined counts the references of all arrays that it is given.
+#: What every step calls.
 INLINE = {**INNER, "forceinline": True}
 
 ARRAY, TABLE = float64[::1], float64[:, ::1]
 CONTACTS, GAPS, EVENTS, CLOCK = (
     from_dtype(dtype)[::1] for dtype in (CONTACT_RECORD, GAP_RECORD, EVENT_RECORD, CLOCK_RECORD)
 )
-MOTION = NamedTuple((ARRAY, ARRAY, ARRAY, GAPS), Motion)
+MOTION = NumbaTuple((ARRAY, ARRAY, ARRAY, GAPS), Motion)
 RATES = NamedUniTuple(ARRAY, 4, Rates)
-RECORDS = NamedTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE), Records)
+RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE), Records)
 STEP = FunctionType(boolean(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, RATES))
 MOBILITIES = FunctionType(boolean(ARRAY, MOTION, ARRAY))
-KERNEL = STEP, SLOPES, MOBILITIES
-ADVANCE = int64(*KERNEL, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS)
+WORK = NumbaTuple((MOTION, MOTION, RATES, RATES, RATES, RATES, ARRAY), Work)
+
+
+class Kernel(NamedTuple):
+    """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
+
+    step: object
+    slopes: object
+    mobilities: object
+
+
+KERNEL = NumbaTuple((STEP, SLOPES, MOBILITIES), Kernel)
+ADVANCE = int64(KERNEL, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS, WORK)
 
 
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
@@ -302,24 +318,9 @@ def bump_of(change, slope, new_slope, inside):
 
 
 @register_jitable(**INNER)
-def empty_motion(like):
-    """Return a state of the size of another."""
-    return Motion(
-        np.empty_like(like.q), np.empty_like(like.v), np.empty_like(like.sums), np.empty_like(like.gaps)
-    )
-
-
-@register_jitable(**INNER)
-def empty_rates(motion, records):
-    """Return rates of the size of a state and of a run's multipliers."""
-    rows, forces = np.empty(records.multipliers.shape[1]), np.empty(records.forces.shape[1])
-    return Rates(np.empty_like(motion.q), np.empty_like(motion.sums), rows, forces)
-
-
-@register_jitable(**INNER)
-def write(slopes, p, contacts, t, motion, now, records):
-    """Write the sample of a state; return whether it could."""
-    row, rates = now.taken, empty_rates(motion, records)
+def write(slopes, p, contacts, t, motion, now, records, rates):
+    """Write the sample of a state, of which rates are found on the way; return whether it could."""
+    row = now.taken
     ok = slopes(p, contacts, t, motion, rates)
     for c in range(len(motion.q)):
         records.q[row, c], records.v[row, c] = motion.q[c], motion.v[c]
@@ -352,18 +353,13 @@ def between(at, x, h, ends, rates, bumps):
 
 
 @register_jitable(**INNER)
-def within(slopes, p, contacts, h, old, new, now, records):
-    """Write the samples before the end of a step of h from ``old`` to ``new``; return whether it could.
+def within(slopes, p, contacts, h, old, now, records, work):
+    """Write the samples before the end of a step of h from ``old`` to the new state; return whether it could.
 
-    The sums of ``new`` are those of the step alone.
+    The sums of the new state are those of the step alone.
     """
-    t, end = now.time, now.time + h
-    rates, new_rates, bumps = (
-        empty_rates(old, records),
-        empty_rates(old, records),
-        empty_rates(old, records),
-    )
-    at = empty_motion(old)
+    t, end, new, at = now.time, now.time + h, work.new, work.at
+    rates, new_rates, bumps = work.rates, work.new_rates, work.at_rates
     ok = slopes(p, contacts, t, old, rates) and slopes(p, contacts, end, new, new_rates)
     for c in range(len(old.v)):
         bumps.a[c] = 0.0
@@ -380,7 +376,7 @@ def within(slopes, p, contacts, h, old, new, now, records):
     while now.taken < len(records.time) and records.time[now.taken] < end:
         time = records.time[now.taken]
         between(at, (time - t) / h, h, (old, new), (rates, new_rates), bumps)
-        ok = write(slopes, p, contacts, time, at, now, records) and ok
+        ok = write(slopes, p, contacts, time, at, now, records, work.sample_rates) and ok
     return ok
 
 
@@ -445,10 +441,10 @@ def close_at_start(mobilities, p, contacts, motion, spare, clock, records):
 
 
 @register_jitable(**INNER)
-def due(slopes, p, contacts, motion, now, records):
+def due(slopes, p, contacts, motion, now, records, rates):
     """Write the samples of the present time; return GO if a step is to come, or how the call ends."""
     while now.taken < len(records.time) and records.time[now.taken] <= now.time:
-        if not write(slopes, p, contacts, now.time, motion, now, records):
+        if not write(slopes, p, contacts, now.time, motion, now, records, rates):
             return FAILED
     if now.time >= now.end:
         return DONE
@@ -466,17 +462,18 @@ def settled(now, contacts, moved):
             contacts[k].ignored = 0.0
 
 
-def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
+def advance(kernel, p, contacts, motion, clock, records, work):
     """Advance the motion to the clock's end in place, event by event; return how that ended.
 
     Events are added to the log, and a sample is written for each of the records' times up to the end. Where
     events are located, steps do not depend on the times; else, they land on each. An event on a rigid wall
     ends the call: whoever called settles it.
     """
-    now, new, spare = clock[0], empty_motion(motion), np.empty(len(contacts))
+    step, slopes, mobilities = kernel.step, kernel.slopes, kernel.mobilities
+    now, new, spare = clock[0], work.new, work.spare
     close_at_start(mobilities, p, contacts, motion, spare, clock, records)
     while True:
-        status = due(slopes, p, contacts, motion, now, records)
+        status = due(slopes, p, contacts, motion, now, records, work.sample_rates)
         if status != GO:
             return status
         t = now.time
@@ -501,7 +498,7 @@ def advance(step, slopes, mobilities, p, contacts, motion, clock, records):
         change = h + now.lost
         new_t = landing if last else t + change
         inside = now.taken < len(records.time) and records.time[now.taken] < new_t
-        if inside and not within(slopes, p, contacts, h, motion, new, now, records):
+        if inside and not within(slopes, p, contacts, h, motion, now, records, work):
             return FAILED
         now.lost = 0.0 if last else change - (new_t - t)
         now.time = new_t

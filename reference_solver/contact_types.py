@@ -127,13 +127,55 @@ class Records(NamedTuple):
     forces: FloatArray
 
 
+class Work(NamedTuple):
+    """What a loop works on: two states, rates in a step and at a sample, and a number per contact (K,)."""
+
+    new: Motion
+    at: Motion
+    rates: Rates
+    new_rates: Rates
+    at_rates: Rates
+    sample_rates: Rates
+    spare: FloatArray
+
+
 class Control(NamedTuple):
-    """Error control: its record (1,), and 1 over the tolerance of coordinates and velocities, (2n,)."""
+    """Error control: its record (1,), and what its steps work on.
+
+    ``weights`` are 1 over the tolerance of coordinates and velocities, 0 of the sums. ``y`` and ``new_y`` are
+    what the motion and the work's ``new`` are views of (see ``new_motion``), ``stage`` is one in between. ``K`` has slopes by
+    row, ``slope`` and ``new_slope`` those at both ends in time, ``dense`` coefficients of dense output.
+    """
 
     record: NDArray[np.void]
     weights: FloatArray
+    y: FloatArray
+    new_y: FloatArray
+    stage: FloatArray
+    slope: FloatArray
+    new_slope: FloatArray
+    zeros: FloatArray
+    K: FloatArray
+    dense: FloatArray
 
 
 def new_motion(n: int, sums: int, contacts: int) -> Motion:
-    """Return a state of zeros."""
-    return Motion(np.zeros(n), np.zeros(n), np.zeros(sums), np.zeros(contacts, GAP_RECORD))
+    """Return a state of zeros: views of one array, their ``base``."""
+    y = np.zeros(2 * n + sums)
+    return Motion(y[:n], y[n : 2 * n], y[2 * n :], np.zeros(contacts, GAP_RECORD))
+
+
+def new_work(n: int, sums: int, contacts: int, rows: int) -> Work:
+    """Return what a loop works on, with m = ``rows`` multipliers."""
+    sizes = n, sums, rows, 2 * contacts
+    rates = (Rates(*(np.zeros(size) for size in sizes)) for _ in range(4))
+    return Work(new_motion(n, sums, contacts), new_motion(n, sums, contacts), *rates, np.zeros(contacts))
+
+
+def new_control(motion: Motion, new: Motion, slopes: int, dense: int) -> Control:
+    """Return error control for steps from one motion to another."""
+    y, new_y = motion.q.base, new.q.base
+    assert y is not None and new_y is not None
+    weights, *rows = np.zeros((5, len(y)))
+    tables = np.zeros((slopes, len(y))), np.zeros((dense, len(y)))
+    return Control(np.zeros(1, CONTROL_RECORD), weights, y, new_y, *rows, *tables)

@@ -1,10 +1,11 @@
 """The two faces of the algorithm: kernels compiled for a topology, or the equations as they stand.
 
-Both take arrays of contacts, a motion, a clock, records and error control (see ``contact_types``), and change
-them in place.
+Both take a state, arrays of contacts, a motion, a clock, records, what a loop works on, and error control if
+there is any (see ``contact_types``), and change it in place.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from reference_solver import adaptive_loop, contact_loop
 from reference_solver.contact import gap
-from reference_solver.contact_types import DONE, FAILED, SPENT, Control, Motion, Rates, Records
+from reference_solver.contact_types import DONE, FAILED, SPENT, Motion, Rates, Records, Work
 from reference_solver.equations import Equations
 from reference_solver.kernel import Topology, source_of
 from reference_solver.kernel_store import callee, compiled, load_kernel
@@ -32,42 +33,22 @@ class CompiledFace:
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
         self.kernel = load_kernel(source_of(topology.marked()))
         self.parameters = topology.parameters(self.kernel, q_start)
-        self._loop, self._functions = self._callees(topology)
+        self._advance: Callable[..., int] = self._from_sample_to_sample
+        if topology.method.embedded or topology.mechanism.contacts:
+            loop = loop_of(topology)
+            functions = zip(loop.Kernel._fields, loop.KERNEL, strict=True)
+            of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
+            self._advance = partial(compiled(loop.advance, loop.ADVANCE), of, self.parameters)
 
-    def _callees(self, topology: Topology) -> tuple[Callable[..., Any] | None, tuple[Any, ...]]:
-        """Return the loop that calls the kernel, None without one, and the functions that it takes."""
-        if topology.method.embedded:
-            of = adaptive_loop.Kernel._fields, adaptive_loop.KERNEL
-            loop = compiled(adaptive_loop.advance, adaptive_loop.ADVANCE)
-        elif topology.mechanism.contacts:
-            of = ("step", "slopes", "mobilities"), contact_loop.KERNEL
-            loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
-        else:
-            return None, ()
-        return loop, tuple(callee(getattr(self.kernel, name), kind) for name, kind in zip(*of, strict=True))
-
-    def advance(
-        self,
-        contacts: RecordArray,
-        motion: Motion,
-        clock: RecordArray,
-        records: Records,
-        control: Control | None = None,
-    ) -> int:
+    def advance(self, *state: Any) -> int:
         """Advance a motion by the loop that suits; without contacts and control, from sample to sample."""
-        p = self.parameters
-        if self._loop is None:
-            return self._from_sample_to_sample(contacts, motion, clock, records)
-        if control is None:
-            return int(self._loop(*self._functions, p, contacts, motion, clock, records))
-        of, (held, weights) = adaptive_loop.Kernel(*self._functions), control
-        return int(self._loop(of, p, contacts, weights, motion, clock, held, records))
+        return int(self._advance(*state))
 
     def _from_sample_to_sample(
-        self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records
+        self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records, work: Work
     ) -> int:
         """Advance a motion without contacts; its steps have one length, of which samples are multiples."""
-        kernel, p, rates = self.kernel, self.parameters, contact_loop.empty_rates(motion, records)
+        kernel, p, rates = self.kernel, self.parameters, work.rates
         (now,) = clock
         h, steps, taken, most = (now[name].item() for name in ("longest", "steps", "taken", "budget"))
         status, times = DONE, records.time.tolist()
@@ -101,28 +82,12 @@ class ReadableFace:
         mechanism = topology.mechanism
         self.equations = Equations(mechanism, q_start, topology.baumgarte, topology.following)
 
-    def advance(
-        self,
-        contacts: RecordArray,
-        motion: Motion,
-        clock: RecordArray,
-        records: Records,
-        control: Control | None = None,
-    ) -> int:
+    def advance(self, *state: Any) -> int:
         """Advance a motion by the loop that suits, run as it stands."""
-        contacts, gaps, clock, events = (
-            table.view(np.recarray) for table in (contacts, motion.gaps, clock, records.events)
-        )
-        at, rows = motion._replace(gaps=gaps), records._replace(events=events)
+        loop = loop_of(self._topology)
+        of = loop.Kernel(*(getattr(self, name) for name in loop.Kernel._fields))
         with np.errstate(all="ignore"):
-            if control is not None:
-                of = adaptive_loop.Kernel(*(getattr(self, name) for name in adaptive_loop.Kernel._fields))
-                held = control.record.view(np.recarray)
-                return int(
-                    adaptive_loop.advance(of, None, contacts, control.weights, at, clock, held, rows)
-                )
-            functions = self.step, self.slopes, self.mobilities
-            return int(contact_loop.advance(*functions, None, contacts, at, clock, rows))
+            return int(loop.advance(of, None, *(with_fields(part) for part in state)))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> bool:
         """Set ``new`` to the state after a step, with the sums of the step alone.
@@ -203,6 +168,18 @@ class ReadableFace:
         """Set ``out`` (K,) to the contacts' mobilities."""
         out[:] = self.equations.mobilities(motion.q)
         return True
+
+
+def loop_of(topology: Topology) -> Any:
+    """Return the module of the loop for a topology."""
+    return adaptive_loop if topology.method.embedded else contact_loop
+
+
+def with_fields(part: Any) -> Any:
+    """Return an array of records, or a tuple with some in it, with fields that are attributes, as compiled."""
+    if isinstance(part, tuple):
+        return type(part)(*map(with_fields, part))
+    return part.view(np.recarray) if part.dtype.names else part
 
 
 def phases_of(contacts: RecordArray) -> FloatArray:

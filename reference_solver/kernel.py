@@ -32,7 +32,7 @@ from math import copysign, cos, sin, sqrt, tanh
 
 from reference_solver.kernel_store import njit
 
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 ENTRY = {**OPTIONS, "cache": True}
 '''

@@ -27,6 +27,11 @@ class Embedded:
     matrix: tuple[Row, ...]
     dense: tuple[Row, ...]
 
+    @property
+    def slopes(self) -> int:
+        """Number of slopes that dense output takes in all."""
+        return len(self.estimates[0]) + 1 + len(self.nodes)
+
 
 @dataclass(frozen=True)
 class Method:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from reference_solver.contact_types import (
     CLOCK_RECORD,
     CONTACT,
     CONTACT_RECORD,
-    CONTROL_RECORD,
     DONE,
     EVENT_RECORD,
     FAILED,
@@ -23,9 +22,11 @@ from reference_solver.contact_types import (
     Control,
     Impact,
     Motion,
-    Rates,
     Records,
+    Work,
+    new_control,
     new_motion,
+    new_work,
 )
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import (
@@ -50,8 +51,8 @@ FloatArray = NDArray[np.float64]
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
-#: Contacts, motion, clock, records, and error control if there is any.
-State = tuple[NDArray[np.void], Motion, NDArray[np.void], Records, Control | None]
+#: Contacts, motion, clock, records, what a loop works on, and error control if there is any.
+State = tuple[Any, ...]
 #: Takes the time in s that a run has reached.
 Tell = Callable[[float], None]
 
@@ -191,7 +192,7 @@ class Solver:
     def _new(
         self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray
     ) -> State:
-        """Return contacts in flight, the motion at t = 0, the clock, room for samples at times, and control."""
+        """Return a run's state: contacts in flight, the motion at t = 0, room for samples at times."""
         contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
         motion = new_motion(len(q), len(self._names), len(contacts))
         motion.q[:], motion.v[:] = q, v
@@ -207,34 +208,34 @@ class Solver:
         log = np.zeros(LOG_ROWS, EVENT_RECORD), np.zeros((LOG_ROWS, sums))
         sizes = (len(q), len(q), sums, states, rows, states)
         records = Records(*log, times, *(np.zeros((len(times), size)) for size in sizes))
-        control = None
+        work = new_work(len(q), sums, len(contacts), rows)
+        state = contacts, motion, clock, records, work
         if isinstance(choice, ErrorControl):
-            control = self._control(choice, contacts, motion, end_time_s)
-        return contacts, motion, clock, records, control
+            return *state, self._control(choice, contacts, motion, work, end_time_s)
+        return state
 
     def _control(
-        self, choice: ErrorControl, contacts: NDArray[np.void], motion: Motion, end_time_s: float
+        self, choice: ErrorControl, contacts: NDArray[np.void], motion: Motion, work: Work, end_time_s: float
     ) -> Control:
         """Return error control by the mechanism's scales at a motion at t = 0."""
-        n, face = len(motion.q), self._face(())
-        sizes = n, len(motion.sums), len(self._equations.C), 2 * len(contacts)
-        rates = Rates(*(np.zeros(size) for size in sizes))
-        face.kernel.slopes(face.parameters, contacts, 0.0, motion, rates)
-        scales = scales_of(self._mechanism, motion.q, motion.v, rates.a, end_time_s)
-        tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
-        record = np.zeros(1, CONTROL_RECORD)
+        face, (q, v, *_), a = self._face(()), motion, work.rates.a
+        face.kernel.slopes(face.parameters, contacts, 0.0, motion, work.rates)
+        scales = scales_of(self._mechanism, q, v, a, end_time_s)
+        tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], len(q) // 3)
         first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
-        record[0] = (choice.tolerance, scales.length_m, first, first, part, 1.0, 0, -1)
-        return Control(record, 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances]))
+        embedded = dop853().embedded
+        assert embedded is not None
+        control = new_control(motion, work.new, embedded.slopes, 3 + len(embedded.dense))
+        control.weights[: 2 * len(q)] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
+        control.record[0] = (choice.tolerance, scales.length_m, first, first, part, 1.0, 0, -1)
+        return control
 
     def _shortest_flight_s(self, state: State) -> float:
         """Return the flight between rigid walls that is not followed any more."""
-        *_, clock, _, control = state
         if isinstance(self._choice, StepChoice):
-            return self._choice.closing_flight_fraction * float(clock["longest"][0])
-        assert control is not None
+            return self._choice.closing_flight_fraction * float(state[2]["longest"][0])
         # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
-        return float(np.sqrt(8.0 * self._choice.tolerance) * control.record["step"][0] / FIRST_STEP)
+        return float(np.sqrt(8.0 * self._choice.tolerance) * state[-1].record["step"][0] / FIRST_STEP)
 
     def _gaps(self, following: tuple[int, ...], contacts: NDArray[np.void], t: float, motion: Motion) -> None:
         """Set the contacts' gaps of a motion."""
@@ -250,7 +251,7 @@ class Solver:
         ``tell`` is called now and then with the time reached.
         """
         state = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
-        contacts, motion, clock, records, _ = state
+        contacts, motion, clock, records, *_ = state
         (now,) = clock.view(np.recarray)
         self.steps = self.settled = at_once = 0
         events, sums = [np.zeros(0, EVENT_RECORD)], [np.zeros((0, len(self._names)))]
