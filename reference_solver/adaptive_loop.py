@@ -413,7 +413,10 @@ def within(run, course, H, end, now, records):
             at.q[c], at.v[c] = control.stage[c], control.stage[n + c]
         for c in range(len(at.sums)):
             at.sums[c] = control.stage[2 * n + c]
-        ok = write(run.kernel.slopes, run.p, run.contacts, time, at, now, records, run.work.sample_rates) and ok
+        ok = (
+            write(run.kernel.slopes, run.p, run.contacts, time, at, now, records, run.work.sample_rates)
+            and ok
+        )
     return ok
 
 

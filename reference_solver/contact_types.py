@@ -64,7 +64,10 @@ CLOCK_RECORD = np.dtype(
 #: the last step was rejected, and the contact that has just begun, or -1.
 CONTROL_RECORD = np.dtype(
     [
-        *((name, np.float64) for name in ("tolerance", "length", "step", "flight_step", "first_part", "error")),
+        *(
+            (name, np.float64)
+            for name in ("tolerance", "length", "step", "flight_step", "first_part", "error")
+        ),
         *((name, np.int64) for name in ("rejected", "fresh")),
     ]
 )

@@ -35,8 +35,12 @@ def scales_of(
 
 def _longest_arm(mechanism: Mechanism) -> float:
     parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
-    ends = ((getattr(part, f"body_{s}", GROUND), getattr(part, f"point_{s}", ())) for part in parts for s in "ij")
-    return max((float(np.hypot(*point)) for body, point in ends if body != GROUND and len(point)), default=0.0)
+    ends = (
+        (getattr(part, f"body_{s}", GROUND), getattr(part, f"point_{s}", ())) for part in parts for s in "ij"
+    )
+    return max(
+        (float(np.hypot(*point)) for body, point in ends if body != GROUND and len(point)), default=0.0
+    )
 
 
 def _rate(change: FloatArray, length_m: float) -> float:

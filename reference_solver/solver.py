@@ -189,9 +189,7 @@ class Solver:
 
         return Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
 
-    def _new(
-        self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray
-    ) -> State:
+    def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> State:
         """Return a run's state: contacts in flight, the motion at t = 0, room for samples at times."""
         contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
         motion = new_motion(len(q), len(self._names), len(contacts))
