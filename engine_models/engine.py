@@ -155,6 +155,7 @@ class Engine(Protocol):
     Two more methods of ``(scene, settings)`` are for engines that have a use for them and return a wall time
     in s: ``bare_solve_time_s``, of the solve without read-out where ``Trajectory.solve_time_s`` cannot leave
     it out, and ``compile_time_s``, of what is compiled for a scene on a machine that has nothing yet.
+    Where ``controls_error`` is true, the step is but a limit; ``controlling_error()`` returns such an engine.
     """
 
     def check(self, scene: Scene) -> None:

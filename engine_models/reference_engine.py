@@ -1,5 +1,6 @@
-"""The crank-slider in the reference solver: the paper's RK4 Lagrange-multiplier algorithm."""
+"""The crank-slider in the reference solver: the paper's Lagrange-multiplier algorithm, by RK4 or DOP853."""
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -22,8 +23,10 @@ from engine_models.scene import Scene
 from engine_models.start_check import unwound, wound
 from reference_solver.equations import Baumgarte
 from reference_solver.errors import SolverError
-from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, Stabilisation, StepChoice
+from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, ErrorControl, Stabilisation, StepChoice
 
+#: The smallest tolerance, some times round-off, and one to begin with.
+SHARPEST, LOOSE = 1e-14, 1e-6
 #: The step at which a contact takes ``steps_per_contact`` steps.
 STEP_OF_RATES_S = 1e-5
 
@@ -32,13 +35,19 @@ STEP_OF_RATES_S = 1e-5
 class ReferenceEngine:
     """Settings of the reference solver; the gains in 1/s belong to ``stabilisation = baumgarte``.
 
-    ``kernel`` chooses between the two faces of the algorithm, which agree to round-off. In a scene with
-    clearance the run's step is the longest one, taken in flight; a contact takes ``steps_per_contact``
-    shorter ones, graded at both ends, and touch and release are located. That number is for a step of 1e-5 s
-    and grows as the step falls, so that halving the step halves both. Without ``locate_events`` every step
-    has the run's length, as in the paper.
+    ``kernel`` chooses between the two faces of the algorithm, which agree to round-off.
+
+    ``method = rk4`` is the paper's. In a scene with clearance the run's step is the longest one, taken in
+    flight; a contact takes ``steps_per_contact`` shorter ones, graded at both ends, and touch and release are
+    located. That number is for a step of 1e-5 s and grows as the step falls, so that halving the step halves
+    both. Without ``locate_events`` every step has the run's length, as in the paper.
+
+    ``method = dop853`` takes steps up to the run's longest that are in error by the ``tolerance``: a part of
+    the mechanism's longest arm, a radian, and both times the rate of its start (see ``ErrorControl``).
     """
 
+    method: Literal["rk4", "dop853"] = "rk4"
+    tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-9
     stabilisation: Literal["none", "baumgarte", "projection"] = "projection"
     baumgarte_alpha_s: Annotated[float, Field(ge=0)] = 100.0
     baumgarte_beta_s: Annotated[float, Field(ge=0)] = 100.0
@@ -47,7 +56,9 @@ class ReferenceEngine:
     locate_events: bool = True
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene where the settings stand in the way of rigid contact."""
+        """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
+        if self.method == "dop853" and not self.locate_events:
+            raise UnsupportedScene("reference needs locate_events with method = dop853")
         rigid = any(getattr(scene.clearance, name).law == "rigid" for name in scene.joints_with_clearance)
         if rigid and not (self.stabilisation == "projection" and self.locate_events):
             raise UnsupportedScene(
@@ -60,15 +71,26 @@ class ReferenceEngine:
         return scene
 
     def sharper(self) -> "ReferenceEngine":
-        """Return the engine itself: the step alone decides."""
-        return self
+        """Return the engine with a tenth of its tolerance; with RK4 the step alone decides."""
+        if self.method == "rk4":
+            return self
+        return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
+
+    @property
+    def controls_error(self) -> bool:
+        """Whether the tolerance decides, and the step is no more than a limit."""
+        return self.method == "dop853"
+
+    def controlling_error(self) -> "ReferenceEngine":
+        """Return the engine to reach a tolerance with: DOP853, from a loose one on, if settings allow it."""
+        return replace(self, method="dop853", tolerance=LOOSE) if self.locate_events else self
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        """Run the scene with classical RK4.
+        """Run the scene.
 
         Raises:
             UnsupportedScene: see ``check``.
-            SimulationFailed: singular configuration or overflow.
+            SimulationFailed: singular configuration or overflow, or a tolerance that no step meets.
         """
         self.check(scene)
         require_memory(scene, settings)
@@ -94,7 +116,9 @@ class ReferenceEngine:
             return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
         return self.stabilisation
 
-    def _rates(self, scene: Scene, settings: RunSettings) -> StepChoice:
+    def _rates(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
+        if self.method == "dop853":
+            return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s))
         step = settings.step_used_s(scene.end_time_s)
         per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * STEP_OF_RATES_S / step)
         return StepChoice(step, per_contact, self.locate_events)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 from engine_models.engine import RunSettings, Trajectory
@@ -13,7 +12,7 @@ from engine_models.reference_trajectory import trajectory_of
 from engine_models.scene import Scene
 from engine_models.start_check import checked_start
 from reference_solver.errors import FrictionTooStiff
-from reference_solver.solver import Solver, Stabilisation, StepChoice, check_start
+from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
 MOST_TRIES, ROOM = 5, 0.8
@@ -24,7 +23,11 @@ LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS = 2_000_000, 2_000, 1e8
 
 
 def reference_run(
-    scene: Scene, settings: RunSettings, choice: StepChoice, stabilisation: Stabilisation, compiled: bool
+    scene: Scene,
+    settings: RunSettings,
+    choice: StepChoice | ErrorControl,
+    stabilisation: Stabilisation,
+    compiled: bool,
 ) -> Trajectory:
     """Run a scene; with shorter steps where friction on rigid walls needs them.
 
@@ -34,6 +37,8 @@ def reference_run(
     Raises:
         FrictionTooStiff: it still needs shorter ones after ``MOST_TRIES``.
     """
+    if isinstance(choice, ErrorControl):  # which friction does not make unstable
+        return _run(scene, settings, choice, stabilisation, compiled)
     if (
         scene.joints_with_clearance
         and choice.locate_events
@@ -51,21 +56,23 @@ def reference_run(
 
 
 def _run(
-    scene: Scene, settings: RunSettings, choice: StepChoice, stabilisation: Stabilisation, compiled: bool
+    scene: Scene,
+    settings: RunSettings,
+    choice: StepChoice | ErrorControl,
+    stabilisation: Stabilisation,
+    compiled: bool,
 ) -> Trajectory:
     """Run a scene; the joints' forces on rigid walls are those of following, without impulses.
 
-    The solve time includes the making of kernels for pins that follow rigid walls, one for every set of them
-    that occurs.
+    The solve time is the solver's own. It includes the making of kernels for pins that follow rigid walls,
+    one for every set of them that occurs.
     """
     q, v = (part.ravel() for part in checked_start(scene))
     mechanism = mechanism_of(scene)
     check_start(mechanism, q, v)
     solver = Solver(mechanism, q, choice, stabilisation, compiled)
-    started = time.perf_counter()
     run = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
-    solve_time = time.perf_counter() - started
-    return trajectory_of(scene, run, choice.longest_s, solve_time, stabilisation != "none")
+    return trajectory_of(scene, run, choice.longest_s, run.solve_time_s, stabilisation != "none")
 
 
 def _watch(scene: Scene, solver: Solver) -> Callable[[float], None]:

@@ -2,8 +2,11 @@
 
 Two runs at the steps h and h/2 differ by d. From an order p on, the finer run is off by d/(2^p - 1), so by
 no more than its last difference once differences at least halve from one run to the next. That is asked for
-here, whatever the order. An engine that controls errors itself has its tolerance tightened with the step.
+here, whatever the order. An engine with a tolerance has it tightened with the step, or, where that is all
+that decides, in place of the step.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -39,35 +42,48 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
     coarser: FloatArray | None = None
     differences: list[float] = []
     trouble = "no step was short enough to follow the crank"
-    steps_per_sample = 1
-    while compared * steps_per_sample <= MOST_STEPS:
-        settings = RunSettings(scene.end_time_s / (compared * steps_per_sample), compared)
-        steps_per_sample *= 2
-        present, engine = engine, engine.sharper()
+    for present, step in _ever_sharper(engine, scene, compared):
         try:
-            run = _followed(present.simulate(scene, settings))
+            run = present.simulate(scene, RunSettings(step, compared))
+            sharpening = "a tenth of the engine's tolerance"
+            if step < scene.end_time_s:
+                sharpening = f"halving the step to {run.step_s:.3g} s"
+                _require_followed(run)
         except SimulationFailed as failure:
             trouble, coarser, differences = str(failure), None, []
             continue
         if coarser is not None:
             differences.append(float(np.abs(run.slider_position_m - coarser).max()))
-            trouble = f"halving the step to {run.step_s:.3g} s still moved it by {differences[-1]:.3g} m"
+            trouble = f"{sharpening} still moved it by {differences[-1]:.3g} m"
         if _error_bound(differences) <= tolerance_m:
             return selected(run, slice(None, None, every))
         if _stalled(differences, scene.crank.length_m):
-            trouble = f"halving the step stopped helping at differences of {min(differences):.3g} m"
+            trouble = f"{sharpening} stopped helping at differences of {min(differences):.3g} m"
             break
         coarser = run.slider_position_m
     raise SimulationFailed(f"slider position not converged to {tolerance_m:g} m: {trouble}")
 
 
-def _followed(run: Trajectory) -> Trajectory:
-    """Return the run, or raise SimulationFailed if its step is too long for the speed of its crank."""
+def _ever_sharper(engine: Engine, scene: Scene, compared: int) -> Iterator[tuple[Engine, float]]:
+    """Return the engine at ever shorter steps, or with ever smaller tolerances in steps that it chooses."""
+    if getattr(engine, "controls_error", False):
+        while True:
+            yield engine, scene.end_time_s
+            if engine.sharper() == engine:
+                return
+            engine = engine.sharper()
+    steps = compared
+    while steps <= MOST_STEPS:
+        yield engine, scene.end_time_s / steps
+        steps, engine = 2 * steps, engine.sharper()
+
+
+def _require_followed(run: Trajectory) -> None:
+    """Raise SimulationFailed if a run's step is too long for the speed of its crank."""
     fastest = np.abs(run.velocity[:, 0, 2])
     if fastest.max() * run.step_s > LARGEST_TURN_RAD:
         when = run.time_s[int(np.argmax(fastest))]
         raise SimulationFailed(f"the crank outruns the step of {run.step_s:.3g} s at t = {when:.6g} s")
-    return run
 
 
 def _error_bound(differences: list[float]) -> float:

@@ -143,7 +143,7 @@ def lasting(course, H):
 
 @register_jitable(**INLINE)
 def remaining(contact, gap):
-    """Return the time that a pin on its way out is from its release, if the wall's elastic force alone acts."""
+    """Return the time that a pin on its way out is from release, if the wall's elastic force alone acts."""
     power = contact.exponent + 1.0
     rate, pushed = abs(gap.rate), 2.0 / power * contact.mobility * contact.stiffness * gap.depth**power
     speed = np.sqrt(rate * rate + pushed)
@@ -152,7 +152,7 @@ def remaining(contact, gap):
 
 @register_jitable(**INNER)
 def course_of(contacts, gaps, t, h, careful):
-    """Return the course of a step of h at most, its length in s, and the contact whose release ends it, or -1.
+    """Return the course of a step of h at most, its length in s, and the contact released at its end, or -1.
 
     ``careful`` steps do not try for a release. Only one contact has the square root of its own time.
     """
@@ -194,7 +194,7 @@ def weigh(out, base, scale, weights, rows, K):
 
 @register_jitable(**INLINE)
 def norm(out, estimate, control):
-    """Return the sum of squares of a step's error by one of the estimates, over the tolerance, per unit of s."""
+    """Return the sum of squares of an estimate of the error per unit of s, over the tolerance."""
     weigh(out, control.zeros, 1.0, estimate, STAGES, control.K)
     total = 0.0
     for c in range(len(out)):
@@ -435,7 +435,7 @@ def longest(contacts, gaps, h):
 
 @register_jitable(**INNER)
 def follow(run, clock, records):
-    """Take a step, to the first event at most, or find that it has to be shorter; return GO, or how it ends."""
+    """Take a step, to the first event at most, or find that it has to be shorter; return how that ended."""
     contacts, old, new, control = run.contacts, run.old, run.work.new, run.control
     now, held = clock[0], control.record[0]
     t, careful = now.time, held.rejected != 0
@@ -468,9 +468,9 @@ def follow(run, clock, records):
             course, H, end = land(run, course, H, t, end, event, held)
         if not end >= t:
             return again(held, t, 0.5 * duration)
-    if now.taken < len(records.time) and records.time[now.taken] < end:
-        if not within(run, course, H, end, now, records):
-            return FAILED
+    inside = now.taken < len(records.time) and records.time[now.taken] < end
+    if inside and not within(run, course, H, end, now, records):
+        return FAILED
     for c in range(len(control.y)):
         control.y[c], control.slope[c] = control.new_y[c], control.new_slope[c]
     for k in range(len(contacts)):
@@ -530,7 +530,7 @@ def turn(run, event, clock, records):
 
 
 def advance(kernel, p, contacts, motion, clock, records, work, control):
-    """Advance the motion to the clock's end in place, as ``contact_loop.advance`` does with located events."""
+    """Advance the motion in place, as ``contact_loop.advance`` does with located events."""
     run = Run(kernel, p, contacts, motion, work, control)
     close_at_start(kernel.mobilities, p, contacts, motion, work.spare, clock, records)
     status = GO if rates(run, clock[0].time, control.y, control.slope) else FAILED

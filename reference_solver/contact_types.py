@@ -145,9 +145,9 @@ class Work(NamedTuple):
 class Control(NamedTuple):
     """Error control: its record (1,), and what its steps work on.
 
-    ``weights`` are 1 over the tolerance of coordinates and velocities, 0 of the sums. ``y`` and ``new_y`` are
-    what the motion and the work's ``new`` are views of (see ``new_motion``), ``stage`` is one in between. ``K`` has slopes by
-    row, ``slope`` and ``new_slope`` those at both ends in time, ``dense`` coefficients of dense output.
+    ``weights`` are 1 over the tolerance of coordinates and velocities, 0 of the sums. Motion and the work's
+    ``new`` are views of ``y`` and ``new_y`` (see ``new_motion``); ``stage`` is one in between. ``K`` has
+    slopes by row, ``slope`` and ``new_slope`` those at both ends in time, ``dense`` what dense output takes.
     """
 
     record: NDArray[np.void]
@@ -171,14 +171,17 @@ def new_motion(n: int, sums: int, contacts: int) -> Motion:
 def new_work(n: int, sums: int, contacts: int, rows: int) -> Work:
     """Return what a loop works on, with m = ``rows`` multipliers."""
     sizes = n, sums, rows, 2 * contacts
-    rates = (Rates(*(np.zeros(size) for size in sizes)) for _ in range(4))
-    return Work(new_motion(n, sums, contacts), new_motion(n, sums, contacts), *rates, np.zeros(contacts))
+    first, second, third, fourth = (Rates(*(np.zeros(size) for size in sizes)) for _ in range(4))
+    new, at = (new_motion(n, sums, contacts) for _ in range(2))
+    return Work(new, at, first, second, third, fourth, np.zeros(contacts))
 
 
 def new_control(motion: Motion, new: Motion, slopes: int, dense: int) -> Control:
     """Return error control for steps from one motion to another."""
     y, new_y = motion.q.base, new.q.base
-    assert y is not None and new_y is not None
-    weights, *rows = np.zeros((5, len(y)))
+    assert y is not None
+    assert new_y is not None
+    weights, stage, slope, new_slope, zeros = np.zeros((5, len(y)))
     tables = np.zeros((slopes, len(y))), np.zeros((dense, len(y)))
-    return Control(np.zeros(1, CONTROL_RECORD), weights, y, new_y, *rows, *tables)
+    record = np.zeros(1, CONTROL_RECORD)
+    return Control(record, weights, y, new_y, stage, slope, new_slope, zeros, *tables)

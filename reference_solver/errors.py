@@ -35,8 +35,8 @@ class StepsCollapsed(SolverError):
     def __init__(self, time_s: float, step_s: float) -> None:
         self.time_s = time_s
         super().__init__(
-            f"no step from t = {time_s:.6g} s meets the tolerance (the last one tried is {step_s:.3g} s): "
-            "the forces jump there, or the mechanism is close to a singular configuration: loosen the tolerance"
+            f"no step from t = {time_s:.6g} s meets the tolerance, not even {step_s:.3g} s: the forces jump "
+            "there, or a singular configuration is close: loosen the tolerance or stop before it"
         )
 
 

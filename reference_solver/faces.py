@@ -27,7 +27,7 @@ RecordArray = NDArray[np.void]
 class CompiledFace:
     """The ``kernel`` of a topology with its ``parameters``, and the loop that calls it."""
 
-    #: Evaluations of {A} times coordinates per call: a fraction of a second, so that an interrupt is answered.
+    #: Evaluations of {A} times coordinates per call: a fraction of a second, to answer an interrupt.
     chunk = 8_000_000
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
@@ -176,7 +176,7 @@ def loop_of(topology: Topology) -> Any:
 
 
 def with_fields(part: Any) -> Any:
-    """Return an array of records, or a tuple with some in it, with fields that are attributes, as compiled."""
+    """Return an array of records, or a tuple with some in it, with fields as attributes, as compiled."""
     if isinstance(part, tuple):
         return type(part)(*map(with_fields, part))
     return part.view(np.recarray) if part.dtype.names else part

@@ -165,7 +165,7 @@ def compiled(function: Callable[..., Any], signature: object) -> Callable[..., A
     return cast(Callable[..., Any], overloads[0].entry_point if overloads else made)
 
 
-class Callee(numba.types.WrapperAddressProtocol):  # type: ignore[misc]
+class Callee(numba.types.WrapperAddressProtocol):
     """A compiled function as an argument of others; to pass it as it is would take Numba 50 us."""
 
     def __init__(self, function: Any, signature: Any) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from reference_solver.tape import Array, Scalar, both, named
 
-
 Row = tuple[float, ...]
 
 
@@ -61,7 +60,7 @@ RK4 = Method(
 
 @cache
 def dop853() -> Method:
-    """Return Dormand and Prince's method of order 8 (Hairer, Norsett and Wanner 1993, II.5), as SciPy has it."""
+    """Return Dormand and Prince's method of order 8 (Hairer, Norsett and Wanner 1993, II.5)."""
     from scipy.integrate import DOP853 as Table  # it takes a moment, and RK4 does without
 
     def rows(table: Any) -> tuple[Row, ...]:

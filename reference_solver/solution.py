@@ -40,7 +40,7 @@ class Solution:
 
     ``events`` (E,) is the log (see ``contact_types.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
     the order of the contacts' ends; ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all
-    steps taken.
+    steps taken, and ``solve_time_s`` is the wall time that they took.
     """
 
     mechanism: Mechanism
@@ -56,6 +56,7 @@ class Solution:
     impacts: tuple[Impact, ...]
     mode_changes: tuple[ModeChange, ...]
     steps: int
+    solve_time_s: float = 0.0
 
     @property
     def constraint_work_J(self) -> FloatArray:

@@ -1,5 +1,6 @@
 """The solver: consistent start, steps by one of the two faces, events on rigid walls, recording."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -124,9 +125,10 @@ def solve(
 ) -> Solution:
     """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
 
-    ``step`` is the longest one in s, or both rates, of the paper's RK4; or error control. Without contacts, and with contacts that are not located,
-    all steps have one length that fits into the samples' interval. Where events are located, steps are the
-    run's own, whatever the samples: those within a step are interpolated, at the order of the step.
+    ``step`` is the longest one in s, or both rates, of the paper's RK4; or the error control of DOP853. Where
+    events are located, and with error control, steps are the run's own, whatever the samples: those within a
+    step are interpolated, at the order of the step. Else all steps of RK4 have one length that fits into the
+    samples' interval.
 
     Raises:
         ValueError: rigid walls without projection or without location of events.
@@ -257,11 +259,11 @@ class Solver:
         def add(name: str, value: float) -> None:
             motion.sums[self._names.index(name)] += value
 
+        status, started = SPENT, time.perf_counter()
         settling = Settling(self._equations, self._shortest_flight_s(state), add)
         changes: list[ModeChange] = []
         following = self._settle_first(settling, changes, contacts, motion, now) if self._rigid else ()
         self._gaps(following, contacts, 0.0, motion)
-        status = SPENT
         while status != DONE:
             face = self._face(following)
             begin, chunk = float(now.time), 1 + face.chunk // (len(q) * len(self._method.weights))
@@ -282,11 +284,11 @@ class Solver:
                     raise UnsettledEvents(begin, int(now.rigid))
                 following = self._settle(settling, changes, following, contacts, motion, now)
                 self._gaps(following, contacts, float(now.time), motion)
+        took = time.perf_counter() - started
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise NonFiniteState(end_time_s, float(now.longest))
-        return self._solution(
-            records, np.concatenate(events), np.concatenate(sums), settling.impacts, changes
-        )
+        log = np.concatenate(events), np.concatenate(sums)
+        return self._solution(records, *log, settling.impacts, changes, took)
 
     def _settle_first(
         self,
@@ -332,14 +334,17 @@ class Solver:
         self, following: tuple[int, ...], contacts: NDArray[np.void], motion: Motion, now: np.record
     ) -> None:
         """Say why the step tried last could not be taken."""
-        from reference_solver.faces import ReadableFace
+        from reference_solver.faces import ReadableFace, phases_of
 
         t, h = float(now.time), float(now.tried)
-        end = new_motion(len(motion.q), len(motion.sums), len(motion.gaps))
         readable = ReadableFace(self._topology(following), self._q_start)
         with np.errstate(all="ignore"):
+            if self._controlled:
+                readable.equations.required(t, motion.q, motion.v, phases_of(contacts))
+                raise StepsCollapsed(t, h)
+            end = new_motion(len(motion.q), len(motion.sums), len(motion.gaps))
             readable.step(None, contacts, t, h, motion, end)
-        raise StepsCollapsed(t, h) if self._controlled else NonFiniteState(t + h, h)
+        raise NonFiniteState(t + h, h)
 
     def _solution(
         self,
@@ -348,6 +353,7 @@ class Solver:
         event_sums: FloatArray,
         impulses: list[Impact],
         changes: list[ModeChange],
+        took_s: float,
     ) -> Solution:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         found = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
@@ -365,6 +371,7 @@ class Solver:
             impacts=tuple(sorted([*impulses, *found], key=lambda i: i.time_s + i.duration_s)),
             mode_changes=tuple(changes),
             steps=self.steps,
+            solve_time_s=took_s,
         )
 
 

@@ -67,9 +67,11 @@ def simulate(
             "--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."
         ),
     ] = None,
-    step: Annotated[str | None, typer.Option(metavar="H", help="Longest time step in s; 1e-5.")] = None,
+    step: Annotated[
+        str | None, typer.Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")
+    ] = None,
     tolerance: Annotated[
-        str | None, typer.Option(metavar="TOL", help="Halve the step until the slider is known to TOL in m.")
+        str | None, typer.Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
     ] = None,
     end: Annotated[
         str | None, typer.Option(metavar="T", help="End time in s, in place of the scene's.")
@@ -88,6 +90,7 @@ def simulate(
     from studies.request import (
         SimulateOptions,
         checked,
+        for_tolerance,
         longest_step_s,
         read_engine,
         read_scene,
@@ -101,8 +104,11 @@ def simulate(
         physics = physics.model_copy(update={"end_time_s": options.end})
     if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
         raise BadInput(f"--out: expected another file than the scene, got {out}")
-    longest_step = longest_step_s(options, physics.end_time_s)
     chosen = read_engine(engine, assignments or [])
+    if options.tolerance is not None:
+        chosen = for_tolerance(chosen, assignments or [])
+    controls_error = getattr(chosen, "controls_error", False)
+    longest_step = longest_step_s(options, physics.end_time_s, controls_error)
     with writing("--out", out or Path("stdout")), _opened(out) as file:
         try:
             # Engines look for non-finite numbers themselves.
@@ -120,7 +126,7 @@ def simulate(
         except SimulationFailed as reason:
             raise Failed(str(reason)) from None
         file.write(to_csv(table(physics, result)))
-    say(f"note: {result.steps} steps, the longest {result.step_s:.6g} s")
+    say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
 
 
 @app.command()
@@ -216,6 +222,12 @@ def main() -> None:
     if message:
         say(f"error: {message}")
     sys.exit(code)
+
+
+def _of(engine: object) -> str:
+    """Return the method that an engine's steps are of, if it has a choice."""
+    method = getattr(engine, "method", None)
+    return "" if method is None else f" of {method}"
 
 
 def _opened(out: Path | None) -> AbstractContextManager[TextIO]:

@@ -92,15 +92,24 @@ def read_engine(name: str, assignments: Sequence[str]) -> Engine:
     return engine
 
 
-def longest_step_s(options: SimulateOptions, end_time_s: float) -> float:
-    """Return the step asked for or the default.
+def for_tolerance(engine: Engine, assignments: Sequence[str]) -> Engine:
+    """Return the engine to keep a tolerance with: one that can control its error does, unless told how."""
+    controlling = getattr(engine, "controlling_error", None)
+    if controlling is None or any(assignment.startswith("method=") for assignment in assignments):
+        return engine
+    chosen: Engine = controlling()
+    return chosen
+
+
+def longest_step_s(options: SimulateOptions, end_time_s: float, controls_error: bool = False) -> float:
+    """Return the step asked for or the default, which is the whole run for an engine that controls its error.
 
     Raises:
         BadInput: there is a tolerance beside the step, or the step does not fit the end time.
     """
     if options.step is not None and options.tolerance is not None:
         raise BadInput(f"--tolerance: expected nothing beside --step, got {options.tolerance:g}")
-    step = options.step or min(DEFAULT_STEP_S, end_time_s)
+    step = options.step or (end_time_s if controls_error else min(DEFAULT_STEP_S, end_time_s))
     shortest = SHORTEST_STEP_PART * end_time_s
     if options.tolerance is None and not shortest <= step <= end_time_s:
         expected = f"a number from {shortest:g} to the end time {end_time_s:g}"
