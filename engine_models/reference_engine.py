@@ -81,9 +81,9 @@ class ReferenceEngine:
         """Whether the tolerance decides, and the step is no more than a limit."""
         return self.method == "dop853"
 
-    def controlling_error(self) -> "ReferenceEngine":
-        """Return the engine to reach a tolerance with: DOP853, from a loose one on, if settings allow it."""
-        return replace(self, method="dop853", tolerance=LOOSE) if self.locate_events else self
+    def controlling_error(self, tolerance: float = LOOSE) -> "ReferenceEngine":
+        """Return the engine with DOP853 and a tolerance, with its events located."""
+        return replace(self, method="dop853", tolerance=tolerance, locate_events=True)
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene.

@@ -2,14 +2,12 @@
 
 Not in Numba's own cache, which believes whatever its files say, mixes up what processes write beside each
 other, and never heals. Here every compiled function is one file: its name is a hash of all that decides the
-code, it begins with a checksum of the rest, and it takes its place in one move. So what a kill, a full disk
-or a hand has damaged is compiled again, and of processes that compile the same the last one's is kept.
+code (see ``checked_files``).
 """
 
 import hashlib
 import inspect
 import linecache
-import os
 import pickle
 import sys
 from collections.abc import Callable, Iterator
@@ -23,15 +21,8 @@ from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-from reference_solver.kernel_folder import (
-    FolderRefused,
-    is_own,
-    kernel_folder,
-    private_folder,
-    say_not_kept,
-    say_once,
-    temporary_folder,
-)
+from reference_solver.checked_files import read_checked, write_checked
+from reference_solver.kernel_folder import FolderRefused, kernel_folder, temporary_folder
 
 __all__ = ["FolderRefused", "compiled_anew", "kernel_folder", "load_kernel", "njit"]
 
@@ -39,7 +30,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 #: What decides machine code beside its source, its types and the processor.
 VERSIONS = (numba.__version__, sys.implementation.cache_tag)
-CHECKSUM_BYTES = hashlib.sha256().digest_size
 
 
 def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F], F]:
@@ -99,47 +89,6 @@ class KeptCode(_Cache):
 
     def flush(self) -> None:
         """Do nothing: whatever is there is right."""
-
-
-def read_checked(name: str) -> bytes | None:
-    """Return what ``write_checked`` wrote, None if it is not there or no longer the same.
-
-    Raises:
-        FolderRefused: others could have written it.
-    """
-    try:
-        with (private_folder() / name).open("rb") as file:
-            kept = file.read() if is_own(os.fstat(file.fileno())) else b""
-    except OSError:
-        return None
-    data = kept[CHECKSUM_BYTES:]
-    if kept == checksum(name, data) + data:
-        return data
-    say_once(f"{kernel_folder()}: expected kernels as they were kept, got damaged ones: compiling them again")
-    return None
-
-
-def write_checked(name: str, data: bytes) -> None:
-    """Keep data under a name; where that cannot be done say so once and go on.
-
-    Raises:
-        FolderRefused: others could replace it.
-    """
-    try:
-        folder = private_folder()
-        new = folder / f"{name}.{os.getpid()}"
-        try:
-            new.write_bytes(checksum(name, data) + data)
-            new.replace(folder / name)
-        finally:
-            new.unlink(missing_ok=True)
-    except OSError as error:
-        say_not_kept(error, "every process compiles its own")
-
-
-def checksum(name: str, data: bytes) -> bytes:
-    """Return what data begin with under a name, so that those of another name are noticed too."""
-    return hashlib.sha256(name.encode() + data).digest()
 
 
 @cache

@@ -21,12 +21,15 @@ from studies.truth import exact, exact_twins
 SAMPLES = 200
 #: Steps per sample interval, halving the step from one to the next: quick, then what the full set adds.
 LADDER, FINER = (2, 4, 8, 16, 32, 64, 128, 256), (512, 1024)
+#: A tolerance that leaves every step as long as the longest allowed.
+FIXED_STEPS = 0.999
 #: Each engine's own settings worth showing, by the name that tables and figures give them.
 ARMS: dict[str, dict[str, dict[str, Value]]] = {
     "reference": {
         "none": {"stabilisation": "none"},
         "Baumgarte": {"stabilisation": "baumgarte"},
         "projection": {"stabilisation": "projection"},
+        "DOP853": {"method": "dop853", "tolerance": FIXED_STEPS},
     },
     "exudyn": {
         "trapezoidal": {"solver": "TrapezoidalIndex2"},

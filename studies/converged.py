@@ -1,29 +1,30 @@
 """The converged solution of any scene, with twins that tell how far, and until when, it can be followed.
 
-Ideal scenes have the independent truth of ``studies.truth``. Scenes with clearance have the reference solver
-far below any step that is judged, with the same run at half that step and, where contacts are compliant,
-SciPy's DOP853 between located events: an integrator of another kind and order on the same equations. They
-are followed up to the horizon, where these or runs begun a hair beside them part.
+Ideal scenes have the independent truth of ``studies.truth``. Scenes with clearance have the reference by
+DOP853 at a tolerance near round-off, with the same run at ten times that tolerance and one by RK4, a method
+of another order whose steps come from other rules. They are followed up to the horizon, where these or runs
+begun a hair beside them part. All are kept on disk (see ``kept_runs``).
 """
 
-from collections.abc import Mapping
 from functools import lru_cache
-from types import MappingProxyType
 
 import numpy as np
 
-from engine_models.engine import RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene import Scene
 from studies.horizon import PERTURBATION_RAD, moved
+from studies.kept_runs import kept_run
 from studies.truth import exact, exact_twins
 
-#: The longest step of the converged run of a scene with clearance, and its twin's in parts of it.
-LONGEST_STEP_S, TWIN = 2e-6, 0.5
-#: The twin by DOP853.
-OTHER: Mapping[str, object] = MappingProxyType({"method": "DOP853", "rtol": 1e-12, "atol": 1e-14})
+#: Tolerances of the converged run and its twin, and the longest step of the twin by RK4.
+TOLERANCE, TWIN_TOLERANCE, TWIN_STEP_S = 1e-13, 1e-12, 1e-6
 #: Pointwise errors mean something while twins are no further apart than this in slider position.
 POINTWISE_M = 1e-8
+
+
+def _sharp(tolerance: float) -> Engine:
+    return make_engine("reference", method="dop853", tolerance=tolerance)
 
 
 @lru_cache(maxsize=64)
@@ -35,17 +36,10 @@ def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory,
     """
     if not scene.joints_with_clearance:
         return exact(scene, samples), tuple(exact_twins(scene, samples))
-    reference = make_engine("reference")
-    step = RunSettings(LONGEST_STEP_S, samples)
-    half = RunSettings(TWIN * step.step_used_s(scene.end_time_s), samples)
-    truth, twins = reference.simulate(scene, step), [reference.simulate(scene, half)]
-    if all(getattr(scene.clearance, joint).law != "rigid" for joint in scene.joints_with_clearance):
-        try:
-            whole = RunSettings(scene.end_time_s, samples)
-            twins.append(make_engine("scipy", **OTHER).simulate(scene, whole))
-        except SimulationFailed:
-            pass  # the other twin is there
-    return truth, tuple(twins)
+    whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(TWIN_STEP_S, samples)
+    truth = kept_run(_sharp(TOLERANCE), scene, whole)
+    other = kept_run(make_engine("reference", method="rk4"), scene, fine)
+    return truth, (kept_run(_sharp(TWIN_TOLERANCE), scene, whole), other)
 
 
 @lru_cache(maxsize=64)
@@ -57,9 +51,9 @@ def followed(scene: Scene, samples: int) -> int:
     """
     truth, twins = converged(scene, samples)
     if scene.joints_with_clearance and not scene.start.states:
-        reference, step = make_engine("reference"), RunSettings(LONGEST_STEP_S, samples)
+        whole = RunSettings(scene.end_time_s, samples)
         sides = (moved(scene, side * PERTURBATION_RAD) for side in (-1, 1))
-        twins = (*twins, *(reference.simulate(side, step) for side in sides))
+        twins = (*twins, *(kept_run(_sharp(TOLERANCE), side, whole) for side in sides))
     return reach(truth, twins)
 
 

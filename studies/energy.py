@@ -13,7 +13,7 @@ from engine_models.scene_library import SCENES
 from studies import energy_ledger as ledger
 from studies.case import Case, Curves, Row, Value
 from studies.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
-from studies.ladders import AS_IT_COMES, newcomers
+from studies.ladders import AS_IT_COMES, CONTROLLED, SCIPY, newcomers
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 
 Settings = dict[str, Value]
@@ -59,11 +59,16 @@ LONG = (
 
 #: Methods that choose their steps have a tolerance on each rung in place of the step, by its settings' names.
 TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8, 1e-10), (1e-5, 1e-7, 1e-9)
-ADAPTIVE = {"DOPRI5": ("tolerance",), "DOP853": ("rtol", "atol")}
+ADAPTIVE = {
+    ("reference", "DOP853"): ("tolerance",),
+    ("exudyn", "DOPRI5"): ("tolerance",),
+    ("scipy", "DOP853"): SCIPY,
+}
 IDEAL_ARMS: dict[tuple[str, str], Settings] = {
     ("reference", "projection"): {"stabilisation": "projection"},
     ("reference", "Baumgarte"): {"stabilisation": "baumgarte"},
     ("reference", "none"): {"stabilisation": "none"},
+    ("reference", "DOP853"): dict(CONTROLLED),
     ("exudyn", "trapezoidal"): {"solver": "TrapezoidalIndex2"},
     ("exudyn", "generalized-alpha"): {"solver": "GeneralizedAlpha"},
     ("pymunk", "tuned"): {},
@@ -102,7 +107,7 @@ def _ladder(length: Length) -> list[Case]:
     for (engine, arm), settings in _arms(scene).items():
         tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
         for rung, count in enumerate(length.steps_per_sample):
-            names = ADAPTIVE.get(arm, ())
+            names = ADAPTIVE.get((engine, arm), ())
             step = scene.end_time_s / (1 if names else length.intervals * count)
             run = RunSettings(step, length.intervals)
             own = dict.fromkeys(names, tolerances[rung])

@@ -17,7 +17,7 @@ from studies import extremes_wheels as wheels
 from studies.case import Case, Curves, Limits, Row, Value
 from studies.energy_ledger import numerical_gain_J
 from studies.extremes_case import Extreme
-from studies.ladders import AS_IT_COMES, PYMUNK_AS_IT_COMES, newcomers
+from studies.ladders import AS_IT_COMES, CONTROLLED, PYMUNK_AS_IT_COMES, newcomers
 from studies.metrics import constraint_violation_m, kinetic_energy_J, potential_energy_J
 
 #: What a run may take, and one of very many steps.
@@ -34,13 +34,13 @@ LEAST_ENERGY_J = 1e-9
 
 #: Every engine's best practice, and what a plain user would have.
 ARMS: dict[str, dict[str, Mapping[str, Value]]] = {
-    "reference": {"default": {}, "plain RK4": {}},
+    "reference": {"default": {}, "plain RK4": {}, "DOP853": CONTROLLED},
     "exudyn": {"default": {}},
     "pymunk": {"tuned": {}, "out of the box": PYMUNK_AS_IT_COMES},
     "scipy": {"default": {}},
 }
 #: Arms that make a hundred thousand revolutions in seconds.
-FAST = (("reference", "default"), ("reference", "plain RK4"))
+FAST = (("reference", "default"), ("reference", "plain RK4"), ("reference", "DOP853"))
 
 
 @cache
@@ -86,7 +86,7 @@ def _case(place: int, extreme: Extreme, engine: str, arm: str, settings: Mapping
     if arm == "plain RK4":  # the paper's: one step for all, nothing corrected
         settings = {"locate_events": False} if scene.joints_with_clearance else {"stabilisation": "none"}
     step = extreme.step_s
-    if engine == "scipy" or (engine == "exudyn" and scene.joints_with_clearance):
+    if engine == "scipy" or arm == "DOP853" or (engine == "exudyn" and scene.joints_with_clearance):
         step = scene.end_time_s  # it chooses its own
     elif extreme.fixed_step_s and (engine, arm) != ("reference", "default"):
         step = extreme.fixed_step_s

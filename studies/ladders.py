@@ -16,6 +16,8 @@ Settings = Mapping[str, Value]
 #: Exudyn's build without range checks, as a user who wants speed has it, and SciPy's tolerances.
 FAST: Settings = MappingProxyType({"fast": True})
 SCIPY = ("rtol", "atol")
+#: The reference with error control.
+CONTROLLED: Settings = MappingProxyType({"method": "dop853"})
 #: Pymunk's joints for a user who sets nothing.
 PYMUNK_AS_IT_COMES: Settings = MappingProxyType(
     {"iterations": LIBRARY_ITERATIONS, "error_bias": LIBRARY_ERROR_BIAS, "half_kick_start": False}
@@ -62,6 +64,7 @@ def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
         *(rung for name in newcomers() for rung in by_step(name, AS_IT_COMES, {}, longest, 5 + more)),
         *by_step("reference", "projection", {}, longest, 6 + more),
         *by_step("reference", "none", {"stabilisation": "none"}, longest, 6 + more),
+        *by_tolerance("reference", "DOP853", CONTROLLED, ("tolerance",), whole, range(4, 14, every)),
         *by_step("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2", **FAST}, longest, 5 + more),
         *by_step("exudyn", "generalized-alpha", {"solver": "GeneralizedAlpha", **FAST}, longest, 5 + more),
         *by_step("pymunk", "tuned", {}, longest / 4, 5 + more),
@@ -85,6 +88,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         return [
             *others,
             *by_step("reference", "located", {}, flight, 5 + more),
+            *by_tolerance("reference", "DOP853", CONTROLLED, ("tolerance",), whole, range(6, 13, 2)),
             *by_step("pymunk", "native contact", {"contact": "rigid"}, contact / 2, 4 + more),
         ]
     build: Settings = FAST if fast else {}
@@ -93,6 +97,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         *others,
         *by_step("reference", "located", {"steps_per_contact": 200.0}, flight, 7 + more),
         *by_step("reference", "plain", {"locate_events": False}, contact, 4 + more),
+        *by_tolerance("reference", "DOP853", CONTROLLED, ("tolerance",), whole, range(5, 14, every)),
         *by_tolerance("exudyn", "DOPRI5", dopri5, ("tolerance",), whole, range(6, 12, every)),
         *by_step("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2", **build}, contact, 3 + more),
         *by_step("pymunk", "as the scene", {}, contact / 2, 3 + more),

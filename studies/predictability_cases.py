@@ -53,11 +53,12 @@ class Arm:
 
 
 ARMS = {
+    "DOP853": Arm("reference", 1.0, {"method": "dop853", "tolerance": 1e-7}),
     "DOPRI5": Arm("exudyn", 2e-5, {"solver": "DOPRI5", "tolerance": 1e-6}),
     "as the scene": Arm("pymunk", 4e-6),
     "native contact": Arm("pymunk", 2e-6, {"contact": "rigid"}),
 }
-_SAME_LAW = ("DOPRI5", "as the scene")
+_SAME_LAW = ("DOP853", "DOPRI5", "as the scene")
 _QUICK_ENSEMBLES = (("clearance-driven-0.5mm", _SAME_LAW),)
 #: Scenes and engines' arms of the ensembles, quick and full.
 ENSEMBLES = {

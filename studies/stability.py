@@ -27,6 +27,7 @@ Arm = tuple[str, str, dict[str, Value], str | None]
 ARMS: tuple[Arm, ...] = (
     ("reference", "located", {}, None),
     ("reference", "plain", {"locate_events": False}, theory.RK4),
+    ("reference", "DOP853", {"method": "dop853"}, None),
     ("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2"}, theory.TRAPEZOIDAL),
     (
         "exudyn",

@@ -145,11 +145,11 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "unknown engine": ((*SIMULATE, "--engine", "ode"), ("--engine: expected reference, exudyn, ", '"ode"')),
     "unknown setting": (
         (*SIMULATE, "--set", "colour=red"),
-        ("--set colour: expected the key stabilisation, ", "got an unknown key"),
+        ("--set colour: expected the key method, ", "got an unknown key"),
     ),
     "setting of another engine": (
         (*SIMULATE, "--set", "iterations=30"),
-        ("--set iterations: expected the key stabilisation, ", "got an unknown key"),
+        ("--set iterations: expected the key method, ", "got an unknown key"),
     ),
     "bad choice": (
         (*SIMULATE, "--engine", "exudyn", "--set", "solver=Euler"),

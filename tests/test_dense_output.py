@@ -20,9 +20,10 @@ from reference_solver.contact_types import (
     EVENT_RECORD,
     Records,
     new_motion,
+    new_work,
 )
 from reference_solver.equations import Equations
-from reference_solver.kernel_store import compiled
+from reference_solver.kernel_store import callee, compiled
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice
 from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
@@ -82,9 +83,10 @@ def interpolation_errors(h: float) -> FloatArray:
     clock["located"] = clock["budget"] = 1
     rows = [np.zeros((len(times), size)) for size in (1, 1, 1, 0, 1, 0)]
     records = Records(np.zeros(1, EVENT_RECORD), np.zeros((1, 1)), times, *rows)
-    functions = step, slopes, mobilities
+    functions = zip((step, slopes, mobilities), contact_loop.KERNEL, strict=True)
+    kernel = contact_loop.Kernel(*(callee(function, kind) for function, kind in functions))
     loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
-    assert loop(*functions, np.zeros(0), contacts, motion, clock, records) == DONE
+    assert loop(kernel, np.zeros(0), contacts, motion, clock, records, new_work(1, 1, 0, 1)) == DONE
     assert clock["steps"] == 1
     assert (records.multipliers == 7.0).all()
     found = np.column_stack([records.q, records.v, records.sums])

@@ -75,7 +75,7 @@ def test_a_damaged_file_is_said_once_and_made_again(damage: str, caplog: pytest.
         assert loaded()
     assert len(caplog.messages) == 1
     assert str(kernel_folder()) in caplog.text
-    assert "got damaged ones: compiling them again" in caplog.text
+    assert "got damaged ones: making them again" in caplog.text
 
 
 def test_a_file_of_somebody_else_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,7 +159,7 @@ def test_without_a_folder_every_process_compiles_its_own(
     assert [loaded(), loaded()] == [False, False]
     assert caplog.messages == [
         f"{kernel_folder()}: expected a folder to keep kernels in, got 'File exists': "
-        "every process compiles its own"
+        "every process makes its own"
     ]
 
 
@@ -225,5 +225,5 @@ def test_the_command_says_what_it_compiles_again_in_one_note() -> None:
     second = crankslider(*command)
     assert (second.code, second.stdout) == (0, first.stdout)
     note = f"note: {kernel_folder()}: expected kernels as they were kept, got damaged ones: "
-    assert second.stderr == f"{note}compiling them again\n{first.stderr}"
+    assert second.stderr == f"{note}making them again\n{first.stderr}"
     logging.getLogger("reference_solver").handlers = []

@@ -18,6 +18,7 @@ from reference_solver.contact_types import (
     Motion,
     Records,
     new_motion,
+    new_work,
 )
 from reference_solver.equations import Baumgarte, Equations, row_slices
 from reference_solver.faces import CompiledFace, ReadableFace
@@ -109,7 +110,7 @@ def stepped(
     times = np.array([0.0, count * h])
     log = np.zeros(1, EVENT_RECORD), np.zeros((1, 2))
     records = Records(*log, times, *(np.zeros((2, size)) for size in (len(q), len(q), 2, 0, rows, 0)))
-    assert face.advance(contacts, motion, clock, records) == DONE
+    assert face.advance(contacts, motion, clock, records, new_work(len(q), 2, 0, rows)) == DONE
     assert clock["steps"] == count
     assert (records.q[1] == motion.q).all()
     return motion, records.multipliers[0]
