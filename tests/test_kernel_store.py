@@ -224,6 +224,6 @@ def test_the_command_says_what_it_compiles_again_in_one_note() -> None:
         file.write_bytes(file.read_bytes()[:-1])
     second = crankslider(*command)
     assert (second.code, second.stdout) == (0, first.stdout)
-    note = f"note: {kernel_folder()}: expected kernels as they were kept, got damaged ones: "
+    note = f"note: {kernel_folder()}: expected files as they were kept, got damaged ones: "
     assert second.stderr == f"{note}making them again\n{first.stderr}"
     logging.getLogger("reference_solver").handlers = []
