@@ -6,7 +6,7 @@ from engine_models.engine import Engine, FloatArray, RunSettings, Trajectory
 from engine_models.scene import Scene
 
 #: The tolerance of a run that another method's is judged by.
-CONTROLLED = 1e-12
+CONTROLLED = 1e-13
 
 
 def simulate_with_uncertainty(
