@@ -220,7 +220,7 @@ def trial(run, course, H):
         new_y[c] = y[c] + H * new_y[c]
     fifth, third = norm(stage, ESTIMATES[0], control), norm(stage, ESTIMATES[1], control)
     error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * len(run.old.q) + 1e-300)
-    return error if np.isfinite(error) else np.inf
+    return error if np.isfinite(error + third) else np.inf
 
 
 @register_jitable(**INNER)
