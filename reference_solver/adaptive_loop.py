@@ -73,7 +73,7 @@ FLIGHT_PART = 0.5
 #: Part of the distance in time to a release that is left to a step which does not end there.
 LEFT = 0.05
 #: Parts of the tolerance and of the clearance within which a step ends on its event; round-off of the gap, as
-#: a part of the mechanism's length; and the most trials for it.
+#: a part of the mechanism's length, or of how far it is from the origin; and the most trials for it.
 LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
@@ -256,6 +256,16 @@ def changed(error, before, rejected):
 # ---------------------------------------------------------------------------------------- events
 
 
+@register_jitable(**INLINE)
+def round_off(run):
+    """Return the round-off of a gap at the end of a step."""
+    far, q = run.control.record[0].length, run.work.new.q
+    for c in range(len(q)):
+        if c % 3 != 2:
+            far = max(far, abs(q[c]))
+    return ROUND_OFF * far
+
+
 @register_jitable(**INNER)
 def value_on(run, t, h, x, event):
     """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
@@ -353,7 +363,7 @@ def land(run, course, H, t, end, event, held):
     that of the step which has been taken, NaN if another is to be.
     """
     k, exact, begin, latest = event // 2, event % 2 == 0, course.begin, t + 1.5 * (end - t)
-    contact, least = run.contacts[k], ROUND_OFF * held.length
+    contact, least = run.contacts[k], round_off(run)
     if contact.rigid == 0.0:
         close = min(LANDING * held.tolerance * held.length, LANDING_CLEARANCE * contact.clearance)
         least = max(least, close)
@@ -456,7 +466,7 @@ def follow(run, clock, records):
     factor = changed(error, held.error, careful)
     if not error <= 1.0:
         return again(held, t, lasting(course, H * factor))
-    event, place = first_event(run, t, duration, ROUND_OFF * held.length)
+    event, place = first_event(run, t, duration, round_off(run))
     if releasing >= 0 and event < 0:
         gap = new.gaps[releasing]
         if gap.rate < 0.0 and gap.g < -0.2 * duration * gap.rate:
