@@ -23,11 +23,14 @@ def scales_of(
 ) -> Scales:
     """Return the scales at a start with q, v and {q''}, each (n,).
 
-    The length is that of the longest arm from a body to a joint, or what else has a length; the rate the
-    largest by which bodies turn, move or gather speed, or one over the end time for a mechanism at rest.
+    The length is that of the longest arm from a body to a joint, of the largest bearing without one, or what
+    else has a length; the rate the largest by which bodies turn, move, gather speed or swing under gravity, or
+    one over the end time for a mechanism at rest. (Let go from an equilibrium it has nothing but gravity's.)
     """
-    length = _longest_arm(mechanism) or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
-    rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)))
+    bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
+    length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
+    swing = np.sqrt(mechanism.gravity_m_s2 / length)
+    rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)), swing)
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
     return Scales(length, float(rate))
