@@ -68,6 +68,8 @@ DENSE_ROWS = 3 + len(DENSE)
 
 #: Step control: safety factor, bounds of what a step changes by, and the weight of the error before.
 SAFETY, LEAST, MOST, BETA = 0.9, 0.2, 8.0, 0.02
+#: Rejections in a row: halved as often, any step is below the round-off of time, or bounces around it.
+MOST_REJECTIONS = 100
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight.
 FLIGHT_PART = 0.5
 #: Part of the distance in time to a release that is left to a step which does not end there.
@@ -332,14 +334,16 @@ def passed(contact, gap, new_gap, kind):
 
 
 @register_jitable(**INNER)
-def first_event(run, t, h, noise):
-    """Return the first event within a step and its place in it, or -1 and 1."""
+def first_event(run, t, h, noise, skip):
+    """Return the first event but ``skip`` within a step and its place in it, or -1 and 1."""
     event, place = -1, 1.0
     for k in range(len(run.contacts)):
         contact, gap, new_gap = run.contacts[k], run.old.gaps[k], run.work.new.gaps[k]
         rising = gap.rate > 0.0
         for kind in range(2):
             low, high = 0.0, -1.0
+            if 2 * k + kind == skip:
+                continue
             if passed(contact, gap, new_gap, kind):
                 high = 1.0
                 if kind == 0 and rising != (contact.phase == FLIGHT):
@@ -466,18 +470,27 @@ def follow(run, clock, records):
     factor = changed(error, held.error, careful)
     if not error <= 1.0:
         return again(held, t, lasting(course, H * factor))
-    event, place = first_event(run, t, duration, round_off(run))
+    event, place = first_event(run, t, duration, round_off(run), -1)
     if releasing >= 0 and event < 0:
         gap = new.gaps[releasing]
         if gap.rate < 0.0 and gap.g < -0.2 * duration * gap.rate:
             event = 2 * releasing
-    if event >= 0:
+    for _ in range(2 * len(contacts)):  # another event may turn out to come before, if they are close
+        if event < 0 or place <= 0.0:
+            break
         if place < 1.0:
-            course, H, end = land(run, course, np.nan, t, t + place * duration, event, held)
+            course, H, end = land(run, course, np.nan, t, t + place * (end - t), event, held)
         else:
             course, H, end = land(run, course, H, t, end, event, held)
         if not end >= t:
             return again(held, t, 0.5 * duration)
+        other, place = first_event(run, t, end - t, round_off(run), event)
+        if other < 0:
+            break
+        event = other
+    if event >= 0 and place <= 0.0:  # it has been passed by the round-off of one that came with it
+        now.steps += 1
+        return meet(run, event, clock, records)
     inside = now.taken < len(records.time) and records.time[now.taken] < end
     if inside and not within(run, course, H, end, now, records):
         return FAILED
@@ -496,17 +509,14 @@ def follow(run, clock, records):
             held.first_part, held.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
     if event < 0:
         return GO
-    if contacts[event // 2].rigid != 0.0:
-        now.rigid = event // 2
-        return SETTLE
-    return turn(run, event, clock, records)
+    return meet(run, event, clock, records)
 
 
 @register_jitable(**INLINE)
 def again(held, t, h):
-    """Have a step tried again at a length; return GO, or FAILED where time would not move."""
-    held.step, held.rejected = h, 1
-    return GO if t + h > t else FAILED
+    """Have a step tried again at a length; return GO, or FAILED where there is no length left."""
+    held.step, held.rejected = h, held.rejected + 1
+    return GO if t + h > t and held.rejected < MOST_REJECTIONS else FAILED
 
 
 @register_jitable(**INLINE)
@@ -521,9 +531,15 @@ def next_step(course, H, factor):
 
 
 @register_jitable(**INNER)
-def turn(run, event, clock, records):
-    """Change a contact's phase at an event, and choose the step after it; return GO or FAILED."""
+def meet(run, event, clock, records):
+    """Change a contact's phase at an event, and choose the step after it; return how that ended.
+
+    An event on a rigid wall is left to the caller.
+    """
     held, contacts, k = run.control.record[0], run.contacts, event // 2
+    if contacts[k].rigid != 0.0:
+        clock[0].rigid = k
+        return SETTLE
     closed = 0
     for i in range(len(contacts)):
         closed += contacts[i].phase != FLIGHT and contacts[i].rigid == 0.0

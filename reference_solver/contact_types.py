@@ -60,8 +60,8 @@ CLOCK_RECORD = np.dtype(
 )
 
 #: Error control: tolerance as a part of the mechanism's length in m, the next step and that of the last
-#: flight, a contact's first step as a part of its duration, and the last error over the tolerance; whether
-#: the last step was rejected, and the contact that has just begun, or -1.
+#: flight, a contact's first step as a part of its duration, and the last error over the tolerance; how many
+#: steps in a row have been rejected, and the contact that has just begun, or -1.
 CONTROL_RECORD = np.dtype(
     [
         *(

@@ -29,7 +29,7 @@ def scales_of(
     """
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
     length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
-    swing = np.sqrt(mechanism.gravity_m_s2 / length)
+    swing = np.sqrt(abs(mechanism.gravity_m_s2) / length)
     rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)), swing)
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
