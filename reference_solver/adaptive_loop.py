@@ -67,7 +67,7 @@ SLOPE_ROWS = METHOD.embedded.slopes
 DENSE_ROWS = 3 + len(DENSE)
 
 #: Step control: safety factor, bounds of what a step changes by, and the weight of the error before.
-SAFETY, LEAST, MOST, BETA = 0.9, 0.2, 8.0, 0.02
+SAFETY, LEAST, MOST, BETA = 0.8, 0.2, 8.0, 0.04
 #: Rejections in a row: halved as often, any step is below the round-off of time, or bounces around it.
 MOST_REJECTIONS = 100
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight.
@@ -251,7 +251,7 @@ def changed(error, before, rejected):
         return max(LEAST, SAFETY * error**-EXPONENT) if np.isfinite(error) else LEAST
     if error == 0.0:
         return 1.0 if rejected else MOST
-    factor = SAFETY * error ** (0.75 * BETA - EXPONENT) * before**BETA
+    factor = SAFETY * error ** (0.2 * BETA - EXPONENT) * before**BETA
     return min(1.0 if rejected else MOST, max(LEAST, factor))
 
 

@@ -252,41 +252,41 @@ class Solver:
         """
         state = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
         contacts, motion, clock, records, *_ = state
-        (now,) = clock.view(np.recarray)
+        now = clock[0]
         self.steps = self.settled = at_once = 0
         events, sums = [np.zeros(0, EVENT_RECORD)], [np.zeros((0, len(self._names)))]
 
         def add(name: str, value: float) -> None:
             motion.sums[self._names.index(name)] += value
 
-        status, started = SPENT, time.perf_counter()
         settling = Settling(self._equations, self._shortest_flight_s(state), add)
         changes: list[ModeChange] = []
+        status, started = SPENT, time.perf_counter()
         following = self._settle_first(settling, changes, contacts, motion, now) if self._rigid else ()
         self._gaps(following, contacts, 0.0, motion)
         while status != DONE:
             face = self._face(following)
-            begin, chunk = float(now.time), 1 + face.chunk // (len(q) * len(self._method.weights))
-            now.events, now.budget = 0, now.steps + chunk
+            begin, chunk = float(now["time"]), 1 + face.chunk // (len(q) * len(self._method.weights))
+            now["events"], now["budget"] = 0, now["steps"] + chunk
             status = face.advance(*state)
-            self.steps = int(now.steps)
-            tell(float(now.time))
-            events.append(records.events[: now.events].copy())
-            sums.append(records.event_sums[: now.events].copy())
+            self.steps = int(now["steps"])
+            tell(float(now["time"]))
+            events.append(records.events[: now["events"]].copy())
+            sums.append(records.event_sums[: now["events"]].copy())
             if status == FAILED:
                 self._refuse(following, contacts, motion, now)
-            if status in (SPENT, FULL) and now.time == begin:
+            if status in (SPENT, FULL) and now["time"] == begin:
                 raise Stalled(begin, chunk)
             if status == SETTLE:
                 self.settled += 1
-                at_once = at_once + 1 if now.time == begin else 1
+                at_once = at_once + 1 if now["time"] == begin else 1
                 if at_once > EVENTS_AT_ONCE * len(contacts):
-                    raise UnsettledEvents(begin, int(now.rigid))
+                    raise UnsettledEvents(begin, int(now["rigid"]))
                 following = self._settle(settling, changes, following, contacts, motion, now)
-                self._gaps(following, contacts, float(now.time), motion)
+                self._gaps(following, contacts, float(now["time"]), motion)
         took = time.perf_counter() - started
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
-            raise NonFiniteState(end_time_s, float(now.longest))
+            raise NonFiniteState(end_time_s, float(now["longest"]))
         log = np.concatenate(events), np.concatenate(sums)
         return self._solution(records, *log, settling.impacts, changes, took)
 
@@ -296,7 +296,7 @@ class Solver:
         changes: list[ModeChange],
         contacts: NDArray[np.void],
         motion: Motion,
-        now: np.record,
+        now: np.void,
     ) -> tuple[int, ...]:
         """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""
         self._gaps((), contacts, 0.0, motion)
@@ -314,15 +314,15 @@ class Solver:
         following: tuple[int, ...],
         contacts: NDArray[np.void],
         motion: Motion,
-        now: np.record,
+        now: np.void,
     ) -> tuple[int, ...]:
         """Let the pins that touch rigid walls hit, follow or leave; return those that follow from now on."""
-        touched, phases = int(now.rigid), np.column_stack([contacts["phase"], contacts["memory"]])
+        touched, phases = int(now["rigid"]), np.column_stack([contacts["phase"], contacts["memory"]])
         released = touched if touched in following else None
-        found = settling(float(now.time), motion.q, motion.v, phases, following, released)
+        found = settling(float(now["time"]), motion.q, motion.v, phases, following, released)
         motion.v[:], new, hit = found
         if new != following:
-            changes.append(ModeChange(float(now.time), new))
+            changes.append(ModeChange(float(now["time"]), new))
         where, rigid = settling.where(motion.q, motion.v), settling.numbers
         contacts["phase"][rigid] = np.where(np.isin(rigid, new), CONTACT, FLIGHT)
         contacts["noise"][rigid], contacts["rate_noise"][rigid] = where.round_off.T
@@ -331,12 +331,12 @@ class Solver:
         return new
 
     def _refuse(
-        self, following: tuple[int, ...], contacts: NDArray[np.void], motion: Motion, now: np.record
+        self, following: tuple[int, ...], contacts: NDArray[np.void], motion: Motion, now: np.void
     ) -> None:
         """Say why the step tried last could not be taken."""
         from reference_solver.faces import ReadableFace, phases_of
 
-        t, h = float(now.time), float(now.tried)
+        t, h = float(now["time"]), float(now["tried"])
         readable = ReadableFace(self._topology(following), self._q_start)
         with np.errstate(all="ignore"):
             if self._controlled:

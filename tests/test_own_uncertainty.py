@@ -12,7 +12,8 @@ from tests.independent_clearance import integrate
 
 SAMPLES = 20
 #: Richardson: the difference is 2^p - 1 times the finer run's error, 1 for order 1 and 15 for order 4; room
-#: for the next term of the error. The reference by RK4 is judged by DOP853, whose own is a seventh of it at most here.
+#: for the next term of the error. The reference by RK4 is judged by DOP853, whose own error is a seventh of
+#: RK4's at most here.
 LEAST, MOST, JUDGED = 0.8, 60, 1.25
 #: Settings and longest step at which an engine's error is above round-off, and falls no faster than at order
 #: 4: scipy's is set by its tolerance, in steps below these.
