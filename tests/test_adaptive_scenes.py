@@ -1,0 +1,100 @@
+"""Error control on crank-sliders with clearance: independent truth, RK4's located run, samples and calls."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from engine_models.reference_model import mechanism_of
+from engine_models.scene_library import CLEARANCE_SCENES, RIGID_SCENES
+from engine_models.start_check import checked_start
+from reference_solver.faces import CompiledFace
+from reference_solver.mechanism import Body
+from reference_solver.solution import Solution
+from reference_solver.solver import ErrorControl, StepChoice, solve
+from tests.independent_clearance import integrate
+from tests.test_contact_crank_slider import IMPACT_S, POSITION_M, short, touches
+
+#: Tight enough for what the independent integration is asked for.
+TIGHT = 1e-12
+
+
+@cache
+def solved(name: str, end: float, tolerance: float, samples: int = 30) -> Solution:
+    scene = (CLEARANCE_SCENES | RIGID_SCENES)[name]()
+    q, v = (part.ravel() for part in checked_start(scene))
+    control = ErrorControl(tolerance)
+    return solve(mechanism_of(scene), q, v, end_time_s=end, samples=samples, step=control)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["clearance-driven-0.5mm", "clearance-driven-damped", "clearance-driven-AB", "clearance-free-0.5mm"],
+)
+def test_slider_and_impacts_agree_with_an_independent_integration(name: str) -> None:
+    scene = short(name)
+    times = np.linspace(0, scene.end_time_s, 31)
+    truth = integrate(scene, times, 1e-12)
+    found = solved(name, scene.end_time_s, TIGHT)
+    off = np.abs(found.q[:, -3] - truth.slider_position_m).max()
+    assert off < POSITION_M, f"slider off by {off:.1e} m"
+    assert len(touches(found)) == len(truth.touches) > 1
+    apart = touches(found)["time_s"] - [time for time, *_ in truth.touches]
+    assert np.abs(apart).max() < IMPACT_S, f"impacts off by {np.abs(apart).max():.1e} s"
+
+
+@pytest.mark.parametrize("name", ["clearance-driven-AB", "clearance-driven-damped"])
+def test_pins_touch_inwards_and_leave_outwards_by_turns(name: str) -> None:
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        events = solved(name, 0.01, tolerance).events
+        for k in range(2):
+            own = events[(events["contact"] == k) & (np.abs(events["what"]) == 1)]
+            assert (own["what"] == np.resize([1, -1], len(own))).all()
+            assert (own["rate"] * own["what"] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "end"), [("clearance-driven-AB", 0.006), ("rigid-driven-0.5mm", 0.006), ("rigid-free-OAB", 0.02)]
+)
+def test_neither_samples_nor_calls_change_steps(
+    name: str, end: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few, many = solved(name, end, 1e-8, 5), solved(name, end, 1e-8, 5 * 64)
+    monkeypatch.setattr(CompiledFace, "chunk", 1)  # a step or so in a call
+    called = solved.__wrapped__(name, end, 1e-8, 5)
+    for other, every in ((many, 64), (called, 1)):
+        assert other.steps == few.steps > 20
+        assert np.array_equal(other.q[::every], few.q)
+        assert np.array_equal(other.events, few.events)
+        assert [i.time_s for i in other.impacts] == [i.time_s for i in few.impacts]
+
+
+@pytest.mark.parametrize("name", ["rigid-driven-0.5mm", "rigid-free-0.5mm"])
+def test_impacts_on_rigid_walls_are_those_of_the_located_run_by_rk4(name: str) -> None:
+    scene, end = RIGID_SCENES[name](), 0.003 if "driven" in name else 0.02
+    q, v = (part.ravel() for part in checked_start(scene))
+    step = 1e-6 if "driven" in name else 4e-6
+    truth = solve(mechanism_of(scene), q, v, end_time_s=end, samples=10, step=StepChoice(step))
+    found = solved(name, end, TIGHT, 10)
+    assert [i.kind for i in found.impacts] == [i.kind for i in truth.impacts]
+    assert len(found.impacts) > 3
+    for one, other in zip(found.impacts, truth.impacts, strict=True):
+        assert abs(one.time_s - other.time_s) < IMPACT_S
+        assert one.approach_speed_m_s == pytest.approx(other.approach_speed_m_s, rel=1e-6)
+    assert np.abs(found.q - truth.q).max() < POSITION_M
+
+
+def test_a_light_rod_with_friction_is_followed_to_the_tolerance() -> None:
+    # A thousandth of its mass: friction's rate on it is the fastest there is.
+    scene = CLEARANCE_SCENES["clearance-driven-damped"]()
+    crank, rod, slider = (mechanism := mechanism_of(scene)).bodies
+    light = replace(mechanism, bodies=(crank, Body(1e-3 * rod.mass_kg, 1e-3 * rod.inertia_kg_m2), slider))
+    q, v = (part.ravel() for part in checked_start(scene))
+    truth, *rest = (
+        solve(light, q, v, end_time_s=0.002, samples=20, step=ErrorControl(tolerance))
+        for tolerance in (1e-12, 1e-10, 1e-8, 1e-6)
+    )
+    for tolerance, found in zip((1e-10, 1e-8, 1e-6), rest, strict=True):
+        error = np.abs(found.q[:, -3] - truth.q[:, -3]).max()
+        assert error < 1e3 * tolerance * scene.crank.length_m, f"{error:.1e} m at {tolerance:.0e}"
