@@ -77,6 +77,8 @@ LEFT = 0.05
 #: Parts of the tolerance and of the clearance within which a step ends on its event; round-off of the gap, as
 #: a part of the mechanism's length, or of how far it is from the origin; and the most trials for it.
 LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
+#: Part of a step by which one that ends short of a change of the force's sign is made longer at first.
+PAST = 1e-10
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
 
@@ -363,8 +365,9 @@ def first_event(run, t, h, noise, skip):
 def land(run, course, H, t, end, event, held):
     """End the step from t on an event near a time; return its course, length in s and end, NaN if it cannot.
 
-    By Newton's method on the gap, of which a step from the same start is a smooth function of its end. H is
-    that of the step which has been taken, NaN if another is to be.
+    By Newton's method on the gap, of which a step from the same start is a smooth function of its end; a
+    change of the force's sign has to be past. H is that of the step which has been taken, NaN if another is
+    to be.
     """
     k, exact, begin, latest = event // 2, event % 2 == 0, course.begin, t + 1.5 * (end - t)
     contact, least = run.contacts[k], round_off(run)
@@ -381,11 +384,16 @@ def land(run, course, H, t, end, event, held):
             if not trial(run, course, H) < 10.0 or not finish(run, end):
                 break
         gap = run.work.new.gaps[k]
-        more = -gap.g / gap.rate
-        if not exact or abs(gap.g) <= least or abs(more) <= 1e-15 * end:
-            return course, H, end
-        if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
-            break
+        if exact:
+            more = -gap.g / gap.rate
+            if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
+                return course, H, end
+            if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
+                break
+        else:
+            more = PAST * (end - t) * 100.0**trials
+            if alarm(contact, gap, 1) > 0.0:
+                return course, H, end
         end += more
     return course, 0.0, np.nan
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.scene_library import clearance_driven_05
+from engine_models.scene_library import clearance_driven_05, ideal_driven
 from reference_solver.contact_types import CONTACT_RECORD, new_motion
 from reference_solver.faces import ReadableFace
 from reference_solver.kernel import source_of
 from reference_solver.kernel_store import load_kernel
 from reference_solver.mechanism import Mechanism
-from reference_solver.solver import Stabilisation, StepChoice
+from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
 from tests.test_reference_chains import chain, chain_start
@@ -38,6 +38,8 @@ CHECKED_STEPS, ROUND_OFF = 1000, 1e-12
 #: The stretch of the clearance scene, eight contacts long, and its steps: the engine's own at 1e-6 s.
 CLEARANCE_END_S, CHOICE = 0.003, StepChoice(STEP_S, 1000)
 C, KERNEL = "C by hand, gcc -O3", "generated kernel"
+#: Steps of DOP853 are few and long: twelve evaluations each.
+CONTROLLED, CONTROL = "the same by DOP853, a step", ErrorControl(1e-10)
 #: The most that a step may take, of C's time.
 IDEAL_TARGET, CLEARANCE_TARGET = 1.1, 1.5
 
@@ -93,7 +95,9 @@ def crank_slider(folder: Path) -> dict[str, Contender]:
     }
     if C in steppers:
         check(steppers[C], steppers[KERNEL], q, v)
-    return {name: stepping(stepper, q, v) for name, stepper in steppers.items()}
+    scene = ideal_driven()
+    controlled = running(partial(run_by_kernel, scene, CONTROL))
+    return {**{name: stepping(stepper, q, v) for name, stepper in steppers.items()}, CONTROLLED: controlled}
 
 
 def check(one: Stepper, other: Stepper, q: FloatArray, v: FloatArray) -> None:
@@ -122,7 +126,8 @@ def clearance_crank_slider(folder: Path) -> dict[str, Contender]:
     """Return who runs the driven crank-slider with clearance, by name."""
     scene = clearance_driven_05().model_copy(update={"end_time_s": CLEARANCE_END_S})
     by_kernel = partial(run_by_kernel, scene, CHOICE)
-    contenders = {KERNEL: running(by_kernel)}
+    by_tolerance = partial(run_by_kernel, scene, CONTROL)
+    contenders = {KERNEL: running(by_kernel), CONTROLLED: running(by_tolerance)}
     if compiler():
         by_c = ByC(scene, CHOICE, folder).run
         if apart := difference(by_c(), by_kernel()):
