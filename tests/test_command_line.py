@@ -78,7 +78,8 @@ def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
     torque = "" if scene.drive.kind == "free" else ",driver_torque_N_m"
     run = make_engine(engine).simulate(scene, RunSettings(step_s=1e-5, samples=4))
     assert run.steps == 1000 or (engine == "scipy" and run.steps > 1000), "scipy may begin with shorter ones"
-    assert (done.code, done.stderr) == (0, f"note: {run.steps} steps, the longest 1e-05 s\n")
+    of = {"reference": " of rk4", "scipy": " of DOP853"}.get(engine, "")
+    assert (done.code, done.stderr) == (0, f"note: {run.steps} steps{of}, the longest 1e-05 s\n")
     assert done.stdout.splitlines()[0] == (
         f"{MOTION},{FORCES}{torque},kinetic_energy_J,potential_energy_J,energy_balance_residual_J"
     )
@@ -167,7 +168,7 @@ def test_settings_reach_the_engine() -> None:
 
 def test_the_note_tells_the_step_that_was_taken() -> None:
     done = crankslider("simulate", "ideal-free", "--end", 0.01, "--samples", 3, "--step", 1e-3)
-    assert done.stderr == "note: 12 steps, the longest 0.000833333 s\n"
+    assert done.stderr == "note: 12 steps of rk4, the longest 0.000833333 s\n"
 
 
 @pytest.mark.parametrize("engine", ENGINES)

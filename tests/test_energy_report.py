@@ -52,12 +52,9 @@ def test_the_full_set_contains_the_quick_one_and_runs_ten_times_as_long() -> Non
     ends = {case.scene.name: case.scene.end_time_s for case in full}
     for length in energy.SHORT:
         assert ends[f"{length.scene}-long"] >= 9.99 * length.end_s
-    steps = {
-        (case.scene.name.removesuffix("-long"), f"{case.run.step_s:.6e}")
-        for case in full
-        if case.engine == "reference"
-    }
-    short = {(case.scene.name, f"{case.run.step_s:.6e}") for case in quick if case.engine == "reference"}
+    by_step = [case for case in full if case.engine == "reference" and case.arm != "DOP853"]
+    steps = {(case.scene.name.removesuffix("-long"), f"{case.run.step_s:.6e}") for case in by_step}
+    short = {(case.scene.name, f"{case.run.step_s:.6e}") for case in by_step if case in quick}
     assert steps == short, "long runs take the steps of the short ones"
 
 
