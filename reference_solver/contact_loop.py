@@ -41,8 +41,6 @@ COMPILED_WITH = (contact_types,)
 #: All memory is the caller's, so that references of arrays need not be counted, which took half of the time.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-#: What every step calls.
-INLINE = {**INNER, "forceinline": True}
 
 ARRAY, TABLE = float64[::1], float64[:, ::1]
 CONTACTS, GAPS, EVENTS, CLOCK = (
@@ -77,7 +75,7 @@ INSIDE = 1.0 / 3.0
 # ---------------------------------------------------------------------------------------- events
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def alarm(contact, gap, kind):
     """Return a number that is positive past the event: 0 is touch or release, 1 a change of the force's sign.
 
@@ -96,7 +94,7 @@ def alarm(contact, gap, kind):
     return -gap.push if contact.phase == CONTACT else gap.push
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def gone_off(contact, gap, kind):
     """Return whether an alarm has; of a pin before a rigid wall, that it is no round-off."""
     value = alarm(contact, gap, kind)
@@ -107,7 +105,7 @@ def gone_off(contact, gap, kind):
     return value > contact.noise or (value > 0.0 and gap.rate > contact.rate_noise)
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def first_alarm(contacts, gaps, skip):
     """Return the number 2 k + kind of an alarm other than ``skip`` that has gone off, or -1."""
     for k in range(len(contacts)):
@@ -174,7 +172,7 @@ def peak(g, rise, new_g, fall, h):
     return h * min(max(x, 0.0), 1.0)
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def turned_back(contact, gap, new_gap):
     """Return whether a pin in flight has been nearest to its wall within a step."""
     return contact.phase == FLIGHT and contact.ignored == 0.0 and gap.rate > 0.0 and new_gap.rate < 0.0
@@ -247,13 +245,13 @@ def note(mobilities, p, contacts, motion, event, spare, clock, records):
 # ------------------------------------------------------------------------------- the next step
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def graded(h, duration, distance):
     """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
     return min(h, h * h / duration + 2.0 * h * np.sqrt(max(distance, 0.0) / duration))
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def step_length(contacts, gaps, now):
     """Return the longest step that the phases allow."""
     h = now.longest
@@ -383,7 +381,7 @@ def within(slopes, p, contacts, h, old, now, records, work):
 # -------------------------------------------------------------------------------------- the loop
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def finite(gaps):
     """Return whether all gaps are finite: what overflows anywhere is in them a step later."""
     total = 0.0
@@ -392,7 +390,7 @@ def finite(gaps):
     return np.isfinite(total)
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def take(old, new):
     """Move the state on to ``new``, whose sums are those of the step alone."""
     for c in range(len(old.q)):
@@ -403,7 +401,7 @@ def take(old, new):
         old.gaps[k] = new.gaps[k]
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def suspicious(contacts, gaps, new_gaps):
     """Return whether an event may lie within a step: an alarm has gone off, or a pin has turned back."""
     for k in range(len(contacts)):
@@ -453,7 +451,7 @@ def due(slopes, p, contacts, motion, now, records, rates):
     return FULL if now.events >= len(records.events) else GO
 
 
-@register_jitable(**INLINE)
+@register_jitable(**INNER)
 def settled(now, contacts, moved):
     """Have all contacts take part again, once time has moved on since an event on a rigid wall."""
     if now.rigid >= 0 and moved:
