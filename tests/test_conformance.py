@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine_models.assembly import start_state
-from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
+from engine_models.engine import Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.engines import ENGINES, make_engine
 from engine_models.scene import Scene
 from engine_models.scene_library import SCENES
@@ -25,12 +25,21 @@ LEDGER = 2e-3
 FORCES = 0.02
 
 
+#: The reference's second method owes the same.
+CONTROLLED = "reference by DOP853"
+
+
+def made(engine: str) -> Engine:
+    """Return an engine at its defaults, or the reference with error control."""
+    return make_engine("reference", method="dop853") if engine == CONTROLLED else make_engine(engine)
+
+
 def supported() -> list[tuple[str, str]]:
     pairs = []
-    for engine in ENGINES:
+    for engine in (*ENGINES, CONTROLLED):
         for name, make in SCENES.items():
             try:
-                make_engine(engine).check(make())
+                made(engine).check(make())
             except UnsupportedScene:
                 continue
             pairs.append((engine, name))
@@ -46,20 +55,20 @@ def short(name: str) -> Scene:
 def run(engine: str, name: str) -> Trajectory:
     scene = short(name)
     step = STEP_S[scene.drive.kind == "constant-speed"]
-    return make_engine(engine).simulate(scene, RunSettings(step, SAMPLES))
+    return made(engine).simulate(scene, RunSettings(step, SAMPLES))
 
 
 ALL = pytest.mark.parametrize(("engine", "name"), supported())
 
 
 def test_every_engine_runs_some_scene_of_every_kind_it_claims() -> None:
-    kinds: dict[str, set[str]] = {engine: set() for engine in ENGINES}
+    kinds: dict[str, set[str]] = {engine: set() for engine in (*ENGINES, CONTROLLED)}
     for engine, name in supported():
         kinds[engine].add(name.partition("-")[0])
     assert all(kinds.values())
     without_rigid = {"ideal", "clearance"}
-    known = {"reference": {*without_rigid, "rigid"}, "pymunk": {*without_rigid, "rigid"}}
-    known |= dict.fromkeys(("exudyn", "scipy"), without_rigid)
+    known = {engine: {*without_rigid, "rigid"} for engine in ("reference", CONTROLLED, "pymunk")}
+    known |= {engine: without_rigid for engine in ("exudyn", "scipy")}
     assert {engine: kinds[engine] for engine in known} == known
 
 
@@ -84,7 +93,7 @@ def test_arrays_have_the_scenes_shapes_and_the_grids_times(engine: str, name: st
 
 
 def engine_scene(engine: str, scene: Scene) -> Scene:
-    return make_engine(engine).twin(scene)
+    return made(engine).twin(scene)
 
 
 @ALL
@@ -154,10 +163,16 @@ def test_errors_fall_at_the_methods_order_on_the_free_ideal_scene(engine: str) -
     assert slope == pytest.approx(order, abs=0.1), f"{slope:.3f}: {errors}"
 
 
-def test_an_engine_with_a_tolerance_of_its_own_errs_less_when_it_is_sharper() -> None:
+@pytest.mark.parametrize(
+    "engine",
+    [
+        make_engine("scipy", rtol=1e-6, atol=1e-6),
+        make_engine("reference", method="dop853", tolerance=1e-6),
+    ],
+)
+def test_an_engine_with_a_tolerance_of_its_own_errs_less_when_it_is_sharper(engine: Engine) -> None:
     scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.1})
-    truth, engine = exact(scene, SAMPLES).slider_position_m, make_engine("scipy", rtol=1e-6, atol=1e-6)
-    errors = []
+    truth, errors = exact(scene, SAMPLES).slider_position_m, []
     for _ in range(4):
         found = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
         errors.append(float(np.abs(found.slider_position_m - truth).max()))
