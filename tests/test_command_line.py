@@ -159,6 +159,15 @@ def test_a_users_file_works_like_the_library_scene(name: str, tmp_path: Path) ->
     assert sorted(tmp_path.iterdir()) == [file, out]
 
 
+@pytest.mark.parametrize(("settings", "method"), [([], "dop853"), (["--set", "method=rk4"], "rk4")])
+def test_a_tolerance_takes_error_control_unless_the_method_is_set(settings: list[str], method: str) -> None:
+    done = crankslider("simulate", "ideal-free", "--tolerance", 1e-9, "--end", 0.1, "--samples", 4, *settings)
+    assert (done.code, f" steps of {method}, " in done.stderr) == (0, True)
+    scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.1})
+    found = [float(line.split(",")[3]) for line in done.stdout.splitlines()[1:]]
+    assert np.abs(found - exact(scene, 4).slider_position_m).max() < 1e-9
+
+
 def test_settings_reach_the_engine() -> None:
     plain = crankslider("simulate", "ideal-free", *SHORT, "--step", 1e-3)
     other = crankslider("simulate", "ideal-free", *SHORT, "--step", 1e-3, "--set", "stabilisation=none")

@@ -68,7 +68,7 @@ def test_every_engine_runs_some_scene_of_every_kind_it_claims() -> None:
     assert all(kinds.values())
     without_rigid = {"ideal", "clearance"}
     known = {engine: {*without_rigid, "rigid"} for engine in ("reference", CONTROLLED, "pymunk")}
-    known |= {engine: without_rigid for engine in ("exudyn", "scipy")}
+    known |= dict.fromkeys(("exudyn", "scipy"), without_rigid)
     assert {engine: kinds[engine] for engine in known} == known
 
 
