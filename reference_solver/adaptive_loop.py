@@ -472,7 +472,7 @@ def follow(run, clock, records):
         H = place_at(course, end) - course.begin
     duration = end - t
     now.tried = duration
-    error = trial(run, course, H)
+    error = trial(run, course, H) / max(1.0, noise(contacts, old.gaps, held, duration))
     if error <= 1.0 and not finish(run, end):
         error = np.inf
     if error <= 1.0 and longest(contacts, new.gaps, duration) < 0.5 * duration:
@@ -563,6 +563,21 @@ def meet(run, event, clock, records):
     elif event % 2 == 0:
         held.step, held.fresh = held.flight_step, -1
     return GO if rates(run, clock[0].time, run.control.y, run.control.slope) else FAILED
+
+
+@register_jitable(**INNER)
+def noise(contacts, gaps, held, h):
+    """Return what round-off of positions alone makes of a step's error over the tolerance.
+
+    It changes forces by the slope of the stiffest contact, and speeds by that for as long as the step lasts:
+    a tolerance below it would have steps shortened for nothing.
+    """
+    steepest = 0.0
+    for k in range(len(contacts)):
+        if contacts[k].phase != FLIGHT and contacts[k].rigid == 0.0 and gaps[k].depth > 0.0:
+            slope = contacts[k].exponent * gaps[k].elastic / gaps[k].depth
+            steepest = max(steepest, slope * contacts[k].mobility)
+    return steepest * ROUND_OFF * h / (held.tolerance * held.rate)
 
 
 def advance(kernel, p, contacts, motion, clock, records, work, control):

@@ -59,14 +59,14 @@ CLOCK_RECORD = np.dtype(
     ]
 )
 
-#: Error control: tolerance as a part of the mechanism's length in m, the next step and that of the last
-#: flight, a contact's first step as a part of its duration, and the last error over the tolerance; how many
-#: steps in a row have been rejected, and the contact that has just begun, or -1.
+#: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the
+#: last flight, a contact's first step as a part of its duration, and the last error over the tolerance; how
+#: many steps in a row have been rejected, and the contact that has just begun, or -1.
 CONTROL_RECORD = np.dtype(
     [
         *(
             (name, np.float64)
-            for name in ("tolerance", "length", "step", "flight_step", "first_part", "error")
+            for name in ("tolerance", "length", "rate", "step", "flight_step", "first_part", "error")
         ),
         *((name, np.int64) for name in ("rejected", "fresh")),
     ]

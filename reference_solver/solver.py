@@ -227,7 +227,7 @@ class Solver:
         assert embedded is not None
         control = new_control(motion, work.new, embedded.slopes, 3 + len(embedded.dense))
         control.weights[: 2 * len(q)] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
-        control.record[0] = (choice.tolerance, scales.length_m, first, first, part, 1.0, 0, -1)
+        control.record[0] = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part, 1.0, 0, -1)
         return control
 
     def _shortest_flight_s(self, state: State) -> float:
