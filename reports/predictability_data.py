@@ -84,9 +84,14 @@ def twin_of(name: Name, found: Ensembles) -> Name | None:
 
 
 def compared(found: Ensembles) -> list[tuple[Name, Name]]:
-    """Return every engine's ensemble with that of its model twin."""
-    pairs = [(name, twin_of(name, found)) for name in found if name[0] != REFERENCE]
+    """Return every arm's ensemble with that of its model twin; the reference's own repeats are no arms."""
+    arms = [(engine, arm) for engine, arm in found if engine != REFERENCE or not _own(arm)]
+    pairs = [(name, twin_of(name, found)) for name in arms]
     return [(name, twin) for name, twin in pairs if twin is not None]
+
+
+def _own(arm: str) -> bool:
+    return arm in OWN or arm.startswith("twin of ")
 
 
 def shown(found: Ensembles) -> list[str]:
