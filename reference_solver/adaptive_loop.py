@@ -332,9 +332,23 @@ def passed(contact, gap, new_gap, kind):
     """Return whether an event lies within a step, by both its ends."""
     if kind == 1 or contact.rigid != 0.0:
         return gone_off(contact, new_gap, kind)
-    # A contact that begins within round-off of its end has not reached the other one yet.
     outwards = 1.0 if contact.phase == FLIGHT else -1.0
-    return outwards * new_gap.g > 0.0 and (outwards * new_gap.rate > 0.0 or outwards * gap.g <= 0.0)
+    begin, end = outwards * gap.g, outwards * new_gap.g
+    # What begins past its wall by round-off, on its way back, is past it still while it comes nearer.
+    return end > 0.0 and (outwards * new_gap.rate > 0.0 or begin <= 0.0 or end > begin)
+
+
+@register_jitable(**INNER)
+def unseen(contacts, gaps):
+    """Return whether a pin is past its wall in flight, or off it in contact, by more than landing leaves."""
+    for k in range(len(contacts)):
+        outwards = 1.0 if contacts[k].phase == FLIGHT else -1.0
+        if (
+            contacts[k].rigid == 0.0
+            and outwards * gaps[k].g > 2.0 * LANDING_CLEARANCE * contacts[k].clearance
+        ):
+            return True
+    return False
 
 
 @register_jitable(**INNER)
@@ -498,6 +512,8 @@ def follow(run, clock, records):
         if other < 0:
             break
         event = other
+    if event < 0 and unseen(contacts, new.gaps):
+        return again(held, t, 0.5 * duration)
     if event >= 0 and place <= 0.0:  # it has been passed by the round-off of one that came with it
         now.steps += 1
         return meet(run, event, clock, records)

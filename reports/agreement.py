@@ -43,14 +43,14 @@ def swept_setting(run: Run) -> str | None:
 
 
 def common_steps(runs: Sequence[Run]) -> dict[str, float]:
-    """Return for each scene the middle one of the steps that every engine and arm was run at."""
+    """Return for each scene the middle one of the steps that every engine was run at."""
     out = {}
     for scene in _scenes(runs):
-        by_name: dict[tuple[str, str], set[float]] = {}
+        by_engine: dict[str, set[float]] = {}
         for run in runs:
             if run.scene == scene:
-                by_name.setdefault(run.name, set()).add(run.step_s)
-        common = sorted(set.intersection(*by_name.values()))
+                by_engine.setdefault(run.engine, set()).add(run.step_s)
+        common = sorted(set.intersection(*by_engine.values()))
         if common:
             out[scene] = common[len(common) // 2]
     return out

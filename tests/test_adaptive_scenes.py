@@ -16,6 +16,7 @@ from reference_solver.mechanism import Body
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
 from studies.extremes import gallery
+from studies.horizon import moved
 from tests.independent_clearance import integrate
 from tests.test_contact_crank_slider import IMPACT_S, POSITION_M, short, touches
 
@@ -118,3 +119,19 @@ def test_a_fold_that_no_step_passes_is_named_with_its_time() -> None:
     engine = make_engine("reference", method="dop853", tolerance=1e-12)
     with pytest.raises(SimulationFailed, match=r"no step from t = 0\.\d+ s meets the tolerance"):
         engine.simulate(scene, RunSettings(scene.end_time_s, 10))
+
+
+#: By how much the crank angle is moved in rad: the first starts a flight that comes back within one step.
+MOVED_RAD = (2.0181418341130538e-05, *np.geomspace(1e-6, 1e-4, 9))
+
+
+def test_no_pin_flies_inside_its_wall_however_a_run_begins() -> None:
+    scene = CLEARANCE_SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": 0.096})
+    for by in MOVED_RAD:
+        begun = moved(scene, float(by))
+        q, v = (part.ravel() for part in checked_start(begun))
+        mechanism = mechanism_of(begun)
+        found = solve(mechanism, q, v, end_time_s=scene.end_time_s, samples=1600, step=ErrorControl(1e-7))
+        depth = np.hypot(*found.gap_m[:, 0].T) - mechanism.contacts[0].radial_clearance_m
+        inside = depth[~found.closed[:, 0]].max()
+        assert inside < 2e-9, f"{inside:.1e} m past the wall, begun {by:.1e} rad beside"
