@@ -97,7 +97,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         *others,
         *by_step("reference", "located", {"steps_per_contact": 200.0}, flight, 7 + more),
         *by_step("reference", "plain", {"locate_events": False}, contact, 4 + more),
-        *by_tolerance("reference", "DOP853", CONTROLLED, ("tolerance",), whole, range(5, 12, every)),
+        *by_tolerance("reference", "DOP853", CONTROLLED, ("tolerance",), whole, range(6, 13, every)),
         *by_tolerance("exudyn", "DOPRI5", dopri5, ("tolerance",), whole, range(6, 12, every)),
         *by_step("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2", **build}, contact, 3 + more),
         *by_step("pymunk", "as the scene", {}, contact / 2, 3 + more),
