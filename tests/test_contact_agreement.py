@@ -240,8 +240,10 @@ def test_every_friction_law_agrees(friction: FrictionLaw) -> None:
 TOUCHED_S = {"driven": 4e-4, "free": 3.2e-3, "pendulum": 0.0105}
 FOLLOWING_S = {"rigid-driven-0.02mm": 8e-4, "rigid-driven-damped": 4e-4}
 #: How far the faces' runs may part, relative to the largest of each kind: contacts and impacts enlarge
-#: round-off. Measured: 1.2e-9 after 70 impacts on the smallest circle, 5e-11 else.
-PARTED = 1e-8
+#: round-off. Measured: 5e-11; after 72 impacts on the smallest circle 2e-9 to 1.2e-8 on five processors'
+#: BLAS, and as much between two compiled runs whose steps differ by a part of 1e-7.
+PARTED = {"rigid-driven-0.02mm": 1e-6}
+PARTED_ELSE = 1e-8
 
 
 @pytest.mark.parametrize("name", [*CLEARANCE_SCENES, *RIGID_SCENES])
@@ -271,4 +273,4 @@ def test_both_faces_run_alike_through_contacts_and_along_rigid_walls(name: str) 
     compared["times"] = np.array([(i.time_s, i.time_s + i.duration_s) for i in one.impacts]), times, end
     for what, (a, b, scale) in compared.items():
         apart = np.abs(a - b).max(initial=0)
-        assert apart <= PARTED * scale, f"{what}: {apart:.1e} of {scale:.1e}"
+        assert apart <= PARTED.get(name, PARTED_ELSE) * scale, f"{what}: {apart:.1e} of {scale:.1e}"
