@@ -6,7 +6,7 @@ from engine_models.engine import Engine, FloatArray, RunSettings, Trajectory
 from engine_models.scene import Scene
 
 #: The tolerance of a run that another method's is judged by.
-CONTROLLED = 1e-13
+JUDGES_TOLERANCE = 1e-13
 
 
 def simulate_with_uncertainty(
@@ -31,7 +31,7 @@ def simulate_with_uncertainty(
         half = RunSettings(settings.step_used_s(scene.end_time_s) / 2, settings.samples)
         run, other = engine.sharper().simulate(scene, half), run
     else:
-        other = controlling(CONTROLLED).simulate(scene, RunSettings(scene.end_time_s, settings.samples))
+        other = controlling(JUDGES_TOLERANCE).simulate(scene, RunSettings(scene.end_time_s, settings.samples))
     before = _arrays(other)
     return run, {name: np.abs(value - before[name]) for name, value in _arrays(run).items()}
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver import adaptive_loop, contact_loop
+from reference_solver import contact_loop
 from reference_solver.contact import gap
 from reference_solver.contact_types import DONE, FAILED, SPENT, Motion, Rates, Records, Work
 from reference_solver.equations import Equations
@@ -172,7 +172,11 @@ class ReadableFace:
 
 def loop_of(topology: Topology) -> Any:
     """Return the module of the loop for a topology."""
-    return adaptive_loop if topology.method.embedded else contact_loop
+    if not topology.method.embedded:
+        return contact_loop
+    from reference_solver import adaptive_loop  # it brings SciPy's table, which takes a moment
+
+    return adaptive_loop
 
 
 def with_fields(part: Any) -> Any:

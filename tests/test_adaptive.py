@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -343,9 +344,9 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
     huge = 1.5e154 / abs(third[row])
     assert abs(third[row]) > 2 * abs(fifth[row]) > 0
 
-    def right_hand_side(*state: object) -> bool:
+    def right_hand_side(*state: Any) -> bool:
         *_, number, _rate, _y, K = state
-        K[number] = huge if number == row else 0.0  # type: ignore[index]
+        K[number] = huge if number == row else 0.0
         return True
 
     control = new_control(motion := new_motion(1, 0, 0), new := new_motion(1, 0, 0), 16, 7)

@@ -70,6 +70,18 @@ def test_a_quick_command_imports_nothing_heavy(command: list[str]) -> None:
     assert not heavy
 
 
+def test_a_run_by_rk4_does_not_wait_for_what_error_control_alone_needs() -> None:
+    simulated = ["simulate", "ideal-free", "--end", "0.01", "--samples", "2"]
+    code = (
+        "import atexit, sys; from studies.command_line import main; sys.argv[0] = 'crankslider';"
+        "atexit.register(lambda: print('scipy.integrate' in sys.modules, file=sys.stderr)); main()"
+    )
+    for settings, needs in ((), "False"), (("--set", "method=dop853"), "True"):
+        command = [sys.executable, "-c", code, *simulated, *settings]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert done.stderr.splitlines()[-1] == needs
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", IDEAL)
 def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
