@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
-from engine_models.scene import Scene
+from engine_models.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]
 

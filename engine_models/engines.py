@@ -6,10 +6,10 @@ from typing import Any
 from engine_models.engine import Engine
 
 _CLASSES = {
-    "reference": ("engine_models.reference_engine", "ReferenceEngine"),
-    "exudyn": ("engine_models.exudyn_engine", "ExudynEngine"),
-    "pymunk": ("engine_models.pymunk_engine", "PymunkEngine"),
-    "scipy": ("engine_models.scipy_engine", "ScipyEngine"),
+    "reference": ("engine_models.reference.engine", "ReferenceEngine"),
+    "exudyn": ("engine_models.exudyn.engine", "ExudynEngine"),
+    "pymunk": ("engine_models.pymunk.engine", "PymunkEngine"),
+    "scipy": ("engine_models.scipy_ivp.engine", "ScipyEngine"),
 }
 
 ENGINES = tuple(_CLASSES)

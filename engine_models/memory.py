@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from engine_models.engine import RunSettings, UnsupportedScene
-from engine_models.scene import Scene
+from engine_models.scene.scene import Scene
 
 #: Measured with two contacts: of a sample all engines keep up to 2.1 kB, its row in a table included.
 BYTES_PER_SAMPLE, BYTES_PER_CONTACT = 1_000, 750

@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine_models.engine import Engine, FloatArray, RunSettings, Trajectory
-from engine_models.scene import Scene
+from engine_models.scene.scene import Scene
 
 #: The tolerance of a run that another method's is judged by.
 JUDGES_TOLERANCE = 1e-13

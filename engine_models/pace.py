@@ -5,9 +5,9 @@ import sys
 
 import numpy as np
 
-from engine_models.contact_stiffness import exponent_of, stiffness_of
 from engine_models.engine import SimulationFailed
-from engine_models.scene import Clearance, Scene
+from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
+from engine_models.scene.scene import Clearance, Scene
 
 #: A run that needs more steps than this would take hours or more.
 MOST_STEPS = 1e10

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
-from engine_models.samples import selected
-from engine_models.scene import Scene
+from engine_models.mechanics.samples import selected
+from engine_models.scene.scene import Scene
 
 #: Runs are compared at no fewer samples than this: at a few times they may agree by chance.
 FEWEST_SAMPLES = 100

@@ -14,17 +14,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.constraints import CONSTRAINTS
-from reference_solver.contact import contact_force, elastic_force, rates_of
-from reference_solver.contact_types import FLIGHT
+from reference_solver.contact.force import contact_force, elastic_force, rates_of
+from reference_solver.contact.types import FLIGHT
+from reference_solver.contact.wall_friction import Rubbing, rubbed
+from reference_solver.contact.walls import wall_link
 from reference_solver.errors import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
 from reference_solver.factors import Factors
-from reference_solver.loads import LOADS, Forces
-from reference_solver.mechanism import GROUND, ClearanceJoint, Mechanism
+from reference_solver.mechanism.constraints import CONSTRAINTS
+from reference_solver.mechanism.loads import LOADS, Forces
+from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
+from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
-from reference_solver.points import State, ends_of, speed_row
-from reference_solver.rigid_friction import Rubbing, rubbed
-from reference_solver.rigid_geometry import wall_link
 from reference_solver.tape import Array, Scalar, array, both, named
 
 FloatArray = NDArray[np.float64]
@@ -86,7 +86,7 @@ class Equations:
     ``q_start`` (n,) are the initial coordinates, from which g is measured. Pins of the contacts in
     ``following`` follow their rigid walls: each has a row more, g = (d.d - c^2)/2, behind all others. The
     ``phases`` that methods take are phase and memory (a/v0) of every contact, constant between events (see
-    ``contact_loop``); without them all contacts are in flight.
+    ``contact.loop``); without them all contacts are in flight.
     """
 
     def __init__(

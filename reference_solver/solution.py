@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.contact_types import FLIGHT, Impact
-from reference_solver.mechanism import Mechanism
-from reference_solver.points import State, ends_of
+from reference_solver.contact.types import FLIGHT, Impact
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.points import State, ends_of
 
 FloatArray = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class Solution:
     """The motion of a mechanism with n coordinates, m constraint rows and K contacts, at s times.
 
     ``time_s`` (s,), ``q`` and ``v`` (s, n), ``multipliers`` (s, m) by the rows of [B] (see ``row_slices``).
-    ``phases`` (s, K, 2) are phase and memory of every contact (see ``contact_types``). ``normal_force_N`` and
+    ``phases`` (s, K, 2) are phase and memory of every contact (see ``contact.types``). ``normal_force_N`` and
     ``friction_force_N`` (s, K) are without impulses: the one presses the pin inwards, the other is on the pin
     along t.
 
@@ -38,7 +38,7 @@ class Solution:
     (friction's part included), and "slidek" by friction; "removed" is what the stabilisation has removed,
     negative where it has added some: by projection or by Baumgarte's feedback (see ``Equations``).
 
-    ``events`` (E,) is the log (see ``contact_types.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
+    ``events`` (E,) is the log (see ``contact.types.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
     the order of the contacts' ends; ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all
     steps taken, and ``solve_time_s`` is the wall time that they took.
     """

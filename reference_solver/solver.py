@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.contact_laws import RigidWall, steepest
-from reference_solver.contact_types import (
+from reference_solver.contact.types import (
     CLOCK_RECORD,
     CONTACT,
     CONTACT_RECORD,
@@ -29,6 +28,7 @@ from reference_solver.contact_types import (
     new_motion,
     new_work,
 )
+from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import (
     InconsistentStart,
@@ -37,16 +37,16 @@ from reference_solver.errors import (
     StepsCollapsed,
     UnsettledEvents,
 )
-from reference_solver.mechanism import ClearanceJoint, Mechanism
+from reference_solver.mechanism.contact_laws import RigidWall, steepest
+from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
+from reference_solver.mechanism.scales import scales_of
 from reference_solver.methods import RK4, dop853
-from reference_solver.rigid_geometry import separation
-from reference_solver.rigid_settling import Settling
-from reference_solver.scales import scales_of
+from reference_solver.rigid.settling import Settling
 from reference_solver.solution import ModeChange, Solution, contact_impacts
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
-    from reference_solver.faces import CompiledFace, ReadableFace
-    from reference_solver.kernel import Topology
+    from reference_solver.compiled.faces import CompiledFace, ReadableFace
+    from reference_solver.compiled.kernel import Topology
 
 FloatArray = NDArray[np.float64]
 
@@ -179,7 +179,7 @@ class Solver:
             self._face(()).advance(*state)
 
     def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
-        from reference_solver.faces import CompiledFace, ReadableFace
+        from reference_solver.compiled.faces import CompiledFace, ReadableFace
 
         if following not in self._faces:
             kind = CompiledFace if self._compiled else ReadableFace
@@ -187,7 +187,7 @@ class Solver:
         return self._faces[following]
 
     def _topology(self, following: tuple[int, ...]) -> "Topology":
-        from reference_solver.kernel import Topology
+        from reference_solver.compiled.kernel import Topology
 
         return Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
 
@@ -334,7 +334,7 @@ class Solver:
         self, following: tuple[int, ...], contacts: NDArray[np.void], motion: Motion, now: np.void
     ) -> None:
         """Say why the step tried last could not be taken."""
-        from reference_solver.faces import ReadableFace, phases_of
+        from reference_solver.compiled.faces import ReadableFace, phases_of
 
         t, h = float(now["time"]), float(now["tried"])
         readable = ReadableFace(self._topology(following), self._q_start)

@@ -9,7 +9,13 @@ from typing import Any, Protocol
 import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from reports import agreement, clearance, energy, extremes, predictability, stability, work_precision
+from reports.chapters.agreement import chapter as agreement
+from reports.chapters.clearance import chapter as clearance
+from reports.chapters.energy import chapter as energy
+from reports.chapters.extremes import chapter as extremes
+from reports.chapters.predictability import chapter as predictability
+from reports.chapters.stability import chapter as stability
+from reports.chapters.work_precision import chapter as work_precision
 from reports.parts import Contradiction, Section
 from reports.results import BrokenResults, NoResults, Results, read_results
 from reports.style import RC

@@ -6,19 +6,19 @@ import numpy as np
 
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
-from engine_models.pymunk_engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
-from engine_models.scene import Scene
-from engine_models.scene_library import IDEAL_SCENES
-from studies.case import Case, Curves, Row, Value
-from studies.ladders import AS_IT_COMES, newcomers
-from studies.metrics import (
+from engine_models.pymunk.engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
+from engine_models.scene.library import IDEAL_SCENES
+from engine_models.scene.scene import Scene
+from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
     errors,
     kinetic_energy_J,
     uncertainties,
 )
-from studies.truth import exact, exact_twins
+from studies.judges.truth import exact, exact_twins
+from studies.ladders import AS_IT_COMES, newcomers
+from studies.running.case import Case, Curves, Row, Value
 
 SAMPLES = 200
 #: Steps per sample interval, halving the step from one to the next: quick, then what the full set adds.

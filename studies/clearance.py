@@ -4,15 +4,13 @@ import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.samples import selected
-from engine_models.scene import Scene
-from engine_models.scene_library import CLEARANCE_SCENES, RIGID_SCENES
-from studies.case import Case, Curves, Row
-from studies.converged import converged, followed
-from studies.impact_matching import impact_errors
-from studies.ladders import Rung, clearance_ladder
-from studies.local_error import local_errors
-from studies.metrics import (
+from engine_models.mechanics.samples import selected
+from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
+from engine_models.scene.scene import Scene
+from studies.judges.converged import converged, followed
+from studies.judges.impact_matching import impact_errors
+from studies.judges.local_error import local_errors
+from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
     errors,
@@ -20,6 +18,8 @@ from studies.metrics import (
     uncertainties,
     with_suffix,
 )
+from studies.ladders import Rung, clearance_ladder
+from studies.running.case import Case, Curves, Row
 
 #: How far each scene is followed in s: through some ten impacts at least, and within the reach of the
 #: converged solution. Scenes that settle to continuous contact are followed for two revolutions.

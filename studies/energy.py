@@ -7,14 +7,14 @@ import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.pymunk_engine import PymunkEngine
-from engine_models.scene import Scene
-from engine_models.scene_library import SCENES
-from studies import energy_ledger as ledger
-from studies.case import Case, Curves, Row, Value
-from studies.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
+from engine_models.pymunk.engine import PymunkEngine
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Scene
+from studies.judges import energy_ledger as ledger
+from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
+from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from studies.ladders import AS_IT_COMES, CONTROLLED, SCIPY, newcomers
-from studies.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from studies.running.case import Case, Curves, Row, Value
 
 Settings = dict[str, Value]
 

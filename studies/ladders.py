@@ -7,9 +7,9 @@ from types import MappingProxyType
 import numpy as np
 
 from engine_models import engines
-from engine_models.pymunk_engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
-from engine_models.scene import Scene
-from studies.case import Value
+from engine_models.pymunk.engine import LIBRARY_ERROR_BIAS, LIBRARY_ITERATIONS
+from engine_models.scene.scene import Scene
+from studies.running.case import Value
 
 Settings = Mapping[str, Value]
 

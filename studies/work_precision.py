@@ -12,14 +12,14 @@ import numpy as np
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import engine_class, make_engine
-from engine_models.samples import selected
-from engine_models.scene import Scene
-from engine_models.scene_library import IDEAL_SCENES
+from engine_models.mechanics.samples import selected
+from engine_models.scene.library import IDEAL_SCENES
+from engine_models.scene.scene import Scene
 from studies import clearance
-from studies.case import Case, Curves, Row, Value
-from studies.converged import converged, followed
+from studies.judges.converged import converged, followed
+from studies.judges.metrics import errors, uncertainties
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
-from studies.metrics import errors, uncertainties
+from studies.running.case import Case, Curves, Row, Value
 
 #: Few, since no step is longer than the time between two samples.
 SAMPLES = 24

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.equations import PIVOT_TOLERANCE_PER_ROW
-from reference_solver.mechanism import Mechanism, PrescribedSpeed, RevoluteJoint
+from reference_solver.mechanism.mechanism import Mechanism, PrescribedSpeed, RevoluteJoint
 from reference_solver.solver import StepChoice
 
 FloatArray = NDArray[np.float64]

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.reference_model import mechanism_of
-from engine_models.scene import Scene
+from engine_models.reference.model import mechanism_of
+from engine_models.scene.scene import Scene
 from reference_solver.solver import ErrorControl, Solver, StepChoice
 from tests.benchmarks.c_loop import ClearanceCLoop
-from tests.test_contact_crank_slider import start
+from tests.reference_solver.contact.test_crank_slider import start
 
 FloatArray = NDArray[np.float64]
 

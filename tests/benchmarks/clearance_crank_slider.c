@@ -1,6 +1,6 @@
 /* The run of the driven crank-slider with clearance in joint B, written out by hand: what a C loop costs.
  *
- * It is the loop of reference_solver/contact_loop.py for one contact: touch, release and the law's change of sign
+ * It is the loop of reference_solver/contact/loop.py for one contact: touch, release and the law's change of sign
  * are located, and steps are graded into and out of contact. The step itself is in clearance_step.h.
  */
 #include "clearance_step.h"

@@ -188,7 +188,7 @@ INLINE double project_v(const Parameters *p, const Arms e, double *v, bool *ok)
     return removed;
 }
 
-/* Return the gap of the pin in its bearing, as reference_solver/contact.py has it. */
+/* Return the gap of the pin in its bearing, as reference_solver/contact/force.py has it. */
 INLINE Gap gap_of(const Parameters *p, const Contact *contact, const Arms e, const double *q, const double *v)
 {
     const double x = q[6] - q[3] - e.bx, y = q[7] - q[4] - e.by, c = p->clearance, distance = sqrt(x * x + y * y);

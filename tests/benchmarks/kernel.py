@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.scene_library import clearance_driven_05, ideal_driven
-from reference_solver.contact_types import CONTACT_RECORD, new_motion
-from reference_solver.faces import ReadableFace
-from reference_solver.kernel import source_of
-from reference_solver.kernel_store import load_kernel
-from reference_solver.mechanism import Mechanism
+from engine_models.scene.library import clearance_driven_05, ideal_driven
+from reference_solver.compiled.faces import ReadableFace
+from reference_solver.compiled.kernel import source_of
+from reference_solver.compiled.store import load_kernel
+from reference_solver.contact.types import CONTACT_RECORD, new_motion
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
-from tests.test_reference_chains import chain, chain_start
-from tests.test_reference_kernel import scene_case, topology_of
+from tests.reference_solver.test_chains import chain, chain_start
+from tests.reference_solver.test_kernel import scene_case, topology_of
 
 FloatArray = NDArray[np.float64]
 #: Takes a turn as long as the number given, in units of its own; returns its seconds and its steps.

@@ -17,13 +17,13 @@ import numpy as np
 import tomli_w
 
 from engine_models.engines import ENGINES, engine_class
-from engine_models.plain_words import fields
-from engine_models.scene_file import from_toml
-from engine_models.scene_library import SCENES
-from studies.case import Limits
-from studies.execution import CaseEnded
-from studies.execution_processes import Processes
-from tests.command import Finished, crankslider
+from engine_models.scene.file import from_toml
+from engine_models.scene.library import SCENES
+from engine_models.scene.plain_words import fields
+from studies.running.case import Limits
+from studies.running.execution import CaseEnded
+from studies.running.processes import Processes
+from tests.helpers.command import Finished, crankslider
 
 #: Beyond it a case is ended: compiling a kernel takes some seconds, and absurd scenes have absurd runs.
 LIMITS = Limits(time_limit_s=120.0, memory_limit_bytes=2 * 10**9)

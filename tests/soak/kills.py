@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from studies.execution import NO_RESULT
-from studies.rows import checksum
-from tests.execution_mischief import NAME, steady
-from tests.running import gone, lines, started, until
+from studies.running.execution import NO_RESULT
+from studies.running.rows import checksum
+from tests.helpers.mischief import NAME, steady
+from tests.helpers.running import gone, lines, started, until
 
 KILLS, PAIRS, FULL_DISKS = 100, 10, 20
 #: How runs may end: as asked, and by the signal itself before Python listens or after it has stopped to.

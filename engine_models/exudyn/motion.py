@@ -1,0 +1,135 @@
+"""The motion between the steps that an Exudyn solver took, from what it recorded at them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.exudyn.bodies import Part
+from engine_models.exudyn.model import Model
+from engine_models.exudyn.solver import stored
+from engine_models.exudyn.tree import States, tree_states
+from engine_models.scene.scene import Scene
+
+#: In shorter steps differences of coordinates are round-off to their rates: these are taken as linear.
+SHORTEST_FOR_DIFFERENCES_S = 1e-8
+
+#: Columns of a contact's history.
+GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
+
+
+@dataclass(frozen=True)
+class Record:
+    """Coordinates, rates and accelerations of a part at the steps, each (k, c); the last may be unknown."""
+
+    part: Part
+    coordinates: FloatArray
+    rates: FloatArray
+    accelerations: FloatArray | None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """All parts' records at the times of k steps (k,), and the contacts' histories (k, 4) by joint.
+
+    ``switched`` (k,) tells the start and the steps at whose end a contact changed to another branch of its
+    law: the acceleration recorded there is not the one with which the next step begins.
+    """
+
+    time_s: FloatArray
+    bodies: int
+    records: tuple[Record, ...]
+    histories: Mapping[str, FloatArray]
+    switched: NDArray[np.bool_]
+
+    def at(self, time_s: FloatArray) -> States:
+        """Return positions, velocities and accelerations, each (n, bodies, 3), at any times (n,).
+
+        Within a step the coordinates are the polynomial that meets coordinates, rates and accelerations at
+        both ends: of degree 5, less by one for every acceleration that is unknown.
+        """
+        step = np.clip(np.searchsorted(self.time_s, time_s, "right") - 1, 0, len(self.time_s) - 2)
+        out = np.zeros((3, len(time_s), self.bodies, 3))
+        for record in self.records:
+            q, v, a = self._coordinates(record, time_s, step)
+            q = q + record.part.start
+            if record.part.links:
+                for body, states in tree_states(record.part.links, q, v, a):
+                    out[:, :, body] = states
+            else:  # the slider has x alone
+                out[:, :, record.part.body, : q.shape[1]] = q, v, a
+        return out[0], out[1], out[2]
+
+    def _coordinates(self, record: Record, time_s: FloatArray, step: NDArray[np.int64]) -> States:
+        h = (self.time_s[step + 1] - self.time_s[step])[:, None]
+        s = (time_s - self.time_s[step])[:, None] / h
+        q0, q1 = record.coordinates[step], record.coordinates[step + 1]
+        v0, v1 = record.rates[step], record.rates[step + 1]
+        d, d0, d1 = q1 - q0, v0 * h, v1 * h
+        # Hermite's cubic, then what makes its second derivative right at s = 0 and s = 1: the polynomials
+        # s^2 (1-s)^2 and s^3 (1-s)^2 have the second derivatives 2, 2 and 0, 2 there.
+        bow0, bow1 = 6 * d - 4 * d0 - 2 * d1, -6 * d + 2 * d0 + 4 * d1
+        c = [q0, d0, bow0 / 2, (bow1 - bow0) / 6, np.zeros_like(d), np.zeros_like(d)]
+        a0, a1 = bow0 / h**2, bow1 / h**2
+        if record.accelerations is not None:
+            a1 = record.accelerations[step + 1]
+            known = ~self.switched[step][:, None]
+            a0 = np.where(known, record.accelerations[step], a1)
+            missing = (a1 * h**2 - bow1) / 2
+            alpha = np.where(known, (a0 * h**2 - bow0) / 2, missing)
+            beta = missing - alpha
+            c[2], c[3] = c[2] + alpha, c[3] - 2 * alpha + beta
+            c[4], c[5] = alpha - 2 * beta, beta
+        q = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
+        v = (c[1] + s * (2 * c[2] + s * (3 * c[3] + s * (4 * c[4] + s * 5 * c[5])))) / h
+        a = (2 * c[2] + s * (6 * c[3] + s * (12 * c[4] + s * 20 * c[5]))) / h**2
+        short = h < SHORTEST_FOR_DIFFERENCES_S
+        return q, np.where(short, v0 + s * (v1 - v0), v), np.where(short, a0 + s * (a1 - a0), a)
+
+
+def recorded_motion(scene: Scene, model: Model) -> Motion:
+    """Return what the model's sensors recorded.
+
+    Raises:
+        SimulationFailed: the run broke off or is not finite.
+    """
+    coordinates, rates, accelerations = (
+        [stored(model, sensor) for sensor in sensors]
+        for sensors in (model.coordinates, model.speeds, model.accelerations)
+    )
+    time = coordinates[0][:, 0]
+    for record in (*coordinates, *rates, *accelerations):
+        if len(record) != len(time):
+            raise SimulationFailed(f"Exudyn recorded nothing at t = {time[-1]:.6g} s")
+        finite = np.isfinite(record).all(axis=1)
+        if not finite.all():
+            when = time[max(0, int(np.argmin(finite)))]
+            raise SimulationFailed(f"non-finite state at t = {when:.6g} s")
+    if time[-1] < scene.end_time_s:
+        raise SimulationFailed(f"Exudyn stopped short of the end at t = {time[-1]:.6g} s")
+    histories = {joint: stored(model, sensor)[:, 1:] for joint, sensor in model.histories.items()}
+    switched = np.append(True, np.zeros(len(time) - 1, dtype=bool))
+    for joint, history in histories.items():
+        friction = getattr(scene.clearance, joint).friction
+        branches = [history[:, GAP] < 0]
+        if friction is not None:
+            branches.append(history[:, SLIDING_SPEED] < friction.regularisation_speed_m_s)
+        for branch in branches:
+            switched[1:] |= np.diff(branch)
+    return Motion(
+        time_s=time,
+        bodies=len(model.reference),
+        records=tuple(
+            Record(
+                part,
+                coordinates[k][:, 1:],
+                rates[k][:, 1:],
+                accelerations[k][:, 1:] if accelerations else None,
+            )
+            for k, part in enumerate(model.parts)
+        ),
+        histories=histories,
+        switched=switched,
+    )

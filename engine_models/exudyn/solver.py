@@ -1,0 +1,177 @@
+"""Exudyn's solver settings, all of them that matter to the answer, and the run with its ways to fail."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Literal
+
+import exudyn as exu
+import numpy as np
+
+from engine_models import progress
+from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.exudyn.model import Model
+from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.pace import require_pace
+from engine_models.scene.scene import Scene
+
+#: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
+#: keeps for ever what the multipliers pick up in steps of 1e-15 s (5 N in set R), so it is to need none; but
+#: with friction it may need 1e-13 s, as the switching error at touch still counts on the impact before.
+#: DOPRI5 must not get to a shortest step: if its error is too large there, it tries it again and again,
+#: without a look at the clock.
+EVENT_GAP_M = {"explicit": 1e-12, "implicit": 1e-9}
+SHORTEST_STEP_S = {"explicit": 1e-100, "implicit": 1e-13}
+#: After an event steps may grow by this factor each: DOPRI5's (Hairer, Norsett, Wanner) and the others'.
+GROWTH_ADAPTIVE, GROWTH = 5.0, 2.0
+#: Exudyn takes a run for finished 1e-10 s ahead of its end. Where samples lie between steps it is to go on.
+OVERRUN_S = 2e-10
+#: Steps after which the pace of a run is judged, if anybody listens: a few seconds.
+OUTLASTING = 300_000
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Keep Exudyn off the terminal: it prints its failures even at verbosity 0."""
+    before = exu.config.printToConsole, exu.config.suppressWarnings
+    exu.config.printToConsole, exu.config.suppressWarnings = False, True
+    try:
+        yield
+    finally:
+        exu.config.printToConsole, exu.config.suppressWarnings = before
+
+
+def simulation_settings(scene: Scene, solver: str, steps: int, record_every: int) -> exu.SimulationSettings:
+    """Return what all solvers share: ``steps`` equal steps to the end, every so manieth recorded.
+
+    With ``record_every`` 0 every step is, however short.
+    """
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    settings.solution.sensors.writePeriod = (scene.end_time_s / steps) * record_every
+    settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
+    settings.parallel.numberOfThreads = 1
+    integration = settings.timeIntegration
+    integration.solverType = getattr(exu.DynamicSolverType, solver)
+    integration.startTime, integration.endTime = 0.0, scene.end_time_s
+    integration.numberOfSteps = steps
+    integration.adaptiveStep = integration.automaticStepSize = False
+    return settings
+
+
+def set_implicit(
+    settings: exu.SimulationSettings, spectral_radius: float, newton_tolerance: float, modified: bool
+) -> None:
+    """Set up the implicit methods and their Newton iteration."""
+    integration = settings.timeIntegration
+    integration.generalizedAlpha.spectralRadius = spectral_radius
+    integration.generalizedAlpha.computeInitialAccelerations = True
+    newton = integration.newton
+    newton.useModifiedNewton = modified
+    newton.modifiedNewtonJacUpdatePerStep = True
+    newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
+    newton.relativeTolerance = newton.absoluteTolerance = newton_tolerance
+    newton.maxIterations = 25
+    # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
+    # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
+    newton.numericalDifferentiation.relativeEpsilon = 1e-8
+    newton.numericalDifferentiation.minimumCoordinateSize = 1.0
+
+
+def set_explicit(settings: exu.SimulationSettings) -> None:
+    """Set up the explicit methods: no Lie group among planar coordinates, each step's last acceleration."""
+    explicit = settings.timeIntegration.explicit
+    explicit.useLieGroupIntegration, explicit.computeEndOfStepAccelerations = False, True
+    explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
+
+
+def set_adaptive(settings: exu.SimulationSettings, tolerance: float) -> None:
+    """Let an embedded Runge-Kutta pair choose its steps, up to the longest one.
+
+    The tolerance is absolute, in m, rad, m/s and rad/s. A relative one counts the sign of the coordinate:
+    it makes the error's scale zero at a negative value.
+    """
+    integration = settings.timeIntegration
+    integration.automaticStepSize = True
+    integration.absoluteTolerance, integration.relativeTolerance = tolerance, 0.0
+    integration.initialStepSize = 0.0  # begin with the longest
+    integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, 0.9
+
+
+def set_events(
+    settings: exu.SimulationSettings, scene: Scene, kind: Literal["explicit", "implicit"], locate: bool
+) -> None:
+    """Set up how a contact's switching is treated: steps that end on it, or steps as they come."""
+    integration, switching = settings.timeIntegration, settings.timeIntegration.discontinuous
+    integration.endTime = scene.end_time_s + OVERRUN_S
+    integration.minimumStepSize = SHORTEST_STEP_S[kind]
+    integration.adaptiveStep = locate
+    integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
+    # Steps grow again at once, however many iterations the last one took.
+    integration.adaptiveStepRecoverySteps, integration.adaptiveStepRecoveryIterations = 1, 1000
+    switching.useRecommendedStepSize = locate
+    switching.maxIterations, switching.ignoreMaxIterations = 5, not locate
+    clearances = [getattr(scene.clearance, name) for name in scene.joints_with_clearance]
+    # The switching error is the gap times the stiffness.
+    softest = min(stiffness_of(clearance) for clearance in clearances)
+    switching.iterationTolerance = softest * EVENT_GAP_M[kind] if locate else 1.0
+
+
+def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
+    """Have Exudyn call back before every step to tell how far it has come; return what was raised there.
+
+    Only if somebody listens: a call takes 1 to 3 us. It changes nothing in the run.
+    """
+    listener, raised = progress.listener(), list[BaseException]()
+    if listener is None:
+        return raised
+
+    steps, judged_s = count(1), 0.0
+
+    def before_step(_: exu.MainSystem, time_s: float) -> bool:
+        nonlocal judged_s
+        try:
+            listener(time_s)
+            if next(steps) % OUTLASTING == 0:
+                require_pace(scene, time_s, time_s - judged_s, OUTLASTING)
+                judged_s = time_s
+        except BaseException as error:
+            raised.append(error)
+            return False
+        return True
+
+    mbs.SetPreStepUserFunction(before_step)
+    return raised
+
+
+def solve(scene: Scene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
+    """Run the solver; return its wall time in s.
+
+    Raises:
+        SimulationFailed: Exudyn gave up, or ran out of time.
+    """
+    exu.special.solver.timeout = timeout_s
+    mbs = model.mbs
+    raised = _tell_steps(mbs, scene)
+    began = time.perf_counter()
+    try:
+        succeeded, reason = mbs.SolveDynamic(settings), "no reason given"
+    except exu.ExudynError as error:
+        succeeded, reason = False, mbs.sys["dynamicSolver"].GetErrorString() or str(error)
+    solve_time = time.perf_counter() - began
+    if raised:
+        raise raised[0]
+    solver = mbs.sys["dynamicSolver"]
+    if solver.output.simulationTimeout:
+        succeeded, reason = False, f"not finished after {timeout_s:g} s"
+    if not succeeded:
+        when = solver.it.currentTime
+        raise SimulationFailed(f"Exudyn failed at t = {when:.6g} s: {' '.join(reason.split())}")
+    return solve_time
+
+
+def stored(model: Model, sensor: int) -> FloatArray:
+    """Return all that a sensor recorded, (k, 1 + components), time first, each time once."""
+    record = np.asarray(model.mbs.GetSensorStoredData(sensor), dtype=np.float64)
+    return np.asarray(record[np.append(np.diff(record[:, 0]) > 0, True)])

@@ -1,0 +1,1 @@
+"""Mechanics that engines without multipliers share: geometry, laws, reactions, energies, trajectories."""

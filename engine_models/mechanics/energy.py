@@ -1,0 +1,55 @@
+"""The energy ledger of a trajectory, computed from the scene and the trajectory alone."""
+
+import numpy as np
+
+from engine_models.engine import FloatArray, SimulationFailed, Trajectory
+from engine_models.scene.scene import Scene
+
+#: A run with a larger part of its energy unexplained has gone wrong.
+LARGEST_RESIDUAL = 0.1
+#: What lies below these, in parts of weight times crank and in J, is rounding at rest.
+ROUND_OFF, LEAST_J = 1e-6, 1e-9
+
+
+def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the kinetic energy of the bodies, (n,)."""
+    inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
+    return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
+
+
+def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the gravitational energy, zero at the guide's height, and the contacts' elastic one, (n,)."""
+    masses = np.array([body.mass_kg for body in scene.bodies])
+    gravitational = scene.gravity_m_s2 * (trajectory.position[:, :, 1] @ masses)
+    return np.asarray(gravitational + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
+
+
+def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
+    energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
+    work = 0.0 if trajectory.driver_work_J is None else trajectory.driver_work_J
+    losses = (trajectory.dissipated_energy_J, trajectory.stabilisation_loss_J)
+    return np.asarray(energy - energy[0] - work + sum(loss for loss in losses if loss is not None))
+
+
+def require_energy(scene: Scene, trajectory: Trajectory) -> Trajectory:
+    """Return the trajectory, or raise SimulationFailed where its energy is not what work and losses explain.
+
+    The bound is ``LARGEST_RESIDUAL`` of the largest of kinetic energy, potential energy gained or spent, and
+    the driver's work up to then.
+    """
+    kinetic, potential = kinetic_energy_J(scene, trajectory), potential_energy_J(scene, trajectory)
+    parts = [kinetic, np.abs(potential - potential[0])]
+    if trajectory.driver_work_J is not None:
+        parts.append(np.abs(trajectory.driver_work_J))
+    weight = scene.gravity_m_s2 * sum(body.mass_kg for body in scene.bodies) * scene.crank.length_m
+    there = np.maximum.accumulate(np.max(parts, axis=0)) + ROUND_OFF * weight + LEAST_J
+    off = np.abs(energy_balance_residual_J(scene, trajectory))
+    wrong = off > LARGEST_RESIDUAL * there
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise SimulationFailed(
+            f"energy off by {100 * off[k] / there[k]:.3g} % at t = {trajectory.time_s[k]:.6g} s with step "
+            f"{trajectory.step_s:.3g} s: shorten the step"
+        )
+    return trajectory

@@ -1,0 +1,135 @@
+"""The crank-slider in Pymunk (Chipmunk): joint impulses and position-first semi-implicit Euler.
+
+One ``space.step(dt)`` first moves the positions with the stored velocities, then kicks the velocities by the
+loads and by the impulses of joints and contacts, all at the new positions. The impulses also take the joints'
+position errors back. So after step k the positions x_k are those of t_k = k dt, and the kick was made at x_k.
+"""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
+from engine_models.mechanics.start_check import unwound, wound
+from engine_models.memory import require_memory
+from engine_models.pymunk.compliant import CompliantContact
+from engine_models.pymunk.model import build, pins
+from engine_models.pymunk.rigid import RigidContact, Sweeps
+from engine_models.pymunk.run import Model, trajectory_of
+from engine_models.pymunk.twin import rigid_twin
+from engine_models.scene.scene import Scene
+
+#: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
+LIBRARY_ITERATIONS, LIBRARY_ERROR_BIAS = 10, (1.0 - 0.1) ** 60.0
+LIBRARY_SLOP_M, LIBRARY_PERSISTENCE = 0.1, 3
+#: What fits into a C int.
+Count = Annotated[int, Field(gt=0, lt=2**31)]
+
+
+@dataclass(frozen=True, config=SETTINGS_CONFIG)
+class PymunkEngine:
+    """Settings of the Pymunk model; the defaults are its best practice, ``out_of_the_box`` is Pymunk's own.
+
+    ``iterations`` is the number of Gauss-Seidel sweeps over the joints in a step. ``error_bias`` is the
+    fraction of a joint's position error left after a second: 0 takes all of it back in every step, which
+    needs enough sweeps to be stable (the library's scenes six, a slider 100 times as heavy over twenty).
+
+    With ``half_kick_start`` the run begins with a kick over dt/2 that moves nothing. The scheme is then the
+    leap-frog, of order 2: the velocity stored after step k is that of t_k + dt/2. Reported at t_k are x_k,
+    the mean of the velocities before and after kick k, and the forces that made kick k. The first two kicks
+    are an exception. The joints learn how their paths curve from the gap that a step opens; kick 0 sees
+    none, so it lacks the centripetal half impulse, which kick 1 adds to its own. Their sum is right, and so
+    is the motion, but neither is the force of its time: the accelerations at steps 0 and 1 are the parabola
+    through those of steps 2 to 4, and forces (and the velocity at step 1) follow from them.
+
+    Without it all is as a user reads it after step k, of order 1: x_k, the stored velocity, the forces that
+    made kick k, all taken as those of t_k. There is no kick at t = 0, so step 1's acceleration stands there.
+    Step 1 has no earlier impulses to start its sweeps from: forces at t = 0 and for some steps more are off
+    by what ten sweeps leave, however short the step, and with ``error_bias`` 0 also by kick 1's extra half.
+
+    Contacts. With ``contact`` = "as-scene" a compliant law is applied as a force in every kick
+    (``pymunk_compliant``) and a rigid one is Pymunk's native contact (``pymunk_rigid``); "rigid" makes the
+    compliant ones native too, with the restitution they name (see ``twin``). All of it is of order 1, since
+    a contact is noticed in the first step that is past the wall. Forces at t_k are impulses of kick k over
+    dt, means over a step: a rigid impact's peak grows as 1/dt and means nothing, its impulse does. At a kick
+    that strikes a rigid wall (the first of a contact) the velocity reported is the one before, and losses
+    and work are those before.
+
+    The other settings are for native contacts alone. ``contact_iterations`` are the sweeps of a step in
+    contact: impulses must get through the joints within one step, or a bounce is lost (in the free scenes ten
+    sweeps lose up to 80 % of one at any step; 100 are within 1e-3 of 400). ``collision_bias`` is the fraction
+    of a penetration left after a second, ``collision_slop_m`` the penetration left alone. Pymunk takes it
+    back by moving the two bodies with no regard for their joints, whose own correction turns that into
+    velocity. At 0 all of it is taken back within a step: a pin that follows its wall leaves it at every other
+    step, with 4 times the error and 12 times the energy residual of 1e-300, a rate of 690/s (set R, 0.1 mm,
+    e = 0.5, over a revolution at dt = 1.2e-7 s). The library's own rate, 6.3/s, lets the drift along the wall
+    add up: twice the error at 1e-6 s. ``collision_persistence`` is the number of steps that a contact is
+    remembered.
+    """
+
+    iterations: Count = 20
+    error_bias: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    half_kick_start: bool = True
+    contact: Literal["as-scene", "rigid"] = "as-scene"
+    contact_iterations: Count = 200
+    collision_bias: Annotated[float, Field(ge=0, le=1)] = 1e-300
+    collision_slop_m: Annotated[float, Field(ge=0)] = 0.0
+    collision_persistence: Count = 1
+
+    @classmethod
+    def out_of_the_box(cls) -> "PymunkEngine":
+        """Return the engine as it is for a user who sets nothing."""
+        return cls(
+            iterations=LIBRARY_ITERATIONS,
+            error_bias=LIBRARY_ERROR_BIAS,
+            half_kick_start=False,
+            contact_iterations=LIBRARY_ITERATIONS,
+            collision_bias=LIBRARY_ERROR_BIAS,
+            collision_slop_m=LIBRARY_SLOP_M,
+            collision_persistence=LIBRARY_PERSISTENCE,
+        )
+
+    def check(self, scene: Scene) -> None:
+        """Raise UnsupportedScene where a law that names no restitution would have to be rigid."""
+        self.twin(scene)
+
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+        """
+        return rigid_twin(scene) if self.contact == "rigid" else scene
+
+    def sharper(self) -> "PymunkEngine":
+        """Return the engine itself: the step alone decides."""
+        return self
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        """Run the scene with fixed steps.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+            SimulationFailed: a joint came apart by more than a tenth of the crank, a pin went through the
+                wall of its bearing, the rod turned over, or the numbers overflowed.
+        """
+        require_memory(scene, settings)
+        model = self._model(wound(self.twin(scene)))
+        with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
+            return unwound(scene, trajectory_of(model, settings, self.half_kick_start))
+
+    def _model(self, scene: Scene) -> Model:
+        space, bodies = build(scene, self.iterations, self.error_bias)
+        space.collision_bias, space.collision_slop = self.collision_bias, self.collision_slop_m
+        space.collision_persistence = self.collision_persistence
+        first_step = 0 if self.half_kick_start else 1
+        sweeps = Sweeps(space, self.iterations, self.contact_iterations)
+        contacts = {
+            pin.name: RigidContact(pin, number, sweeps, first_step)
+            if pin.room.law == "rigid"
+            else CompliantContact(space, pin, first_step)
+            for number, pin in enumerate(pins(scene, space, bodies))
+        }
+        return Model(scene, space, bodies, contacts)

@@ -1,0 +1,124 @@
+"""The crank-slider in the reference solver: the paper's Lagrange-multiplier algorithm, by RK4 or DOP853."""
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from engine_models.engine import (
+    SETTINGS_CONFIG,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+    UnsupportedScene,
+    require_finite,
+)
+from engine_models.mechanics.energy import require_energy
+from engine_models.mechanics.start_check import unwound, wound
+from engine_models.memory import require_memory
+from engine_models.reference.compilation import compile_time_s
+from engine_models.reference.run import reference_run
+from engine_models.scene.scene import Scene
+from reference_solver.equations import Baumgarte
+from reference_solver.errors import SolverError
+from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, ErrorControl, Stabilisation, StepChoice
+
+#: The smallest tolerance, some times round-off, and one to begin with.
+SHARPEST, LOOSE = 1e-14, 1e-6
+#: The step at which a contact takes ``steps_per_contact`` steps.
+STEP_OF_RATES_S = 1e-5
+
+
+@dataclass(frozen=True, config=SETTINGS_CONFIG)
+class ReferenceEngine:
+    """Settings of the reference solver; the gains in 1/s belong to ``stabilisation = baumgarte``.
+
+    ``kernel`` chooses between the two faces of the algorithm, which agree to round-off.
+
+    ``method = rk4`` is the paper's. In a scene with clearance the run's step is the longest one, taken in
+    flight; a contact takes ``steps_per_contact`` shorter ones, graded at both ends, and touch and release are
+    located. That number is for a step of 1e-5 s and grows as the step falls, so that halving the step halves
+    both. Without ``locate_events`` every step has the run's length, as in the paper.
+
+    ``method = dop853`` takes steps up to the run's longest that are in error by the ``tolerance``: a part of
+    the mechanism's longest arm, a radian, and both times the rate of its start (see ``ErrorControl``).
+    """
+
+    method: Literal["rk4", "dop853"] = "rk4"
+    tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-9
+    stabilisation: Literal["none", "baumgarte", "projection"] = "projection"
+    baumgarte_alpha_s: Annotated[float, Field(ge=0)] = 100.0
+    baumgarte_beta_s: Annotated[float, Field(ge=0)] = 100.0
+    kernel: Literal["compiled", "readable"] = "compiled"
+    steps_per_contact: Annotated[float, Field(ge=4)] = 100.0
+    locate_events: bool = True
+
+    def check(self, scene: Scene) -> None:
+        """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
+        if self.method == "dop853" and not self.locate_events:
+            raise UnsupportedScene("reference needs locate_events with method = dop853")
+        rigid = any(getattr(scene.clearance, name).law == "rigid" for name in scene.joints_with_clearance)
+        if rigid and not (self.stabilisation == "projection" and self.locate_events):
+            raise UnsupportedScene(
+                "reference runs rigid contact with stabilisation = projection and locate_events only"
+            )
+
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene itself: the reference solves every law."""
+        self.check(scene)
+        return scene
+
+    def sharper(self) -> "ReferenceEngine":
+        """Return the engine with a tenth of its tolerance; with RK4 the step alone decides."""
+        if self.method == "rk4":
+            return self
+        return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
+
+    @property
+    def controls_error(self) -> bool:
+        """Whether the tolerance decides, and the step is no more than a limit."""
+        return self.method == "dop853"
+
+    def controlling_error(self, tolerance: float = LOOSE) -> "ReferenceEngine":
+        """Return the engine with DOP853 and a tolerance, with its events located."""
+        return replace(self, method="dop853", tolerance=tolerance, locate_events=True)
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        """Run the scene.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+            SimulationFailed: singular configuration or overflow, or a tolerance that no step meets.
+        """
+        self.check(scene)
+        require_memory(scene, settings)
+        try:
+            with np.errstate(all="ignore"):  # require_finite is the judge
+                run = require_finite(self._run(wound(scene), settings))
+                return unwound(scene, require_energy(scene, run))
+        except SolverError as error:
+            raise SimulationFailed(str(error)) from error
+        except OverflowError:  # Python's own numbers raise where NumPy's become infinite
+            raise SimulationFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
+
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return what compiling the kernels of a run takes where there are none yet, in s."""
+        return compile_time_s(self, scene, settings)
+
+    def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        choice, compiled = self._rates(scene, settings), self.kernel == "compiled"
+        return reference_run(scene, settings, choice, self._stabilisation(), compiled)
+
+    def _stabilisation(self) -> Stabilisation:
+        if self.stabilisation == "baumgarte":
+            return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
+        return self.stabilisation
+
+    def _rates(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
+        if self.method == "dop853":
+            return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s))
+        step = settings.step_used_s(scene.end_time_s)
+        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * STEP_OF_RATES_S / step)
+        return StepChoice(step, per_contact, self.locate_events)

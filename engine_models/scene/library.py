@@ -1,0 +1,202 @@
+"""The scenes of the study, by name. Set R is the literature's standard case, set F its free companion."""
+
+import math
+from collections.abc import Callable
+
+from engine_models.scene.scene import (
+    Clearance,
+    Clearances,
+    ConstantSpeedDrive,
+    ContactLaw,
+    FreeDrive,
+    Friction,
+    Link,
+    Scene,
+    Slider,
+    Start,
+    TorqueDrive,
+)
+
+SLIDER = Slider(mass_kg=0.14, inertia_kg_m2=1e-4)
+
+
+def crank(inertia_kg_m2: float) -> Link:
+    """Return the crank both sets share, with the set's own inertia."""
+    return Link(length_m=0.05, mass_kg=0.30, inertia_kg_m2=inertia_kg_m2, centre_of_mass_m=0.025)
+
+
+def rod(inertia_kg_m2: float) -> Link:
+    """Return the rod both sets share, with the set's own inertia."""
+    return Link(length_m=0.12, mass_kg=0.21, inertia_kg_m2=inertia_kg_m2, centre_of_mass_m=0.06)
+
+
+def ideal_free() -> Scene:
+    """Set F: ten turns a second to start with, then on its own under gravity."""
+    return Scene(
+        name="ideal-free",
+        end_time_s=1.0,
+        gravity_m_s2=9.81,
+        crank=crank(1e-5),
+        rod=rod(2.5e-5),
+        slider=SLIDER,
+        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=2 * math.pi * 10),
+        drive=FreeDrive(kind="free"),
+    )
+
+
+def ideal_driven() -> Scene:
+    """Set R: two revolutions at constant 5000 rpm."""
+    return Scene(
+        name="ideal-driven",
+        end_time_s=0.024,
+        gravity_m_s2=9.81,
+        crank=crank(1e-4),
+        rod=rod(2.5e-4),
+        slider=SLIDER,
+        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=2 * math.pi * 5000 / 60),
+        drive=ConstantSpeedDrive(kind="constant-speed"),
+    )
+
+
+def ideal_torque() -> Scene:
+    """Set F's bodies, started from rest by a constant torque that lifts them over the top."""
+    return Scene(
+        name="ideal-torque",
+        end_time_s=0.3,
+        gravity_m_s2=9.81,
+        crank=crank(1e-5),
+        rod=rod(2.5e-5),
+        slider=SLIDER,
+        start=Start(crank_angle_rad=0.5, crank_speed_rad_s=0.0),
+        drive=TorqueDrive(kind="torque", torque_N_m=0.3),
+    )
+
+
+#: The literature's bearing: steel on steel, 10 mm, restitution 0.9.
+BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON = 0.01, 207e9, 0.3
+
+
+def clearance(
+    radial_clearance_m: float,
+    law: ContactLaw = "lankarani-nikravesh",
+    restitution: float = 0.9,
+    friction: Friction | None = None,
+) -> Clearance:
+    """Return a joint's clearance with Hertz's stiffness of steel."""
+    return Clearance(
+        radial_clearance_m=radial_clearance_m,
+        bearing_radius_m=BEARING_RADIUS_M,
+        law=law,
+        young_modulus_Pa=STEEL_PA,
+        poisson_ratio=STEEL_POISSON,
+        restitution=restitution,
+        friction=friction,
+    )
+
+
+def _named(name: str, scene: Scene, **clearances: Clearance) -> Scene:
+    return scene.model_copy(update={"name": name, "clearance": Clearances(**clearances)})
+
+
+def clearance_driven_05() -> Scene:
+    """Set R with 0.5 mm of clearance at the rod-slider pin: chaotic, the literature's standard case."""
+    return _named("clearance-driven-0.5mm", ideal_driven(), B=clearance(5e-4))
+
+
+def clearance_driven_01() -> Scene:
+    """Set R with 0.1 mm of clearance at the rod-slider pin."""
+    return _named("clearance-driven-0.1mm", ideal_driven(), B=clearance(1e-4))
+
+
+def clearance_driven_002() -> Scene:
+    """Set R with 0.02 mm of clearance at the rod-slider pin: settles to continuous contact."""
+    return _named("clearance-driven-0.02mm", ideal_driven(), B=clearance(2e-5))
+
+
+def clearance_driven_damped() -> Scene:
+    """Set R, 0.1 mm at the rod-slider pin, well damped: Hu-Guo with e = 0.5 and friction 0.1."""
+    friction = Friction(law="tanh", coefficient=0.1, regularisation_speed_m_s=0.01)
+    return _named("clearance-driven-damped", ideal_driven(), B=clearance(1e-4, "hu-guo", 0.5, friction))
+
+
+def clearance_free() -> Scene:
+    """Set F with 0.5 mm of clearance at the rod-slider pin."""
+    short = ideal_free().model_copy(update={"end_time_s": 0.1})
+    return _named("clearance-free-0.5mm", short, B=clearance(5e-4))
+
+
+def clearance_driven_crank_pin() -> Scene:
+    """Set R with 0.5 mm of clearance at the crank-rod pin."""
+    return _named("clearance-driven-A", ideal_driven(), A=clearance(5e-4))
+
+
+def clearance_driven_two() -> Scene:
+    """Set R with 0.5 mm of clearance at both ends of the rod."""
+    return _named("clearance-driven-AB", ideal_driven(), A=clearance(5e-4), B=clearance(5e-4))
+
+
+def clearance_free_three() -> Scene:
+    """Set F with 0.5 mm of clearance in all three joints."""
+    short = ideal_free().model_copy(update={"end_time_s": 0.1})
+    everywhere = {name: clearance(5e-4) for name in ("O", "A", "B")}
+    return _named("clearance-free-OAB", short, **everywhere)
+
+
+def clearance_pendulum() -> Scene:
+    """A physical pendulum let go at the height of its joint, which has 0.5 mm of clearance."""
+    return Scene(
+        name="clearance-pendulum",
+        end_time_s=0.3,
+        gravity_m_s2=9.81,
+        crank=rod(2.5e-4),
+        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0),
+        drive=FreeDrive(kind="free"),
+        clearance=Clearances(O=clearance(5e-4)),
+    )
+
+
+IDEAL_SCENES: dict[str, Callable[[], Scene]] = {
+    "ideal-free": ideal_free,
+    "ideal-driven": ideal_driven,
+    "ideal-torque": ideal_torque,
+}
+CLEARANCE_SCENES: dict[str, Callable[[], Scene]] = {
+    "clearance-driven-0.5mm": clearance_driven_05,
+    "clearance-driven-0.1mm": clearance_driven_01,
+    "clearance-driven-0.02mm": clearance_driven_002,
+    "clearance-driven-damped": clearance_driven_damped,
+    "clearance-driven-A": clearance_driven_crank_pin,
+    "clearance-driven-AB": clearance_driven_two,
+    "clearance-free-0.5mm": clearance_free,
+    "clearance-free-OAB": clearance_free_three,
+    "clearance-pendulum": clearance_pendulum,
+}
+
+
+def _rigid_twin(make: Callable[[], Scene]) -> Callable[[], Scene]:
+    """Return what makes the same scene with rigid contact of the same nominal restitution and friction."""
+
+    def twin() -> Scene:
+        scene = make()
+        joints = {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
+        rigid = {
+            name: Clearance(
+                radial_clearance_m=joint.radial_clearance_m,
+                bearing_radius_m=joint.bearing_radius_m,
+                law="rigid",
+                restitution=joint.restitution,
+                friction=joint.friction,
+            )
+            for name, joint in joints.items()
+        }
+        return _named(scene.name.replace("clearance", "rigid"), scene, **rigid)
+
+    twin.__doc__ = f"{(make.__doc__ or '').rstrip('.')}; rigid contact."
+    return twin
+
+
+RIGID_SCENES: dict[str, Callable[[], Scene]] = {
+    name.replace("clearance", "rigid"): _rigid_twin(make) for name, make in CLEARANCE_SCENES.items()
+}
+
+SCENES = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}

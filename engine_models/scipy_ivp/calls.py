@@ -1,0 +1,141 @@
+"""Calls of ``solve_ivp`` on a scene's equations: counted, silent, bounded, and failures told as such."""
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.pace import require_pace
+from engine_models.progress import tell
+from engine_models.scene.scene import Scene
+from engine_models.scipy_ivp.contact import Steps, Watch
+from engine_models.scipy_ivp.model import Derivative
+
+#: Absolute tolerance of the sums in y, which takes them out of the error control. It is finite because Radau
+#: differences the right-hand side by steps of a part of it.
+UNCONTROLLED = 1e30
+#: Evaluations after which a run tells how far it has come, and after which its pace is judged.
+PAUSE, OUTLASTING = 10_000, 300_000
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How ``solve_ivp`` is called; a run fails that takes more than ``max_evaluations``."""
+
+    method: str
+    rtol: float
+    atol: float
+    longest_step_s: float
+    max_evaluations: int
+
+
+class Root(NamedTuple):
+    """Where a watched function was zero: the time, and y there."""
+
+    watch: Watch
+    t: float
+    y: FloatArray
+
+
+class Calls:
+    """The calls of one run. With ``memory`` (K,) the right-hand side sets the contacts' phases itself."""
+
+    def __init__(
+        self, scene: Scene, derivative: Derivative, choice: Choice, memory: FloatArray | None = None
+    ) -> None:
+        self._scene = scene
+        self._derivative, self._choice, self._memory = derivative, choice, memory
+        self._atol = np.full(len(derivative.start), choice.atol)
+        self._atol[2 * derivative.n :] = UNCONTROLLED
+        self._steps = Steps(derivative, memory)
+        #: Evaluations of the right-hand side so far, and at which to look up again.
+        self.evaluations, self._pause = 0, 0
+        self._judged, self._judged_s = 0, 0.0
+        solve_ivp(lambda _, y: -y, (0.0, 1.0), [1.0], choice.method)  # loads the method, out of any timing
+
+    @property
+    def steps(self) -> int:
+        """Accepted steps so far."""
+        return self._steps.accepted
+
+    def memory_at(self, t: float) -> FloatArray:
+        """Return the memory (K,) that was valid in the step that t is in."""
+        return self._steps.memory_at(t)
+
+    def solve(
+        self, t: float, y: FloatArray, times: FloatArray, watched: Sequence[Watch]
+    ) -> tuple[list[FloatArray], list[Root]]:
+        """Integrate from y at t to the last of the times, or to an alarm; return y at the times, and roots.
+
+        Raises:
+            SimulationFailed: too many evaluations, a singular configuration, steps too short to go on, or
+                anything that SciPy warns of.
+        """
+        choice = self._choice
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("error")
+                if not np.isfinite(self._right(t, y)).all():
+                    raise self._failure("non-finite accelerations")  # no first step would be short enough
+                solution = solve_ivp(
+                    self._right,
+                    (t, float(times[-1])),
+                    y,
+                    choice.method,
+                    times,
+                    events=[self._step_taken, *watched],
+                    rtol=choice.rtol,
+                    atol=self._atol,
+                    max_step=choice.longest_step_s,
+                )
+        except (Warning, ValueError) as trouble:  # a value error is Radau's about a Jacobian with NaN
+            raise self._failure(str(trouble)) from trouble
+        if not solution.success:
+            raise self._failure(solution.message)
+        self._steps.accepted -= 1  # the call at the start
+        return list(np.transpose(solution.y)), list(
+            _roots(watched, solution.t_events[1:], solution.y_events[1:])
+        )
+
+    def _right(self, t: float, y: FloatArray) -> FloatArray:
+        self.evaluations += 1
+        if self._memory is not None:
+            self._derivative.sense(y, self._memory)
+        return self._derivative(t, y)
+
+    def _step_taken(self, t: float, y: FloatArray) -> float:
+        """Look up now and then: not in the right-hand side, whose exceptions Fortran prints."""
+        if self.evaluations > self._pause:
+            self._look_up(t)
+        return self._steps(t, y)
+
+    def _look_up(self, t: float) -> None:
+        """Tell how far the run has come, and end one that does not get on."""
+        if self.evaluations > self._choice.max_evaluations:
+            raise SimulationFailed(
+                f"{self._choice.max_evaluations} evaluations came no further than t = {t:.6g} s: "
+                "loosen rtol and atol, or raise max_evaluations"
+            )
+        tell(t)
+        if self.evaluations - self._judged >= OUTLASTING:
+            require_pace(self._scene, t, t - self._judged_s, OUTLASTING)
+            self._judged, self._judged_s = self.evaluations, t
+        self._pause = min(self.evaluations + PAUSE, self._choice.max_evaluations)
+
+    def _failure(self, message: str) -> SimulationFailed:
+        reached = self._steps.last_time_s
+        reason = self._derivative.diagnosis(reached) or message.rstrip(".")
+        return SimulationFailed(f"{self._choice.method} stopped at t = {reached:.6g} s: {reason}")
+
+
+def _roots(
+    watched: Sequence[Watch], times: Sequence[FloatArray], states: Sequence[FloatArray]
+) -> Iterator[Root]:
+    """Yield the roots that ``solve_ivp`` found, those of each function in the order of time."""
+    for watch, at, there in zip(watched, times, states, strict=True):
+        for t, y in zip(at, there, strict=True):
+            yield Root(watch, float(t), y)

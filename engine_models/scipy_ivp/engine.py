@@ -1,0 +1,118 @@
+"""SciPy's ``solve_ivp`` on the reference's own equations: the pick of a user without an engine."""
+
+import time
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from engine_models.engine import (
+    SETTINGS_CONFIG,
+    RunSettings,
+    Trajectory,
+    UnsupportedScene,
+    require_finite,
+)
+from engine_models.mechanics.start_check import unwound, wound
+from engine_models.memory import require_memory
+from engine_models.reference.compilation import compile_time_s
+from engine_models.reference.trajectory import trajectory_of
+from engine_models.scene.scene import Scene
+from engine_models.scipy_ivp.calls import Calls, Choice
+from engine_models.scipy_ivp.model import Derivative
+from engine_models.scipy_ivp.run import LocatedRun, switching_run
+
+#: Room for rounding in the longest step, so that as many of them fill a run as should.
+ROOM = 1e-9
+
+
+#: The smallest relative tolerance.
+SHARPEST = 1e-13
+
+
+@dataclass(frozen=True, config=SETTINGS_CONFIG)
+class ScipyEngine:
+    """Settings of ``solve_ivp``: its method, and the relative and absolute tolerance of a step.
+
+    It integrates the multiplier equations (1)-(10) by the reference's compiled right-hand side, so that the
+    two engines differ in the integrator and not in the equations. A call of that from Python takes 1-2 us,
+    where the equations take a tenth of one; with the methods' own arithmetic in Python an evaluation comes to
+    6 us (RK45, LSODA), 8 (DOP853) or 15 (Radau). No constraint is stabilised, as a plain user would have it:
+    drift is part of the error and falls with the tolerance. ``atol`` is in m, rad, m/s and rad/s alike.
+    Work, impulses and losses are integrated along but left out of the error control.
+
+    Steps are chosen by the method, up to the run's longest, as if there were no samples: these come from the
+    method's own interpolant, which is as good as the steps but for Radau's, of order 3.
+
+    Contacts. With ``locate_events`` touch, release and the clipping of a force are terminal events, located
+    on the interpolant, and the integration begins anew from there. Without it there is one integration over
+    a force that switches by the sign of the penetration; the approach speed that a law needs is then taken
+    where the first accepted step inside the wall ends (within that step the present speed stands for it),
+    and no tolerance bounds what that costs.
+
+    LSODA can come to a standstill where ``atol`` is far below ``rtol`` times a typical value (ideal-driven
+    with 1e-12 and 1e-6). A run fails that takes more than ``max_evaluations`` of the right-hand side; the
+    default takes about a minute.
+    """
+
+    method: Literal["DOP853", "RK45", "LSODA", "Radau"] = "DOP853"
+    rtol: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-10
+    atol: Annotated[float, Field(gt=0)] = 1e-12
+    locate_events: bool = True
+    max_evaluations: Annotated[int, Field(gt=0)] = 5_000_000
+
+    def check(self, scene: Scene) -> None:
+        """Raise UnsupportedScene where a contact is rigid: its impulses and rows are no part of an ODE."""
+        joints = [
+            name for name in scene.joints_with_clearance if getattr(scene.clearance, name).law == "rigid"
+        ]
+        if joints:
+            raise UnsupportedScene(
+                "scipy integrates smooth right-hand sides: it has no impacts and no rows that come and go "
+                f"(law = 'rigid' at {', '.join(joints)})"
+            )
+
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return what compiling the right-hand side takes where there is none yet, in s."""
+        return compile_time_s(self, scene, settings)
+
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene itself: every compliant law is solved as it is.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+        """
+        self.check(scene)
+        return scene
+
+    def sharper(self) -> "ScipyEngine":
+        """Return the engine with a tenth of its tolerances."""
+        return replace(self, rtol=max(self.rtol / 10, SHARPEST), atol=self.atol / 10)
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        """Run the scene; ``steps`` counts the accepted ones.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+            SimulationFailed: SciPy gives up or warns, a singular configuration, too many evaluations.
+        """
+        self.check(scene)
+        require_memory(scene, settings)
+        derivative = Derivative(wound(scene))
+        located = self.locate_events or not scene.joints_with_clearance
+        memory = None if located else np.full(derivative.contact_count, np.nan)
+        longest = min(settings.step_s, scene.end_time_s)
+        choice = Choice(self.method, self.rtol, self.atol, longest * (1 + ROOM), self.max_evaluations)
+        calls = Calls(scene, derivative, choice, memory)
+        times = np.linspace(0.0, scene.end_time_s, settings.samples + 1)
+        started = time.perf_counter()
+        if located:
+            record = LocatedRun(derivative, calls, times).run()
+        else:
+            record = switching_run(derivative, calls, times)
+        solve_time = time.perf_counter() - started
+        solution = derivative.solution(scene.end_time_s, record.y, record.phases, record.ends, calls.steps)
+        run = trajectory_of(scene, solution, longest, solve_time, stabilised=False)
+        return unwound(scene, require_finite(run))

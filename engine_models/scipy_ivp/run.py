@@ -1,0 +1,86 @@
+"""A run by ``solve_ivp``: from event to event, or in one go over a right-hand side that switches."""
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.scipy_ivp.calls import Calls
+from engine_models.scipy_ivp.contact import Alarm, Crossing, Nearest, alarms
+from engine_models.scipy_ivp.model import Derivative
+from engine_models.scipy_ivp.record import Record
+
+#: A contact and the kind of its alarm.
+Event = tuple[int, int]
+
+
+class LocatedRun:
+    """A run in which every event is located by ``solve_ivp`` and the integration begun anew from there."""
+
+    def __init__(self, derivative: Derivative, calls: Calls, times: FloatArray) -> None:
+        self._derivative, self._calls, self._times = derivative, calls, times
+        self.record = Record(derivative)
+
+    def run(self) -> Record:
+        """Run through all times and return their record.
+
+        Raises:
+            SimulationFailed: see ``Calls.solve``.
+        """
+        t, y = float(self._times[0]), self._derivative.start
+        answered = self._answer(t, y, None)
+        self.record.sample([y])
+        while t < self._times[-1]:
+            t, y, event = self._segment(t, y, answered)
+            answered = self._answer(t, y, event)
+        return self.record
+
+    def _answer(self, t: float, y: FloatArray, event: Event | None) -> set[Event]:
+        """Answer an event, and any other alarm that is on as well, by the contacts' phases; return them."""
+        answered = set[Event]()
+        for contact, kind in [*([event] if event else []), *self._derivative.events]:
+            due = (contact, kind) == event or self._derivative.alarm(contact, kind, y) > 0
+            if not due or (contact, kind) in answered:
+                continue
+            if kind == 0:
+                note = self.record.touch if self._derivative.flying(contact) else self.record.release
+                note(contact, t, y)
+            self._derivative.switch(contact, kind, y)
+            answered.add((contact, kind))
+        return answered
+
+    def _segment(
+        self, t: float, y: FloatArray, answered: set[Event]
+    ) -> tuple[float, FloatArray, Event | None]:
+        """Go to the next event or to the end, and record the samples on the way."""
+        derivative, times = self._derivative, self._times[len(self.record.y) :]
+        watched = alarms(derivative, y, answered)
+        nearest = [Nearest(derivative, k) for k in range(derivative.contact_count) if derivative.flying(k)]
+        states, roots = self._calls.solve(t, y, times, [*watched, *nearest])
+        stop = float(times[-1])
+        marks = [root for root in roots if isinstance(root.watch, Nearest) and root.t > t]
+        missed = [root.t for root in marks if derivative.gaps(root.y)["g"][root.watch.contact] > 0]
+        if missed:  # a step that ends where the pin is nearest to the wall shows its touch
+            stop, times = min(missed), times[times < min(missed)]
+            states, roots = self._calls.solve(t, y, np.append(times, stop), watched)
+        self.record.sample(states[: len(times)])
+        for root in roots:
+            if isinstance(root.watch, Alarm):
+                return root.t, root.y, (root.watch.contact, root.watch.kind)
+        return stop, states[-1], None
+
+
+def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Record:
+    """Return the record of a run whose right-hand side switches; impacts are read off afterwards.
+
+    Raises:
+        SimulationFailed: see ``Calls.solve``.
+    """
+    record = Record(derivative)
+    crossings = [Crossing(derivative, k) for k in range(derivative.contact_count)]
+    states, roots = calls.solve(float(times[0]), derivative.start, times[1:], crossings)
+    for t, y in zip(times, (derivative.start, *states), strict=True):
+        derivative.sense(y, calls.memory_at(t))
+        record.sample([y])
+    for watch, t, y in roots:
+        note = record.touch if derivative.gaps(y)["rate"][watch.contact] > 0 else record.release
+        note(watch.contact, t, y)
+    return record

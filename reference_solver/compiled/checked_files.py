@@ -1,0 +1,59 @@
+"""Files of the kernel folder: whole and as they were written, or not there.
+
+Each begins with a checksum of the rest and takes its place in one move. So what a kill, a full disk or a hand
+has damaged is made again, and of processes that make the same the last one's is kept.
+"""
+
+import hashlib
+import os
+
+from reference_solver.compiled.folder import (
+    is_own,
+    kernel_folder,
+    private_folder,
+    say_not_kept,
+    say_once,
+)
+
+CHECKSUM_BYTES = hashlib.sha256().digest_size
+
+
+def read_checked(name: str) -> bytes | None:
+    """Return what ``write_checked`` wrote, None if it is not there or no longer the same.
+
+    Raises:
+        FolderRefused: others could have written it.
+    """
+    try:
+        with (private_folder() / name).open("rb") as file:
+            kept = file.read() if is_own(os.fstat(file.fileno())) else b""
+    except OSError:
+        return None
+    data = kept[CHECKSUM_BYTES:]
+    if kept == checksum(name, data) + data:
+        return data
+    say_once(f"{kernel_folder()}: expected files as they were kept, got damaged ones: making them again")
+    return None
+
+
+def write_checked(name: str, data: bytes) -> None:
+    """Keep data under a name; where that cannot be done say so once and go on.
+
+    Raises:
+        FolderRefused: others could replace it.
+    """
+    try:
+        folder = private_folder()
+        new = folder / f"{name}.{os.getpid()}"
+        try:
+            new.write_bytes(checksum(name, data) + data)
+            new.replace(folder / name)
+        finally:
+            new.unlink(missing_ok=True)
+    except OSError as error:
+        say_not_kept(error, "every process makes its own")
+
+
+def checksum(name: str, data: bytes) -> bytes:
+    """Return what data begin with under a name, so that those of another name are noticed too."""
+    return hashlib.sha256(name.encode() + data).digest()

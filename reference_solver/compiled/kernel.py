@@ -1,0 +1,376 @@
+"""The source of a compiled kernel: the equations of one topology on tapes, in functions for Numba.
+
+What the mechanism does not contain does not occur in the text: no zero entry, no absent load, no arm of a pin
+at a centre of mass. Its numbers are inputs p[...], so that one compilation serves every mechanism of the same
+topology; ``parameters(r)`` makes them from the raw ones (see ``Topology.parameters``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import count, pairwise
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_solver.contact.force import gap
+from reference_solver.equations import Answer, Baumgarte, Equations
+from reference_solver.lifting import lifted
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.points import State
+from reference_solver.methods import RK4, Method, Step, step
+from reference_solver.tape import Array, Parameters, Scalar, Tape, Value, Writer, array, both, named
+
+FloatArray = NDArray[np.float64]
+
+HEADER = '''"""Generated from a mechanism's topology by reference_solver.compiled.kernel."""
+
+from math import copysign, cos, sin, sqrt, tanh
+
+from reference_solver.compiled.store import njit
+
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+ENTRY = {**OPTIONS, "cache": True}
+'''
+#: The header's options of what Python calls, kept on disk, and of what only compiled functions call.
+ENTRY, INNER, INLINE = "**ENTRY", "**INNER", "**INNER, forceinline=True"
+
+
+@dataclass(frozen=True)
+class Topology:
+    """What a kernel is written for: a mechanism, its stabilisation, and the pins that follow rigid walls.
+
+    The numbers in it are a mechanism's own, or marks (see ``marked``).
+    """
+
+    mechanism: Mechanism
+    baumgarte: Baumgarte | None = None
+    projected: bool = False
+    following: tuple[int, ...] = ()
+    method: Method = RK4
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return 3 * len(self.mechanism.bodies)
+
+    def marked(self) -> Topology:
+        """Return the topology with a mark for every number: equal for all mechanisms of one topology."""
+        mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), lambda _: 2.0)
+        return replace(self, mechanism=mechanism, baumgarte=baumgarte)
+
+    def parameters(self, kernel: ModuleType, q_start: FloatArray) -> FloatArray:
+        """Return p of a kernel for the mechanism's numbers and its start, in the order of ``equations``."""
+        numbers: list[float] = []
+        lifted((self.mechanism, self.baumgarte), numbers.append)
+        with np.errstate(all="ignore"):  # a singular mechanism is found in the run
+            return np.array(kernel.parameters(np.array([*numbers, *q_start])), dtype=float)
+
+    def equations(self, tape: Tape) -> Equations:
+        """Return the equations on a tape, with the raw numbers as inputs r[...]."""
+        places = count()
+
+        def number(_: float) -> Scalar:
+            return tape.input(f"r[{next(places)}]", known=True)
+
+        mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), number)
+        q_start = np.array([number(0.0) for _ in range(self.n)], dtype=object)
+        return Equations(mechanism, q_start, baumgarte, self.following)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A function under construction: a tape, the equations and the contacts' phases on it, and a state."""
+
+    tape: Tape
+    equations: Equations
+    phases: Array
+    t: Scalar
+    q: Array
+    v: Array
+
+
+class Kernel:
+    """Functions of one topology under construction.
+
+    Those that Python and the loops call take arrays: ``p``, the parameters, ``contacts``, records (see
+    ``contact.types``), and states. Those that they call themselves, and that are put in their place, take
+    scalars: an array handed on would have its references counted.
+    """
+
+    def __init__(self, topology: Topology) -> None:
+        self.topology, self.n, self._parameters = topology, topology.n, Parameters()
+        self._functions: list[str] = []
+        self._reads: dict[str, list[str]] = {}
+        self._answers: list[Scalar] = []
+        self.equations = topology.equations(Tape())
+        self.powers = self.equations.power_names
+        self._state = [f"{letter}{c}" for letter in "qv" for c in range(self.n)]
+        #: Phases and memories by the names that the functions know them by.
+        self._phases = {
+            f"{of}{k}": f"contacts[{k}].{of}"
+            for k, joint in enumerate(topology.mechanism.contacts)
+            for of in ("phase", "memory")
+            if not joint.rigid
+        }
+
+    def source(self) -> str:
+        """Return the module's text."""
+        texts = "".join(f"        {text},\n" for text in self._parameters.texts)
+        made = f"def parameters(r):\n    return [\n{texts}    ]"
+        return "\n\n".join([HEADER, made, *self._functions]) + "\n"
+
+    def begin(self) -> Draft:
+        """Return a new function."""
+        tape, contacts = Tape(), self.topology.mechanism.contacts
+        phases = [
+            [0.0 if joint.rigid else tape.input(f"{of}{k}") for of in ("phase", "memory")]
+            for k, joint in enumerate(contacts)
+        ]
+        q, v = tape.inputs("q", self.n), tape.inputs("v", self.n)
+        return Draft(tape, self.topology.equations(tape), array(phases), tape.input("t"), q, v)
+
+    def inner(self, name: str, draft: Draft, results: Sequence[Scalar]) -> None:
+        """Write a function that others call (see ``call``)."""
+        writer = self._writer()
+        texts = writer.write(draft.tape, [*results])
+        self._reads[name] = writer.reads
+        arguments = [*writer.reads, *self._phases, "t", *self._state]
+        self._define(INLINE, name, arguments, [*writer.lines, f"return {', '.join(texts)}"])
+
+    def call(self, name: str, draft: Draft, t: Scalar, q: Array, v: Array, results: list[str]) -> list[Value]:
+        """Return on a tape the results, by their names, of an inner function at a state."""
+        return draft.tape.call(name, [*self._reads[name], *self._phases, t, *q, *v], results)
+
+    def entry(
+        self,
+        name: str,
+        arguments: Sequence[str],
+        draft: Draft,
+        ok: Scalar,
+        stores: Iterable[tuple[str, Scalar]],
+        before: Sequence[str] | str,
+    ) -> None:
+        """Write a function that stores values in arrays, by their places, and returns whether it could.
+
+        It begins with lines ``before`` all else, or with the names of coordinates and velocities of a state.
+        """
+        stores, writer = [*stores], self._writer(arguments)
+        *texts, returned = writer.write(draft.tape, [*(value for _, value in stores), ok])
+        lines = [*(self.unpack(before) if isinstance(before, str) else before), *writer.lines]
+        lines += [f"{place} = {text}" for (place, _), text in zip(stores, texts, strict=True)]
+        self._define(
+            ENTRY, name, arguments, [*self._reading(writer, arguments), *lines, f"return {returned}"]
+        )
+
+    def unpack(self, of: str) -> list[str]:
+        """Return lines that name the coordinates and velocities of a state, its name with a point behind."""
+        return [f"{name} = {of}{name[0]}[{name[1:]}]" for name in self._state]
+
+    def _writer(self, names: Iterable[str] = ()) -> Writer:
+        return Writer(self._parameters, [*names, "t", *self._phases, *self._state])
+
+    def _reading(self, writer: Writer, arguments: Sequence[str]) -> list[str]:
+        """Return the lines that read parameters and phases from their arrays, if these are given."""
+        reads = [*writer.reads, *(name for inner in writer.calls for name in self._reads[inner])]
+        lines = [f"{name} = p[{name[1:]}]" for name in dict.fromkeys(reads)]
+        phases = self._phases.items() if "contacts" in arguments else ()
+        return lines + [f"{name} = {place}" for name, place in phases]
+
+    def _define(self, options: str, name: str, arguments: Sequence[str], lines: list[str]) -> None:
+        head = f"@njit({options})\ndef {name}({', '.join(arguments)}):"
+        self._functions.append("\n    ".join([head, *lines]))
+
+    # ------------------------------------------------------------ the equations as functions
+
+    def answer(self) -> None:
+        """Write ``answer``: {q''}, {lambda}, powers, friction forces, what feedback removes, success."""
+        draft = self.begin()
+        found = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+        results = [*found.accelerations, *found.multipliers, *found.powers.values(), *found.friction_N]
+        results += [found.removed_W, found.damper_per_s, found.ok]
+        self._answers = results
+        self.inner("answer", draft, results)
+
+    def call_answer(self, draft: Draft, t: Scalar, q: Array, v: Array) -> Answer:
+        """Return on a tape what ``answer`` does; what it has as a number, it is here too."""
+        sizes = (self.n, len(self.equations.C), len(self.powers), len(self.topology.mechanism.contacts))
+        ends = np.cumsum(sizes)
+        letters = zip(("a", "lambda", "power", "friction"), sizes, strict=True)
+        names = [f"{letter}{k}" for letter, size in letters for k in range(size)]
+        found = self.call("answer", draft, t, q, v, [*names, "removed", "damper", "ok"])
+        found = [new if isinstance(x, Value) else x for new, x in zip(found, self._answers, strict=True)]
+        a, lambda_, powers, friction, rest = (found[i:j] for i, j in pairwise([0, *ends, len(found)]))
+        by_name = dict(zip(self.powers, powers, strict=True))
+        return Answer(array(a), array(lambda_), by_name, friction, *rest)
+
+    def projection(self) -> None:
+        """Write ``project``: q and q' on the constraints, the energy removed, success."""
+        draft = self.begin()
+        q, v, removed, ok = draft.equations.project(draft.t, draft.q, draft.v, draft.phases)
+        self.inner("project", draft, [*q, *v, removed, ok])
+
+    def call_project(
+        self, draft: Draft, t: Scalar, q: Array, v: Array
+    ) -> tuple[Array, Array, Scalar, Scalar]:
+        """Return on a tape what ``project`` does."""
+        names = [f"new{c}" for c in range(2 * self.n)]
+        *new, removed, ok = self.call("project", draft, t, q, v, [*names, "removed", "ok"])
+        return array(new[: self.n]), array(new[self.n :]), removed, ok
+
+    def step(self, draft: Draft, h: Scalar, lost: Array | None = None) -> Step:
+        """Return a step on a tape (see ``methods.step``)."""
+
+        def project(t: Scalar, q: Array, v: Array) -> tuple[Array, Array, Scalar, Scalar]:
+            return self.call_project(draft, t, q, v)
+
+        def answer(t: Scalar, q: Array, v: Array) -> Answer:
+            return self.call_answer(draft, t, q, v)
+
+        projected = project if self.topology.projected else None
+        return step(self.topology.method, answer, projected, draft.t, draft.q, draft.v, h, lost)
+
+    def slopes(self) -> None:
+        """Write ``slopes(p, contacts, t, motion, rates)``: the rates at a state; False on failure.
+
+        A projection acts between steps: the rate of what it removes is zero.
+        """
+        draft = self.begin()
+        found = self.call_answer(draft, draft.t, draft.q, draft.v)
+        powers = [*found.powers.values(), found.removed_W]
+        forces = [force for k, x in enumerate(found.friction_N) for force in (found.powers[f"normal{k}"], x)]
+        own = found.multipliers[: self.equations.own_rows]
+        parts = {"a": found.accelerations, "powers": powers, "multipliers": own}
+        parts |= {"forces": forces}
+        stores = [(f"rates.{name}[{c}]", x) for name, values in parts.items() for c, x in enumerate(values)]
+        self.entry("slopes", ["p", "contacts", "t", "motion", "rates"], draft, found.ok, stores, "motion.")
+
+    def right_hand_side(self) -> None:
+        """Write ``right_hand_side(p, contacts, t, row, rate, y, K)`` for ``adaptive_loop``; False on failure.
+
+        y has coordinates and velocities, row of K gets their rates and the powers, all times ``rate``.
+        """
+        draft = self.begin()
+        found, rate = self.call_answer(draft, draft.t, draft.q, draft.v), draft.tape.input("rate")
+        changes = [*draft.v, *found.accelerations, *found.powers.values(), found.removed_W]
+        stores = [(f"K[row, {c}]", rate * x) for c, x in enumerate(changes)]
+        arguments = ["p", "contacts", "t", "row", "rate", "y", "K"]
+        before = [f"{name} = y[{c}]" for c, name in enumerate(self._state)]
+        self.entry("right_hand_side", arguments, draft, found.ok, stores, before)
+
+    def move(self) -> None:
+        """Write ``move(p, contacts, t, motion)``: a motion onto the constraints; False on failure.
+
+        What that removes is added to the last of the sums.
+        """
+        draft, stores, ok = self.begin(), list[tuple[str, Scalar]](), True
+        if self.topology.projected:
+            q, v, removed, ok = self.call_project(draft, draft.t, draft.q, draft.v)
+            parts = {"q": q, "v": v}
+            stores = [(f"motion.{of}[{c}]", x) for of, values in parts.items() for c, x in enumerate(values)]
+            place = f"motion.sums[{len(self.powers)}]"
+            stores += [(place, draft.tape.input(place) + removed)]
+        self.entry("move", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.")
+
+    def gaps(self) -> None:
+        """Write ``gaps(p, contacts, t, motion)``, which sets the gaps of a state; False on failure."""
+        draft = self.begin()
+        stores, ok = self._gaps(draft, draft.t, draft.q, draft.v, "motion")
+        self.entry("gaps", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.")
+
+    def _gaps(
+        self, draft: Draft, t: Scalar, q: Array, v: Array, motion: str
+    ) -> tuple[list[tuple[str, Scalar]], Scalar]:
+        """Return the fields of the contacts' gaps at a state, with their places in a motion, and success.
+
+        Whether pins that follow rigid walls are pressed against them takes an answer.
+        """
+        stores, powers, ok = [], dict[str, Scalar](), True
+        if self.topology.following:
+            found = self.call_answer(draft, t, q, v)
+            powers, ok = found.powers, found.ok
+        state = State(q, v)
+        for k, joint in enumerate(draft.equations.mechanism.contacts):
+            phase, memory = draft.phases[k]
+            fields = gap(joint, phase, memory, state, powers.get(f"normal{k}", 0.0))
+            stores += [(f"{motion}.gaps[{k}].{field}", value) for field, value in fields.items()]
+        return stores, ok
+
+    def contact_step(self) -> None:
+        """Write ``step(p, contacts, t, h, old, new)``: a step, its sums, the new gaps; False on failure.
+
+        The sums are those of ``Equations.power_names``, and the energy that a stabilisation removes.
+        """
+        draft = self.begin()
+        h = draft.tape.input("h")
+        found = self.step(draft, h)
+        stores, ok = self._gaps(draft, draft.t + h, found.q, found.v, "new")
+        parts = {"q": found.q, "v": found.v, "sums": [*found.sums.values(), found.removed]}
+        stores += [(f"new.{name}[{c}]", x) for name, values in parts.items() for c, x in enumerate(values)]
+        arguments = ["p", "contacts", "t", "h", "old", "new"]
+        self.entry("step", arguments, draft, both(found.ok, ok), stores, "old.")
+
+    def mobilities(self) -> None:
+        """Write ``mobilities(p, motion, out)`` (see ``Equations.mobilities``)."""
+        draft = self.begin()
+        found = draft.equations.mobilities(draft.q)
+        stores = [(f"out[{k}]", value) for k, value in enumerate(found)]
+        self.entry("mobilities", ["p", "motion", "out"], draft, True, stores, "motion.")
+
+    def advance(self) -> None:
+        """Write ``advance(p, q, v, sums, h, first, count)``: steps first to first + count - 1, in place.
+
+        It returns the number of steps done, and adds to the sums; fewer than ``count`` steps mean that the
+        step begun from the state left in q and v met a singular configuration or overflowed.
+        """
+        draft = self.begin()
+        own = [f"lost{c}" for c in range(2 * self.n)]
+        found = self.step(draft, draft.tape.input("h"), draft.tape.inputs("lost", 2 * self.n))
+        sums = [*found.sums.values(), found.removed]
+        added = [f"added{k}" for k in range(len(sums))]
+        arguments, carried = ["p", "q", "v", "sums", "h", "first", "count"], [*self._state, *own]
+        writer = self._writer([*arguments, *own, *added, "done"])
+        state = [*found.q, *found.v, *named("less", found.lost)]
+        ok, *texts = writer.write(draft.tape, [found.ok, *state, *sums])
+        inside = ["t = (first + done)*h", *writer.lines, f"if not ({ok}):", "    break"]
+        inside += [f"{name} = {text}" for name, text in zip(carried, texts, strict=False)]
+        inside += [f"{name} += {text}" for name, text in zip(added, texts[len(carried) :], strict=True)]
+        lines = [
+            *self._reading(writer, arguments),
+            *self.unpack(""),
+            *(f"{name} = 0.0" for name in [*own, *added]),
+        ]
+        lines += ["done = 0", "while done < count:", *(f"    {line}" for line in [*inside, "done += 1"])]
+        lines += [f"{name[0]}[{name[1:]}] = {name}" for name in self._state]
+        lines += [f"sums[{k}] += {name}" for k, name in enumerate(added)]
+        self._define(ENTRY, "advance", arguments, [*lines, "return done"])
+
+
+@cache
+def source_of(topology: Topology) -> str:
+    """Return the module of a marked topology: ``slopes``, and what the loop that is to run calls.
+
+    That is ``advance`` without contacts; with them ``step``, ``gaps`` and ``mobilities``, for
+    ``contact.loop``; and with error control what ``adaptive_loop.Kernel`` has.
+    """
+    kernel = Kernel(topology)
+    kernel.answer()
+    if topology.projected:
+        kernel.projection()
+    kernel.slopes()
+    if topology.method.embedded:
+        kernel.right_hand_side()
+        kernel.move()
+        kernel.gaps()
+        kernel.mobilities()
+    elif topology.mechanism.contacts:
+        kernel.gaps()
+        kernel.contact_step()
+        kernel.mobilities()
+    else:
+        kernel.advance()
+    return kernel.source()

@@ -1,0 +1,153 @@
+"""Generated kernels as modules, and their machine code kept on disk between processes.
+
+Not in Numba's own cache, which believes whatever its files say, mixes up what processes write beside each
+other, and never heals. Here every compiled function is one file: its name is a hash of all that decides the
+code (see ``checked_files``).
+"""
+
+import hashlib
+import inspect
+import linecache
+import pickle
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from types import ModuleType
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from reference_solver.compiled.checked_files import read_checked, write_checked
+from reference_solver.compiled.folder import FolderRefused, kernel_folder, temporary_folder
+
+__all__ = ["FolderRefused", "compiled_anew", "kernel_folder", "load_kernel", "njit"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+#: What decides machine code beside its source, its types and the processor.
+VERSIONS = (numba.__version__, sys.implementation.cache_tag)
+
+
+def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F], F]:
+    """Return Numba's decorator of this name; with ``cache`` the machine code is kept in ``kernel_folder()``.
+
+    Calling what it makes, or its signature here, raises FolderRefused where others could have written there.
+    """
+
+    def decorate(function: F) -> F:
+        compiled: Any = numba.njit(**options)(function)
+        if compiled is function:  # NUMBA_DISABLE_JIT is set
+            return function
+        if cache:
+            compiled._cache = KeptCode(function)
+        if signature:
+            compiled.compile(*signature)
+            compiled.disable_compile()
+        return cast(F, compiled)
+
+    return decorate
+
+
+class KeptCode(_Cache):
+    """The machine code of one function, as Numba asks for it, of each signature in a file."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        module = sys.modules[function.__module__]
+        self._name = f"{module.__name__}.{function.__qualname__}"
+        texts = [inspect.getsource(of) for of in (module, *getattr(module, "COMPILED_WITH", ()))]
+        self._what = (*VERSIONS, *texts, self._name)
+
+    @property
+    def cache_path(self) -> str:
+        """Where files are."""
+        return str(kernel_folder())
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        """Return the code for a signature, None if there is none that can be trusted."""
+        target_context.refresh()
+        code = read_checked(self._file(sig, target_context.codegen()))
+        return None if code is None else CompileResult._rebuild(target_context, *pickle.loads(code))
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for a signature."""
+        if not data.library.has_dynamic_globals:  # addresses of this process
+            write_checked(self._file(sig, data.codegen), dumps(data._reduce()))
+
+    def _file(self, sig: Any, codegen: Any) -> str:
+        what = hashlib.sha256(repr((*self._what, sig, codegen.magic_tuple())).encode())
+        return f"{self._name}-{what.hexdigest()[:16]}.nbc"
+
+    def enable(self) -> None:
+        """Do nothing: it always is."""
+
+    def disable(self) -> None:
+        """Do nothing."""
+
+    def flush(self) -> None:
+        """Do nothing: whatever is there is right."""
+
+
+@cache
+def load_kernel(source: str) -> ModuleType:
+    """Return the module with this source."""
+    name = f"kernel_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    module = ModuleType(name)
+    module.__file__ = f"<{name}>"
+    sys.modules[name] = module  # where Numba looks its functions up when it loads their machine code
+    linecache.cache[module.__file__] = (len(source), None, source.splitlines(keepends=True), module.__file__)
+    exec(compile(source, module.__file__, "exec"), module.__dict__)
+    return module
+
+
+@cache
+def compiled(function: Callable[..., Any], signature: object) -> Callable[..., Any]:
+    """Return a function compiled for a signature with its module's ``OPTIONS``, its machine code kept.
+
+    It takes arguments of these types and does not look: to find out what they are would take Numba 30 us.
+    """
+    made: Any = njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
+    overloads = [*getattr(made, "overloads", {}).values()]
+    return cast(Callable[..., Any], overloads[0].entry_point if overloads else made)
+
+
+class Callee(numba.types.WrapperAddressProtocol):
+    """A compiled function as an argument of others; to pass it as it is would take Numba 50 us."""
+
+    def __init__(self, function: Any, signature: Any) -> None:
+        self._signature, found = signature, function.get_compile_result(signature)
+        self._address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+        self._function = function  # whose machine code lives as long
+
+    def __wrapper_address__(self) -> int:
+        """Return where the machine code is."""
+        return int(self._address)
+
+    def signature(self) -> Any:
+        """Return its signature."""
+        return self._signature
+
+
+def callee(function: Any, kind: Any) -> Any:
+    """Return a kernel's function as an argument of a Numba function type."""
+    return Callee(function, kind.signature) if hasattr(function, "get_compile_result") else function
+
+
+@contextmanager
+def compiled_anew() -> Iterator[None]:
+    """Have kernels compiled as on a machine that has none, in a folder that is gone afterwards.
+
+    Numba itself has been set to work before that, which takes a second the first time.
+    """
+    with temporary_folder():
+        load_kernel.cache_clear()
+        compiled.cache_clear()
+        try:
+            load_kernel("from numba import njit\n\nready = njit(lambda x: x + 1.0)\n").ready(1.0)
+            yield
+        finally:
+            load_kernel.cache_clear()
+            compiled.cache_clear()

@@ -1,0 +1,609 @@
+"""The loop of error control: DOP853 with its embedded estimate, from event to event.
+
+Numba compiles this module as it stands, once for all mechanisms, and without Numba it runs too, as
+``contact.loop`` does, which has the events themselves. The method is that of Hairer, Norsett and Wanner
+(1993, II.5 and II.10). A step of it is as long as ten of RK4's, so an event is first sought on the quintic
+through positions, velocities and accelerations at both ends, which costs no right-hand side; steps that end
+there are then corrected by Newton's method.
+
+Near touch and release forces go with powers of the penetration that are no whole numbers, as delta^1.5, and
+no method keeps its order over them. There the step is one in s, with the time t = t0 + s^2 from a touch on
+and t = t1 - s^2 up to a release: the penetration, of order s^2, has the square root s, and the force is
+smooth in s.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import from_dtype
+from numba.extending import register_jitable
+from numba.types import FunctionType, boolean, float64, int64
+from numba.types import NamedTuple as NumbaTuple
+from numpy.typing import NDArray
+
+from reference_solver import methods
+from reference_solver.contact import loop, types
+from reference_solver.contact.loop import (
+    ARRAY,
+    CLOCK,
+    CONTACTS,
+    INNER,
+    MOBILITIES,
+    MOTION,
+    OPTIONS,
+    RECORDS,
+    SLOPES,
+    TABLE,
+    WORK,
+    alarm,
+    close_at_start,
+    due,
+    gone_off,
+    note,
+    quintic,
+    settled,
+    turned_back,
+    write,
+)
+from reference_solver.contact.types import CONTROL_RECORD, FAILED, FLIGHT, GO, SETTLE, Control, Motion, Work
+from reference_solver.methods import dop853
+
+__all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "Kernel", "advance"]
+
+FloatArray = NDArray[np.float64]
+
+#: Modules whose functions and constants the machine code has taken over.
+COMPILED_WITH = (types, loop, methods)
+
+METHOD = dop853()
+STAGES, EXPONENT = len(METHOD.weights), 1.0 / METHOD.order
+NODES, WEIGHTS = np.array(METHOD.nodes), np.array(METHOD.weights)
+MATRIX = np.array([(*row, *[0.0] * (STAGES - len(row))) for row in METHOD.matrix])
+ESTIMATES, DENSE = np.array(METHOD.embedded.estimates), np.array(METHOD.embedded.dense)
+EXTRA_NODES, EXTRA_MATRIX = np.array(METHOD.embedded.nodes), np.array(METHOD.embedded.matrix)
+#: Slopes of a step: its stages, that at its end, and those that dense output takes beside them.
+SLOPE_ROWS = METHOD.embedded.slopes
+#: Coefficients of dense output: the step's change, its two slopes, and what the method adds.
+DENSE_ROWS = 3 + len(DENSE)
+
+#: Step control: safety factor, bounds of what a step changes by, and the weight of the error before.
+SAFETY, LEAST, MOST, BETA = 0.8, 0.2, 8.0, 0.04
+#: Rejections in a row: halved as often, any step is below the round-off of time, or bounces around it.
+MOST_REJECTIONS = 100
+#: Part of the clearance (or of a radian) that a pin crosses in a step of flight.
+FLIGHT_PART = 0.5
+#: Part of the distance in time to a release that is left to a step which does not end there.
+LEFT = 0.05
+#: Parts of the tolerance and of the clearance within which a step ends on its event; round-off of the gap, as
+#: a part of the mechanism's length, or of how far it is from the origin; and the most trials for it.
+LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
+#: Part of a step by which one that ends short of a change of the force's sign is made longer at first.
+PAST = 1e-10
+#: Bounds of a contact's first step, as a part of its duration.
+SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
+
+RIGHT_HAND_SIDE = FunctionType(boolean(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
+AT_STATE = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION))
+
+
+class Kernel(NamedTuple):
+    """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
+
+    right_hand_side: object
+    slopes: object
+    gaps: object
+    move: object
+    mobilities: object
+
+
+KERNEL = NumbaTuple((RIGHT_HAND_SIDE, SLOPES, AT_STATE, AT_STATE, MOBILITIES), Kernel)
+CONTROL = NumbaTuple((from_dtype(CONTROL_RECORD)[::1], *(ARRAY,) * 7, TABLE, TABLE), Control)
+ADVANCE = int64(KERNEL, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS, WORK, CONTROL)
+
+
+class Course(NamedTuple):
+    """How time goes over a step, time = origin + sign s^2, or origin + s with sign 0, and where s begins."""
+
+    origin: float
+    sign: float
+    begin: float
+
+
+class Run(NamedTuple):
+    """What a run works on: the mechanism, the state at both ends of a step and in it, and error control."""
+
+    kernel: Kernel
+    p: FloatArray
+    contacts: NDArray[np.void]
+    old: Motion
+    work: Work
+    control: Control
+
+
+# ------------------------------------------------------------------------------------------ time
+
+
+@register_jitable(**INNER)
+def time_at(course, s):
+    """Return the time at s, and its rate."""
+    if course.sign == 0.0:
+        return course.origin + s, 1.0
+    return course.origin + course.sign * s * s, 2.0 * course.sign * s
+
+
+@register_jitable(**INNER)
+def place_at(course, time):
+    """Return s at a time."""
+    if course.sign == 0.0:
+        return time - course.origin
+    return np.sqrt(max(course.sign * (time - course.origin), 0.0))
+
+
+@register_jitable(**INNER)
+def lasting(course, H):
+    """Return how long a step of H in s lasts."""
+    return H if course.sign == 0.0 else abs((2.0 * course.begin + H) * H)
+
+
+@register_jitable(**INNER)
+def remaining(contact, gap):
+    """Return the time that a pin on its way out is from release, if the wall's elastic force alone acts.
+
+    From rest it is 1.4716 depths over the final speed, exactly so for the exponent 1.5 (Hertz).
+    """
+    power = contact.exponent + 1.0
+    rate, pushed = abs(gap.rate), 2.0 / power * contact.mobility * contact.stiffness * gap.depth**power
+    speed = np.sqrt(rate * rate + pushed)
+    return gap.depth / speed * (1.0 + 0.4716 * (1.0 - rate / speed))
+
+
+@register_jitable(**INNER)
+def course_of(contacts, gaps, t, h, careful):
+    """Return the course of a step of h at most, its length in s, and the contact released at its end, or -1.
+
+    ``careful`` steps do not try for a release. Only one contact has the square root of its own time.
+    """
+    closed, k = 0, -1
+    for i in range(len(contacts)):
+        if contacts[i].phase != FLIGHT and contacts[i].rigid == 0.0:
+            closed, k = closed + 1, i
+    if closed == 1 and contacts[k].exponent % 1.0 != 0.0:
+        contact, gap = contacts[k], gaps[k]
+        since, left = t - contact.began_s, 0.0
+        if gap.rate >= 0.0 and 0.0 <= since < contact.duration_s:
+            begin = np.sqrt(since)
+            return Course(contact.began_s, 1.0, begin), np.sqrt(since + h) - begin, -1
+        if gap.rate < 0.0 and gap.depth > 0.0:
+            left = remaining(contact, gap)
+        if left > 0.0 and t + left > t:
+            begin = np.sqrt(left)
+            course = Course(t + left, -1.0, begin)
+            if h >= (1.0 - LEFT) * left and not careful:
+                return course, -begin, k
+            return course, np.sqrt(max(left - h, LEFT * LEFT * left)) - begin, -1
+    return Course(t, 0.0, 0.0), h, -1
+
+
+# ---------------------------------------------------------------------------------------- a step
+
+
+@register_jitable(**INNER)
+def weigh(out, base, scale, weights, rows, K):
+    """Set ``out`` to a base and ``scale`` times the sum of the first rows of slopes by weights."""
+    for c in range(len(out)):
+        out[c] = base[c]
+    for j in range(rows):
+        weight = scale * weights[j]
+        if weight != 0.0:
+            for c in range(len(out)):
+                out[c] += weight * K[j, c]
+
+
+@register_jitable(**INNER)
+def norm(out, estimate, control):
+    """Return the sum of squares of an estimate of the error per unit of s, over the tolerance."""
+    weigh(out, control.zeros, 1.0, estimate, STAGES, control.K)
+    total = 0.0
+    for c in range(len(out)):
+        total += (out[c] * control.weights[c]) ** 2
+    return total
+
+
+@register_jitable(**INNER)
+def trial(run, course, H):
+    """Take a step of H in s; return its error over the tolerance, infinite on failure."""
+    control = run.control
+    y, new_y, stage, K = control.y, control.new_y, control.stage, control.K
+    _, rate = time_at(course, course.begin)
+    for c in range(len(y)):
+        K[0, c] = rate * control.slope[c]
+    for i in range(1, STAGES):
+        weigh(stage, y, H, MATRIX[i], i, K)
+        t, rate = time_at(course, course.begin + NODES[i] * H)
+        if not run.kernel.right_hand_side(run.p, run.contacts, t, i, rate, stage, K):
+            return np.inf
+    weigh(new_y, control.zeros, 1.0, WEIGHTS, STAGES, K)
+    for c in range(len(y)):  # the sum first, then y, for the sake of rounding
+        new_y[c] = y[c] + H * new_y[c]
+    fifth, third = norm(stage, ESTIMATES[0], control), norm(stage, ESTIMATES[1], control)
+    error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * len(run.old.q) + 1e-300)
+    return error if np.isfinite(error + third) else np.inf
+
+
+@register_jitable(**INNER)
+def finish(run, t):
+    """Move the new state onto its constraints, and set its gaps and slope; return whether it could."""
+    kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.work.new
+    if not kernel.move(p, contacts, t, new) or not kernel.gaps(p, contacts, t, new):
+        return False
+    return rates(run, t, run.control.new_y, run.control.new_slope)
+
+
+@register_jitable(**INNER)
+def rates(run, t, y, slope):
+    """Set ``slope`` to the rates at a state; return whether it could."""
+    K = run.control.K
+    ok = run.kernel.right_hand_side(run.p, run.contacts, t, STAGES, 1.0, y, K)
+    for c in range(len(slope)):
+        slope[c] = K[STAGES, c]
+    return ok
+
+
+@register_jitable(**INNER)
+def changed(error, before, rejected):
+    """Return the factor by which a step changes, from its error and the one before (Gustafsson 1991)."""
+    if error > 1.0:
+        return max(LEAST, SAFETY * error**-EXPONENT) if np.isfinite(error) else LEAST
+    if error == 0.0:
+        return 1.0 if rejected else MOST
+    factor = SAFETY * error ** (0.2 * BETA - EXPONENT) * before**BETA
+    return min(1.0 if rejected else MOST, max(LEAST, factor))
+
+
+# ---------------------------------------------------------------------------------------- events
+
+
+@register_jitable(**INNER)
+def round_off(run):
+    """Return the round-off of a gap at the end of a step."""
+    far, q = run.control.record[0].length, run.work.new.q
+    for c in range(len(q)):
+        if c % 3 != 2:
+            far = max(far, abs(q[c]))
+    return ROUND_OFF * far
+
+
+@register_jitable(**INNER)
+def value_on(run, t, h, x, event):
+    """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
+    old, new, at, n = run.old, run.work.new, run.work.at, len(run.old.q)
+    for c in range(n):
+        start, curve = h * old.v[c], 0.5 * h * h * run.control.slope[n + c]
+        stop, new_curve = h * new.v[c], 0.5 * h * h * run.control.new_slope[n + c]
+        rise = new.q[c] - old.q[c] - start - curve
+        third, fourth, fifth = quintic(rise, start, stop, curve, new_curve)
+        at.q[c] = old.q[c] + x * (start + x * (curve + x * (third + x * (fourth + x * fifth))))
+        slope = 2.0 * curve + x * (3.0 * third + x * (4.0 * fourth + x * 5.0 * fifth))
+        at.v[c] = (start + x * slope) / h
+    run.kernel.gaps(run.p, run.contacts, t + x * h, at)
+    return alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
+
+
+@register_jitable(**INNER)
+def turning(run, t, h, k, rising):
+    """Return where the gap of a contact turns that is rising, or falling, at a step's start.
+
+    A rising one is followed no further than to where it is past its wall.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        x = 0.5 * (low + high)
+        value = value_on(run, t, h, x, 2 * k)
+        if rising and run.contacts[k].phase == FLIGHT and value > 0.0:
+            return x
+        if (run.work.at.gaps[k].rate > 0.0) == rising:
+            low = x
+        else:
+            high = x
+    return high
+
+
+@register_jitable(**INNER)
+def root(run, t, h, event, low, high):
+    """Return where between two places of a step the alarm of an event passes zero (Illinois method)."""
+    low_value, high_value = value_on(run, t, h, low, event), value_on(run, t, h, high, event)
+    if low_value > 0.0:
+        return low
+    for _ in range(60):
+        if not high_value > 0.0 or high - low < 1e-12:
+            break
+        x = high - high_value * (high - low) / (high_value - low_value)
+        if not low < x < high:
+            x = 0.5 * (low + high)
+        value = value_on(run, t, h, x, event)
+        if value > 0.0:
+            high, high_value, low_value = x, value, 0.5 * low_value
+        else:
+            low, low_value, high_value = x, value, 0.5 * high_value
+    return high
+
+
+@register_jitable(**INNER)
+def passed(contact, gap, new_gap, kind):
+    """Return whether an event lies within a step, by both its ends."""
+    if kind == 1 or contact.rigid != 0.0:
+        return gone_off(contact, new_gap, kind)
+    outwards = 1.0 if contact.phase == FLIGHT else -1.0
+    begin, end = outwards * gap.g, outwards * new_gap.g
+    # What begins past its wall by round-off, on its way back, is past it still while it comes nearer.
+    return end > 0.0 and (outwards * new_gap.rate > 0.0 or begin <= 0.0 or end > begin)
+
+
+@register_jitable(**INNER)
+def unseen(contacts, gaps):
+    """Return whether a pin is past its wall in flight, or off it in contact, by more than landing leaves."""
+    for k in range(len(contacts)):
+        outwards = 1.0 if contacts[k].phase == FLIGHT else -1.0
+        if (
+            contacts[k].rigid == 0.0
+            and outwards * gaps[k].g > 2.0 * LANDING_CLEARANCE * contacts[k].clearance
+        ):
+            return True
+    return False
+
+
+@register_jitable(**INNER)
+def first_event(run, t, h, noise, skip):
+    """Return the first event but ``skip`` within a step and its place in it, or -1 and 1."""
+    event, place = -1, 1.0
+    for k in range(len(run.contacts)):
+        contact, gap, new_gap = run.contacts[k], run.old.gaps[k], run.work.new.gaps[k]
+        rising = gap.rate > 0.0
+        for kind in range(2):
+            low, high = 0.0, -1.0
+            if 2 * k + kind == skip:
+                continue
+            if passed(contact, gap, new_gap, kind):
+                high = 1.0
+                if kind == 0 and rising != (contact.phase == FLIGHT):
+                    low = turning(run, t, h, k, rising)
+            elif kind == 0 and turned_back(contact, gap, new_gap):
+                high = turning(run, t, h, k, rising)
+                if run.work.at.gaps[k].g <= max(noise, contact.noise):
+                    continue
+            if high > 0.0:
+                x = root(run, t, h, 2 * k + kind, low, high)
+                if event < 0 or x < place:
+                    event, place = 2 * k + kind, x
+    return event, place
+
+
+@register_jitable(**INNER)
+def land(run, course, H, t, end, event, held):
+    """End the step from t on an event near a time; return its course, length in s and end, NaN if it cannot.
+
+    By Newton's method on the gap, of which a step from the same start is a smooth function of its end; a
+    change of the force's sign has to be past. H is that of the step which has been taken, NaN if another is
+    to be.
+    """
+    k, exact, begin, latest = event // 2, event % 2 == 0, course.begin, t + 1.5 * (end - t)
+    contact, least = run.contacts[k], round_off(run)
+    if contact.rigid == 0.0:
+        close = min(LANDING * held.tolerance * held.length, LANDING_CLEARANCE * contact.clearance)
+        least = max(least, close)
+    for trials in range(LANDINGS):
+        if trials > 0 or np.isnan(H):
+            if course.sign < 0.0 and exact:
+                begin = np.sqrt(end - t)
+                course, H = Course(end, -1.0, begin), -begin
+            else:
+                H = place_at(course, end) - begin
+            if not trial(run, course, H) < 10.0 or not finish(run, end):
+                break
+        gap = run.work.new.gaps[k]
+        if exact:
+            more = -gap.g / gap.rate
+            if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
+                return course, H, end
+            if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
+                break
+        else:
+            more = PAST * (end - t) * 100.0**trials
+            if alarm(contact, gap, 1) > 0.0:
+                return course, H, end
+        end += more
+    return course, 0.0, np.nan
+
+
+# -------------------------------------------------------------------------------- dense output
+
+
+@register_jitable(**INNER)
+def within(run, course, H, end, now, records):
+    """Write the samples before the end of a step by the method's own interpolant, of order 7 in s."""
+    control, at, n, ok = run.control, run.work.at, len(run.old.q), True
+    K, F, y, new_y = control.K, control.dense, control.y, control.new_y
+    _, first = time_at(course, course.begin)
+    _, last = time_at(course, course.begin + H)
+    for c in range(len(y)):
+        K[0, c], K[STAGES, c] = first * control.slope[c], last * control.new_slope[c]
+    for e in range(len(EXTRA_NODES)):
+        row = STAGES + 1 + e
+        weigh(control.stage, y, H, EXTRA_MATRIX[e], row, K)
+        t, rate = time_at(course, course.begin + EXTRA_NODES[e] * H)
+        ok = run.kernel.right_hand_side(run.p, run.contacts, t, row, rate, control.stage, K) and ok
+    for c in range(len(y)):
+        change, start, stop = new_y[c] - y[c], H * K[0, c], H * K[STAGES, c]
+        F[0, c], F[1, c], F[2, c] = change, start - change, 2.0 * change - start - stop
+        for i in range(len(DENSE)):
+            total = 0.0
+            for j in range(SLOPE_ROWS):
+                total += DENSE[i, j] * K[j, c]
+            F[3 + i, c] = H * total
+    while now.taken < len(records.time) and records.time[now.taken] < end:
+        time = records.time[now.taken]
+        x = (place_at(course, time) - course.begin) / H
+        for c in range(len(y)):
+            change = 0.0
+            for i in range(DENSE_ROWS - 1, -1, -1):
+                change = (change + F[i, c]) * (x if i % 2 == 0 else 1.0 - x)
+            control.stage[c] = y[c] + change
+        for c in range(n):
+            at.q[c], at.v[c] = control.stage[c], control.stage[n + c]
+        for c in range(len(at.sums)):
+            at.sums[c] = control.stage[2 * n + c]
+        ok = (
+            write(run.kernel.slopes, run.p, run.contacts, time, at, now, records, run.work.sample_rates)
+            and ok
+        )
+    return ok
+
+
+# -------------------------------------------------------------------------------------- the loop
+
+
+@register_jitable(**INNER)
+def longest(contacts, gaps, h):
+    """Return a step in which no pin flies further than a part of its clearance at its present speed."""
+    for k in range(len(contacts)):
+        far = FLIGHT_PART * contacts[k].clearance
+        if (contacts[k].phase == FLIGHT or contacts[k].rigid != 0.0) and gaps[k].speed * h > far:
+            h = far / gaps[k].speed
+    return h
+
+
+@register_jitable(**INNER)
+def follow(run, clock, records):
+    """Take a step, to the first event at most, or find that it has to be shorter; return how that ended."""
+    contacts, old, new, control = run.contacts, run.old, run.work.new, run.control
+    now, held = clock[0], control.record[0]
+    t, careful = now.time, held.rejected != 0
+    h = longest(contacts, old.gaps, min(held.step, now.longest))
+    course, H, releasing = course_of(contacts, old.gaps, t, h, careful)
+    end, _ = time_at(course, course.begin + H)
+    last = end >= now.end - 1e-9 * (now.end - t)
+    if last:
+        end, releasing = now.end, -1
+        H = place_at(course, end) - course.begin
+    duration = end - t
+    now.tried = duration
+    error = trial(run, course, H) / max(1.0, noise(contacts, old.gaps, held, duration))
+    if error <= 1.0 and not finish(run, end):
+        error = np.inf
+    if error <= 1.0 and longest(contacts, new.gaps, duration) < 0.5 * duration:
+        error = np.inf
+    factor = changed(error, held.error, careful)
+    if not error <= 1.0:
+        return again(held, t, lasting(course, H * factor))
+    event, place = first_event(run, t, duration, round_off(run), -1)
+    if releasing >= 0 and event < 0:
+        gap = new.gaps[releasing]
+        if gap.rate < 0.0 and gap.g < -0.2 * duration * gap.rate:
+            event = 2 * releasing
+    for _ in range(2 * len(contacts)):  # another event may turn out to come before, if they are close
+        if event < 0 or place <= 0.0:
+            break
+        if place < 1.0:
+            course, H, end = land(run, course, np.nan, t, t + place * (end - t), event, held)
+        else:
+            course, H, end = land(run, course, H, t, end, event, held)
+        if not end >= t:
+            return again(held, t, 0.5 * duration)
+        other, place = first_event(run, t, end - t, round_off(run), event)
+        if other < 0:
+            break
+        event = other
+    if event < 0 and unseen(contacts, new.gaps):
+        return again(held, t, 0.5 * duration)
+    if event >= 0 and place <= 0.0:  # it has been passed by the round-off of one that came with it
+        now.steps += 1
+        return meet(run, event, clock, records)
+    inside = now.taken < len(records.time) and records.time[now.taken] < end
+    if inside and not within(run, course, H, end, now, records):
+        return FAILED
+    for c in range(len(control.y)):
+        control.y[c], control.slope[c] = control.new_y[c], control.new_slope[c]
+    for k in range(len(contacts)):
+        old.gaps[k] = new.gaps[k]
+    now.time = end
+    now.steps += 1
+    settled(now, contacts, end > t)
+    held.error, held.rejected = max(error, 1e-4), 0
+    if event < 0 and not last:
+        held.step = next_step(course, H, factor)
+        if held.fresh >= 0:
+            part = lasting(course, H * factor) / contacts[held.fresh].duration_s
+            held.first_part, held.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
+    if event < 0:
+        return GO
+    return meet(run, event, clock, records)
+
+
+@register_jitable(**INNER)
+def again(held, t, h):
+    """Have a step tried again at a length; return GO, or FAILED where there is no length left."""
+    held.step, held.rejected = h, held.rejected + 1
+    return GO if t + h > t and held.rejected < MOST_REJECTIONS else FAILED
+
+
+@register_jitable(**INNER)
+def next_step(course, H, factor):
+    """Return the step in time after one of H in s."""
+    if course.sign == 0.0:
+        return H * factor
+    reached = course.begin + H
+    if course.sign < 0.0 and reached + H * factor <= 0.0:  # beyond the release
+        return max(1.5 * reached * reached, factor * lasting(course, H))
+    return lasting(Course(course.origin, course.sign, reached), H * factor)
+
+
+@register_jitable(**INNER)
+def meet(run, event, clock, records):
+    """Change a contact's phase at an event, and choose the step after it; return how that ended.
+
+    An event on a rigid wall is left to the caller.
+    """
+    held, contacts, k = run.control.record[0], run.contacts, event // 2
+    if contacts[k].rigid != 0.0:
+        clock[0].rigid = k
+        return SETTLE
+    closed = 0
+    for i in range(len(contacts)):
+        closed += contacts[i].phase != FLIGHT and contacts[i].rigid == 0.0
+    note(run.kernel.mobilities, run.p, contacts, run.old, event, run.work.spare, clock, records)
+    if event % 2 == 0 and contacts[k].phase != FLIGHT:
+        if closed == 0:
+            held.flight_step = held.step
+        first = held.first_part * contacts[k].duration_s
+        if 0.0 < first < np.inf:
+            held.step, held.fresh = first, k
+    elif event % 2 == 0:
+        held.step, held.fresh = held.flight_step, -1
+    return GO if rates(run, clock[0].time, run.control.y, run.control.slope) else FAILED
+
+
+@register_jitable(**INNER)
+def noise(contacts, gaps, held, h):
+    """Return what round-off of positions alone makes of a step's error over the tolerance.
+
+    It changes forces by the slope of the stiffest contact, and speeds by that for as long as the step lasts:
+    a tolerance below it would have steps shortened for nothing.
+    """
+    steepest = 0.0
+    for k in range(len(contacts)):
+        if contacts[k].phase != FLIGHT and contacts[k].rigid == 0.0 and gaps[k].depth > 0.0:
+            slope = contacts[k].exponent * gaps[k].elastic / gaps[k].depth
+            steepest = max(steepest, slope * contacts[k].mobility)
+    return steepest * ROUND_OFF * h / (held.tolerance * held.rate)
+
+
+def advance(kernel, p, contacts, motion, clock, records, work, control):
+    """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
+    run = Run(kernel, p, contacts, motion, work, control)
+    close_at_start(kernel.mobilities, p, contacts, motion, work.spare, clock, records)
+    status = GO if rates(run, clock[0].time, control.y, control.slope) else FAILED
+    while status == GO:
+        status = due(kernel.slopes, p, contacts, motion, clock[0], records, work.sample_rates)
+        if status == GO:
+            status = follow(run, clock, records)
+    return status

@@ -1,0 +1,101 @@
+"""Friction of pins that follow rigid walls: it changes the equations of motion by few columns.
+
+A pin that follows has one row g = (d.d - c^2)/2 of [B], and F_n = -lambda c presses it inwards. Friction is
+F_t = -mu F_n f(v_t) on the pin along t, with v_t the sliding speed and f one of the friction laws, which are
+regularised: F_t is a function of the state and of F_n, also at v_t = 0, where a pin creeps rather than
+sticks. With T the row of sliding speed, which holds the torque arms R_i and R_j = R_i - c of both bodies,
+
+    {q''} = [M]^-1 ({F} + [B]^T {lambda} + [T]^T {tau}),   tau = s lambda of the pin's own row, s = mu c f.
+
+Friction in r joints so changes the matrix of {lambda} by rank r, and makes it unsymmetric. [B][M]^-1[B]^T is
+factored as ever. With {lambda}_0 of no friction, [X] = ([B][M]^-1[B]^T)^-1 [B][M]^-1[T]^T and [X]_R those of
+its rows that belong to the r pins,
+
+    {lambda} = {lambda}_0 - [X]{tau},   ([1] + [S][X]_R) {tau} = [S] {lambda}_0R,   [S] = diag(s).
+
+The pivots of this small matrix are, joint by joint, what friction makes of the joint's mobility along its
+normal, as a part of the one it has without. They have to be positive: otherwise a wall that pushes harder
+would bring the pin nearer (Painleve 1895; Genot and Brogliato 1999), and no force fits.
+
+Friction is a damper of v_t of rate mu F_n f' w at most, w = [T][M]^-1([T]^T - [B]^T[X]) being the mobility
+along t that the rows leave. Classical RK4 is stable up to h rate = 2.785. The step has to keep below with the
+law's steepest f', wherever v_t is: a reversal may come within any step, and a step beyond the limit would
+throw v_t from side to side.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reference_solver.contact.walls import sliding_row
+from reference_solver.factors import Factors, eliminated
+from reference_solver.mechanism.contact_laws import FRICTION_LAWS, FrictionLaw, steepest
+from reference_solver.mechanism.mechanism import ClearanceJoint
+from reference_solver.mechanism.points import State, ends_of
+from reference_solver.tape import Array, Scalar, array, both, larger, named, sqrt
+
+#: The least part of a normal mobility that friction may leave: below are round-off and forces without bound.
+LEAST_MOBILITY = 1e-9
+
+
+@dataclass(frozen=True)
+class Rubbing:
+    """A pin that follows its wall with friction: its row of [B], its number among the contacts, its data."""
+
+    row: int
+    contact: int
+    joint: ClearanceJoint
+    law: FrictionLaw
+
+
+@dataclass(frozen=True)
+class Rubbed:
+    """What friction changes: {q''} by ``change`` (n,), and {lambda} (m,), which become ``multipliers``.
+
+    ``forces`` (r,) in N are on the pins along t, ``powers`` (r,) in W are lost in them; ``damper_per_s`` is
+    the rate of the damper that friction is; ``ok`` says that it leaves the pins their mobility.
+    """
+
+    change: Array
+    multipliers: Array
+    forces: Array
+    powers: list[Scalar]
+    damper_per_s: Scalar
+    ok: Scalar
+
+
+def rubbed(
+    pins: list[Rubbing], state: State, inverse_mass: Array, B: Array, factors: Factors, multipliers: Array
+) -> Rubbed:
+    """Return what friction of these pins changes, from [B] (m, n), its factors and {lambda} without it."""
+    n, rows = len(state.q), [pin.row for pin in pins]
+    T = array([_sliding(pin.joint, state, n) for pin in pins])
+    sliding = named("sliding", T @ state.v, "friction of pins that follow")
+    shares = [
+        pin.law.coefficient * pin.joint.radial_clearance_m * FRICTION_LAWS[pin.law.kind](pin.law, speed)
+        for pin, speed in zip(pins, sliding, strict=True)
+    ]
+    s = named("s", array(shares))
+    weighted = inverse_mass[:, None] * T.T
+    X = factors.solve(B @ weighted)
+    motion = weighted - (B * inverse_mass).T @ X
+    small = np.eye(len(rows)) + s[:, None] * X[rows]
+    tau, pivots = eliminated(small, s * multipliers[rows])
+    lambda_ = multipliers - X @ named("tau", tau)
+    ok: Scalar = True
+    damper: Scalar = 0.0
+    for i, pin in enumerate(pins):
+        ok = both(ok, pivots[i] > LEAST_MOBILITY)
+        # d tau/d v_t of each joint alone: of several the sum is not below the largest rate.
+        pressing = larger(-(pin.joint.radial_clearance_m * lambda_[pin.row]), 0.0)
+        slope = pin.law.coefficient * steepest(pin.law)
+        damper = damper + slope * pressing * (T[i] @ motion[:, i]) / small[i, i]
+    powers = [-(force * speed) for force, speed in zip(tau, sliding, strict=True)]
+    return Rubbed(motion @ tau, lambda_, tau, powers, damper, ok)
+
+
+def _sliding(joint: ClearanceJoint, state: State, n: int) -> Array:
+    bearing, pin = ends_of(joint, state)
+    d = pin.place - bearing.place
+    distance = sqrt(d @ d)
+    return sliding_row(joint, array([d[0] / distance, d[1] / distance]), bearing, pin, n)

@@ -1,0 +1,73 @@
+"""The rows that each kind of constraint has in [B]{q'} = {C}, (1): one function for each.
+
+``CONSTRAINTS`` names the function of each kind: a new joint is one function and one line there.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from reference_solver.mechanism.mechanism import MasslessLink, PrescribedSpeed, RevoluteJoint, StraightGuide
+from reference_solver.mechanism.points import State
+from reference_solver.tape import Array, Scalar, array, cos, sin
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The k rows of a constraint.
+
+    ``blocks`` has (k, 3) of [B] for each body under the constraint, GROUND's dropped later; ``C`` (k,),
+    ``B_dot_v`` (k,) of (4), and ``g`` (k,), gaps in m, angles in rad, links' in m^2: dg/dt = [B]{q'} - {C}.
+    """
+
+    blocks: dict[int, Array]
+    C: Array
+    B_dot_v: Array
+    g: Array
+
+
+def revolute_joint(joint: RevoluteJoint, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
+    """Return the rows of two points that stay together: that of body j less that of body i."""
+    i, j = state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+    blocks = {joint.body_i: -i.jacobian, joint.body_j: j.jacobian}
+    return Rows(blocks, array([0.0, 0.0]), j.centripetal - i.centripetal, j.place - i.place)
+
+
+def straight_guide(guide: StraightGuide, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
+    """Return the rows of a body that moves along a line and keeps the angle it has at the start."""
+    normal = array([-sin(guide.angle_rad), cos(guide.angle_rad)])
+    position = state.position(guide.body)
+    block = array([[normal[0], normal[1], 0.0], [0.0, 0.0, 1.0]])
+    offset = normal @ array(guide.point)
+    g = array([normal @ position[:2] - offset, position[2] - start[3 * guide.body + 2]])
+    return Rows({guide.body: block}, array([0.0, 0.0]), array([0.0, 0.0]), g)
+
+
+def prescribed_speed(driver: PrescribedSpeed, state: State, t: Scalar, start: Array) -> Rows:
+    """Return the row of a body that turns at a speed of its own."""
+    angle = state.position(driver.body)[2] - start[3 * driver.body + 2] - driver.speed_rad_s * t
+    return Rows(
+        {driver.body: array([[0.0, 0.0, 1.0]])}, array([driver.speed_rad_s]), array([0.0]), array([angle])
+    )
+
+
+def massless_link(link: MasslessLink, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
+    """Return the row of two points that keep their distance: g = (d.d - length^2)/2."""
+    i, j = state.point(link.body_i, link.point_i), state.point(link.body_j, link.point_j)
+    d, d_dot = j.place - i.place, j.rate - i.rate
+    blocks = {link.body_i: -(d @ i.jacobian)[None], link.body_j: (d @ j.jacobian)[None]}
+    B_dot_v = d_dot @ d_dot + d @ (j.centripetal - i.centripetal)
+    g = 0.5 * (d @ d) - link.length_m * link.length_m / 2
+    return Rows(blocks, array([0.0]), array([B_dot_v]), array([g]))
+
+
+#: The function of each kind of constraint: of it, the state, the time and the coordinates at the start.
+CONSTRAINTS: Mapping[type, Callable[[Any, State, Scalar, Array], Rows]] = MappingProxyType(
+    {
+        RevoluteJoint: revolute_joint,
+        StraightGuide: straight_guide,
+        PrescribedSpeed: prescribed_speed,
+        MasslessLink: massless_link,
+    }
+)

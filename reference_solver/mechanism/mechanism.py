@@ -1,0 +1,172 @@
+"""A planar mechanism as data: bodies, revolute joints, straight guides, drivers and loads.
+
+Coordinates q stack (x, y, phi) of every body's centre of mass. Points are given in the frame of their body,
+whose origin is the centre of mass; points on GROUND are in the global frame. A body is named by its index.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall, require
+
+Point = tuple[float, float]
+
+#: Stands for the frame wherever a body is asked for.
+GROUND: Final = -1
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body; inertia in kg m^2 about the centre of mass."""
+
+    mass_kg: float
+    inertia_kg_m2: float
+
+
+@dataclass(frozen=True)
+class RevoluteJoint:
+    """Two rows of [B]: a point of body j stays on a point of body i; multipliers are the force on body j."""
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+
+
+@dataclass(frozen=True)
+class StraightGuide:
+    """Two rows of [B]: a body's centre of mass stays on a fixed line, and the body does not turn.
+
+    The line passes through ``point`` at ``angle_rad`` from the x axis. The multipliers are the guide's normal
+    force on the body, positive along the direction 90 degrees counter-clockwise of the line, and its moment.
+    """
+
+    body: int
+    point: Point
+    angle_rad: float
+
+
+@dataclass(frozen=True)
+class PrescribedSpeed:
+    """One row of [B]: the body turns at a constant speed; the multiplier is the torque on the body."""
+
+    body: int
+    speed_rad_s: float
+
+
+@dataclass(frozen=True)
+class MasslessLink:
+    """One row of [B]: two points keep their distance, as a pin that follows the wall of its bearing.
+
+    g = (d.d - length^2)/2 in m^2, with d from the point of body i to that of body j. The force on body j is
+    lambda d, lambda in N/m: the link pushes the points together while lambda < 0.
+    """
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+    length_m: float
+
+    def __post_init__(self) -> None:
+        length = self.length_m
+        require("MasslessLink.length_m", length, 0 < length < float("inf"), "a positive number")
+
+
+@dataclass(frozen=True)
+class Torque:
+    """A constant torque on a body, counter-clockwise positive."""
+
+    body: int
+    torque_N_m: float
+
+
+@dataclass(frozen=True)
+class SpringDamper:
+    """A linear spring and damper between two points; tension is positive in the formula of its force.
+
+    The force along the line is k (l - free length) + c l', pulling the points together.
+    """
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+    stiffness_N_m: float
+    damping_N_s_m: float
+    free_length_m: float
+
+
+@dataclass(frozen=True)
+class ClearanceJoint:
+    """A pin of body j at ``point_j`` in a bearing of body i at ``point_i``, of ``bearing_radius_m`` R_i.
+
+    Its law says how the bearing's wall answers: it gives, and is a contact, or it is rigid. Friction on a
+    rigid wall holds as it is while the pin follows it; in impacts, which are over at once and leave no speed
+    to regularise, its coefficient is Coulomb's.
+    """
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+    radial_clearance_m: float
+    bearing_radius_m: float
+    law: ContactLaw | RigidWall
+    friction: FrictionLaw | None = None
+
+    def __post_init__(self) -> None:
+        radius, clearance = self.bearing_radius_m, self.radial_clearance_m
+        valid, wanted = 0 < clearance < radius, "a positive number below the bearing's radius"
+        require("ClearanceJoint.bearing_radius_m", radius, 0 < radius < float("inf"), "a positive number")
+        require("ClearanceJoint.radial_clearance_m", clearance, valid, wanted)
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the wall is rigid."""
+        return isinstance(self.law, RigidWall)
+
+    @property
+    def compliance(self) -> ContactLaw:
+        """Return the law of a wall that gives."""
+        assert isinstance(self.law, ContactLaw)
+        return self.law
+
+    @property
+    def wall(self) -> RigidWall:
+        """Return the law of a rigid wall."""
+        assert isinstance(self.law, RigidWall)
+        return self.law
+
+
+Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed | MasslessLink
+Load = Torque | SpringDamper
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Bodies, constraints in the order of their rows in [B], loads, gravity along -y, and contacts."""
+
+    bodies: tuple[Body, ...]
+    constraints: tuple[Constraint, ...]
+    loads: tuple[Load, ...] = ()
+    gravity_m_s2: float = 0.0
+    contacts: tuple[ClearanceJoint, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.bodies:
+            raise ValueError("bodies: expected at least one body, got none")
+        for index, body in enumerate(self.bodies):
+            for field in ("mass_kg", "inertia_kg_m2"):
+                value = getattr(body, field)
+                if not 0 < value < float("inf"):
+                    raise ValueError(f"bodies[{index}].{field}: expected a positive number, got {value}")
+        for part in (*self.constraints, *self.loads, *self.contacts):
+            for field in ("body", "body_i", "body_j"):
+                body_index = getattr(part, field, 0)
+                lowest = 0 if field == "body" else GROUND
+                if not lowest <= body_index < len(self.bodies):
+                    raise ValueError(
+                        f"{type(part).__name__}.{field}: expected a body index from {lowest} to "
+                        f"{len(self.bodies) - 1}, got {body_index}"
+                    )

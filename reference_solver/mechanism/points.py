@@ -1,0 +1,84 @@
+"""Points of moving bodies: where they are, how fast they move, and what a force on them does."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint
+from reference_solver.mechanism.mechanism import Point as Place
+from reference_solver.tape import Array, Scalar, array, cos, sin
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a body, in the global frame.
+
+    ``arm`` (2,) leads there from the body's centre of mass, ``place`` (2,) from the origin; ``rate`` (2,) is
+    its velocity, ``spin`` the body's angular velocity.
+    """
+
+    body: int
+    arm: Array
+    place: Array
+    rate: Array
+    spin: Scalar
+
+    @property
+    def jacobian(self) -> Array:
+        """Return (2, 3): the point's velocity per unit of the rates of its body's (x, y, phi)."""
+        return array([[1.0, 0.0, -self.arm[1]], [0.0, 1.0, self.arm[0]]])
+
+    @property
+    def centripetal(self) -> Array:
+        """Return (2,): the point's acceleration while its body turns without any."""
+        return -(self.spin * self.spin) * self.arm
+
+
+class State:
+    """Coordinates q and velocities v of all bodies, (3b,) each; GROUND rests at the origin."""
+
+    def __init__(self, q: Array, v: Array) -> None:
+        self.q, self.v = q, v
+        self._turns: dict[int, tuple[Scalar, Scalar]] = {GROUND: (1.0, 0.0)}
+
+    @cached_property
+    def _still(self) -> Array:
+        return array([0.0, 0.0, 0.0])
+
+    def position(self, body: int) -> Array:
+        """Return a body's (x, y, phi)."""
+        return self._still if body == GROUND else self.q[3 * body : 3 * body + 3]
+
+    def velocity(self, body: int) -> Array:
+        """Return the rates of a body's (x, y, phi)."""
+        return self._still if body == GROUND else self.v[3 * body : 3 * body + 3]
+
+    def point(self, body: int, place: Place) -> Point:
+        """Return a point given in the frame of its body."""
+        at, rate = self.position(body), self.velocity(body)
+        if body not in self._turns:
+            self._turns[body] = cos(at[2]), sin(at[2])
+        (c, s), (x, y) = self._turns[body], place
+        arm = array([c * x - s * y, s * x + c * y])
+        spin = rate[2]
+        turning = array([-spin * arm[1], spin * arm[0]])
+        return Point(body, arm, at[:2] + arm, rate[:2] + turning, spin)
+
+
+def ends_of(joint: ClearanceJoint, state: State) -> tuple[Point, Point]:
+    """Return the bearing's centre and the pin's."""
+    return state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+
+
+def speed_row(
+    direction: Array, bearing: Point, pin: Point, size: int, twist: tuple[Scalar, Scalar] = (0.0, 0.0)
+) -> Array:
+    """Return the row (size,) that gives from {q'} the speed of the pin from the bearing along a direction.
+
+    ``twist`` adds parts of the angular velocities of bearing and pin.
+    """
+    row: list[Scalar] = [0.0] * size
+    for point, sign, radius in zip((bearing, pin), (-1, 1), twist, strict=True):
+        if point.body != GROUND:
+            entries = sign * (direction @ point.jacobian)
+            row[3 * point.body : 3 * point.body + 3] = [entries[0], entries[1], entries[2] + radius]
+    return array(row)

@@ -1,0 +1,52 @@
+"""A mechanism's own length and rate, by which errors in positions, angles and velocities are weighed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_solver.mechanism.mechanism import GROUND, Mechanism
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """A length in m and a rate in 1/s. Units of length, time or mass change them and nothing else."""
+
+    length_m: float
+    rate_s: float
+
+
+def scales_of(
+    mechanism: Mechanism, q: FloatArray, v: FloatArray, acceleration: FloatArray, end_time_s: float
+) -> Scales:
+    """Return the scales at a start with q, v and {q''}, each (n,).
+
+    The length is that of the longest arm from a body to a joint, of the largest bearing without one, or what
+    else has a length. The rate is the largest by which bodies turn, move, gather speed or swing under
+    gravity, which is all that there is at an equilibrium, or one over the end time.
+    """
+    bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
+    length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
+    swing = np.sqrt(abs(mechanism.gravity_m_s2) / length)
+    rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)), swing)
+    if not (np.isfinite(rate) and rate > 0):
+        rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
+    return Scales(length, float(rate))
+
+
+def _longest_arm(mechanism: Mechanism) -> float:
+    parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
+    ends = (
+        (getattr(part, f"body_{s}", GROUND), getattr(part, f"point_{s}", ())) for part in parts for s in "ij"
+    )
+    return max(
+        (float(np.hypot(*point)) for body, point in ends if body != GROUND and len(point)), default=0.0
+    )
+
+
+def _rate(change: FloatArray, length_m: float) -> float:
+    """Return the largest of angles' changes, and of positions' in lengths."""
+    x, y, angle = np.abs(change.reshape(-1, 3)).max(axis=0)
+    return max(float(np.hypot(x, y)) / length_m, float(angle))

@@ -1,0 +1,1 @@
+"""Impacts on rigid walls, and what the pins do after them."""

@@ -1,0 +1,186 @@
+"""What becomes of the pins that touch their walls at one time: they hit, and then follow or leave.
+
+* Impact (``rigid_impact``): all pins that touch within round-off take part at once, and rub; two that hit at
+  different times, however close, do so one after the other.
+* Closing: an impact has e = 0 if the next flight would be too short, or its approach is below the joint's
+  minimum. Too short is 2 v+/a below ``shortest_flight_s``, or v+^2/2a within round-off of the distance, with
+  a the acceleration towards the wall. A pin on its wall that another's impact throws off for as short a
+  flight is kept there: normal speeds are projected out, which takes energy too. So rapidly converging bounces
+  (Zeno), of one joint or of several in turns, end; the energy this takes is a line of its own in the ledger.
+* Following or leaving: pins on the wall without normal speed are sorted by the complementarity of
+  accelerations and normal forces (Pfeiffer and Glocker 1996). Friction is part of the accelerations: its law
+  is regularised, so that at the given speeds it is a given part of each normal force. Then
+  a_n = b + (W_nn - W_nt diag(mu f)) F_n, and one set of forces fits as long as all principal minors of this
+  matrix are positive; otherwise there is ``PainleveParadox``.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_solver.contact.types import Impact
+from reference_solver.contact.wall_friction import LEAST_MOBILITY
+from reference_solver.contact.walls import Separation, separation
+from reference_solver.equations import Equations, Phases
+from reference_solver.errors import PainleveParadox
+from reference_solver.mechanism.contact_laws import FRICTION_LAWS
+from reference_solver.rigid.complementarity import complementary, least_minor_ratio
+from reference_solver.rigid.impact import Eliminated, Jump, Touching, impact
+
+FloatArray = NDArray[np.float64]
+
+#: A flight that leaves the wall by less than this many times the distance's round-off cannot be followed.
+DEEPEST_UNSEEN = 2.0
+
+
+class Settling:
+    """Settles the pins of a mechanism's joints with rigid walls; it keeps the list of impacts.
+
+    ``equations`` are those of no pin following; ``add(name, value)`` adds to the ledger what is integrated
+    elsewhere (see ``contact.rates_of``).
+    """
+
+    def __init__(
+        self, equations: Equations, shortest_flight_s: float, add: Callable[[str, float], None]
+    ) -> None:
+        self.impacts: list[Impact] = []
+        rigid = [(k, joint) for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
+        #: Their numbers among the contacts.
+        self.numbers = np.array([k for k, _ in rigid])
+        self._joints = tuple(joint for _, joint in rigid)
+        self._clearance_m = np.array([joint.radial_clearance_m for joint in self._joints])
+        self._equations, self._shortest_flight_s, self._add = equations, shortest_flight_s, add
+        self._phases: Phases = None
+
+    def where(self, q: FloatArray, v: FloatArray) -> Separation:
+        """Return where the pins stand."""
+        return separation(self._joints, q, v)
+
+    def __call__(
+        self,
+        t: float,
+        q: FloatArray,
+        v: FloatArray,
+        phases: Phases,
+        following: tuple[int, ...],
+        released: int | None,
+    ) -> tuple[FloatArray, tuple[int, ...], bool]:
+        """Return v after impacts, the contacts whose pins follow from now on, and whether any pin hit.
+
+        ``phases`` are those of compliant contacts beside them; ``released`` is the contact whose force has
+        just changed sign.
+        """
+        self._phases, where = phases, self.where(q, v)
+        touching = where.distance_m >= self._clearance_m - where.round_off[:, 0]
+        follows = np.isin(self.numbers, following)
+        touching |= follows
+        noise = where.round_off[:, 1]
+        hitting = touching & (where.normal_speed > noise) & ~follows
+        if hitting.any():
+            v = self._hit(t, q, v, np.flatnonzero(touching), hitting)
+            where = self.where(q, v)
+        closed = touching & (np.abs(where.normal_speed) <= noise)
+        if released is not None:
+            closed[self.numbers == released] = False
+        places = np.flatnonzero(closed)
+        pressed = places[self._pressing(t, q, v, places)[0] > 0]
+        return v, tuple(int(k) for k in self.numbers[pressed]), bool(hitting.any())
+
+    def _hit(
+        self,
+        t: float,
+        q: FloatArray,
+        v: FloatArray,
+        touching: NDArray[np.intp],
+        hitting: NDArray[np.bool_],
+    ) -> FloatArray:
+        """Return v after pins have hit, and enter the impulses in the list and in the ledger."""
+        joints = [self._joints[k] for k in touching]
+        where, hits = self.where(q, v), hitting[touching]
+        friction = np.array([0.0 if (law := joint.friction) is None else law.coefficient for joint in joints])
+        approach = where.normal_speed[touching]
+        walls = [joint.law for joint in joints]
+
+        def jump(rebounds: NDArray[np.bool_]) -> Jump:
+            restitution = np.where(rebounds, [wall.restitution for wall in walls], 0.0)
+            contacts = Touching(-where.normal[touching], where.tangent[touching], restitution, friction)
+            return impact(self._equations, t, q, v, contacts)
+
+        found = jump(hits)
+        slow = approach < [wall.minimum_impact_speed_m_s for wall in walls]
+        closing = hits & (slow | self._short_flights(t, q, found.v, touching)[touching])
+        closing &= np.array([wall.restitution > 0 for wall in walls])
+        if closing.any():
+            found = jump(hits & ~closing)
+        self._add("drivers", found.driver_work_J)
+        for i, k in enumerate(self.numbers[touching]):
+            normal, lost = float(found.normal_impulse_N_s[i]), float(found.energy_lost_J[i])
+            kind = "closing" if closing[i] else "impact" if hits[i] else "support"
+            self._add(f"normal{k}", normal)
+            self._add(f"{'closing' if closing[i] else 'impact'}{k}", lost)
+            if normal != 0:
+                tangential, mass = float(found.tangential_impulse_N_s[i]), float(found.effective_mass_kg[i])
+                speed = float(approach[i])
+                self.impacts.append(Impact(t, int(k), kind, 0.0, speed, normal, tangential, lost, mass))
+        return self._caught(t, q, found.v, touching)
+
+    def _short_flights(
+        self, t: float, q: FloatArray, v: FloatArray, touching: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Return which joints (J,), leaving their walls with v, would be back too soon."""
+        where = self.where(q, v)
+        closed = touching[np.abs(where.normal_speed[touching]) <= where.round_off[touching, 1]]
+        outward = where.normal @ self._pressing(t, q, v, closed)[1] + where.turning
+        inward = np.maximum(-where.normal_speed, 0.0)
+        lowest = DEEPEST_UNSEEN * where.round_off[:, 0]
+        shortest = np.maximum(self._shortest_flight_s * outward, np.sqrt(8 * lowest * np.maximum(outward, 0)))
+        return np.asarray((outward > 0) & (2 * inward < shortest))
+
+    def _caught(self, t: float, q: FloatArray, v: FloatArray, touching: NDArray[np.intp]) -> FloatArray:
+        """Return v with the joints kept on their walls that another's impact throws off for too short."""
+        where = self.where(q, v)
+        leaving = where.normal_speed[touching] < -where.round_off[touching, 1]
+        leaving &= self._short_flights(t, q, v, touching)[touching]
+        if not leaving.any():
+            return v
+        still = np.abs(where.normal_speed[touching]) <= where.round_off[touching, 1]
+        kept = touching[leaving | still]
+        rows = where.normal[kept]
+        answer = Eliminated(self._equations, t, q, rows, len(rows))
+        speeds = rows @ v
+        impulse = -np.linalg.lstsq(answer.W, speeds, rcond=None)[0]
+        self._add("drivers", float(answer.reactions.T @ self._equations.C @ impulse))
+        for k, outward, lost in zip(self.numbers[kept], impulse, -speeds * impulse / 2, strict=True):
+            self._add(f"normal{k}", -float(outward))
+            self._add(f"closing{k}", float(lost))
+        return np.asarray(v + answer.motion @ impulse)
+
+    def _pressing(
+        self, t: float, q: FloatArray, v: FloatArray, closed: NDArray[np.intp]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the walls' inward forces on joints without normal speed (k,) and all accelerations (n,).
+
+        Raises:
+            PainleveParadox: no or more than one set of forces fits.
+        """
+        accelerations, _ = self._equations.accelerations(t, q, v, self._phases)
+        if not len(closed):
+            return np.zeros(0), accelerations
+        where, k = self.where(q, v), len(closed)
+        inward = -(where.normal @ accelerations + where.turning)[closed]
+        shares = np.zeros(k)
+        for i, joint in enumerate(closed):
+            if (law := self._joints[joint].friction) is not None:
+                sliding = float(where.tangent[joint] @ v)
+                shares[i] = law.coefficient * FRICTION_LAWS[law.kind](law, sliding)
+        rubbing = shares != 0
+        rows = np.concatenate([-where.normal[closed], where.tangent[closed[rubbing]]])
+        answer = Eliminated(self._equations, t, q, rows, k)
+        # Of unit normal forces, with the friction that comes with each.
+        forces = np.concatenate([np.eye(k), -np.diag(shares)[rubbing]])
+        W = answer.W[:k] @ forces
+        if least_minor_ratio(W, answer.W[:k, :k]) <= LEAST_MOBILITY:
+            raise PainleveParadox(t, tuple(int(k) for k in self.numbers[closed[rubbing]]))
+        pressing = complementary(W, inward)
+        return pressing, accelerations + answer.motion @ (forces @ pressing)

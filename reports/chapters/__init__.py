@@ -1,0 +1,1 @@
+"""The page's chapters, one folder a study."""

@@ -1,0 +1,113 @@
+"""The gallery on one page: a matrix of cases and engines, with theory's expectation beside it."""
+
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.layout_engine import PlaceHolderLayoutEngine
+from matplotlib.patches import Rectangle
+
+from reports.chapters.extremes.verdict import CONSTRAINT, ENERGY, Answer, Verdict, cases
+from reports.style import BLACK, WIDTH_IN, Name, ordered
+
+#: Symbol and colour of each verdict. Lightness falls from one to the next, so that greyscale keeps the order.
+LOOKS = {
+    Verdict.RIGHT: ("✓", "#F4F8FB"),
+    Verdict.REFUSED: ("⊘", "#CFE3F1"),
+    Verdict.FAILED: ("F", "#A2C8E4"),
+    Verdict.INACCURATE: ("≈", "#E9A13B"),
+    Verdict.FAILED_OBSCURELY: ("f", "#D27328"),
+    Verdict.TIMED_OUT: ("T", "#B0502A"),
+    Verdict.OUT_OF_MEMORY: ("M", "#8F2F26"),
+    Verdict.CRASHED: ("C", "#631A2B"),
+    Verdict.NONSENSE: ("✗", "#20122E"),
+}
+#: What theory asks for, in the same symbols.
+WANTED = {"answer": "✓", "answer or word": "✓ F", "refusal": "⊘", "stop": "F"}
+#: What an inaccurate run's number is of, where it is not the error of the motion.
+OF_WHAT = {ENERGY: "E ", CONSTRAINT: "C "}
+#: From this verdict on symbols are white.
+_DARK = list(LOOKS)[5:]
+#: In inches: the heights of a row, the head and the legend; where the columns begin; a cell's width.
+ROW, HEAD, FOOT, NAMES, CELL = 0.2, 0.72, 0.42, 1.66, 0.44
+WRAP = 66
+
+
+def matrix(found: Sequence[Answer]) -> Drawing:
+    """Return the matrix; a frame marks every verdict that is what theory asks for."""
+    rows = cases(found)
+    names = ordered(answer.run.name for answer in found)
+    height = HEAD + ROW * len(rows) + FOOT
+    drawing = Drawing(figsize=(WIDTH_IN, height), layout=PlaceHolderLayoutEngine(False, False))
+    ax = drawing.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set(xlim=(0, WIDTH_IN), ylim=(height, 0))
+    ax.axis("off")
+    theory = NAMES + CELL * len(names) + 0.36
+    _head(ax, names, theory)
+    group = ""
+    for place, (case, by_name) in enumerate(rows.items()):
+        top = HEAD + ROW * place
+        words = next(iter(by_name.values())).words
+        if words["group"] != group:
+            group = words["group"]
+            ax.plot([0.03, WIDTH_IN - 0.03], [top, top], color="#8C8C8C", linewidth=0.6)
+            _text(ax, 0.03, top, group, size=5, ha="left", color="#595959")
+        _text(ax, NAMES - 0.05, top, case, size=6, ha="right")
+        for column, name in enumerate(names):
+            if name in by_name:
+                _cell(ax, NAMES + CELL * column, top, by_name[name])
+        _text(ax, theory - 0.2, top, WANTED[words["wanted"]], size=7)
+        lines = "\n".join(textwrap.wrap(words["theory"], WRAP))
+        _text(ax, theory, top, lines, size=4.9, ha="left")
+    _legend(ax, height - FOOT / 2, {answer.verdict for answer in found})
+    return drawing
+
+
+def _head(ax: Axes, names: Sequence[Name], theory: float) -> None:
+    for column, (engine, arm) in enumerate(names):
+        x = NAMES + CELL * (column + 0.5)
+        ax.text(x, HEAD - 0.06, f"{engine}\n{arm}", fontsize=5.8, rotation=40, ha="left", va="bottom")
+    ax.text(theory - 0.28, HEAD - 0.06, "Theory", fontsize=6.5, ha="left", va="bottom", weight="bold")
+    ax.text(NAMES - 0.05, HEAD - 0.06, "Case", fontsize=6.5, ha="right", va="bottom", weight="bold")
+
+
+def _cell(ax: Axes, left: float, top: float, answer: Answer) -> None:
+    verdict, (symbol, colour) = answer.verdict, LOOKS[answer.verdict]
+    patch = Rectangle((left + 0.015, top + 0.015), CELL - 0.03, ROW - 0.03, facecolor=colour, linewidth=0.7)
+    patch.set_edgecolor("#404040" if answer.as_wanted else "none")
+    ax.add_patch(patch)
+    ink = "white" if verdict in _DARK else BLACK
+    if verdict is not Verdict.INACCURATE or answer.worst is None:
+        _text(ax, left + CELL / 2, top, symbol, size=7, color=ink)
+        return
+    off = f"{OF_WHAT.get(answer.worst, '')}{answer.run.values[answer.worst]:.0e}"
+    _text(ax, left + 0.09, top, symbol, size=7, color=ink)
+    _text(ax, left + 0.28, top, off, size=4.3, color=ink)
+
+
+def _legend(ax: Axes, y: float, used: set[Verdict]) -> None:
+    x = 0.1
+    for verdict, (symbol, colour) in LOOKS.items():
+        if verdict not in used:
+            continue
+        ax.add_patch(
+            Rectangle((x, y - 0.07), 0.2, 0.14, facecolor=colour, edgecolor="#8C8C8C", linewidth=0.5)
+        )
+        ink = "white" if verdict in _DARK else BLACK
+        ax.text(x + 0.1, y, symbol, fontsize=6.5, ha="center", va="center", color=ink)
+        ax.text(x + 0.25, y, verdict.value, fontsize=6.5, va="center")
+        x += 0.42 + 0.056 * len(verdict.value)
+
+
+def _text(ax: Axes, x: float, top: float, text: str, size: float, **looks: Any) -> None:
+    """Write in the middle of a row."""
+    ax.text(x, top + ROW / 2, text, **{"fontsize": size, "ha": "center", "va": "center", **looks})
+
+
+def lightness(colour: str) -> float:
+    """Return how light a colour is to the eye, CIE L* from 0 to 100."""
+    linear = [((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5)]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return float(116 * luminance ** (1 / 3) - 16)

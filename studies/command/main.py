@@ -1,0 +1,237 @@
+"""The command ``crankslider``: exit code 0, 2 for bad input, 1 for work that failed, 130 on Ctrl-C."""
+
+import logging
+import os
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Annotated, TextIO
+
+import typer
+
+from studies.errors import (
+    INTERRUPTED,
+    BadInput,
+    Failed,
+    Notes,
+    explained,
+    say,
+    silence_stdout,
+    terminated_as_interrupted,
+    writing,
+)
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    help="Crank-slider simulations with the reference solver, Exudyn and Pymunk, and the study of them.",
+)
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A library scene or a TOML file.")]
+
+
+@app.command()
+def scenes() -> None:
+    """List the library's scenes."""
+    from studies.command.listings import scene_listing
+
+    print(scene_listing())
+
+
+@app.command()
+def engines() -> None:
+    """List the engines, their settings and the library scenes that each can run."""
+    from studies.command.listings import engine_listing
+
+    print(engine_listing())
+
+
+@app.command()
+def show(scene: SceneName) -> None:
+    """Print a scene as TOML, the start of a file of your own."""
+    from engine_models.scene.file import to_toml
+    from studies.command.request import read_scene
+
+    print(to_toml(read_scene(scene)), end="")
+
+
+@app.command()
+def simulate(
+    scene: SceneName,
+    engine: Annotated[
+        str, typer.Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")
+    ] = "reference",
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."
+        ),
+    ] = None,
+    step: Annotated[
+        str | None, typer.Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")
+    ] = None,
+    tolerance: Annotated[
+        str | None, typer.Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
+    ] = None,
+    end: Annotated[
+        str | None, typer.Option(metavar="T", help="End time in s, in place of the scene's.")
+    ] = None,
+    samples: Annotated[str, typer.Option(metavar="N", help="Output intervals of equal length.")] = "200",
+    out: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Output file; stdout.")] = None,
+) -> None:
+    """Run one scene and write motion, forces and energy as CSV."""
+    import numpy as np
+
+    from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+    from engine_models.memory import TooLarge
+    from engine_models.reference.kernels import FolderRefused
+    from engine_models.step_halving import simulate_to_tolerance
+    from studies.command.progress_display import shown_progress
+    from studies.command.request import (
+        SimulateOptions,
+        checked,
+        for_tolerance,
+        longest_step_s,
+        read_engine,
+        read_scene,
+    )
+    from studies.command.trajectory_table import table, to_csv
+
+    numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
+    options = checked(SimulateOptions, "--", numbers)
+    physics = read_scene(scene)
+    if options.end is not None:
+        physics = physics.model_copy(update={"end_time_s": options.end})
+    if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
+        raise BadInput(f"--out: expected another file than the scene, got {out}")
+    chosen = read_engine(engine, assignments or [])
+    if options.tolerance is not None:
+        chosen = for_tolerance(chosen, assignments or [])
+    controls_error = getattr(chosen, "controls_error", False)
+    longest_step = longest_step_s(options, physics.end_time_s, controls_error)
+    with writing("--out", out or Path("stdout")), _opened(out) as file:
+        try:
+            # Engines look for non-finite numbers themselves.
+            with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
+                if options.tolerance is not None:
+                    result = simulate_to_tolerance(chosen, physics, options.tolerance, options.samples)
+                else:
+                    result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
+        except TooLarge as reason:
+            raise BadInput(f"--{reason}") from None
+        except UnsupportedScene as reason:
+            raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
+        except FolderRefused as reason:
+            raise BadInput(str(reason)) from None
+        except SimulationFailed as reason:
+            raise Failed(str(reason)) from None
+        file.write(to_csv(table(physics, result)))
+    say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
+
+
+@app.command()
+def run(
+    studies: Annotated[
+        list[str] | None, typer.Argument(metavar="[STUDY]...", help="Studies to run; all.")
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="The full set of cases, not the quick one.")] = False,
+    jobs: Annotated[
+        str | None, typer.Option(metavar="N", help="Cases run at once; one for each core.")
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."
+        ),
+    ] = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Also run again what neither finished nor was refused.")
+    ] = False,
+) -> None:
+    """Run studies; finished cases are kept and skipped the next time."""
+    from engine_models.reference.kernels import FolderRefused, writable_folder
+    from engine_models.scene.plain_words import one_of, shown
+    from studies.command.request import RunOptions, checked
+    from studies.running.cluster import cluster
+    from studies.running.execution import RunBroken
+    from studies.running.folder_lock import FolderHeld
+    from studies.running.rows import DamagedRows
+    from studies.running.runner import STUDIES, run_studies
+
+    for name in studies or []:
+        if name not in STUDIES:
+            raise BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
+    options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
+    names = list(dict.fromkeys(studies or STUDIES))
+    try:
+        executors = nullcontext() if scheduler is None else cluster(scheduler)
+        with (
+            writable_folder(),
+            executors as executor,
+            writing("--out", out),
+            terminated_as_interrupted(),
+        ):
+            run_studies(names, full, options.jobs, out, executor, retry_failed)
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None
+    except (FolderHeld, DamagedRows) as reason:
+        raise BadInput(f"--out: expected {reason}") from None
+    except RunBroken as reason:
+        raise Failed(str(reason)) from None
+    say(f"note: the results are in {out}")
+
+
+@app.command()
+def report(
+    results: Annotated[Path, typer.Option(metavar="DIR", help="Where results are.")] = Path("results"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
+) -> None:
+    """Make tables, figures and the HTML page from results."""
+    os.environ.pop("MPLBACKEND", None)  # what is in there may end Matplotlib, and figures in files need none
+    from reports.page import NoResults, write_report
+    from reports.parts import Contradiction
+    from reports.results import BrokenResults
+
+    try:
+        with writing("--out", out):
+            notes = write_report(results, out)
+    except (NoResults, BrokenResults) as reason:
+        raise BadInput(f"--results: expected the results of a study, got '{reason}'") from None
+    except Contradiction as reason:
+        raise Failed(str(reason)) from None
+    for note in notes:
+        say(f"note: {note}")
+    say(f"note: the report is {out / 'index.html'}")
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    message = ""
+    logging.getLogger("reference_solver").handlers = [Notes()]
+    try:
+        code = app(standalone_mode=False, prog_name="crankslider") or 0
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever reads stdout has seen enough
+        code = 1
+        silence_stdout()
+    except Exception as error:
+        message, code = explained(error)
+    if code == INTERRUPTED:  # typer returns it after Ctrl-C
+        message = "interrupted"
+    if message:
+        say(f"error: {message}")
+    sys.exit(code)
+
+
+def _of(engine: object) -> str:
+    """Return the method that an engine's steps are of, if it has a choice."""
+    method = getattr(engine, "method", None)
+    return "" if method is None else f" of {method}"
+
+
+def _opened(out: Path | None) -> AbstractContextManager[TextIO]:
+    """Return the file for the output, or stdout."""
+    from studies.running.whole_file import whole_file
+
+    return nullcontext(sys.stdout) if out is None else whole_file(out)

@@ -1,0 +1,117 @@
+"""What ``crankslider simulate`` is asked for: strings of a command line, checked before anything runs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from engine_models.engine import SETTINGS_CONFIG, Engine
+from engine_models.engines import ENGINES, engine_class
+from engine_models.scene.file import SceneError, load
+from engine_models.scene.library import SCENES
+from engine_models.scene.plain_words import no_numbers, one_of, refusal, shown
+from engine_models.scene.scene import Positive, Scene
+from studies.errors import BadInput
+
+T = TypeVar("T")
+
+DEFAULT_STEP_S = 1e-5
+#: A step below this part of the end time would be lost in the rounding of time itself.
+SHORTEST_STEP_PART = 1e-12
+
+
+@dataclass(frozen=True, config=SETTINGS_CONFIG)
+class SimulateOptions:
+    """The numeric options of ``simulate``: times in s, tolerance in m of slider position."""
+
+    step: Positive | None = None
+    tolerance: Positive | None = None
+    end: Positive | None = None
+    samples: Annotated[int, Field(ge=1, le=100_000)] = 200
+
+
+@dataclass(frozen=True, config=SETTINGS_CONFIG)
+class RunOptions:
+    """The numeric options of ``run``."""
+
+    jobs: Annotated[int, Field(ge=1, le=1000)]
+
+
+def checked(kind: type[T], prefix: str, strings: dict[str, str | None]) -> T:
+    """Return ``kind`` made from the strings that were given; the prefix makes a field what the user typed.
+
+    Raises:
+        BadInput: a field is unknown or its value is refused.
+    """
+    adapter: TypeAdapter[Any] = TypeAdapter(kind)
+    given = {key: value for key, value in strings.items() if value is not None}
+    if reason := no_numbers(given, kind, prefix):
+        raise BadInput(reason)
+    try:
+        made: T = adapter.validate_strings(given)
+    except ValidationError as error:
+        raise BadInput(refusal(error, kind, prefix)) from None
+    return made
+
+
+def read_scene(name: str) -> Scene:
+    """Return a library scene by its name, or the scene in a TOML file.
+
+    Raises:
+        BadInput: there is no such scene, or its file was refused.
+    """
+    if name in SCENES:
+        return SCENES[name]()
+    if not Path(name).exists():
+        raise BadInput(f"SCENE: expected {one_of(list(SCENES))}, or a TOML file, got {shown(name)}")
+    try:
+        return load(Path(name))
+    except SceneError as error:
+        raise BadInput(str(error)) from None
+
+
+def read_engine(name: str, assignments: Sequence[str]) -> Engine:
+    """Return the engine of this name with settings given as ``KEY=VALUE``, the rest at their defaults.
+
+    Raises:
+        BadInput: the engine or a setting is unknown, or a value is refused.
+    """
+    if name not in ENGINES:
+        raise BadInput(f"--engine: expected {one_of(list(ENGINES))}, got {shown(name)}")
+    settings: dict[str, str | None] = {}
+    for assignment in assignments:
+        key, equals, value = assignment.partition("=")
+        if not (key and equals):
+            raise BadInput(f"--set: expected KEY=VALUE, got {shown(assignment)}")
+        if key in settings:
+            raise BadInput(f"--set {key}: expected one value, got {settings[key]} and {value}")
+        settings[key] = value
+    engine: Engine = checked(engine_class(name), "--set ", settings)
+    return engine
+
+
+def for_tolerance(engine: Engine, assignments: Sequence[str]) -> Engine:
+    """Return the engine to keep a tolerance with: one that can control its error does, unless told how."""
+    controlling = getattr(engine, "controlling_error", None)
+    if controlling is None or any(assignment.startswith("method=") for assignment in assignments):
+        return engine
+    chosen: Engine = controlling()
+    return chosen
+
+
+def longest_step_s(options: SimulateOptions, end_time_s: float, controls_error: bool = False) -> float:
+    """Return the step asked for or the default, which is the whole run for an engine that controls its error.
+
+    Raises:
+        BadInput: there is a tolerance beside the step, or the step does not fit the end time.
+    """
+    if options.step is not None and options.tolerance is not None:
+        raise BadInput(f"--tolerance: expected nothing beside --step, got {options.tolerance:g}")
+    step = options.step or (end_time_s if controls_error else min(DEFAULT_STEP_S, end_time_s))
+    shortest = SHORTEST_STEP_PART * end_time_s
+    if options.tolerance is None and not shortest <= step <= end_time_s:
+        expected = f"a number from {shortest:g} to the end time {end_time_s:g}"
+        raise BadInput(f"--step: expected {expected}, got {step:g}")
+    return step

@@ -1,0 +1,49 @@
+"""A trajectory as the table that ``crankslider simulate`` writes: fixed columns in a fixed order."""
+
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+
+from engine_models.engine import Trajectory
+from engine_models.scene.scene import Scene
+from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
+
+
+def table(scene: Scene, trajectory: Trajectory) -> pd.DataFrame:
+    """Return a row for each sample, units in the column names; columns without use in the scene are absent.
+
+    A joint's force is on the body further from the crank pivot, the guide's on the slider along +y.
+    """
+    columns = {
+        "time_s": trajectory.time_s,
+        "crank_angle_rad": trajectory.position[:, 0, 2],
+        "crank_speed_rad_s": trajectory.velocity[:, 0, 2],
+    }
+    if scene.is_crank_slider:
+        columns["slider_position_m"] = trajectory.slider_position_m
+        columns["slider_velocity_m_s"] = trajectory.slider_velocity_m_s
+    for joint, force in zip(scene.joints, trajectory.joint_force_N.swapaxes(0, 1), strict=True):
+        columns |= {f"joint_{joint}_force_x_N": force[:, 0], f"joint_{joint}_force_y_N": force[:, 1]}
+    if trajectory.guide_normal_force_N is not None:
+        columns["guide_normal_force_N"] = trajectory.guide_normal_force_N
+    if trajectory.driver_torque_N_m is not None:
+        columns["driver_torque_N_m"] = trajectory.driver_torque_N_m
+    columns["kinetic_energy_J"] = kinetic_energy_J(scene, trajectory)
+    if scene.gravity_m_s2 > 0 or trajectory.contacts:  # a contact stores elastic energy
+        columns["potential_energy_J"] = potential_energy_J(scene, trajectory)
+    columns["energy_balance_residual_J"] = energy_balance_residual_J(scene, trajectory)
+    for joint, contact in trajectory.contacts.items():
+        columns |= {
+            f"clearance_{joint}_x_m": contact.gap_m[:, 0],
+            f"clearance_{joint}_y_m": contact.gap_m[:, 1],
+        }
+        columns[f"contact_{joint}_penetration_m"] = contact.penetration_m
+        columns[f"contact_{joint}_normal_force_N"] = contact.normal_force_N
+        if contact.friction_force_N is not None:
+            columns[f"contact_{joint}_friction_force_N"] = contact.friction_force_N
+    if trajectory.dissipated_energy_J is not None:
+        columns["dissipated_energy_J"] = trajectory.dissipated_energy_J
+    return pd.DataFrame(columns)
+
+
+def to_csv(frame: pd.DataFrame) -> str:
+    """Return the table as CSV text whose numbers read back to the same doubles."""
+    return str(frame.to_csv(index=False, lineterminator="\n"))

@@ -1,0 +1,1 @@
+"""Extremes: a gallery of cases whose outcome theory knows."""

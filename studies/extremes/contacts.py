@@ -1,0 +1,119 @@
+"""The gallery's cases with contact: everyday ones, extremes of stiffness, clearance, restitution, speed."""
+
+import math
+
+from engine_models.scene.scene import Scene
+from studies.extremes.case import Extreme
+from studies.extremes.checks import braked, dropped, loose_motion
+from studies.extremes.scenes import CLEARANCE_M, WHEEL_STEP_S, driven_loose, turning_wheel, wheel
+
+#: The step of set R in parts of a turn.
+STEPS_A_TURN = 2000
+TURN_S = 60 / 5000
+
+
+def everyday() -> list[Extreme]:
+    """Return the same mechanisms at ordinary numbers."""
+    ordinary = "Ordinary numbers, for comparison."
+
+    def case(scene: Scene) -> Extreme:
+        return Extreme("everyday", scene, ordinary, dropped, WHEEL_STEP_S, first=True)
+
+    return [
+        _loose("everyday c = 0.1 mm", 1e-3, 1e-4, ordinary, first=True),
+        case(wheel("everyday Hertz", 0.02)),
+        case(wheel("everyday restitution 0.9", 0.02, law="lankarani-nikravesh", restitution=0.9)),
+        case(wheel("everyday linear law", 0.02, law="linear", stiffness=1e6)),
+        Extreme(
+            "everyday",
+            turning_wheel("everyday friction 0.1", 0.02, 0.1),
+            ordinary,
+            braked,
+            WHEEL_STEP_S,
+            first=True,
+        ),
+        case(wheel("everyday rigid 0.2", 0.02, law="rigid", stiffness=None, restitution=0.2)),
+    ]
+
+
+def stiffness() -> list[Extreme]:
+    """Return the same drop on walls from rubber to beyond diamond."""
+    lasts = {1e6: "10.9 ms, by its weight 12.1", 1e10: "0.27 ms", 1e14: "6.9 µs, less than a step"}
+    return [
+        Extreme(
+            "stiffness",
+            wheel(f"stiffness 1e{math.log10(value):.0f}", 0.02 if value > 1e6 else 0.03, stiffness=value),
+            f"Touches at √(2c/g) = 10.1 ms and loses nothing; Hertz's contact lasts {time}.",
+            dropped,
+            WHEEL_STEP_S,
+        )
+        for value, time in lasts.items()
+    ]
+
+
+def clearance() -> list[Extreme]:
+    """Return set R with clearances from atoms to half the bearing."""
+    return [
+        _loose(
+            "clearance 1 nm",
+            5e-4,
+            1e-9,
+            "Touches at √(2c/a) = 0.32 µs and stays: the ideal joint on an elastic pin.",
+        ),
+        _loose("clearance 1 µm", 1e-3, 1e-6, "Touches at √(2c/a) = 10.1 µs and settles on the wall soon."),
+        _loose("clearance 5 mm", 5e-3, 5e-3, "Touches after about √(2c/a) = 0.72 ms, at 13 m/s."),
+    ]
+
+
+def restitution() -> list[Extreme]:
+    """Return drops that lose all, nothing, and nearly nothing, by a compliant law and by a rigid one."""
+    compliant = {
+        0.0: "Lankarani-Nikravesh at e = 0 really gives back 0.66 of the speed (Lambert W).",
+        1.0: "Bounces to the same height for ever.",
+        1 - 1e-9: "Bounces to the same height, less a part of 2e-9 each time.",
+    }
+    rigid = {
+        0.0: "Touches at 10.1 ms and lies still from then on.",
+        0.5: "Infinitely many bounces end at 3√(2c/g) = 30.3 ms, then it lies still.",
+        1.0: "Bounces to the same height for ever, every 20.2 ms.",
+    }
+
+    def name(kind: str, e: float) -> str:
+        return f"{kind} e = {'nearly 1' if 0.9 < e < 1 else f'{e:g}'}"
+
+    soft = [
+        (wheel(name("compliant", e), 0.06, law="lankarani-nikravesh", restitution=e), text)
+        for e, text in compliant.items()
+    ]
+    hard = [
+        (wheel(name("rigid", e), 0.06, law="rigid", stiffness=None, restitution=e), text)
+        for e, text in rigid.items()
+    ]
+    return [Extreme("restitution", scene, text, dropped, WHEEL_STEP_S) for scene, text in soft + hard]
+
+
+def speed() -> list[Extreme]:
+    """Return set R with 0.5 mm of clearance, slow and fast."""
+    return [
+        _loose(
+            "1 rpm, loose", 0.05, CLEARANCE_M, "Hardly turns: the rod's pin drops by its weight.", rpm=1.0
+        ),
+        _loose(
+            "50 000 rpm, loose",
+            3e-4,
+            CLEARANCE_M,
+            "Touches at √(2c/a) = 22.7 µs, at 44 m/s; the forces are 100 times set R's.",
+            rpm=50_000.0,
+        ),
+    ]
+
+
+def _loose(
+    name: str, end_s: float, clearance_m: float, theory: str, rpm: float = 5000.0, first: bool = False
+) -> Extreme:
+    """Return set R with clearance at B, at a step of a part of a turn but no longer than a wheel's."""
+    step = min(TURN_S * 5000 / rpm / STEPS_A_TURN, WHEEL_STEP_S)
+    group = "everyday" if first else "speed" if rpm != 5000 else "clearance"
+    return Extreme(
+        group, driven_loose(name, end_s, clearance_m, rpm), theory, loose_motion, step, first=first
+    )

@@ -1,0 +1,154 @@
+"""The gallery's cases of ideal joints: speed, masses, dead centres, starts, loads, long runs."""
+
+from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.scene.library import SLIDER, ideal_driven, ideal_free
+from engine_models.scene.scene import Slider
+from studies.extremes.case import Extreme
+from studies.extremes.checks import ideal_motion, impossible, long_turning
+from studies.extremes.scenes import driven, free, rod
+
+FREE, DRIVEN = ideal_free(), ideal_driven()
+#: Set F's and set R's everyday steps: 2000 a turn.
+FREE_STEP_S, STEP_S = 0.1 / 2000, 0.012 / 2000
+REVOLUTIONS = 100_000
+
+
+def everyday() -> list[Extreme]:
+    """Return sets F and R as they are."""
+    ordinary = "Ordinary numbers, for comparison."
+    return [
+        Extreme("everyday", free("everyday free", 0.1), ordinary, ideal_motion, FREE_STEP_S, first=True),
+        Extreme(
+            "everyday", driven("everyday driven (c = 0)", 0.012), ordinary, ideal_motion, STEP_S, first=True
+        ),
+    ]
+
+
+def speed() -> list[Extreme]:
+    """Return set R, slow and fast."""
+    return [
+        Extreme(
+            "speed",
+            driven(f"{label}, ideal", 60 / rpm, rpm=rpm),
+            f"Set R's motion; {forces}.",
+            ideal_motion,
+            60 / rpm / 2000,
+        )
+        for rpm, label, forces in (
+            (1.0, "1 rpm", "inertia adds a ten-thousandth to the weights' forces"),
+            (50_000.0, "50 000 rpm", "forces are 100 times set R's, 2.7e5 N at B"),
+        )
+    ]
+
+
+def masses() -> list[Extreme]:
+    """Return set F with sliders and rods a million times as heavy or light."""
+    heavy = Slider(mass_kg=SLIDER.mass_kg * 1e6, inertia_kg_m2=SLIDER.inertia_kg_m2)
+    light = Slider(mass_kg=SLIDER.mass_kg * 1e-6, inertia_kg_m2=SLIDER.inertia_kg_m2)
+    slender, massless = {"inertia_kg_m2": 1e-12}, {"mass_kg": 0.21e-6, "inertia_kg_m2": 1e-12}
+    stops = "From the dead centre the slider's share of J grows to all within 7e-4 rad (11 µs)"
+    return [
+        Extreme(
+            "mass",
+            free("slider mass × 1e6", 0.01, slider=heavy),
+            f"{stops}.",
+            ideal_motion,
+            FREE_STEP_S / 200,
+        ),
+        Extreme(
+            "mass",
+            free("slider × 1e6, long step", 0.01, slider=heavy),
+            f"{stops}: a step of 50 µs cannot follow.",
+            ideal_motion,
+            FREE_STEP_S,
+            wanted="answer or word",
+        ),
+        Extreme(
+            "mass",
+            free("slider mass × 1e-6", 0.1, slider=light),
+            "Crank and rod move as if the slider were not there.",
+            ideal_motion,
+            FREE_STEP_S,
+        ),
+        Extreme(
+            "mass",
+            free("rod inertia 1e-12", 0.1, rod=rod(FREE, **slender)),
+            "Close to a point mass at the rod's middle: nothing special happens.",
+            ideal_motion,
+            FREE_STEP_S,
+        ),
+        Extreme(
+            "mass",
+            free("rod mass × 1e-6", 0.1, rod=rod(FREE, **massless)),
+            "A rod without mass carries force along itself alone: nothing special happens.",
+            ideal_motion,
+            FREE_STEP_S,
+        ),
+        Extreme(
+            "mass",
+            free("rod inertia 0", 0.1, rod=rod(FREE, inertia_kg_m2=0.0)),
+            "Not a rigid body with mass: M has no inverse, equation (3) needs one.",
+            impossible,
+            FREE_STEP_S,
+            wanted="refusal",
+        ),
+    ]
+
+
+def starts() -> list[Extreme]:
+    """Return starts that no mechanism can have."""
+    position, velocity = start_state(FREE)
+    apart, sliding = position.copy(), velocity.copy()
+    apart[1:, 0] += 1e-3
+    sliding[2, 0] += 1.0
+    kinds = {
+        "joint A open by 1 mm": (apart, velocity, "g ≠ 0 at t = 0: an ideal joint cannot be open."),
+        "slider off by 1 m/s": (position, sliding, "B q' ≠ 0 at t = 0: the rod would have to stretch."),
+    }
+    return [
+        Extreme(
+            "start",
+            started_from(free(name, 0.1), *state),
+            theory,
+            impossible,
+            FREE_STEP_S,
+            wanted="refusal",
+        )
+        for name, (*state, theory) in kinds.items()
+    ]
+
+
+def loads() -> list[Extreme]:
+    """Return set F without gravity and with a hundred thousand times the Earth's."""
+    return [
+        Extreme(
+            "load",
+            free("gravity 0", 0.1, gravity_m_s2=0.0),
+            "Kinetic energy alone, and that is constant.",
+            ideal_motion,
+            FREE_STEP_S,
+            first=True,
+        ),
+        Extreme(
+            "load",
+            free("gravity 1e6", 2e-3, gravity_m_s2=1e6),
+            "Turned back within 5 µs, then swings half a turn each way in 0.78 ms.",
+            ideal_motion,
+            FREE_STEP_S / 50,
+        ),
+    ]
+
+
+def long_runs() -> list[Extreme]:
+    """Return a hundred thousand revolutions in one run, at a hundred steps each."""
+    turn = 60 / 5000
+    return [
+        Extreme(
+            "length",
+            driven("100 000 revolutions", (REVOLUTIONS + 1 / 3) * turn),
+            "Periodic: x repeats itself; only the driver's work could add up, and averages to zero.",
+            long_turning,
+            turn / 100,
+            long=True,
+        )
+    ]

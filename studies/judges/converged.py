@@ -1,0 +1,64 @@
+"""The converged solution of any scene, with twins that tell how far, and until when, it can be followed.
+
+Ideal scenes have the independent truth of ``judges.truth``. Scenes with clearance have the reference by
+DOP853 at a tolerance near round-off, with the same run at ten times that tolerance and one by RK4, a method
+of another order whose steps come from other rules. They are followed up to the horizon, where these or runs
+begun a hair beside them part. All are kept on disk (see ``kept_runs``).
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engines import make_engine
+from engine_models.scene.scene import Scene
+from studies.judges.horizon import PERTURBATION_RAD, moved
+from studies.judges.kept_runs import kept_run
+from studies.judges.truth import exact, exact_twins
+
+#: Tolerances of the converged run and its twin, and the longest step of the twin by RK4.
+TOLERANCE, TWIN_TOLERANCE, TWIN_STEP_S = 1e-13, 1e-12, 1e-6
+#: Pointwise errors mean something while twins are no further apart than this in slider position.
+POINTWISE_M = 1e-8
+
+
+def _sharp(tolerance: float) -> Engine:
+    return make_engine("reference", method="dop853", tolerance=tolerance)
+
+
+@lru_cache(maxsize=64)
+def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
+    """Return the converged trajectory and its twins.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: the reference cannot run the scene.
+    """
+    if not scene.joints_with_clearance:
+        return exact(scene, samples), tuple(exact_twins(scene, samples))
+    whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(TWIN_STEP_S, samples)
+    truth = kept_run(_sharp(TOLERANCE), scene, whole)
+    other = kept_run(make_engine("reference", method="rk4"), scene, fine)
+    return truth, (kept_run(_sharp(TWIN_TOLERANCE), scene, whole), other)
+
+
+@lru_cache(maxsize=64)
+def followed(scene: Scene, samples: int) -> int:
+    """Return how many samples of the converged trajectory come before the scene's horizon.
+
+    That is where a twin parts from it, or the same run with the crank angle moved by PERTURBATION_RAD to
+    either side. What starts with the state of every body has no such angle, and ideal joints no horizon.
+    """
+    truth, twins = converged(scene, samples)
+    if scene.joints_with_clearance and not scene.start.states:
+        whole = RunSettings(scene.end_time_s, samples)
+        sides = (moved(scene, side * PERTURBATION_RAD) for side in (-1, 1))
+        twins = (*twins, *(kept_run(_sharp(TOLERANCE), side, whole) for side in sides))
+    return reach(truth, twins)
+
+
+def reach(truth: Trajectory, twins: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M) -> int:
+    """Return how many samples come before a twin's slider position is off by more than a tolerance."""
+    apart = np.max([np.abs(twin.slider_position_m - truth.slider_position_m) for twin in twins], axis=0)
+    beyond = apart > tolerance_m
+    return int(np.argmax(beyond)) if beyond.any() else len(beyond)

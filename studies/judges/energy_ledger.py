@@ -1,0 +1,84 @@
+"""The energy ledger of a run, line by line, and how far its velocities break the constraints.
+
+Lines are curves over time since t = 0, (n,), in J. What a scene has no use for has no line.
+"""
+
+import numpy as np
+
+from engine_models.engine import FloatArray, Trajectory
+from engine_models.scene.scene import Scene
+from studies.judges.metrics import kinetic_energy_J
+
+Lines = dict[str, FloatArray]
+
+
+def stored(scene: Scene, run: Trajectory) -> Lines:
+    """Return the energy gained since t = 0: kinetic, gravitational, and elastic in all contacts together."""
+    lines = {"kinetic_change_J": kinetic_energy_J(scene, run)}
+    if scene.gravity_m_s2:
+        masses = np.array([body.mass_kg for body in scene.bodies])
+        lines["gravitational_change_J"] = scene.gravity_m_s2 * (run.position[:, :, 1] @ masses)
+    if run.contacts:
+        lines["elastic_change_J"] = np.sum([c.elastic_energy_J for c in run.contacts.values()], axis=0)
+    return {name: line - line[0] for name, line in lines.items()}
+
+
+def given(run: Trajectory) -> Lines:
+    """Return the work of the driver, nothing in a scene without one."""
+    return {} if run.driver_work_J is None else {"driver_work_J": run.driver_work_J}
+
+
+def dissipated(run: Trajectory) -> Lines:
+    """Return what each contact lost, each of its ways a line of its own: ``contact_B_normal_loss_J``."""
+    lines: Lines = {}
+    for joint, contact in run.contacts.items():
+        ways = {
+            "normal": contact.normal_loss_J,
+            "friction": contact.friction_loss_J,
+            "clipped": contact.clipped_loss_J,
+        }
+        lines |= {f"contact_{joint}_{way}_loss_J": loss for way, loss in ways.items() if loss is not None}
+    return lines
+
+
+def stabilised(run: Trajectory) -> Lines:
+    """Return what the stabilisation of constraints removed, nothing where the engine does not tell it."""
+    loss = run.stabilisation_loss_J
+    return {} if loss is None else {"stabilisation_loss_J": loss}
+
+
+def numerical_gain_J(scene: Scene, run: Trajectory) -> FloatArray:
+    """Return the energy since t = 0 that no physics accounts for, (n,): positive if made, negative if lost.
+
+    Unlike the energy balance residual it holds what stabilisation removed, which is not physics either and
+    which most engines do not tell: so it is the same thing for every engine.
+    """
+    n = len(run.time_s)
+    gained, came, went = (
+        sum(lines.values(), np.zeros(n)) for lines in (stored(scene, run), given(run), dissipated(run))
+    )
+    return np.asarray(gained - came + went)
+
+
+def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:
+    """Return the largest speed at which an ideal joint opens or the slider leaves its guide, (n,).
+
+    It is |g'|, the violation at velocity level, where ``metrics.constraint_violation_m`` is |g|. The vector
+    counts, not its length's rate: a gap that turns without growing has a speed too.
+    """
+    centre, phi, omega = run.velocity[:, :, :2], run.position[:, :, 2], run.velocity[:, :, 2]
+
+    def point(body: int, distance: float) -> FloatArray:
+        across = np.stack([-np.sin(phi[:, body]), np.cos(phi[:, body])], axis=-1)
+        return np.asarray(centre[:, body] + distance * omega[:, body, None] * across)
+
+    crank, rod = scene.crank, scene.rod
+    opening = {"O": point(0, -crank.centre_of_mass_m)}
+    if rod is not None:
+        crank_end = point(0, crank.length_m - crank.centre_of_mass_m)
+        opening["A"] = point(1, -rod.centre_of_mass_m) - crank_end
+        opening["B"] = centre[:, 2] - point(1, rod.length_m - rod.centre_of_mass_m)
+    speeds = [np.hypot(*v.T) for joint, v in opening.items() if joint not in scene.joints_with_clearance]
+    if scene.is_crank_slider:
+        speeds.append(np.abs(centre[:, 2, 1]))
+    return np.asarray(np.max(speeds, axis=0)) if speeds else np.zeros(len(run.time_s))

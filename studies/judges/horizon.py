@@ -1,0 +1,102 @@
+"""The predictability horizon: until when the position of a scene's slider can be told at all.
+
+Two things part from a run of the reference: its perturbed twins, begun at a crank angle that is off by far
+less than anybody could build or measure, and its own run at half the step. The horizon for a tolerance is the
+time at which the first of them is off by more than that. Pointwise errors beyond it mean nothing.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from engine_models.engine import FloatArray, RunSettings
+from engine_models.engines import make_engine
+from engine_models.scene.scene import Scene
+
+#: By how much the crank angle at the start is moved, in rad: some 5e-12 m at the crank pin of the library's
+#: scenes, far above round-off. Both signs and sizes around it tell how certain a horizon is.
+PERTURBATION_RAD = 1e-10
+SIZES = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)
+#: The longest step of the runs that are perturbed, and that of the run whose step is halved, in s: a
+#: perturbation grows as well at a coarser step, while the halved run shall show what is left at a fine one.
+STEP_S, FINE_STEP_S = 1e-5, 2e-6
+#: Samples of a scene whose horizon other studies ask for.
+SAMPLES = 400
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far slider positions are apart at n times: ``perturbed_m`` (p, n) by twin, ``halved_m`` (n,)."""
+
+    time_s: FloatArray
+    perturbed_m: FloatArray
+    halved_m: FloatArray
+
+
+def moved(scene: Scene, by_rad: float) -> Scene:
+    """Return the scene started at another crank angle, with velocities that fit.
+
+    Raises:
+        ValueError: the scene gives the state of every body, not a crank angle from which all follows.
+    """
+    if scene.start.states:
+        raise ValueError(f"scene {scene.name}: expected a start by crank angle, got the state of every body")
+    angle = scene.start.crank_angle_rad + by_rad
+    return scene.model_copy(
+        update={"start": scene.start.model_copy(update={"crank_angle_rad": angle})},
+    )
+
+
+def apart(
+    scene: Scene,
+    samples: int,
+    sizes: tuple[float, ...] = SIZES,
+    step_s: float = STEP_S,
+    fine_step_s: float = FINE_STEP_S,
+) -> Apart:
+    """Return how the reference's perturbed and step-halved twins part from it.
+
+    ``sizes`` are the perturbations in parts of ``PERTURBATION_RAD``.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: the reference cannot run the scene.
+    """
+    reference = make_engine("reference")
+
+    def position(of: Scene, step: float) -> FloatArray:
+        return reference.simulate(of, RunSettings(step, samples)).slider_position_m
+
+    base = position(scene, step_s)
+    # What the moved angle itself does to a driven crank stays of its size and is part of the distance.
+    perturbed = [position(moved(scene, size * PERTURBATION_RAD), step_s) - base for size in sizes]
+    halved = position(scene, fine_step_s) - position(scene, fine_step_s / 2)
+    time = np.linspace(0.0, scene.end_time_s, samples + 1)
+    return Apart(time, np.abs(np.array(perturbed)), np.abs(halved))
+
+
+def first_beyond_s(time_s: FloatArray, distance_m: FloatArray, tolerance_m: float) -> float:
+    """Return the first of n times at which a distance (n,) exceeds a tolerance, infinite without one."""
+    beyond = distance_m > tolerance_m
+    return float(time_s[np.argmax(beyond)]) if beyond.any() else np.inf
+
+
+def horizon_s(scene: Scene, tolerance_m: float) -> float:
+    """Return the time up to which a scene's slider position means something within a tolerance.
+
+    That is its end time if nothing parts before. For an engine with a law of its own, ask for
+    ``engine.twin(scene)``.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: the reference cannot run the scene.
+    """
+    found = _apart_once(scene)
+    first = min(
+        first_beyond_s(found.time_s, one, tolerance_m) for one in (*found.perturbed_m, found.halved_m)
+    )
+    return min(first, scene.end_time_s)
+
+
+@lru_cache(maxsize=64)
+def _apart_once(scene: Scene) -> Apart:
+    return apart(scene, SAMPLES, sizes=(-1.0, 1.0))

@@ -1,0 +1,60 @@
+"""Local errors: an engine begun again and again from the converged solution's state, over one impact each.
+
+A global error past a grazing impact says who was unlucky, a median of local ones who is accurate.
+"""
+
+import numpy as np
+
+from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
+from engine_models.mechanics.assembly import started_from
+from engine_models.scene.scene import Scene
+from studies.running.case import Row
+
+#: Most restarts in a run.
+RESTARTS = 12
+
+
+def windows(truth: Trajectory, until: int) -> list[tuple[int, int]]:
+    """Return pairs of samples before ``until`` at which every pin flies, with a touch between them.
+
+    The first is the last such sample before the touch, the second the next one after it: contacts remember
+    how they began, so a run can only begin in flight.
+    """
+    flying = np.all([contact.penetration_m < 0 for contact in truth.contacts.values()], axis=0)
+    places = np.flatnonzero(flying[:until])
+    touches = np.sort(np.concatenate([contact.impacts.time_s for contact in truth.contacts.values()]))
+    pairs = zip(places[:-1].tolist(), places[1:].tolist(), strict=True)
+    found = [
+        (k, m)
+        for k, m in pairs
+        if np.searchsorted(touches, truth.time_s[m]) > np.searchsorted(touches, truth.time_s[k])
+    ]
+    return (
+        [found[i] for i in np.unique(np.linspace(0, len(found) - 1, RESTARTS).astype(int))] if found else []
+    )
+
+
+def local_errors(engine: Engine, scene: Scene, truth: Trajectory, run: RunSettings, until: int) -> Row:
+    """Return median and largest error of position over one window, and how many windows there are.
+
+    Of all bodies' centres of mass the largest error counts: an impact at O moves the slider late.
+
+    ``truth`` is the converged solution of the law that the engine really solves in the scene; windows are
+    those of ``windows``.
+    """
+    step = run.step_used_s(scene.end_time_s)
+    pairs, found = windows(truth, until), []
+    for k, m in pairs:
+        begun = started_from(scene, truth.position[k], truth.velocity[k])
+        begun = begun.model_copy(update={"end_time_s": float(truth.time_s[m] - truth.time_s[k])})
+        try:
+            end = engine.simulate(begun, RunSettings(step, 1))
+        except SimulationFailed:
+            continue
+        off = end.position[-1, :, :2] - truth.position[m, :, :2]
+        found.append(float(np.hypot(off[:, 0], off[:, 1]).max()))
+    row: Row = {"restarts": len(pairs), "failed_restarts": len(pairs) - len(found)}
+    if found:
+        row["local_position_error_m"] = float(np.median(found))
+        row["largest_local_position_error_m"] = float(np.max(found))
+    return row

@@ -1,0 +1,111 @@
+"""What is judged, computed from a scene and a trajectory alone, the same way for every engine."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from engine_models.engine import FloatArray, Trajectory
+from engine_models.mechanics.energy import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
+from engine_models.scene.scene import Scene
+
+__all__ = [
+    "constraint_violation_m",
+    "energy_balance_residual_J",
+    "errors",
+    "kinetic_energy_J",
+    "pin_gap_m",
+    "potential_energy_J",
+    "signals",
+    "uncertainties",
+    "with_suffix",
+]
+
+
+def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the distance between the two sides of each joint, (n, joints) over O, A, B."""
+    centre, phi = trajectory.position[:, :, :2], trajectory.position[:, :, 2]
+
+    def point(body: int, distance: float) -> FloatArray:
+        direction = np.stack([np.cos(phi[:, body]), np.sin(phi[:, body])], axis=-1)
+        return centre[:, body] + distance * direction
+
+    crank, rod = scene.crank, scene.rod
+    gaps = [point(0, -crank.centre_of_mass_m)]
+    if rod is not None:
+        gaps += [
+            point(1, -rod.centre_of_mass_m) - point(0, crank.length_m - crank.centre_of_mass_m),
+            centre[:, 2] - point(1, rod.length_m - rod.centre_of_mass_m),
+        ]
+    return np.stack([np.hypot(gap[:, 0], gap[:, 1]) for gap in gaps], axis=-1)
+
+
+def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the largest gap of the ideal joints and of the slider from its guide, (n,)."""
+    ideal = [k for k, joint in enumerate(scene.joints) if joint not in scene.joints_with_clearance]
+    gaps = pin_gap_m(scene, trajectory)[:, ideal].max(axis=1, initial=0.0)
+    off_guide = np.abs(trajectory.position[:, -1, 1]) if scene.is_crank_slider else 0.0
+    return np.asarray(np.maximum(gaps, off_guide))
+
+
+def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the compared signals by column name: ``slider_position_m`` (n,) and so on.
+
+    Joint forces, and the pins' places in their bearings, are vectors, (n, 2). The driver torque is compared
+    only where it is a reaction: under a constant-speed drive.
+    """
+    if scene.is_crank_slider:
+        yield "slider_position_m", trajectory.slider_position_m
+        yield "slider_velocity_m_s", trajectory.slider_velocity_m_s
+    else:
+        yield "crank_angle_rad", trajectory.position[:, 0, 2]
+        yield "crank_speed_rad_s", trajectory.velocity[:, 0, 2]
+    for index, joint in enumerate(scene.joints):
+        yield f"joint_{joint}_force_N", trajectory.joint_force_N[:, index]
+    if trajectory.guide_normal_force_N is not None:
+        yield "guide_normal_force_N", trajectory.guide_normal_force_N
+    if scene.drive.kind == "constant-speed" and trajectory.driver_torque_N_m is not None:
+        yield "driver_torque_N_m", trajectory.driver_torque_N_m
+    for joint, contact in trajectory.contacts.items():
+        yield f"clearance_{joint}_m", contact.gap_m
+        yield f"contact_{joint}_normal_force_N", contact.normal_force_N
+        yield f"contact_{joint}_normal_impulse_N_s", contact.normal_impulse_N_s
+
+
+def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
+    """Return the error of each signal over time, (n,), forces by the length of the difference vector.
+
+    The keys are the signals' names with ``_error`` before the unit, as in ``slider_position_error_m``.
+    """
+    out = {}
+    for (name, value), (_, true) in zip(signals(scene, trajectory), signals(scene, truth), strict=True):
+        difference = np.abs(value - true)
+        out[with_suffix(name, "error")] = np.hypot(*difference.T) if difference.ndim == 2 else difference
+    return out
+
+
+def uncertainties(scene: Scene, truth: Trajectory, twins: list[Trajectory]) -> dict[str, float]:
+    """Return the truth's own uncertainty of each signal: its largest distance from a twin plus round-off.
+
+    The keys have ``_uncertainty`` before the unit, as in ``slider_position_uncertainty_m``.
+    """
+    distances = [errors(scene, twin, truth).values() for twin in twins]
+    return {
+        with_suffix(name, "uncertainty"): float(np.max(apart) + ROUND_OFF * np.abs(value).max())
+        for (name, value), apart in zip(signals(scene, truth), zip(*distances, strict=True), strict=True)
+    }
+
+
+#: Round-off of a signal relative to its largest value: the closed-form reactions are within 2.2 units in the
+#: last place of their values in extended precision; the margin is 2.
+ROUND_OFF = 4 * float(np.finfo(float).eps)
+
+#: Units at the end of column names, longest first.
+UNITS = ("rad_s", "m_s", "N_m", "N_s", "rad", "m", "N", "J", "s")
+
+
+def with_suffix(column: str, word: str) -> str:
+    """Return a column's name with a word put before its unit: force_N, error -> force_error_N."""
+    for unit in UNITS:
+        if column.endswith(f"_{unit}"):
+            return f"{column[: -len(unit)]}{word}_{unit}"
+    raise ValueError(f"column: expected a name that ends in one of {UNITS}, got {column}")

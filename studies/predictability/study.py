@@ -1,0 +1,102 @@
+"""Predictability: how long a scene can be followed, how fast motions part, and what holds past that.
+
+Four parts, told apart by the arm. ``HORIZON``: until when the reference agrees with its own perturbed and
+step-halved twins. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several starts.
+``CLEARANCES`` and ``SPEEDS``: what a pin does once in a revolution, against its clearance and the crank's
+speed. All other arms are ensembles: a case is a member, and starts differ by a little of the crank angle.
+"""
+
+import math
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.engines import make_engine
+from studies.judges import horizon, lyapunov
+from studies.predictability.cases import (
+    CLEARANCES,
+    ENSEMBLE_REVOLUTIONS,
+    EXPONENT,
+    EXPONENT_REVOLUTIONS,
+    HORIZON,
+    PICTURE_REVOLUTIONS,
+    SPEEDS,
+    cases,
+)
+from studies.predictability.ensemble import period_s, statistics
+from studies.running.case import Case, Curves, Row
+
+__all__ = ["cases", "measure"]
+
+#: Tolerances on the slider's position by the words in the names of columns.
+TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Run one case and return its part's columns and curves."""
+    if case.arm == HORIZON:
+        return _horizon(case)
+    if case.arm == EXPONENT:
+        return _exponent(case)
+    trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
+    if case.arm not in (CLEARANCES, SPEEDS):
+        return statistics(case.scene, trajectory, ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
+    after_s = PICTURE_REVOLUTIONS[0] * period_s(case.scene)
+    row, curves = statistics(case.scene, trajectory, after_s)
+    room = case.scene.clearance.B
+    assert room is not None
+    row["radial_clearance_m"] = room.radial_clearance_m
+    row["crank_speed_rad_s"] = case.scene.start.crank_speed_rad_s
+    # At 90 degrees the rod pulls the slider through; at the dead centres the pin is pressed to one side.
+    once = slice(4 * PICTURE_REVOLUTIONS[0] + 1, None, 4)
+    gap = trajectory.contacts["B"].gap_m[once] / room.radial_clearance_m
+    return row, {**curves, "gap_x_part": gap[:, 0], "gap_y_part": gap[:, 1]}
+
+
+def _horizon(case: Case) -> tuple[Row, Curves]:
+    """Return the horizon of each tolerance: median, least and largest over the perturbations.
+
+    The least and the largest of n values bound the median with a confidence of 1 - 2^(1-n). A horizon that
+    lies past the end is absent, as is a bound that does. The halved step's is one number.
+    """
+    found = horizon.apart(case.scene, case.run.samples, step_s=case.run.step_s)
+    row: Row = {
+        "perturbations": len(found.perturbed_m),
+        "perturbation_rad": horizon.PERTURBATION_RAD,
+        "largest_distance_perturbed_m": float(found.perturbed_m.max()),
+        "largest_distance_halved_m": float(found.halved_m.max()),
+    }
+    if case.scene.drive.kind == "constant-speed":
+        row["revolutions"] = case.scene.end_time_s / period_s(case.scene)
+    for words, tolerance in TOLERANCES_M.items():
+        times = [horizon.first_beyond_s(found.time_s, one, tolerance) for one in found.perturbed_m]
+        halved = horizon.first_beyond_s(found.time_s, found.halved_m, tolerance)
+        told = {
+            f"horizon_{words}_s": _median(times),
+            f"horizon_{words}_least_s": min(times),
+            f"horizon_{words}_largest_s": max(times),
+            f"horizon_halved_{words}_s": halved,
+        }
+        row |= {name: value for name, value in told.items() if math.isfinite(value)}
+    sizes = {f"perturbed_{k}_m": one for k, one in enumerate(found.perturbed_m)}
+    return row, {"time_s": found.time_s, **sizes, "halved_m": found.halved_m}
+
+
+def _median(times_s: list[float]) -> float:
+    """Return the median; numpy's would be nan between a number and infinity."""
+    low, high = sorted(times_s)[(len(times_s) - 1) // 2], sorted(times_s)[len(times_s) // 2]
+    return (low + high) / 2
+
+
+def _exponent(case: Case) -> tuple[Row, Curves]:
+    """Return the exponent of a motion that goes on; one that settles to continuous contact has none."""
+    period, skipped = period_s(case.scene), EXPONENT_REVOLUTIONS[0]
+    engine = make_engine(case.engine, **case.settings)
+    found = lyapunov.growth(engine, case.scene, case.run.step_s, period, case.run.samples)
+    row: Row = {"revolutions": float(found.time_s[-1]) / period}
+    if not found.settled:
+        per_second = found.exponent_per_s(skipped * period)
+        row["lyapunov_exponent_per_second"] = per_second
+        row["lyapunov_exponent_per_revolution"] = per_second * period
+    curves: dict[str, FloatArray] = {"time_s": found.time_s, "log_growth": found.log_growth}
+    return row, {name: np.asarray(curve) for name, curve in curves.items()}

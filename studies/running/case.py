@@ -1,0 +1,90 @@
+"""One run of a study: the scene, the engine at its settings, and a key that tells runs apart."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Protocol
+
+from engine_models.engine import FloatArray, RunSettings
+from engine_models.scene.scene import Scene
+
+Value = str | int | float | bool | None
+#: One flat row of results: units are in the column names, failures have ``status`` and ``reason``.
+Row = dict[str, Value]
+Curves = dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a run may take before it is ended; whatever it does then is a row and not the end of the study.
+
+    ``time_limit_s`` is wall time from the call of ``measure`` to its return, so kernels that it compiles
+    and truths that it computes count. ``memory_limit_bytes`` is what the run may allocate beyond what its
+    process held before; only Linux enforces it.
+    """
+
+    time_limit_s: float
+    memory_limit_bytes: int
+
+
+#: What a case may take that has no limits of its own. The longest of the full sets take a minute and 2 GB on
+#: two cores with the work of eight: what takes thirty times as long, or four times as much, will never end.
+ROOMY = Limits(time_limit_s=1800.0, memory_limit_bytes=8 * 2**30)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run to be made. ``arm`` names the engine's settings in tables and figures.
+
+    A ``timed`` case runs with nothing beside it, after all others of its study, in the order given. One with
+    ``limits`` of its own asks what can be done within them: they are part of its row and of its key. All
+    others have ``ROOMY`` ones. Cases with ``limits`` or ``timed`` run on this machine, whatever runs
+    the others. ``columns`` are the study's own in the row's head, where they tell runs apart.
+    """
+
+    study: str
+    scene: Scene
+    engine: str
+    arm: str
+    run: RunSettings
+    settings: Mapping[str, Value] = field(default_factory=dict)
+    timed: bool = False
+    limits: Limits | None = None
+    columns: Mapping[str, Value] = field(default_factory=dict)
+
+    def key(self, fingerprint: str) -> str:
+        """Return what identifies this run together with the code and the libraries it is made with."""
+        limits = None if self.limits is None else asdict(self.limits)
+        run = [self.engine, self.arm, asdict(self.run), dict(self.settings), self.timed, limits]
+        run.append(dict(self.columns))
+        text = json.dumps([fingerprint, self.study, self.scene.model_dump(), *run], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def head(self) -> Row:
+        """Return the columns that say what was run."""
+        return {
+            "study": self.study,
+            "scene": self.scene.name,
+            "engine": self.engine,
+            "arm": self.arm,
+            "end_time_s": self.scene.end_time_s,
+            "samples": self.run.samples,
+            "step_s": self.run.step_used_s(self.scene.end_time_s),
+            **({"timed": True} if self.timed else {}),
+            **(asdict(self.limits) if self.limits else {}),
+            **{f"setting_{name}": value for name, value in self.settings.items()},
+            **self.columns,
+        }
+
+
+class Study(Protocol):
+    """What a study's module provides."""
+
+    def cases(self, full: bool) -> list[Case]:
+        """Return the runs to make; the full set contains the quick one."""
+        ...
+
+    def measure(self, case: Case) -> tuple[Row, Curves]:
+        """Make one run and return its measured columns and its curves over time."""
+        ...

@@ -1,0 +1,38 @@
+"""How the execution of cases ends when the engine neither answers nor refuses."""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from typing import ParamSpec, TypeVar
+
+from studies.running.case import Limits
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+CRASHED, TIMED_OUT, OUT_OF_MEMORY = "crashed", "timed out", "out of memory"
+#: Not the doing of what ran, and so no result.
+KILLED, NOT_BEGUN = "killed from outside", "not begun"
+NO_RESULT = (KILLED, NOT_BEGUN)
+
+
+class CaseEnded(Exception):
+    """The process that ran one case died or was killed: a row of this ``status``, for this ``reason``."""
+
+    def __init__(self, status: str, reason: str) -> None:
+        super().__init__(status, reason)
+        self.status, self.reason = status, reason
+
+
+class RunBroken(Exception):
+    """No case can go on; the message says why. What was finished is kept."""
+
+
+class LimitedExecutor(Executor):
+    """An executor that ends calls at their limits; their futures then have the exception CaseEnded."""
+
+    @abstractmethod
+    def submit_within(
+        self, limits: Limits, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+    ) -> "Future[T]":
+        """Run a call that is ended when it exceeds the limits."""

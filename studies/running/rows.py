@@ -1,0 +1,161 @@
+"""The rows of a study's folder: one run holds them, every finished case is kept, and nothing is trusted.
+
+The folder holds ``rows.jsonl`` (a line per case finished by the present code), ``rows.FINGERPRINT.jsonl`` for
+each other code whose rows were set aside, and ``curves/KEY.npz``.
+"""
+
+import hashlib
+import io
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from studies.errors import say
+from studies.running.case import Curves, Row
+from studies.running.folder_lock import held
+from studies.running.whole_file import UNFINISHED, write_through, write_whole
+
+#: The columns that every row has, beside those of its study.
+HEAD = ("case", "fingerprint", "status", "checksum")
+
+
+class DamagedRows(Exception):
+    """A line is not what a run wrote there; the message names file and line and says what to do."""
+
+
+class Rows:
+    """The finished cases of a folder, by their keys; see ``opened``."""
+
+    def __init__(self, folder: Path, code: str) -> None:
+        self._folder, self._code = folder, code
+        self._path = folder / "rows.jsonl"
+        self._rows = _sorted_out(folder, code)
+
+    def statuses(self) -> dict[str, str]:
+        """Return how each case ended."""
+        return {key: str(row["status"]) for key, row in self._rows.items()}
+
+    def keep(self, key: str, row: Row, curves: Curves) -> None:
+        """Keep a finished case, its curves first, in place of an earlier row of it.
+
+        Raises:
+            OSError: it could not be written; the rows are as before.
+        """
+        if curves:
+            file = io.BytesIO()
+            np.savez_compressed(file, **curves)  # type: ignore[arg-type]
+            write_whole(self._folder / "curves" / f"{key}.npz", file.getvalue())
+        new: Row = {"case": key, "fingerprint": self._code, **row}
+        new["checksum"] = checksum(new)
+        if key in self._rows:
+            _write(self._path, {**self._rows, key: new})
+        else:
+            _append(self._path, _line(new))
+        self._rows[key] = new
+
+
+@contextmanager
+def opened(folder: Path, code: str) -> Iterator[Rows]:
+    """Hold a folder and give the rows that the code of this fingerprint made there.
+
+    Rows of other code are set aside, and those of this code that were are taken up again.
+
+    Raises:
+        FolderHeld: another run holds the folder.
+        DamagedRows: a line is no row.
+        OSError: the folder cannot be written.
+    """
+    (folder / "curves").mkdir(parents=True, exist_ok=True)
+    with held(folder):
+        for file in folder.rglob(f"*{UNFINISHED}"):
+            file.unlink()
+        yield Rows(folder, code)
+
+
+def checksum(row: Mapping[str, object]) -> str:
+    """Return the hash of a row's other columns."""
+    rest = {name: value for name, value in row.items() if name != "checksum"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _sorted_out(folder: Path, code: str) -> dict[str, Row]:
+    """Return the rows of this code and leave them alone in ``rows.jsonl``, each once.
+
+    Whatever is interrupted here, no row is lost: it is in the new file before it leaves the old one.
+    """
+    path, back = folder / "rows.jsonl", folder / f"rows.{code}.jsonl"
+    here, clean = _read(path)
+    others: dict[str, dict[str, Row]] = {}
+    for key, row in here.items():
+        others.setdefault(str(row["fingerprint"]), {})[key] = row
+    mine = others.pop(code, {})
+    for other, rows in others.items():
+        aside = folder / f"rows.{other}.jsonl"
+        _write(aside, {**_read(aside)[0], **rows})
+    if back.exists():
+        mine = {**_read(back)[0], **mine}
+    if others or back.exists() or not clean:
+        _write(path, mine)
+    back.unlink(missing_ok=True)
+    return mine
+
+
+def _read(path: Path) -> tuple[dict[str, Row], bool]:
+    """Return the rows of a file by case, and whether it is clean: each there once, the last one whole.
+
+    A last line that a kill cut short is dropped.
+    """
+    if not path.exists():
+        return {}, True
+    *lines, torn = path.read_bytes().split(b"\n")
+    rows: dict[str, Row] = {}
+    for n, line in enumerate(lines, 1):
+        row = _row(line, f"{path}:{n}")
+        if rows.setdefault(str(row["case"]), row)["checksum"] != row["checksum"]:
+            raise _damaged(f"{path}:{n}", "another result of a case that is there already")
+    if doubles := len(lines) - len(rows):
+        say(f"note: {path}: {doubles} rows are there twice and count once")
+    return rows, not (torn or doubles)
+
+
+def _row(line: bytes, where: str) -> Row:
+    try:
+        row: Row = json.loads(line.decode())
+        right = isinstance(row, dict) and checksum(row)
+    except (ValueError, RecursionError):
+        raise _damaged(where, "something else") from None
+    if not right or any(not isinstance(row.get(name), str) for name in HEAD[:-1]):
+        raise _damaged(where, "something else")
+    if "checksum" not in row:
+        raise _damaged(where, "one without a checksum, as earlier versions wrote them")
+    if row["checksum"] != right or not re.fullmatch("[0-9a-f]{16}", str(row["fingerprint"])):
+        raise _damaged(where, "one that does not fit its checksum")
+    return row
+
+
+def _damaged(where: str, came: str) -> DamagedRows:
+    return DamagedRows(f"a row of results at {where}, got {came}: remove the line or move the file away")
+
+
+def _line(row: Row) -> bytes:
+    return json.dumps(row).encode() + b"\n"
+
+
+def _write(path: Path, rows: Mapping[str, Row]) -> None:
+    write_whole(path, b"".join(map(_line, rows.values())))
+
+
+def _append(path: Path, line: bytes) -> None:
+    """Append a line for good, or nothing of it: what follows a torn line could not be read."""
+    with path.open("ab", buffering=0) as file:
+        end = file.seek(0, os.SEEK_END)
+        try:
+            write_through(file, line)
+        except BaseException:
+            file.truncate(end)
+            raise

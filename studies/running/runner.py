@@ -1,0 +1,263 @@
+"""Runs the cases of studies on all cores, keeps every finished one at once, and resumes where it stopped.
+
+A study's folder holds what ``studies.running.rows`` keeps there, and ``sidecar.json``.
+"""
+
+import json
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from importlib import import_module
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, cast
+
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
+
+from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
+from studies.running.case import ROOMY, Case, Curves, Row, Study
+from studies.running.execution import (
+    NO_RESULT,
+    NOT_BEGUN,
+    OUT_OF_MEMORY,
+    CaseEnded,
+    LimitedExecutor,
+    RunBroken,
+)
+from studies.running.processes import Processes
+from studies.running.provenance import changed_code, fingerprint, sidecar
+from studies.running.rows import Rows, opened
+from studies.running.whole_file import write_whole
+from studies.running.worker import LIMITS_MEMORY
+
+#: Makes an executor for as long as it is needed; or lends one that lives longer.
+Executors = Callable[[], AbstractContextManager[Executor]]
+
+#: The studies by name. A new study is a new file and a line here.
+STUDIES = {
+    "agreement": "studies.agreement",
+    "clearance": "studies.clearance",
+    "work-precision": "studies.work_precision",
+    "energy": "studies.energy",
+    "predictability": "studies.predictability.study",
+    "stability": "studies.stability.study",
+    "extremes": "studies.extremes.study",
+}
+
+
+#: How often a run looks whether its code has changed, in s; and how many cases in succession whose process
+#: cannot begin break it.
+LOOK_S, HOPELESS = 1.0, 3
+#: Of the files that changed, how many are named.
+SHOWN_FILES = 3
+
+
+def run_studies(
+    names: list[str],
+    full: bool,
+    jobs: int,
+    out: Path,
+    executor: Executors | None = None,
+    retry_failed: bool = False,
+) -> None:
+    """Run the named studies into ``out/NAME``, skipping every case that is there already.
+
+    Cases run in ``jobs`` processes of this machine, the same for all studies since each takes two seconds to
+    import what it needs, or on what ``executor`` makes. All folders are held before any work is done.
+
+    Raises:
+        FolderHeld: another run holds one of the folders.
+        DamagedRows: the rows kept are no rows.
+        RunBroken: the cases cannot go on.
+        OSError: a folder cannot be written.
+    """
+    with ExitStack() as stack:
+        folders = {name: stack.enter_context(opened(out / name, fingerprint())) for name in names}
+        facts = {name: {**sidecar(name, full), "memory_limits_enforced": LIMITS_MEMORY} for name in names}
+        pool = stack.enter_context(Processes(jobs))
+        here: Executors = lambda: nullcontext(pool)  # noqa: E731
+        for name, rows in folders.items():
+            _run_study(name, _study(name).cases(full), rows, executor or here, here, retry_failed)
+            write_whole(out / name / "sidecar.json", json.dumps(facts[name], indent=2).encode() + b"\n")
+
+
+def run_study(
+    name: str,
+    cases: list[Case],
+    folder: Path,
+    executor: Executors,
+    processes: Executors = lambda: Processes(1),
+    retry_failed: bool = False,
+) -> None:
+    """Run the cases that ``folder`` lacks, with a progress bar and at the end a line that counts failures.
+
+    Ordinary cases run on any ``concurrent.futures`` executor; then those with limits of their own in
+    ``processes`` of this machine; then the timed ones in a process of their own, one at a time and with
+    nothing beside them. So is one run again whose process was killed from outside. ``retry_failed`` runs
+    again what is there but neither finished nor was refused.
+
+    Raises:
+        FolderHeld, DamagedRows, RunBroken, OSError: as ``run_studies``.
+    """
+    with opened(folder, fingerprint()) as rows:
+        _run_study(name, cases, rows, executor, processes, retry_failed)
+
+
+def _run_study(
+    name: str, cases: list[Case], rows: Rows, executor: Executors, processes: Executors, retry_failed: bool
+) -> None:
+    wanted = {case.key(fingerprint()): case for case in cases}
+    there = rows.statuses()
+    done = {key for key in wanted if key in there and not _to_run_again(there[key], retry_failed)}
+    pending = {key: case for key, case in wanted.items() if key not in done}
+    columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
+    progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
+    with progress:
+        bar = progress.add_task(name, total=len(wanted), completed=len(done))
+
+        def keep(key: str, row: Row, curves: Curves) -> None:
+            rows.keep(key, row, curves)
+            progress.advance(bar)
+
+        for some, make in _phases(pending, executor, processes):
+            if again := _run(some, make, keep):
+                _run(again, lambda: Processes(1), keep, last=True)
+    ended = rows.statuses()
+    failures = Counter(ended[key] for key in wanted if ended[key] != "ok")
+    counts = [f"{len(wanted)} cases", *(f"{n} {status}" for status, n in failures.most_common())]
+    progress.console.print(f"{name}: {', '.join(counts)}", highlight=False)
+
+
+def _to_run_again(status: str, retry_failed: bool) -> bool:
+    return status in NO_RESULT or (retry_failed and status not in ("ok", "unsupported"))
+
+
+def _phases(
+    cases: dict[str, Case], executor: Executors, processes: Executors
+) -> Iterator[tuple[dict[str, Case], Executors]]:
+    """Split cases into those that may run beside each other, and where.
+
+    Of those, one of every scene, engine and arm comes first, in the order of their keys, which is as good as
+    random: cases that start together and share a kernel would both compile it.
+    """
+    timed = {key: case for key, case in cases.items() if case.timed}
+    groups: list[dict[str, Case]] = [{}, {}, timed]
+    alike: Counter[tuple[str, str, str]] = Counter()
+    turns = {}
+    for key in sorted(cases.keys() - timed.keys()):
+        kind = cases[key].scene.name, cases[key].engine, cases[key].arm
+        turns[key] = alike[kind]
+        alike[kind] += 1
+    for key in sorted(turns, key=lambda key: turns[key]):
+        groups[1 if cases[key].limits else 0][key] = cases[key]
+    makers: tuple[Executors, ...] = (executor, processes, lambda: Processes(1))
+    return ((group, make) for group, make in zip(groups, makers, strict=True) if group)
+
+
+def _run(
+    cases: dict[str, Case], make: Executors, keep: Callable[[str, Row, Curves], None], last: bool = False
+) -> dict[str, Case]:
+    """Run cases, keep each as soon as it is finished, and return those that ended without a result.
+
+    The ``last`` time these are kept too. Whatever stops the run stops the cases at work.
+
+    Raises:
+        RunBroken: no process can begin, or the code is no longer what was imported.
+    """
+    again: dict[str, Case] = {}
+    answers: SimpleQueue[Future[Any]] = SimpleQueue()
+    begun, unbegun = False, 0
+    with make() as pool:
+        try:
+            keys = {_submitted(pool, case): key for key, case in cases.items()}
+            for future in keys:
+                future.add_done_callback(answers.put)
+            while keys:
+                future = _next(answers)
+                key = keys.pop(future)
+                row, curves = _outcome(cases[key], future)
+                begun = begun or row["status"] != NOT_BEGUN
+                unbegun += not begun
+                if unbegun == HOPELESS:
+                    raise RunBroken(f"no process can begin: {row['reason']}")
+                if row["status"] in NO_RESULT and not last:
+                    again[key] = cases[key]
+                else:
+                    keep(key, row, curves)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return again
+
+
+def _submitted(pool: Executor, case: Case) -> "Future[tuple[Row, Curves]]":
+    if isinstance(pool, LimitedExecutor):
+        return pool.submit_within(case.limits or ROOMY, _run_case_by, fingerprint(), case)
+    return pool.submit(_run_case_by, fingerprint(), case)
+
+
+def _next(answers: "SimpleQueue[Future[Any]]") -> "Future[Any]":
+    """Return the next future that is done, as long as the code is what it was."""
+    while True:
+        try:
+            future = answers.get(timeout=LOOK_S)
+        except Empty:
+            future = None
+        if changed := changed_code():
+            files = ", ".join(changed[:SHOWN_FILES]) + ", ..." * (len(changed) > SHOWN_FILES)
+            raise RunBroken(
+                f"the code changed under the run ({files}): what was finished is kept, run it again"
+            )
+        if future is not None:
+            return future
+
+
+def _outcome(case: Case, future: "Future[tuple[Row, Curves]]") -> tuple[Row, Curves]:
+    """Return the row of a case that is done, however it ended."""
+    try:
+        return future.result()
+    except CaseEnded as end:
+        return {**case.head(), "status": end.status, "reason": end.reason}, {}
+    except ProcessTaken as refusal:
+        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
+
+
+def _run_case_by(code: str, case: Case) -> tuple[Row, Curves]:
+    """Run a case if this process has imported that code."""
+    if fingerprint() != code:
+        raise RunBroken(f"a process has other code or libraries ({fingerprint()}) than the run ({code})")
+    return run_case(case)
+
+
+def run_case(case: Case) -> tuple[Row, Curves]:
+    """Run one case; what the engine refuses or fails at becomes a row with ``status`` and ``reason``.
+
+    Raises:
+        ProcessTaken: another process could run it.
+        RunBroken: there is a bug in the study or an engine's model.
+    """
+    try:
+        measured, curves = _study(case.study).measure(case)
+    except ProcessTaken:
+        raise  # no answer yet: executors try it in another process
+    except UnsupportedScene as refusal:
+        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
+    except SimulationFailed as failure:
+        return {**case.head(), "status": "failed", "reason": str(failure)}, {}
+    except MemoryError as error:
+        limit = (case.limits or ROOMY).memory_limit_bytes
+        reason = f"{error or 'no memory left'} (limit {limit} bytes)"
+        return {**case.head(), "status": OUT_OF_MEMORY, "reason": reason}, {}
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        bug = f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"
+        raise RunBroken(f"{case.engine} ({case.arm}) on {case.scene.name}: {bug}") from error
+    return {**case.head(), "status": "ok", "reason": "", **measured}, curves
+
+
+def _study(name: str) -> Study:
+    """Return a study by its name here, or by the import path of its module."""
+    return cast(Study, import_module(STUDIES.get(name, name)))

@@ -1,0 +1,1 @@
+"""Stability: where each solver stops being trustworthy."""

@@ -1,0 +1,200 @@
+"""Stability: where each solver stops being trustworthy, as maps, and its limits on a scalar test problem.
+
+Maps are of set R with a lossless Hertz contact at the rod-slider pin, over the step and one of contact
+stiffness, clearance and crank speed, from the start through the first impacts. One case is one cell.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engines import make_engine
+from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
+from engine_models.scene.scene import Clearance, Clearances, Scene
+from studies.judges.converged import converged, followed
+from studies.ladders import AS_IT_COMES, newcomers
+from studies.running.case import Case, Curves, Limits, Row, Value
+from studies.stability import theory
+from studies.stability.scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator
+from studies.stability.verdict import BOUNDS, DIVERGED, REFUSED, before_chaos, judged, measured
+
+#: Engine, arm, its settings, and the method whose fixed step acts on the contact: None where there is no such
+#: step, or no spring for it to act on.
+Arm = tuple[str, str, dict[str, Value], str | None]
+ARMS: tuple[Arm, ...] = (
+    ("reference", "located", {}, None),
+    ("reference", "plain", {"locate_events": False}, theory.RK4),
+    ("reference", "DOP853", {"method": "dop853"}, None),
+    ("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2"}, theory.TRAPEZOIDAL),
+    (
+        "exudyn",
+        "generalized-alpha",
+        {"solver": "GeneralizedAlpha", "spectral_radius": 0.5},
+        theory.ALPHA,
+    ),
+    ("exudyn", "RK44", {"solver": "RK44"}, theory.RK4),
+    ("exudyn", "DOPRI5", {"solver": "DOPRI5"}, None),
+    ("pymunk", "as the scene", {}, theory.EULER),
+    ("pymunk", "native contact", {"contact": "rigid"}, None),
+    ("scipy", "DOP853", {}, None),
+)
+#: The scalar problem alone shows how the generalized-alpha method's damping depends on its parameter.
+OTHER_RADIUS: Arm = (
+    "exudyn",
+    "generalized-alpha 0.9",
+    {"solver": "GeneralizedAlpha", "spectral_radius": 0.9},
+    theory.ALPHA,
+)
+#: What a cell may take. A kernel's compilation counts.
+LIMITS = Limits(time_limit_s=120.0, memory_limit_bytes=4 * 2**30)
+
+END_S, SAMPLES = 0.002, 20
+#: Steps per sample of the maps: 1e-4 s to 1e-6 s, and to 2e-7 s in the full set.
+COARSE = (1, 2, 5, 10, 20, 50, 100)
+FINE = (1, 2, 3, 5, 7, 10, 14, 20, 30, 50, 70, 100, 140, 200, 300, 500)
+CLEARANCE_M, SPEED_RPM = 5e-4, 5000.0
+#: Parts of the stiffness of steel, radial clearances and crank speeds of the maps: quick, then what the full
+#: set adds.
+STIFFNESS_FACTORS, MORE_FACTORS = (0.1, 1.0, 10.0, 100.0, 1000.0), (0.3, 3.0, 30.0, 300.0)
+CLEARANCES_M, MORE_CLEARANCES_M = (2e-5, 1e-4, 5e-4, 2.5e-3), (5e-5, 2e-4, 1e-3)
+SPEEDS_RPM, MORE_SPEEDS_RPM = (1250.0, 5000.0, 20000.0), (2500.0, 10000.0)
+
+#: Damping ratios at which limits are looked for, and omega h at which damping is measured without any.
+DAMPING_RATIOS, DAMPED_STEPS = (0.0, 0.5, 2.0), (0.1, 0.3, 1.0)
+STEPS, DAMPED_RUN_STEPS = 24, 120
+
+
+def cases(full: bool) -> list[Case]:
+    """Return the scalar problem's cases, then the cells of the three maps, a scene's after one another."""
+    return [*_scalar_cases(), *_cells(full)]
+
+
+def _scalar_cases() -> Iterator[Case]:
+    for engine, arm, settings, method in (*_arms(), OTHER_RADIUS):
+        if arm == "native contact":
+            continue  # no spring
+        run = RunSettings(1 / FREQUENCY_RAD_S, STEPS)
+        for ratio in DAMPING_RATIOS:
+            scene = oscillator(ratio, run.step_s, STEPS)
+            columns: Row = {"damping_ratio": ratio, "method": method}
+            yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+        for x in DAMPED_STEPS if method else ():
+            run = RunSettings(x / FREQUENCY_RAD_S, DAMPED_RUN_STEPS)
+            scene = oscillator(0.0, run.step_s, DAMPED_RUN_STEPS)
+            columns = {"frequency_step": x, "method": method}
+            yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+
+
+def _arms() -> tuple[Arm, ...]:
+    return (*ARMS, *((name, AS_IT_COMES, {}, None) for name in newcomers()))
+
+
+def _cells(full: bool) -> Iterator[Case]:
+    for varied, value, scene in scenes(full):
+        energy, frequency = theory.first_impact(scene)
+        for engine, arm, settings, method in _arms():
+            columns: Row = {
+                varied: value,
+                "method": method,
+                "impact_energy_J": energy,
+                "impact_frequency_rad_s": frequency,
+                "limit_frequency_step": theory.limit(method, 0.0) if method else None,
+                **BOUNDS,
+            }
+            for count in FINE if full else COARSE:
+                run = RunSettings(END_S / (SAMPLES * count), SAMPLES)
+                yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+
+
+def scenes(full: bool) -> Iterator[tuple[str, float, Scene]]:
+    """Yield the rows of the maps: the column of what varies, its value, the scene."""
+    steel = stiffness_of(_clearance(CLEARANCE_M))
+    for factor in sorted(STIFFNESS_FACTORS + (MORE_FACTORS if full else ())):
+        scene = _scene("stiffness", factor, SPEED_RPM, _clearance(CLEARANCE_M, factor * steel))
+        yield "contact_stiffness_N_m1_5", factor * steel, scene
+    for c in sorted(CLEARANCES_M + (MORE_CLEARANCES_M if full else ())):
+        yield "radial_clearance_m", c, _scene("clearance", c, SPEED_RPM, _clearance(c))
+    for speed in sorted(SPEEDS_RPM + (MORE_SPEEDS_RPM if full else ())):
+        yield "crank_speed_rpm", speed, _scene("speed", speed, speed, _clearance(CLEARANCE_M))
+
+
+def _clearance(radial_m: float, stiffness: float | None = None) -> Clearance:
+    """Return a lossless Hertz contact of given stiffness, or of steel."""
+    return Clearance(
+        radial_clearance_m=radial_m,
+        bearing_radius_m=BEARING_RADIUS_M,
+        law="hertz",
+        stiffness=stiffness,
+        young_modulus_Pa=None if stiffness else STEEL_PA,
+        poisson_ratio=None if stiffness else STEEL_POISSON,
+    )
+
+
+def _scene(varied: str, value: float, speed_rpm: float, clearance: Clearance) -> Scene:
+    scene = ideal_driven()
+    speed = 2 * math.pi * speed_rpm / 60
+    start = scene.start.model_copy(update={"crank_speed_rad_s": speed})
+    name, room = f"stability-{varied}-{value:g}", Clearances(B=clearance)
+    changed = {"name": name, "end_time_s": END_S, "start": start, "clearance": room}
+    return scene.model_copy(update=changed)
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Return a cell's verdict, or a limit or a damping of the scalar problem."""
+    with np.errstate(all="ignore"):  # an overflow has its verdict and needs no warning
+        engine = make_engine(case.engine, **case.settings)
+        if "damping_ratio" in case.columns:
+            return _limit(case, engine), {}
+        if "frequency_step" in case.columns:
+            return _damping(case, engine), {}
+        return _cell(case, engine), {}
+
+
+def _limit(case: Case, engine: Engine) -> Row:
+    """Return the omega h from which on the oscillation grows, measured and by theory; None is no limit."""
+    ratio, method = float(str(case.columns["damping_ratio"])), case.columns["method"]
+    order = _states(method)
+    found = theory.first_growth(lambda x: measured_growth(engine, x, ratio, STEPS, order) > GROWING_STEP)
+    expected = theory.limit(str(method), ratio) if method else None
+    row: Row = {"measured_limit_frequency_step": found, "limit_frequency_step": expected}
+    if found and expected:
+        row["relative_difference"] = found / expected - 1
+    return row
+
+
+def _damping(case: Case, engine: Engine) -> Row:
+    """Return the part of the energy that an undamped oscillation loses per step, measured and by theory."""
+    x, method = float(str(case.columns["frequency_step"])), str(case.columns["method"])
+    radius = float(str(case.settings.get("spectral_radius", 0.5)))
+    found = 1 - measured_growth(engine, x, 0.0, DAMPED_RUN_STEPS, _states(method)) ** 2
+    expected = 1 - theory.growth(method, x, 0.0, radius) ** 2
+    row: Row = {"energy_loss_per_step": found, "expected_energy_loss_per_step": expected}
+    leading = theory.leading_loss(method, x, radius)
+    if leading:
+        row |= {"leading_energy_loss_per_step": leading, "relative_difference": found / expected - 1}
+    return row
+
+
+def _states(method: Value) -> int:
+    return 3 if method == theory.ALPHA else 2
+
+
+def _cell(case: Case, engine: Engine) -> Row:
+    """Return a cell's verdict; what the engine refuses or fails at has one as well."""
+    try:
+        own = engine.twin(case.scene)
+    except UnsupportedScene as refusal:
+        return {"status": "unsupported", "reason": str(refusal), **judged(REFUSED, str(refusal))}
+    truth, _ = converged(own, case.run.samples)
+    try:
+        run = engine.simulate(case.scene, case.run)
+    except (SimulationFailed, OverflowError) as failure:
+        return {"status": "failed", "reason": str(failure), **judged(DIVERGED, str(failure))}
+    energy = float(str(case.columns["impact_energy_J"]))
+    until = min(followed(own, case.run.samples), before_chaos(truth))
+    verdict = measured(case.scene, run, truth, until, energy)
+    taken: Row = {"steps": run.steps, "mean_step_s": END_S / run.steps}
+    return {**taken, "compared_until_s": float(truth.time_s[until - 1]), **verdict}

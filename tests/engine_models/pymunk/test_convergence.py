@@ -1,0 +1,127 @@
+"""Pymunk's contacts tend to the reference's solution of the same scene as the step falls, at order 1."""
+
+import numpy as np
+import pytest
+
+from engine_models.engine import RunSettings, Trajectory
+from engine_models.pymunk.engine import PymunkEngine
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.library import (
+    RIGID_SCENES,
+    clearance_driven_05,
+    clearance_driven_damped,
+    clearance_free,
+)
+from engine_models.scene.scene import Clearances, Scene
+from studies.judges.metrics import energy_balance_residual_J
+
+SAMPLES = 10
+#: A contact is noticed up to a step late, by chance: a slope is that of the mean square over several steps.
+COARSE = (200, 2000)
+DECADES = {
+    coarse: tuple(round(coarse * factor) for factor in (1.0, 1.07, 1.13, 1.21, 1.29, 1.37))
+    for coarse in COARSE
+}
+#: What chance leaves of a slope over one decade with six runs at each end.
+ORDER_TOLERANCE = 0.25
+
+
+def rigid_driven() -> Scene:
+    """Set R with rigid walls, e = 0.5: the bounces end within 0.7 ms, and the pin follows the wall."""
+    scene = RIGID_SCENES["rigid-driven-0.5mm"]()
+    assert scene.clearance.B is not None
+    room = scene.clearance.B.model_copy(update={"restitution": 0.5})
+    return scene.model_copy(update={"end_time_s": 3e-3, "clearance": Clearances(B=room)})
+
+
+def rigid_free() -> Scene:
+    return RIGID_SCENES["rigid-free-0.5mm"]().model_copy(update={"end_time_s": 0.02})
+
+
+def compliant_damped() -> Scene:
+    return clearance_driven_damped().model_copy(update={"end_time_s": 3e-3})
+
+
+SCENES = {scene.__name__: scene for scene in (rigid_driven, rigid_free, compliant_damped)}
+_truths: dict[str, Trajectory] = {}
+
+
+def truth(scene: Scene) -> Trajectory:
+    """Return the reference's run, once for each scene."""
+    key = scene.model_dump_json()
+    if key not in _truths:
+        step = 1e-6 if scene.drive.kind == "constant-speed" else 5e-6
+        _truths[key] = ReferenceEngine().simulate(scene, RunSettings(step, SAMPLES))
+    return _truths[key]
+
+
+def run(scene: Scene, steps_per_sample: int, engine: PymunkEngine | None = None) -> Trajectory:
+    settings = RunSettings(scene.end_time_s / (SAMPLES * steps_per_sample), SAMPLES)
+    return (engine or PymunkEngine()).simulate(scene, settings)
+
+
+def errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    """Return the largest errors of position, in m and rad, and velocity."""
+    true = truth(scene)
+    return {
+        "position": float(np.abs(trajectory.position - true.position).max()),
+        "velocity": float(np.abs(trajectory.velocity - true.velocity).max()),
+    }
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_motion_tends_to_the_references_at_order_one(name: str) -> None:
+    scene = SCENES[name]()
+    mean = {}
+    for coarse, steps in DECADES.items():
+        found = [errors(scene, run(scene, n)) for n in steps]
+        mean[coarse] = {key: np.sqrt(np.mean([f[key] ** 2 for f in found])) for key in found[0]}
+    slope = {key: float(np.log10(mean[COARSE[0]][key] / mean[COARSE[1]][key])) for key in mean[COARSE[0]]}
+    assert slope["position"] == pytest.approx(1.0, abs=ORDER_TOLERANCE), (slope, mean)
+    assert slope["velocity"] == pytest.approx(1.0, abs=ORDER_TOLERANCE), (slope, mean)
+
+
+@pytest.mark.parametrize("name", ["rigid_driven", "rigid_free"])
+def test_impulses_of_impacts_tend_to_the_references(name: str) -> None:
+    scene = SCENES[name]()
+    true, found = truth(scene).contacts["B"].impacts, run(scene, 3000).contacts["B"].impacts
+    count = 5
+    for part, tolerance in (
+        ("time_s", 1e-3),
+        ("approach_speed_m_s", 1e-2),
+        ("normal_impulse_N_s", 1e-2),
+        ("energy_lost_J", 2e-2),
+    ):
+        ratio = getattr(found, part)[:count] / getattr(true, part)[:count]
+        assert ratio == pytest.approx(1, abs=tolerance), f"{part}: {ratio}"
+
+
+def test_the_compliant_hook_tends_to_the_reference_on_the_standard_case() -> None:
+    scene = clearance_driven_05().model_copy(update={"end_time_s": 3e-3})
+    found = {n: errors(scene, run(scene, n))["position"] for n in (300, 3000)}
+    assert found[300] < 1e-3, found  # the rod's angle is 12 times as far off as the slider
+    assert found[3000] < 5e-6, found
+    free = clearance_free().model_copy(update={"end_time_s": 0.02})
+    assert errors(free, run(free, 3000))["position"] < 5e-6
+    impacts, true = run(scene, 3000).contacts["B"].impacts, truth(scene).contacts["B"].impacts
+    for part in ("duration_s", "approach_speed_m_s", "normal_impulse_N_s", "energy_lost_J"):
+        ratio = getattr(impacts, part)[:4] / getattr(true, part)[:4]
+        assert ratio == pytest.approx(1, abs=0.01), f"{part}: {ratio}"
+
+
+def test_ten_sweeps_as_in_the_library_never_converge_on_the_free_scene() -> None:
+    free, library = rigid_free(), PymunkEngine.out_of_the_box()
+    few = [errors(free, run(free, n, library))["position"] for n in (300, 3000)]
+    right = errors(free, run(free, 3000))["position"]
+    assert few[1] > 0.5 * few[0] > 100 * right, (few, right)
+
+
+def test_penetrations_taken_back_within_a_step_make_a_following_pin_flicker() -> None:
+    scene = rigid_driven()
+    contacts, residual = {}, {}
+    for bias in (0.0, 1e-300):
+        trajectory = run(scene, 600, PymunkEngine(collision_bias=bias))
+        contacts[bias] = len(trajectory.contacts["B"].impacts.time_s)
+        residual[bias] = np.abs(energy_balance_residual_J(scene, trajectory)).max()
+    assert contacts[1e-300] < 20 < 1000 < contacts[0.0], contacts
+    assert residual[0.0] > 3 * residual[1e-300], residual

@@ -1,0 +1,53 @@
+"""An engine that only its own file and its line in the registry know takes part in every study."""
+
+from typing import Any
+
+import pytest
+
+from engine_models import engines
+from reports.style import line_style, ordered
+from studies.ladders import NAMED
+from studies.running import runner
+from studies.running.case import Case
+
+NAME = "newcomer"
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Register the trapezoidal rule of Exudyn once more, under a name that no study knows."""
+    monkeypatch.setitem(engines._CLASSES, NAME, ("engine_models.exudyn.engine", "ExudynEngine"))
+    monkeypatch.setattr(engines, "ENGINES", (*engines.ENGINES, NAME))
+
+
+def its_cases(study: str, full: bool) -> list[Case]:
+    return [case for case in runner._study(study).cases(full) if case.engine == NAME]
+
+
+@pytest.mark.parametrize("study", runner.STUDIES)
+def test_a_new_engine_takes_part_in_every_study(study: str) -> None:
+    found = its_cases(study, full=False)
+    assert found
+    row: dict[str, Any] = runner.run_case(found[0])[0]
+    assert row["engine"] == NAME
+    assert row["status"] in ("ok", "unsupported"), row["reason"]
+
+
+def test_a_new_engine_takes_part_on_the_scenes_of_all_others() -> None:
+    for study in runner.STUDIES:
+        cases = runner._study(study).cases(True)
+        named = {case.scene.name for case in cases if case.engine in NAMED and case.engine != "reference"}
+        own = {case.scene.name for case in cases if case.engine == NAME}
+        assert own
+        assert named <= own, study
+
+
+def test_the_studies_name_only_engines_that_exist() -> None:
+    assert set(NAMED) < set(engines.ENGINES)
+
+
+def test_a_new_engine_comes_last_in_legends_and_looks_like_no_other() -> None:
+    names = [(NAME, "default"), *((engine, "arm") for engine in NAMED)]
+    assert ordered(names)[-1] == (NAME, "default")
+    looks = {(line_style(name, names)["color"], line_style(name, names)["marker"]) for name in names}
+    assert len(looks) == len(names)

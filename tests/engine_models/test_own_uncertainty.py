@@ -1,0 +1,47 @@
+"""A run's own uncertainty covers its true error and is not absurdly large."""
+
+import numpy as np
+import pytest
+
+from engine_models.engine import RunSettings
+from engine_models.engines import ENGINES, make_engine
+from engine_models.own_uncertainty import simulate_with_uncertainty
+from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
+from studies.judges.truth import exact
+from tests.independent.clearance import integrate
+
+SAMPLES = 20
+#: Richardson: the difference is 2^p - 1 times the finer run's error, 1 for order 1 and 15 for order 4; room
+#: for the next term of the error. The reference by RK4 is judged by DOP853, whose own error is a seventh of
+#: RK4's at most here.
+LEAST, MOST, JUDGED = 0.8, 60, 1.25
+#: Settings and longest step at which an engine's error is above round-off, and falls no faster than at order
+#: 4: scipy's is set by its tolerance, in steps below these.
+PLAIN: tuple[dict[str, object], float] = ({}, 2e-4)
+COARSE = {"scipy": ({"method": "RK45", "rtol": 1e-8, "atol": 1e-10}, 5e-3)}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("name", ["ideal-free", "ideal-torque"])
+def test_the_uncertainty_covers_the_true_error_of_an_ideal_scene(name: str, engine: str) -> None:
+    scene = IDEAL_SCENES[name]().model_copy(update={"end_time_s": 0.1})
+    settings, step = COARSE.get(engine, PLAIN)
+    coarse = make_engine(engine, **settings)
+    run, uncertainty = simulate_with_uncertainty(coarse, scene, RunSettings(step, SAMPLES))
+    truth = exact(scene, SAMPLES)
+    for signal, found, true in (
+        ("slider_position_m", run.slider_position_m, truth.slider_position_m),
+        ("joint_force_N", run.joint_force_N, truth.joint_force_N),
+    ):
+        ratio = uncertainty[signal].max() / np.abs(found - true).max()
+        most = JUDGED if engine == "reference" else MOST
+        assert LEAST < ratio < most, f"{signal}: uncertainty is {ratio:.6f} times the error"
+
+
+def test_the_uncertainty_covers_the_true_error_with_clearance() -> None:
+    scene = CLEARANCE_SCENES["clearance-driven-0.1mm"]().model_copy(update={"end_time_s": 0.002})
+    run, uncertainty = simulate_with_uncertainty(make_engine("reference"), scene, RunSettings(1e-5, SAMPLES))
+    truth = integrate(scene, run.time_s, 1e-12).slider_position_m
+    ratio = uncertainty["slider_position_m"].max() / np.abs(run.slider_position_m - truth).max()
+    assert LEAST < ratio < JUDGED, f"uncertainty is {ratio:.6f} times the error"
+    assert uncertainty["contact_B_normal_force_N"].shape == run.time_s.shape

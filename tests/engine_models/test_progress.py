@@ -1,0 +1,90 @@
+"""Whoever starts a run can hear how far it has come; a run that would take for ever says what forces it."""
+
+import time
+
+import pytest
+
+from engine_models.engine import RunSettings, SimulationFailed
+from engine_models.engines import ENGINES, make_engine
+from engine_models.progress import told_to
+from engine_models.reference import run as reference_runs
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Friction, Scene
+from engine_models.scipy_ivp import calls as scipy_calls
+from studies.command.progress_display import shown_progress
+from tests.engine_models.test_run_memory import arrays
+
+
+def scene_with(name: str, **changes: object) -> Scene:
+    """Return a library scene with another clearance at B."""
+    scene = SCENES[name]()
+    clearance = scene.clearance.B
+    assert clearance is not None
+    changed = clearance.model_copy(update=changes)
+    return scene.model_copy(update={"clearance": scene.clearance.model_copy(update={"B": changed})})
+
+
+def friction(regularisation_speed_m_s: float) -> Friction:
+    return Friction(law="tanh", coefficient=0.1, regularisation_speed_m_s=regularisation_speed_m_s)
+
+
+@pytest.mark.parametrize("name", ["ideal-driven", "clearance-driven-0.1mm"])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_engine_tells_how_far_it_has_come_and_computes_the_same(engine: str, name: str) -> None:
+    scene = SCENES[name]().model_copy(update={"end_time_s": 1e-3})
+    settings, times = RunSettings(1e-5, 5), list[float]()
+    with told_to(times.append):
+        heard = make_engine(engine).simulate(scene, settings)
+    assert times
+    assert 0 <= min(times) <= max(times) <= 1e-3 * (1 + 1e-6)
+    assert arrays(heard) == arrays(make_engine(engine).simulate(scene, settings))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_a_listener_raises_ends_the_run(engine: str) -> None:
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), told_to(interrupt):
+        make_engine(engine).simulate(SCENES["ideal-driven"](), RunSettings(1e-5, 5))
+
+
+def test_a_long_run_is_not_silent_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    said, deadline = "", time.monotonic() + 30
+    with shown_progress(2.0, line_s=0.01):
+        while said.count("\n") < 2 and time.monotonic() < deadline:
+            time.sleep(0.01)
+            said += capsys.readouterr().err
+    assert said.startswith("note: t = ")
+    assert " of 2 s after " in said
+
+
+@pytest.mark.parametrize(
+    ("engine", "scene", "field"),
+    [
+        ("reference", ("clearance-driven-0.1mm", {"radial_clearance_m": 1e-310}), "radial_clearance_m"),
+        (
+            "reference",
+            ("clearance-driven-0.1mm", {"friction": friction(1e-14)}),
+            "friction.regularisation_speed_m_s",
+        ),
+        (
+            "reference",
+            ("rigid-driven-0.1mm", {"friction": friction(1e-200)}),
+            "friction.regularisation_speed_m_s",
+        ),
+        (
+            "scipy",
+            ("clearance-driven-0.1mm", {"friction": friction(1e-14)}),
+            "friction.regularisation_speed_m_s",
+        ),
+    ],
+)
+def test_a_run_whose_steps_collapse_says_which_field_forces_it(
+    engine: str, scene: tuple[str, dict[str, object]], field: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scipy_calls, "OUTLASTING", 30_000)
+    monkeypatch.setattr(reference_runs, "LOOK_UP_STEPS", 400_000)
+    name, changes = scene
+    with pytest.raises(SimulationFailed, match=rf"^clearance\.B\.{field}: expected"):
+        make_engine(engine).simulate(scene_with(name, **changes), RunSettings(1e-5, 10))

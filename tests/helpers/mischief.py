@@ -1,0 +1,119 @@
+"""A study whose engine does what its arm says, most of it bad; addressed by its import path."""
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from engine_models.engine import RunSettings
+from engine_models.engines import make_engine
+from engine_models.scene.library import ideal_free
+from studies.running.case import Case, Curves, Limits, Row, Value
+
+NAME = "tests.helpers.mischief"
+#: Held from one case to the next, as caches are.
+HELD: list[bytearray] = []
+MEGABYTE = 1_000_000
+
+
+def case(
+    arm: str,
+    number: int = 0,
+    limits: Limits | None = None,
+    timed: bool = False,
+    engine: str = "mischief",
+    **settings: Value,
+) -> Case:
+    """Return a case that does what the arm says; its number tells it from others."""
+    scene = ideal_free().model_copy(update={"end_time_s": 0.01})
+    return Case(NAME, scene, engine, arm, RunSettings(1e-3, number + 1), settings, timed, limits)
+
+
+def steady(row: dict[str, Any]) -> dict[str, Any]:
+    """Return what is the same in the row of each run of a case."""
+    return {name: value for name, value in row.items() if name not in ("pid", "began", "ended", "checksum")}
+
+
+def cases(full: bool) -> list[Case]:
+    """Return work that takes a moment; the full set adds a crash and two timed cases, ``HANG_IN`` two hangs.
+
+    ``HANG_IN`` is an environment variable with the folder where those that hang leave their process ids.
+    """
+    work = [case("work", number) for number in range(12)]
+    if folder := os.environ.get("HANG_IN"):
+        last = Limits(1000.0, 1000 * MEGABYTE)  # cases with limits come after all others
+        return work[:2] + [case("hang", n, last, pid_file=f"{folder}/pid{n}") for n in range(2)]
+    more = [case("abort"), case("work", 98, timed=True), case("work", 99, timed=True)]
+    return work + (more if full else [])
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Do what the arm says."""
+    began = time.monotonic()
+    if case.arm == "simulate":
+        trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
+        curves = {"slider_position_m": trajectory.slider_position_m}
+        row: Row = {"farthest_m": float(trajectory.slider_position_m.max())}
+    else:
+        _misbehave(case)
+        curves, row = {"time_s": np.arange(100.0)}, {}
+    return {**row, "pid": os.getpid(), "began": began, "ended": time.monotonic()}, curves
+
+
+def _misbehave(case: Case) -> None:
+    match case.arm:
+        case "work":
+            time.sleep(0.1)
+        case "abort":
+            os.abort()
+        case "segmentation fault":
+            ctypes.string_at(0)
+        case "exit":
+            os._exit(3)
+        case "be killed once":
+            if _first(case, 1):
+                os.kill(os.getpid(), signal.SIGTERM)
+        case "be killed twice":
+            if _first(case, 2):
+                os.kill(os.getpid(), signal.SIGKILL)
+        case "abort once":
+            if _first(case, 1):
+                os.abort()
+        case "hang":
+            Path(str(case.settings["pid_file"])).write_text(str(os.getpid()))
+            # A C function that keeps the interpreter's lock, as native solvers do.
+            ctypes.PyDLL(None).sleep(1000)
+        case "eat memory":
+            while True:
+                HELD.append(bytearray(10 * MEGABYTE))
+        case "hold memory":
+            HELD.append(bytearray(150 * MEGABYTE))
+        case "bad_alloc":
+            os.write(2, b"terminate called after throwing an instance of 'std::bad_alloc'\n")
+            os.abort()
+        case "noise":
+            print("noise" * 100_000)
+            print("noise" * 100_000, file=sys.stderr)
+            os.write(1, b"noise\n")
+            os.write(2, b"noise\n")
+        case "spoil":
+            HELD.append(bytearray(1))
+        case "be spoilt":
+            if HELD:
+                os.abort()
+        case "bug":
+            raise KeyError("no such thing")
+        case _:
+            raise AssertionError(case.arm)
+
+
+def _first(case: Case, times: int) -> bool:
+    """Return whether the case is run for one of the first times."""
+    with Path(str(case.settings["been_file"])).open("a+") as file:
+        file.write("x")
+        return file.tell() <= times

@@ -1,0 +1,57 @@
+"""Runs of the study of mischief in a process of their own, to be killed and looked at."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.helpers.mischief import NAME
+
+#: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
+CODE = (
+    f"from studies import runner; runner.STUDIES = {{'{NAME}': '{NAME}'}};"
+    "from studies.command.main import main; main()"
+)
+#: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.
+HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+IGNORE = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN);"
+
+
+@contextmanager
+def started(
+    out: Path, first: str = HEAR, cwd: Path | None = None, **environment: str
+) -> Iterator["subprocess.Popen[str]"]:
+    """Start a run of the study into ``out`` with a statement before all others; it ends here at last."""
+    command = [sys.executable, "-c", first + CODE, "run", "--full", "--jobs", "2", "--out", str(out)]
+    environment = {**os.environ, **environment}
+    with subprocess.Popen(
+        command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as run:
+        try:
+            yield run
+        finally:
+            run.kill()
+
+
+def until(true: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def lines(out: Path) -> list[str]:
+    """Return the lines of rows that a run has written so far."""
+    file = out / NAME / "rows.jsonl"
+    return file.read_text().splitlines(keepends=True) if file.exists() else []
+
+
+def gone(pid: int) -> bool:
+    """Return whether a process has ended; Linux."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True

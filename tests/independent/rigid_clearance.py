@@ -1,0 +1,222 @@
+"""Crank-sliders with rigid joint clearance in minimal coordinates, event by event, apart from the solver.
+
+In flight a joint has d = (d_x, d_y), and on its wall d = c (cos(psi), sin(psi)): no multiplier, no row, no
+projection. The wall's force is what the equation along the normal leaves over. SciPy's DOP853 locates the
+events: a pin reaches its wall, or the wall's force on it vanishes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from engine_models.scene.scene import Scene
+from tests.independent.rigid_impact import State, impact
+from tests.independent.rigid_kinematics import PLACES, Dynamics, Pins, across, along
+
+FloatArray = NDArray[np.float64]
+
+#: A flight shorter than this has no rebound: bounces that converge end here.
+SHORTEST_FLIGHT_S = 2e-9
+
+
+@dataclass
+class Chart:
+    """The coordinates z while some joints follow their walls."""
+
+    pins: Pins
+    following: tuple[str, ...]
+
+    def z_of(self, w: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return z and its rate, one behind the other."""
+        z: list[float] = [] if 0 not in self.pins.free else [w[0]]
+        z_rate: list[float] = [] if 0 not in self.pins.free else [rate[0]]
+        for name in self.pins.loose:
+            d, d_rate = w[PLACES[name]], rate[PLACES[name]]
+            if name in self.following:
+                psi = float(np.arctan2(d[1], d[0]))
+                z.append(psi)
+                z_rate.append(float(across(psi) @ d_rate) / self.pins.clearance(name).radial_clearance_m)
+            else:
+                z.extend(d)
+                z_rate.extend(d_rate)
+        return np.array(z + z_rate)
+
+    def w_of(self, t: float, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return w, its rate, P, and the bias in w'' = P z'' + bias."""
+        size, n = self.pins.size, len(y) // 2
+        w, bias, P = np.zeros(size), np.zeros(size), np.zeros((size, n))
+        k = int(0 in self.pins.free)
+        if k:
+            w[0], P[0, 0] = y[0], 1.0
+        for name in self.pins.loose:
+            place = PLACES[name]
+            if name in self.following:
+                c, psi = self.pins.clearance(name).radial_clearance_m, y[k]
+                w[place], P[place, k] = c * along(psi), c * across(psi)
+                bias[place] = -c * y[n + k] ** 2 * along(psi)
+                k += 1
+            else:
+                w[place], P[place, k : k + 2] = y[k : k + 2], np.eye(2)
+                k += 2
+        rate = P @ y[n:]
+        if 0 not in self.pins.free:
+            start = self.pins.scene.start
+            w[0], rate[0] = start.crank_angle_rad + start.crank_speed_rad_s * t, start.crank_speed_rad_s
+        return w, rate, P, bias
+
+    def answer(self, t: float, y: FloatArray) -> tuple[FloatArray, dict[str, float], FloatArray]:
+        """Return z'', the walls' normal forces, and w''.
+
+        The forces -F_n (n + mu f t) of every wall stand in one system with z''.
+        """
+        w, rate, P, bias = self.w_of(t, y)
+        motion = self.pins.dynamics(w, rate)
+        normals, forces = [], []
+        for name in self.following:
+            normals.append(self.pins.normal(name, w))
+            forces.append(normals[-1] + self._friction(name, w, rate, motion))
+        rows = np.vstack([P.T, *normals])
+        pushed = np.array(forces).reshape(-1, self.pins.size).T
+        solved = np.linalg.solve(
+            np.hstack([rows @ motion.M @ P, rows @ pushed]), rows @ (motion.Q - motion.M @ bias)
+        )
+        n = P.shape[1]
+        walls = dict(zip(self.following, solved[n:].tolist(), strict=True))
+        return solved[:n], walls, P @ solved[:n] + bias
+
+    def _friction(self, name: str, w: FloatArray, rate: FloatArray, motion: Dynamics) -> FloatArray:
+        law = self.pins.clearance(name).friction
+        if law is None:
+            return np.zeros(self.pins.size)
+        assert law.law == "tanh"
+        row = self.pins.sliding(name, w, motion)
+        return np.asarray(law.coefficient * np.tanh(row @ rate / law.regularisation_speed_m_s) * row)
+
+
+@dataclass
+class Run:
+    """What a run leaves.
+
+    At the times asked for: places of slider or pendulum, and the walls' normal forces by joint. Impacts as
+    (time, joint, approach speed), and from when on which joints follow.
+    """
+
+    place_m: list[float] = field(default_factory=list)
+    forces_N: list[dict[str, float]] = field(default_factory=list)
+    impacts: list[tuple[float, str, float]] = field(default_factory=list)
+    following: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
+
+
+def integrate(scene: Scene, times: FloatArray, rtol: float, longest_s: float, moved_m: float = 0.0) -> Run:
+    """Integrate from the ideal joints' motion; the first joint's pin starts ``moved_m`` out of the middle."""
+    pins, run, t = Pins(scene), Run(), float(times[0])
+    state = pins.start()
+    state[0][PLACES[pins.loose[0]].start] += moved_m
+    chart, blind = Chart(pins, ()), dict[str, float]()
+    run.place_m.append(pins.dynamics(*state).place_m)
+    run.forces_N.append({})
+    while t < times[-1]:
+        end = min([times[-1], *(until for until in blind.values() if until > t)])
+        watched = [name for name in pins.loose if blind.get(name, t) <= t]
+        solved = solve_ivp(
+            lambda t, y, chart=chart: np.concatenate([y[len(y) // 2 :], chart.answer(t, y)[0]]),
+            (t, end),
+            chart.z_of(*state),
+            "DOP853",
+            events=[_event(chart, name) for name in watched],
+            rtol=rtol,
+            atol=1e-17,
+            max_step=longest_s,
+            dense_output=True,
+        )
+        for at in times[(times > t) & (times <= solved.t[-1])]:
+            w, rate, *_ = chart.w_of(at, solved.sol(at))
+            run.place_m.append(pins.dynamics(w, rate).place_m)
+            run.forces_N.append(chart.answer(at, solved.sol(at))[1])
+        t = float(solved.t[-1])
+        w, rate, *_ = chart.w_of(t, solved.y[:, -1])
+        state = w, rate
+        met = [name for name, hits in zip(watched, solved.t_events, strict=True) if len(hits)]
+        if not met:
+            continue
+        assert len(met) == 1, f"{met} at once"
+        state, chart, blind = _switch(chart, met[0], t, state, run, longest_s)
+    return run
+
+
+def _event(chart: Chart, name: str) -> Callable[[float, FloatArray], float]:
+    c = chart.pins.clearance(name).radial_clearance_m
+
+    def wall(t: float, y: FloatArray) -> float:
+        d = chart.w_of(t, y)[0][PLACES[name]]
+        return float(d @ d / c**2 - 1)
+
+    def force(t: float, y: FloatArray) -> float:
+        return chart.answer(t, y)[1][name]
+
+    event = force if name in chart.following else wall
+    event.terminal, event.direction = True, -1.0 if name in chart.following else 1.0  # type: ignore[attr-defined]
+    return event
+
+
+def _switch(
+    chart: Chart, name: str, t: float, state: State, run: Run, longest_s: float
+) -> tuple[State, Chart, dict[str, float]]:
+    """Return the state and the chart after an event, and until when its joints' walls are not watched.
+
+    A pin that has just left its wall stands on it to round-off, which is no new touch.
+    """
+    pins, closed = chart.pins, list(chart.following)
+    if name in closed:
+        closed.remove(name)
+    else:
+        speed = float(pins.normal(name, state[0]) @ state[1])
+        run.impacts.append((t, name, speed))
+        closed.append(name)
+        hit = impact(pins, state, name, chart.following, pins.clearance(name).restitution or 0.0)
+        if 2 * _inward(pins, hit, name) < SHORTEST_FLIGHT_S * _outward(pins, t, hit, name, chart.following):
+            hit = impact(pins, state, name, chart.following, 0.0)
+        # A pin has left where more than round-off of its speeds is left along the normal.
+        closed = [k for k in closed if _inward(pins, hit, k) < 1e-9 * abs(speed)]
+        state = hit
+    found = _pressed(pins, t, state, closed)
+    if found != chart.following:
+        run.following.append((t, found))
+    blind = {}
+    for k in {name, *chart.following} - set(found):
+        outward = _outward(pins, t, state, k, found)
+        apex = _inward(pins, state, k) / outward if outward > 0 else longest_s
+        blind[k] = t + (min(apex, longest_s) if apex > 0 else longest_s / 20)
+    return state, Chart(pins, found), blind
+
+
+def _inward(pins: Pins, state: State, name: str) -> float:
+    return -float(pins.normal(name, state[0]) @ state[1])
+
+
+def _outward(pins: Pins, t: float, state: State, name: str, following: Sequence[str]) -> float:
+    """Return the acceleration of a pin on its wall, outwards, while the others follow."""
+    chart = Chart(pins, tuple(k for k in following if k != name))
+    acceleration = chart.answer(t, chart.z_of(*state))[2]
+    c = pins.clearance(name).radial_clearance_m
+    place = PLACES[name]
+    return float(pins.normal(name, state[0]) @ acceleration + state[1][place] @ state[1][place] / c)
+
+
+def _pressed(pins: Pins, t: float, state: State, closed: Sequence[str]) -> tuple[str, ...]:
+    """Return which pins without normal speed follow: those pressed, while all others move inwards."""
+    ordered = [name for name in pins.loose if name in closed]
+    for count in range(len(ordered) + 1):
+        for some in combinations(ordered, count):
+            chart = Chart(pins, some)
+            forces = chart.answer(t, chart.z_of(*state))[1]
+            leaving = [name for name in ordered if name not in some]
+            if all(force > 0 for force in forces.values()) and all(
+                _outward(pins, t, state, name, some) <= 0 for name in leaving
+            ):
+                return some
+    raise AssertionError(f"no set of {ordered} fits at t = {t}")

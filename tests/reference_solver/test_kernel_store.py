@@ -1,0 +1,229 @@
+"""Machine code kept between processes: what is damaged is made again, what others could write is refused."""
+
+import errno
+import logging
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from reference_solver.compiled.folder import FolderRefused, private_folder, say_once, writable_folder
+from reference_solver.compiled.store import kernel_folder, load_kernel
+from tests.helpers.command import crankslider
+
+SOURCE = """from reference_solver.compiled.store import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2.0 * x
+"""
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path / "cache"))
+    for memory in (load_kernel, say_once):
+        memory.cache_clear()
+    yield tmp_path / "cache"
+    load_kernel.cache_clear()
+
+
+def loaded() -> bool:
+    """Return whether a new process would load the kernel; either way it computes what it should."""
+    load_kernel.cache_clear()
+    kernel: ModuleType = load_kernel(SOURCE)
+    assert kernel.twice(21.0) == 42.0
+    return bool(kernel.twice.stats.cache_hits)
+
+
+def the_file() -> Path:
+    (file,) = kernel_folder().iterdir()
+    return file
+
+
+def test_what_one_process_has_compiled_the_next_one_loads(caplog: pytest.LogCaptureFixture) -> None:
+    assert [loaded(), loaded()] == [False, True]
+    assert not caplog.messages
+
+
+def altered(kept: bytes) -> bytes:
+    middle = len(kept) // 2
+    return kept[:middle] + bytes([kept[middle] ^ 1]) + kept[middle + 1 :]
+
+
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "emptied": lambda _: b"",
+    "truncated": lambda kept: kept[:-1],
+    "cut within the checksum": lambda kept: kept[:7],
+    "one bit altered": altered,
+    "garbage": lambda kept: os.urandom(len(kept)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_file_is_said_once_and_made_again(damage: str, caplog: pytest.LogCaptureFixture) -> None:
+    loaded()
+    kept = the_file().read_bytes()
+    for _ in range(2):
+        the_file().write_bytes(DAMAGES[damage](kept))
+        assert not loaded()
+        assert loaded()
+    assert len(caplog.messages) == 1
+    assert str(kernel_folder()) in caplog.text
+    assert "got damaged ones: making them again" in caplog.text
+
+
+def test_a_file_of_somebody_else_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded()
+    real = os.fstat
+
+    def another_owner(descriptor: int) -> os.stat_result:
+        found = list(real(descriptor))
+        found[4] += 1
+        return os.stat_result(found)
+
+    monkeypatch.setattr(os, "fstat", another_owner)
+    assert not loaded()
+
+
+def test_nothing_else_in_the_folder_is_read(caplog: pytest.LogCaptureFixture) -> None:
+    loaded()
+    name = the_file().name.partition(".")[0]
+    compiled = kernel_folder() / "__pycache__"
+    compiled.mkdir()
+    (kernel_folder() / f"{name}.py").write_text(SOURCE.replace("2.0", "3.0"))
+    (compiled / f"{name}.twice-4.py311.nbi").write_bytes(b"garbage")
+    assert loaded()
+    assert not caplog.messages
+
+
+def test_another_source_has_code_of_its_own() -> None:
+    loaded()
+    other = load_kernel(SOURCE.replace("2.0", "3.0"))
+    assert other.twice(2.0) == 6.0
+    assert len(list(kernel_folder().iterdir())) == 2
+
+
+def test_the_code_of_another_function_is_not_taken_for_this_ones(caplog: pytest.LogCaptureFixture) -> None:
+    loaded()
+    own = the_file()
+    load_kernel(SOURCE.replace("2.0", "3.0")).twice(2.0)
+    (other,) = set(kernel_folder().iterdir()) - {own}
+    other.replace(own)
+    assert not loaded()
+    assert "damaged" in caplog.text
+
+
+def test_the_folders_are_private_whatever_the_mask(cache: Path) -> None:
+    mask = os.umask(0)
+    try:
+        private_folder()
+    finally:
+        os.umask(mask)
+    assert [path.stat().st_mode & 0o777 for path in (cache, kernel_folder())] == [0o700, 0o700]
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o702])
+@pytest.mark.parametrize("where", ["kernels", "."])
+def test_a_folder_that_others_can_write_to_is_refused(mode: int, where: str, cache: Path) -> None:
+    loaded()
+    (cache / where).chmod(mode)
+    refused = f"{cache / where}: expected a folder that only you can write to, got permissions {mode:04o}"
+    with pytest.raises(FolderRefused, match=re.escape(refused)):
+        loaded()
+
+
+def test_a_folder_in_one_where_only_owners_replace_is_taken(cache: Path) -> None:
+    loaded()
+    cache.chmod(0o1777)
+    assert loaded()
+
+
+def test_a_folder_of_somebody_else_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded()
+    owner = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
+    with pytest.raises(FolderRefused, match=f"got one of user {owner}: set CRANKSLIDER_CACHE"):
+        loaded()
+
+
+def test_without_a_folder_every_process_compiles_its_own(
+    cache: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache.write_text("in the way")
+    assert [loaded(), loaded()] == [False, False]
+    assert caplog.messages == [
+        f"{kernel_folder()}: expected a folder to keep kernels in, got 'File exists': "
+        "every process makes its own"
+    ]
+
+
+def test_a_full_disk_is_named_and_keeps_no_part_of_a_file(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(path: Path, data: bytes) -> int:
+        with path.open("wb") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert [loaded(), loaded()] == [False, False]
+    assert len(caplog.messages) == 1
+    assert "got 'No space left on device'" in caplog.text
+    assert not list(kernel_folder().iterdir())
+
+
+def test_processes_started_where_nothing_can_be_kept_share_a_temporary_folder(
+    cache: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache.write_text("in the way")
+    with writable_folder():
+        temporary = Path(os.environ["CRANKSLIDER_CACHE"])
+        assert [loaded(), loaded()] == [False, True]
+    assert "got 'File exists': a temporary one is used" in caplog.text
+    assert os.environ["CRANKSLIDER_CACHE"] == str(cache)
+    assert not temporary.exists()
+
+
+def test_processes_that_compile_the_same_at_once_leave_one_good_file(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    call = (
+        f"from reference_solver.compiled.store import load_kernel; print(load_kernel({SOURCE!r}).twice(21.0))"
+    )
+    processes = [
+        subprocess.Popen([sys.executable, "-c", call], stdout=subprocess.PIPE, text=True) for _ in range(3)
+    ]
+    assert [process.communicate()[0] for process in processes] == ["42.0\n"] * 3
+    assert the_file().suffix == ".nbc"
+    assert loaded()
+    assert not caplog.messages
+
+
+def test_the_commands_refuse_such_a_folder_in_one_line(cache: Path, tmp_path: Path) -> None:
+    private_folder().chmod(0o777)
+    for command in (["simulate", "ideal-free"], ["run", "agreement", "--out", tmp_path / "out"]):
+        done = crankslider(*command)
+        assert (done.code, done.stdout) == (2, "")
+        assert done.stderr.startswith(f"error: {kernel_folder()}: expected a folder that only you can write")
+        assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [cache]
+    assert crankslider("simulate", "ideal-free", "--set", "kernel=readable", "--end", 1e-4).code == 0
+
+
+def test_the_command_says_what_it_compiles_again_in_one_note() -> None:
+    command = ("simulate", "ideal-driven", "--end", 0.01, "--set", "stabilisation=none")
+    first = crankslider(*command)
+    load_kernel.cache_clear()
+    for file in kernel_folder().iterdir():
+        file.write_bytes(file.read_bytes()[:-1])
+    second = crankslider(*command)
+    assert (second.code, second.stdout) == (0, first.stdout)
+    note = f"note: {kernel_folder()}: expected files as they were kept, got damaged ones: "
+    assert second.stderr == f"{note}making them again\n{first.stderr}"
+    logging.getLogger("reference_solver").handlers = []

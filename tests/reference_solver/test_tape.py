@@ -1,0 +1,155 @@
+"""Code written by a tape computes what its functions compute of numbers, and nothing that is not needed."""
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reference_solver.factors import Factors, eliminated
+from reference_solver.lifting import lifted
+from reference_solver.mechanism.mechanism import Body, Mechanism, PrescribedSpeed
+from reference_solver.tape import (
+    Parameters,
+    Tape,
+    Writer,
+    array,
+    choose,
+    cos,
+    equal,
+    larger,
+    power,
+    signed,
+    sin,
+    size,
+    smaller,
+    sqrt,
+    tanh,
+    when,
+)
+
+NAMES = ("a", "b", "c")
+FUNCTIONS = {name: getattr(math, name) for name in ("cos", "sin", "sqrt", "tanh", "copysign")}
+
+
+def written(
+    function: Callable[..., list[Any]], known: tuple[str, ...] = ()
+) -> tuple[list[str], list[str], Parameters]:
+    """Return the lines and results of a function of a, b and c, of which some are known before a run."""
+    tape, parameters = Tape(), Parameters()
+    writer = Writer(parameters, NAMES)
+    results = writer.write(tape, function(*(tape.input(name, name in known) for name in NAMES)))
+    return writer.lines, results, parameters
+
+
+def run(lines: list[str], results: list[str], **values: Any) -> list[float]:
+    scope = {**FUNCTIONS, **values}
+    exec("\n".join([*lines, f"found = [{', '.join(results)}]"]), scope)
+    return list(scope["found"])
+
+
+def everything(a: Any, b: Any, c: Any) -> list[Any]:
+    """Use all there is; zeros and ones are to fold."""
+    vector = array([a, 0.0, -b])
+    matrix = array([[a, b], [1.0, 0.0]])
+    branch = when(a > b, lambda: (a - b, 1.0 / (c * c + 1.0), 0.0), 3)
+    return [
+        *(matrix @ array([c, 1.0])),
+        vector @ vector,
+        a - (b - c),
+        (a - b) - c,
+        -(a + b) * -c,
+        a / (b * b + 2.0) / -3.0,
+        2.0 / (c * c + 1.0),
+        cos(a) * sin(b) - tanh(c),
+        sqrt(size(a)) + larger(b, 0.0) * smaller(c, 1.0),
+        signed(a, c),
+        choose(equal(a, b), c, -c),
+        power(size(a), 1.5) + power(size(b), 1.0),
+        *branch,
+        branch[0] * c,
+        c**2 - c * c,
+        0.0 * a + 1.0 * b,
+    ]
+
+
+NUMBER = st.floats(-3, 3).filter(lambda x: abs(x) > 1e-3)
+
+
+@given(NUMBER, NUMBER, NUMBER)
+def test_code_computes_what_the_function_computes_of_numbers(a: float, b: float, c: float) -> None:
+    expected = everything(np.float64(a), np.float64(b), np.float64(c))
+    lines, results, _ = written(everything)
+    assert run(lines, results, a=a, b=b, c=c) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_zeros_and_ones_fold_equal_operations_are_shared_and_what_nobody_needs_is_not_written() -> None:
+    def function(a: Any, b: Any, c: Any) -> list[Any]:
+        cos(c)  # nobody needs it
+        product = a * b
+        return [0.0 * c + 1.0 * product, b * a + sqrt(product), -1.0 * (a + 0.0), a - a, product / -1.0]
+
+    lines, results, _ = written(function)
+    text = "\n".join([*lines, *results])
+    assert text.count("*") == 1, text
+    assert "cos" not in text
+    assert "1.0" not in text
+    assert results[2:4] == ["-a", "0.0"]
+
+
+def test_what_a_branch_needs_alone_is_computed_in_it_alone() -> None:
+    lines, *_ = written(lambda a, b, c: [when(a > 0.0, lambda: (sqrt(b) * c,), 1)[0]])
+    (place,) = (n for n, line in enumerate(lines) if "sqrt" in line)
+    assert lines[place].startswith("    ")
+    assert lines[place - 1].startswith("if ") or lines[place - 1].startswith("    ")
+
+
+def test_what_depends_on_parameters_alone_is_computed_before_the_run() -> None:
+    lines, results, parameters = written(lambda a, b, c: [sin(a) / b * c, 1.0 / b + c], known=("a", "b"))
+    values = {"a": 0.7, "b": 3.0}
+    p = {f"p{k}": eval(text, {**FUNCTIONS, **values}) for k, text in enumerate(parameters.texts)}
+    assert "sin" not in "\n".join([*lines, *results]), "it is a parameter"
+    expected = [math.sin(0.7) / 3.0 * 5.0, 1 / 3.0 + 5.0]
+    assert run(lines, results, **p, c=5.0) == pytest.approx(expected, rel=1e-15)
+
+
+def test_factors_solve_and_skip_zeros_of_values_as_of_numbers() -> None:
+    def solved(a: Any, b: Any, c: Any) -> list[Any]:
+        matrix = array([[4.0 + a * a, b, 0.0], [b, 5.0 + b * b, c], [0.0, c, 6.0 + c * c]])
+        factors = Factors(matrix, 1e-12)
+        small, pivots = eliminated(array([[2.0 + a, b], [c, 3.0 + b]]), array([a, c]))
+        return [*factors.solve(array([a, b, c])), *small, *pivots, factors.ok]
+
+    a, b, c = 0.3, -0.8, 0.5
+    matrix = np.array([[4 + a * a, b, 0], [b, 5 + b * b, c], [0, c, 6 + c * c]])
+    expected = [*np.linalg.solve(matrix, [a, b, c]), *np.linalg.solve([[2 + a, b], [c, 3 + b]], [a, c])]
+    pivots = [2 + a, 3 + b - c * b / (2 + a)]
+    lines, results, _ = written(solved)
+    for found in (run(lines, results, a=a, b=b, c=c), solved(*np.array([a, b, c]))):
+        assert found[:7] == pytest.approx([*expected, *pivots], rel=1e-12)
+        assert found[7]
+    assert not Factors(np.array([[1.0, 1.0], [1.0, 1.0]]), 1e-12).ok
+
+
+def test_a_lifted_mechanism_has_its_numbers_replaced_in_order_and_keeps_its_structure() -> None:
+    mechanism = Mechanism((Body(2.0, 3.0),), (PrescribedSpeed(0, 0.0),), gravity_m_s2=9.81)
+    numbers: list[float] = []
+    other = lifted(mechanism, lambda x: numbers.append(x) or 2.0 * x)  # type: ignore[func-returns-value]
+    assert numbers == [2.0, 3.0, 9.81], "a speed of zero is structure"
+    assert other == Mechanism((Body(4.0, 6.0),), (PrescribedSpeed(0, 0.0),), gravity_m_s2=19.62)
+
+
+def test_names_of_lines_are_never_used_twice() -> None:
+    from reference_solver.tape import named
+
+    def function(a: Any, b: Any, c: Any) -> list[Any]:
+        return [named("x", a * b) + named("x", b * c), named("a", a + c)]
+
+    lines, *_ = written(function)
+    assigned = [line.split(" = ")[0] for line in lines]
+    assert len(set(assigned) | set(NAMES)) == len(assigned) + len(NAMES), assigned
+    assert all(re.fullmatch(r"\w+", name) for name in assigned)

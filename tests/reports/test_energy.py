@@ -1,0 +1,132 @@
+"""The energy study's cases, and its chapter from a small run of all engines."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import matplotlib as mpl
+import pytest
+
+from reports.chapters.energy import chapter
+from reports.chapters.energy.findings import drift, hidden_power
+from reports.chapters.energy.tables import ledger_table, power_table
+from reports.parts import Contradiction, Section
+from reports.results import Results, read_results
+from reports.style import RC
+from studies import energy
+from studies.running.runner import run_study
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
+    """The reference's whole ladders without clearance, the middle rung of some others."""
+    folder = tmp_path_factory.mktemp("energy")
+    wanted = {
+        ("exudyn", "trapezoidal"),
+        ("pymunk", "tuned"),
+        ("pymunk", "out of the box"),
+        ("scipy", "DOP853"),
+    }
+    cases = [
+        case
+        for case in energy.cases(full=False)
+        if (case.engine == "reference" and not case.scene.joints_with_clearance)
+        or (
+            (case.engine, case.arm) in wanted
+            and case.columns["rung"] == 1
+            and case.scene.name in ("ideal-free", "ideal-driven", "clearance-driven-damped")
+        )
+    ]
+    run_study("energy", cases, folder, lambda: ThreadPoolExecutor(1))
+    return read_results(folder)
+
+
+@pytest.fixture(scope="module")
+def sections(results: Results) -> list[Section]:
+    with mpl.rc_context(RC):
+        return chapter.sections(results)
+
+
+def test_the_full_set_contains_the_quick_one_and_runs_ten_times_as_long() -> None:
+    quick, full = energy.cases(full=False), energy.cases(full=True)
+    assert [case for case in full if case in quick] == quick
+    ends = {case.scene.name: case.scene.end_time_s for case in full}
+    for length in energy.SHORT:
+        assert ends[f"{length.scene}-long"] >= 9.99 * length.end_s
+    by_step = [case for case in full if case.engine == "reference" and case.arm != "DOP853"]
+    steps = {(case.scene.name.removesuffix("-long"), f"{case.run.step_s:.6e}") for case in by_step}
+    short = {(case.scene.name, f"{case.run.step_s:.6e}") for case in by_step if case in quick}
+    assert steps == short, "long runs take the steps of the short ones"
+
+
+def test_samples_of_a_driven_scene_divide_its_turns() -> None:
+    for length in (*energy.SHORT, *energy.LONG):
+        if "driven" in length.scene:
+            turns = length.end_s / energy.TURN_S
+            assert turns == pytest.approx(round(turns))
+            assert length.intervals % round(turns) == 0
+
+
+def test_the_chapter_has_its_figures_and_a_ledger_for_every_scene(sections: list[Section]) -> None:
+    figures = {figure.name for section in sections for figure in section.figures}
+    tables = {table.name for section in sections for table in section.tables}
+    assert {"energy-gain-over-time", "energy-by-step", "energy-drift-over-time"} <= figures
+    assert "energy-driver-work-clearance-driven-damped" in figures
+    scenes = ("ideal-free", "ideal-driven", "clearance-driven-damped")
+    assert {f"energy-ledger-{scene}" for scene in scenes} <= tables
+    assert all(len(figure.alt) > 40 for section in sections for figure in section.figures)
+
+
+def test_ledgers_have_no_column_that_their_scene_has_no_use_for(sections: list[Section]) -> None:
+    heads = {table.name: " ".join(table.head) for section in sections for table in section.tables}
+    free, driven = heads["energy-ledger-ideal-free"], heads["energy-ledger-ideal-driven"]
+    assert "contact" not in free + driven
+    assert "elastic" not in free + driven
+    assert "driver work" not in free
+    assert "driver work [J]" in driven
+    assert "contact B friction loss [J]" in heads["energy-ledger-clearance-driven-damped"]
+
+
+def test_the_tables_show_the_numbers_of_the_rows(results: Results) -> None:
+    run = next(r for r in results.runs if r.name == ("pymunk", "tuned") and r.scene == "ideal-driven")
+    rungs = {run.scene: 1.0}
+    shown = next(row for row in power_table(results.runs, rungs).rows if row[2:4] == run.name)
+    assert shown[4] == f"{run.values['hidden_power_W']:.1e}"
+    ledger = ledger_table(results.runs, run.scene, 1.0)
+    cells = dict(zip(ledger.head, next(r for r in ledger.rows if r[:2] == run.name), strict=True))
+    assert float(cells["driver work [J]"]) == pytest.approx(run.values["driver_work_J"], abs=1e-5)
+    kept, spent = float(cells["kinetic change [J]"]), float(cells["driver work [J]"])
+    assert kept - spent == pytest.approx(float(cells["residual [J]"]), abs=1e-2)
+
+
+def test_what_is_not_told_from_zero_is_shown_as_below(results: Results) -> None:
+    run = next(r for r in results.runs if r.name == ("pymunk", "tuned") and r.scene == "ideal-driven")
+    low, high = "hidden_power_low_W", "hidden_power_high_W"
+    doubtful = replace(run, values={**run.values, "hidden_power_W": 1e-3, low: -2e-3, high: 4e-3})
+    rungs = {run.scene: 1.0}
+    assert power_table([doubtful], rungs).rows[0][4] == "< 4.0e-03"
+    sentence = hidden_power([doubtful], run.scene, 1.0)
+    assert sentence is not None
+    assert "not told from zero with any arm" in sentence
+
+
+def test_drift_of_another_power_of_time_breaks_the_chapter(results: Results) -> None:
+    told = drift(results.runs)
+    assert "in proportion to time (exponents 1.00 in 6 runs)" in told[0]
+    for name, value in (("constraint_violation_exponent", 1.5), ("constraint_speed_exponent", 0.5)):
+        broken = [
+            replace(run, values={**run.values, name: value})
+            if (run.name, run.scene) == (("reference", "none"), "ideal-free")
+            else run
+            for run in results.runs
+        ]
+        with pytest.raises(Contradiction, match="drift as theory has it for RK4"):
+            drift(broken)
+
+
+def test_curves_are_thin_and_intervals_have_their_ends_in_order(results: Results) -> None:
+    for run in results.runs:
+        if run.ok:
+            curve = results.curve(run, "numerical_gain_so_far_J")
+            assert curve is not None
+            assert len(curve) <= energy.KEPT + 1
+            assert run.values["hidden_power_low_W"] <= run.values["hidden_power_high_W"]

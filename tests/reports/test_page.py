@@ -1,0 +1,418 @@
+"""The report: what is on it comes from the rows, and it is there whole or not at all."""
+
+import csv
+import json
+import re
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reports.convergence import ABOVE_FLOOR, observed_order
+from reports.page import NoResults, write_report
+from reports.parts import Contradiction, Table, stated
+from reports.results import BrokenResults, read_results
+from reports.style import label, line_style, ordered
+from reports.tables import comma_separated, error, in_text, latex, markdown
+from studies import agreement
+from studies.running.runner import run_study
+from tests.helpers import row_files
+from tests.helpers.row_files import read_rows
+
+#: Steps per sample interval of the cheap cases: enough for an order, a second or two in all.
+CHEAP = (2, 4, 8)
+STEPS = tuple(1e-3 / 2.0**k for k in range(8))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Real results of all engines at a few coarse steps, with a little of Pymunk's sweep of iterations."""
+    folder = tmp_path_factory.mktemp("results")
+    cases = [
+        case
+        for case in agreement.cases(full=False)
+        if case.scene.name != "ideal-torque"
+        and (
+            (
+                case.arm in ("projection", "trapezoidal", "tuned", "out of the box")
+                and case.run.steps_per_sample(case.scene.end_time_s) in CHEAP
+            )
+            or case.arm in ("2 iterations", "20 iterations")
+        )
+    ]
+    run_study("agreement", cases, folder / "agreement", lambda: ThreadPoolExecutor(1))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def report(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("page") / "report"
+    write_report(results, out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def small(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the results, one scene and one arm: quicker to draw."""
+    folder = Path(shutil.copytree(results, tmp_path_factory.mktemp("small") / "results"))
+    write_rows(folder, [r for r in rows_of(folder) if (r["scene"], r["arm"]) == ("ideal-free", "projection")])
+    return folder
+
+
+@pytest.fixture
+def broken(small: Path, tmp_path: Path) -> Path:
+    """A copy of the small results for a test to damage."""
+    return Path(shutil.copytree(small, tmp_path / "results"))
+
+
+def rows_of(results: Path) -> list[dict[str, object]]:
+    return read_rows(results / "agreement/rows.jsonl")
+
+
+def write_rows(results: Path, rows: list[dict[str, object]]) -> None:
+    row_files.write_rows(results / "agreement/rows.jsonl", rows)
+
+
+class Page(HTMLParser):
+    """The files, anchors and pictures of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.files: set[str] = set()
+        self.jumps: set[str] = set()
+        self.anchors: list[str] = []
+        self.alts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = {name: value or "" for name, value in attrs}
+        if "id" in found:
+            self.anchors.append(found["id"])
+        target = found.get("href") or found.get("src") or ""
+        if target.startswith("#"):
+            self.jumps.add(target[1:])
+        elif target:
+            self.files.add(target)
+        if tag == "img":
+            self.alts.append(found["alt"])
+
+
+# The page and its files
+
+
+def test_every_figure_is_there_as_svg_and_png_and_every_table_in_three_formats(report: Path) -> None:
+    figures = {path.name for path in (report / "figures").iterdir()}
+    tables = {path.name for path in (report / "tables").iterdir()}
+    assert len(figures) >= 2 * 5
+    assert figures == {f"{Path(name).stem}.{end}" for name in figures for end in ("svg", "png")}
+    assert tables == {f"{Path(name).stem}.{end}" for name in tables for end in ("md", "tex", "csv")}
+
+
+def test_the_page_names_every_file_there_is_and_no_other(report: Path) -> None:
+    page = Page((report / "index.html").read_text("utf-8"))
+    written = {str(path.relative_to(report)) for path in report.rglob("*.*") if path.name != "index.html"}
+    assert page.files == written
+
+
+def test_links_within_the_page_lead_somewhere_and_pictures_have_a_text(report: Path) -> None:
+    page = Page((report / "index.html").read_text("utf-8"))
+    assert page.jumps <= set(page.anchors)
+    assert len(page.anchors) == len(set(page.anchors))
+    assert all(len(alt) > 40 for alt in page.alts)
+
+
+def test_the_order_in_which_runs_finished_does_not_change_a_byte(
+    results: Path, report: Path, tmp_path: Path
+) -> None:
+    shuffled = tmp_path / "results"
+    shutil.copytree(results, shuffled)
+    write_rows(shuffled, rows_of(results)[::-1])
+    write_report(shuffled, tmp_path / "report")
+    for path in sorted(report.rglob("*.*")):
+        again = tmp_path / "report" / path.relative_to(report)
+        assert path.read_bytes() == again.read_bytes(), f"{path.name} differs from run to run"
+
+
+def test_the_three_formats_of_a_table_agree_in_every_number(report: Path) -> None:
+    for path in (report / "tables").glob("*.csv"):
+        with path.open(encoding="utf-8", newline="") as file:
+            cells = [cell for row in list(csv.reader(file))[1:] for cell in row]
+        text = path.with_suffix(".md").read_text("utf-8").split("\n\n", 1)[1]
+        lines = text.splitlines()[2:]
+        assert [cell for line in lines for cell in line.strip("| ").split(" | ")] == cells
+        body = path.with_suffix(".tex").read_text("utf-8").partition(r"\midrule")[2]
+        powers = [(m[1], int(m[2])) for m in re.finditer(r"([\d.]+) \\times 10\^\{(-?\d+)\}", body)]
+        numbers = [re.fullmatch(r"(?:< )?([\d.]+)e([+-]\d+)", cell) for cell in cells]
+        assert powers == [(m[1], int(m[2])) for m in numbers if m]
+
+
+def test_a_scene_without_a_driver_has_no_driver_torque(report: Path) -> None:
+    with (report / "tables/agreement-orders.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    with_torque = {row["scene"] for row in rows if row["driver torque"] != "–"}
+    assert with_torque == {"ideal-driven"}
+    alts = Page((report / "index.html").read_text("utf-8")).alts
+    panels = [panel for alt in alts for panel in re.findall(r"driver torque error \[N·m\] on ([\w-]+)", alt)]
+    assert panels == ["ideal-driven"]
+
+
+def test_every_failed_run_is_listed_with_its_reason(results: Path, report: Path) -> None:
+    failed = [row for row in rows_of(results) if row["status"] != "ok"]
+    assert failed, "two iterations are too few for Pymunk"
+    with (report / "tables/agreement-failures.csv").open(encoding="utf-8", newline="") as file:
+        listed = sorted((row["scene"], row["arm"], row["reason"]) for row in csv.DictReader(file))
+    assert listed == sorted((row["scene"], row["arm"], row["reason"]) for row in failed)
+
+
+def test_the_error_table_shows_the_numbers_of_the_rows(results: Path, report: Path) -> None:
+    with (report / "tables/agreement-errors.csv").open(encoding="utf-8", newline="") as file:
+        shown = next(
+            row for row in csv.DictReader(file) if (row["scene"], row["arm"]) == ("ideal-free", "tuned")
+        )
+    step = float(shown["step [s]"])
+    row = next(
+        row
+        for row in rows_of(results)
+        if (row["scene"], row["arm"]) == ("ideal-free", "tuned") and f"{row['step_s']:.1e}" == f"{step:.1e}"
+    )
+    assert shown["slider position [m]"] == f"{row['slider_position_error_m']:.1e}"
+
+
+def test_text_from_results_is_escaped(broken: Path, tmp_path: Path) -> None:
+    rows = rows_of(broken)
+    rows[0] |= {"status": "failed", "reason": "<script>alert(1)</script> | 5 % of $x_1$"}
+    write_rows(broken, rows)
+    write_report(broken, tmp_path / "report")
+    page = (tmp_path / "report/index.html").read_text("utf-8")
+    assert "<script>" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert r"5 \% of \$x\_1\$" in (tmp_path / "report/tables/agreement-failures.tex").read_text("utf-8")
+
+
+# All or nothing
+
+
+def test_no_results_is_said_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(NoResults, match=r"^no results: .*rows\.jsonl is missing; run `crankslider run`$"):
+        write_report(tmp_path / "nowhere", tmp_path / "out" / "report")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("damage", ["line", "column", "code", "curves"])
+def test_broken_results_are_named_and_the_old_report_stays(broken: Path, tmp_path: Path, damage: str) -> None:
+    rows = rows_of(broken)
+    place = broken / "agreement"
+    if damage == "line":
+        (place / "rows.jsonl").write_text("{half a row\n", encoding="utf-8")
+    elif damage == "column":
+        write_rows(broken, [{name: row[name] for name in row if name != "arm"} for row in rows])
+    elif damage == "code":
+        write_rows(broken, [rows[0] | {"fingerprint": "other"}, *rows[1:]])
+    else:
+        for path in (place / "curves").iterdir():
+            path.write_bytes(b"PK not really")
+    out = tmp_path / "reports" / "old"
+    out.mkdir(parents=True)
+    (out / "index.html").write_text('<meta name="generator" content="crankslider">', encoding="utf-8")
+    with pytest.raises(BrokenResults, match=re.escape(str(place))):
+        write_report(broken, out)
+    assert [path.name for path in out.parent.iterdir()] == ["old"]
+    assert [path.name for path in out.iterdir()] == ["index.html"]
+
+
+def test_a_report_replaces_a_report_but_nothing_else(small: Path, report: Path, tmp_path: Path) -> None:
+    out = Path(shutil.copytree(report, tmp_path / "report"))
+    (out / "figures/stale.svg").touch()
+    write_report(small, out)
+    assert not (out / "figures/stale.svg").exists()
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home/thesis.txt").touch()
+    with pytest.raises(FileExistsError, match="out: expected a new folder or a report to replace"):
+        write_report(small, tmp_path / "home")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["home", "report"]
+
+
+def test_a_last_line_cut_short_by_a_kill_is_no_row(broken: Path) -> None:
+    whole = read_results(broken / "agreement").runs
+    with (broken / "agreement/rows.jsonl").open("a", encoding="utf-8") as file:
+        file.write('{"case": "0123')
+    assert read_results(broken / "agreement").runs == whole
+
+
+def test_provenance_of_other_rows_is_not_shown_as_theirs(broken: Path, tmp_path: Path) -> None:
+    sidecar = {"fingerprint": rows_of(broken)[0]["fingerprint"], "commit": "0123abc", "set": "quick"}
+    (broken / "agreement/sidecar.json").write_text(json.dumps(sidecar), encoding="utf-8")
+    write_report(broken, tmp_path / "report")
+    assert "0123abc" in (tmp_path / "report/index.html").read_text("utf-8")
+    (broken / "agreement/sidecar.json").write_text(
+        json.dumps(sidecar | {"fingerprint": "x"}), encoding="utf-8"
+    )
+    write_report(broken, tmp_path / "report")
+    page = (tmp_path / "report/index.html").read_text("utf-8")
+    assert "0123abc" not in page
+    assert "was not run to its end" in page
+
+
+# Sentences
+
+
+def test_a_sentence_that_the_rows_contradict_breaks_the_report(results: Path, tmp_path: Path) -> None:
+    broken = Path(shutil.copytree(results, tmp_path / "results"))
+    rows = rows_of(broken)
+    for row in rows:
+        if (row["engine"], row["arm"], row["status"]) == ("pymunk", "tuned", "ok"):
+            row["slider_position_error_m"] = 1e3 * float(str(row["step_s"]))
+    write_rows(broken, rows)
+    with pytest.raises(Contradiction, match="Pymunk is shown twice"):
+        write_report(broken, tmp_path / "report")
+    assert not (tmp_path / "report").exists()
+
+
+def test_stated_returns_what_holds_and_raises_what_does_not() -> None:
+    assert stated("Two is even.", 2 % 2 == 0) == "Two is even."
+    with pytest.raises(Contradiction, match=r"Three is even\."):
+        stated("Three is even.", 3 % 2 == 0)
+
+
+# The observed order
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_a_clean_power_law_gives_its_order_exactly_from_the_finest_four(order: int) -> None:
+    found = observed_order(STEPS, [3.0 * h**order for h in STEPS])
+    assert found.slope == pytest.approx(order, abs=1e-9)
+    assert found.steps == STEPS[-4:]
+
+
+def test_the_order_does_not_depend_on_the_order_of_the_points() -> None:
+    errors = [h**2 for h in STEPS]
+    assert observed_order(STEPS[::-1], errors[::-1]) == observed_order(STEPS, errors)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_points_near_the_truths_uncertainty_are_left_out(order: int) -> None:
+    floor = STEPS[4] ** order  # met at the fifth step
+    noise = np.random.default_rng(1).uniform(-1, 1, len(STEPS))
+    errors = [abs(h**order + floor * part) for h, part in zip(STEPS, noise, strict=True)]
+    found = observed_order(STEPS, errors, floor)
+    used = dict(zip(STEPS, errors, strict=True))
+    assert all(used[h] >= ABOVE_FLOOR * floor for h in found.steps)
+    if order == 4:
+        assert found.slope == pytest.approx(order, abs=0.15)
+    else:
+        assert found.verdict == "too few points" or found.slope == pytest.approx(order, abs=0.15)
+
+
+def test_an_engines_own_flat_floor_is_left_out_without_being_told_it() -> None:
+    noise = 1 + 0.5 * np.random.default_rng(2).uniform(-1, 1, len(STEPS))
+    floor = STEPS[4] ** 4
+    found = observed_order(STEPS, [h**4 + floor * part for h, part in zip(STEPS, noise, strict=True)])
+    assert found.slope == pytest.approx(4, abs=0.1)
+    assert min(found.steps) > STEPS[4]
+
+
+def test_a_rising_round_off_branch_is_left_out() -> None:
+    steps = tuple(1e-2 / 2.0**k for k in range(12))
+    errors = [h**2 + 1e-14 / h**2 for h in steps]
+    found = observed_order(steps, errors)
+    assert found.slope == pytest.approx(2, abs=0.05)
+    assert min(found.steps) > (1e-14) ** 0.25
+
+
+def test_saturated_and_pre_asymptotic_coarse_points_are_left_out() -> None:
+    errors = [0.1, 0.11, 0.09, 4e-2, *(1e-2 / 4.0**k for k in range(4))]
+    found = observed_order(STEPS, errors)
+    assert found.slope == pytest.approx(2, abs=1e-9)
+    assert found.steps == STEPS[4:]
+
+
+def test_a_finest_point_that_only_begins_to_feel_a_floor_is_left_out() -> None:
+    errors = [h**4 + 0.5 * STEPS[-1] ** 4 * 4 for h in STEPS]
+    found = observed_order(STEPS, errors)
+    assert found.slope == pytest.approx(4, abs=0.1)
+    assert STEPS[-1] not in found.steps
+
+
+def test_points_between_the_truths_uncertainty_and_an_engines_own_floor_are_left_out() -> None:
+    floor = 1e-18
+    errors = [h**4 + 8 * floor for h in STEPS[:-1]] + [6 * floor]
+    found = observed_order(STEPS, errors, floor)
+    assert found.slope == pytest.approx(4, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("errors", "floor", "verdict"),
+    [
+        ([3e-16, 1e-16, 2e-16, 1e-16], 1e-16, "round-off"),
+        ([2e-12, 1.9e-12, 2.1e-12, 2e-12], 1e-16, "flat"),
+        ([1e-2, 1e-3], 0.0, "too few points"),
+        ([], 0.0, "too few points"),
+        ([1e-2, 1e-4, 1e-6, 1e-6], 0.0, "too few points"),
+        ([1.0, 0.6, 0.2, 0.02], 0.0, "irregular"),
+    ],
+)
+def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor: float, verdict: str) -> None:
+    found = observed_order(STEPS[: len(errors)], errors, floor)
+    assert (found.verdict, found.slope) == (verdict, None)
+    assert str(found) == verdict
+
+
+# Digits and labels
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "text"),
+    [
+        (1.2345e-6, 1e-13, "1.2e-06"),
+        (9.96e-4, None, "1.0e-03"),
+        (4.9e-14, 5.02e-14, "< 5.0e-14"),
+        (0.0, 6e-16, "< 6.0e-16"),
+        (0.0, None, "0.0e+00"),
+        (None, 1e-13, "–"),
+    ],
+)
+def test_errors_have_two_digits_and_none_below_the_uncertainty(
+    value: float | None, uncertainty: float | None, text: str
+) -> None:
+    assert error(value, uncertainty) == text
+
+
+def test_a_number_in_a_sentence_has_no_hyphen_to_break_at() -> None:
+    assert in_text(1.26e-10) == "1.3×10⁻¹⁰"
+    assert in_text(25.0) == "2.5×10¹"
+
+
+def test_a_table_is_the_same_in_all_formats() -> None:
+    table = Table("t", "A title", "Read & see.", ("scene", "slider position [m]"), (("a_b|c", "< 5.0e-14"),))
+    assert markdown(table).splitlines()[-1] == r"| a_b\|c | < 5.0e-14 |"
+    assert comma_separated(table) == "scene,slider position [m]\na_b|c,< 5.0e-14\n"
+    assert r"a\_b|c & $< 5.0 \times 10^{-14}$ \\" in latex(table)
+    assert r"Read \& see." in latex(table)
+
+
+@pytest.mark.parametrize(
+    ("column", "text"),
+    [
+        ("slider_position_error_m", "slider position error [m]"),
+        ("slider_velocity_error_m_s", "slider velocity error [m/s]"),
+        ("joint_O_force_error_N", "joint O force error [N]"),
+        ("driver_torque_error_N_m", "driver torque error [N·m]"),
+        ("step_s", "step [s]"),
+        ("iterations", "iterations"),
+    ],
+)
+def test_labels_derive_from_column_names(column: str, text: str) -> None:
+    assert label(column) == text
+
+
+def test_an_engine_has_one_colour_and_marker_and_its_arms_differ() -> None:
+    names = ordered({(engine, arm) for engine, arms in agreement.ARMS.items() for arm in arms})
+    styles = {name: line_style(name, names) for name in names}
+    for engine in agreement.ARMS:
+        mine = [style for (of, _), style in styles.items() if of == engine]
+        assert len({(style["color"], style["marker"]) for style in mine}) == 1
+        assert len({(style["linestyle"], style["fillstyle"]) for style in mine}) == len(mine)
+    assert len({style["marker"] for style in styles.values()}) == len(agreement.ARMS)

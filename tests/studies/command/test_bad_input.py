@@ -1,0 +1,261 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.helpers.command import crankslider
+
+CLEARANCE = """
+[clearance.B]
+radial_clearance_m = 5e-4
+bearing_radius_m = 0.01
+law = "flores"
+stiffness = 1e9
+restitution = 0.9
+"""
+
+
+def require_refusal(stdout: str, stderr: str, code: object, *pieces: str) -> None:
+    assert code == 2, stderr
+    assert stdout == ""
+    assert stderr.startswith("error: ")
+    assert stderr.count("\n") == 1
+    assert stderr.endswith("\n")
+    assert "Traceback" not in stderr
+    assert "pydantic" not in stderr
+    for piece in pieces:
+        assert piece in stderr
+
+
+@pytest.fixture
+def scene_text() -> str:
+    return crankslider("show", "ideal-torque").stdout + CLEARANCE
+
+
+SCENE_CASES = {
+    "negative mass": ("mass_kg = 0.3", "mass_kg = -0.3", "crank.mass_kg", "a finite number > 0", "-0.3"),
+    "zero mass": ("mass_kg = 0.14", "mass_kg = 0", "slider.mass_kg", "a finite number > 0", "0"),
+    "nan": ("end_time_s = 0.3", "end_time_s = nan", "end_time_s", "a finite number > 0", "nan"),
+    "inf": ("crank_speed_rad_s = 0.0", "crank_speed_rad_s = inf", "start.crank_speed_rad_s", "finite", "inf"),
+    "overflow": ("torque_N_m = 0.3", "torque_N_m = -1e999", "drive.torque_N_m", "a finite number", "-inf"),
+    "huge integer": (
+        "length_m = 0.12",
+        f"length_m = {10**400}",
+        "rod.length_m",
+        "a finite",
+        "a huge integer",
+    ),
+    "short rod": (
+        "length_m = 0.12",
+        "length_m = 0.04",
+        "rod.length_m",
+        "at least crank.length_m = 0.05",
+        "0.04",
+    ),
+    "unknown key": (
+        "[rod]",
+        '[rod]\ncolour = "red"',
+        "rod.colour",
+        "the key length_m, mass_kg",
+        "an unknown",
+    ),
+    "unknown section": (
+        "[rod]",
+        "[spring]\nk = 1\n[rod]",
+        "spring",
+        "the key name, end_time_s",
+        "an unknown",
+    ),
+    "wrong joint": ("[clearance.B]", "[clearance.C]", "clearance.C", "the key O, A or B", "an unknown key"),
+    "string for number": ("mass_kg = 0.21", 'mass_kg = "0.21"', "rod.mass_kg", "a finite number", '"0.21"'),
+    "boolean for number": ("mass_kg = 0.21", "mass_kg = true", "rod.mass_kg", "a finite number > 0", "true"),
+    "list for number": ("mass_kg = 0.21", "mass_kg = [1]", "rod.mass_kg", "a finite number > 0", "a list"),
+    "number for name": ('name = "ideal-torque"', "name = 3", "name", "a string that is not empty", "3"),
+    "empty name": ('name = "ideal-torque"', 'name = ""', "name", "a string that is not empty", '""'),
+    "number for section": ("[start]", "[x]\nstart = 3", "start", "a section", "nothing"),
+    "missing field": ("inertia_kg_m2 = 2.5e-05\n", "", "rod.inertia_kg_m2", "a finite number > 0", "nothing"),
+    "missing section": ("[start]", "[drive2]", "start", "a section", "nothing"),
+    "negative gravity": (
+        "gravity_m_s2 = 9.81",
+        "gravity_m_s2 = -9.81",
+        "gravity_m_s2",
+        "number >= 0",
+        "-9.81",
+    ),
+    "bad drive": ('"torque"', '"motor"', "drive.kind", '"constant-speed", "free" or "torque"', '"motor"'),
+    "no drive kind": ('kind = "torque"', "", "drive.kind", '"free" or "torque"', "nothing"),
+    "torque missing": ("torque_N_m = 0.3", "", "drive.torque_N_m", "a finite number", "nothing"),
+    "torque on a free crank": ('"torque"', '"free"', "drive.torque_N_m", "the key kind", "an unknown key"),
+    "no room": ("= 5e-4", "= 0.01", "clearance.B.radial_clearance_m", "< bearing_radius_m = 0.01", "0.01"),
+    "bad law": ('"flores"', '"gum"', "clearance.B.law", '"hu-guo", "carvalho-martins" or "rigid"', '"gum"'),
+    "no restitution": ("restitution = 0.9", "", "clearance.B.restitution", "with law = 'flores'", "nothing"),
+    "restitution 2": ("= 0.9", "= 2", "clearance.B.restitution", "a finite number >= 0 and <= 1", "2"),
+    "syntax": ("[rod]", "[rod", "TOML syntax", "valid TOML", "'"),
+    "twice": ("[rod]", "[crank]", "TOML syntax", "valid TOML", "'Cannot declare"),
+    "too deep": ("[rod]", "x = " + "[" * 100_000, "TOML syntax", "", "too many"),
+}
+
+
+@pytest.mark.parametrize("case", SCENE_CASES)
+def test_a_bad_scene_file_is_refused_in_one_line(case: str, scene_text: str, tmp_path: Path) -> None:
+    old, new, field, expected, came = SCENE_CASES[case]
+    assert scene_text.count(old) == 1
+    file, out = tmp_path / "bad.toml", tmp_path / "out.csv"
+    file.write_text(scene_text.replace(old, new))
+    out.write_text("before")
+    done = crankslider("simulate", file, "--out", out)
+    require_refusal(done.stdout, done.stderr, done.code, f"{field}: expected", expected, f"got {came}")
+    assert out.read_text() == "before"
+    assert sorted(tmp_path.iterdir()) == [file, out]
+
+
+SIMULATE = ("simulate", "ideal-free")
+ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
+    "no command": ((), ("COMMAND: expected scenes", "Missing command")),
+    "unknown command": (("simulat",), ("COMMAND: expected scenes", "report", "'simulat'")),
+    "unknown option": ((*SIMULATE, "--stepp", 1), ("simulate: expected SCENE, --engine", "--stepp")),
+    "unknown global option": (("--version",), ("COMMAND: expected", "--version")),
+    "option without value": ((*SIMULATE, "--step"), ("--step: expected a value, got nothing",)),
+    "no scene": (("simulate",), ("SCENE: expected a value, got nothing",)),
+    "two scenes": (("show", "ideal-free", "ideal-torque"), ("show: expected SCENE", "ideal-torque")),
+    "unknown scene": (("show", "idle"), ("SCENE: expected ideal-free, ", 'a TOML file, got "idle"')),
+    "missing file": (("simulate", "no/such.toml"), ("SCENE: expected", 'got "no/such.toml"')),
+    "directory": (("simulate", "."), (".: expected a file that can be read", "Is a directory")),
+    "negative step": ((*SIMULATE, "--step=-1e-5"), ("--step: expected a finite number > 0", '"-1e-5"')),
+    "zero step": ((*SIMULATE, "--step", 0), ("--step: expected a finite number > 0", 'got "0"')),
+    "nan step": ((*SIMULATE, "--step", "nan"), ("--step: expected a finite number > 0", 'got "nan"')),
+    "long step": ((*SIMULATE, "--step", 2), ("--step: expected a number", "to the end time 1, got 2")),
+    "lost step": ((*SIMULATE, "--step", 1e-300), ("--step: expected a number from 1e-12", "got 1e-300")),
+    "step in words": ((*SIMULATE, "--step", "small"), ("--step: expected a finite number", '"small"')),
+    "negative tolerance": (
+        (*SIMULATE, "--tolerance=-1"),
+        ("--tolerance: expected a finite number > 0", '"-1"'),
+    ),
+    "step and tolerance": (
+        (*SIMULATE, "--step", 1e-5, "--tolerance", 1e-6),
+        ("--tolerance: expected nothing beside --step", "got 1e-06"),
+    ),
+    "zero end": ((*SIMULATE, "--end", 0), ("--end: expected a finite number > 0", 'got "0"')),
+    "endless": ((*SIMULATE, "--end", "inf"), ("--end: expected a finite number > 0", 'got "inf"')),
+    "zero samples": ((*SIMULATE, "--samples", 0), ("--samples: expected an integer >= 1", 'got "0"')),
+    "half a sample": ((*SIMULATE, "--samples", 2.5), ("--samples: expected an integer >= 1", 'got "2.5"')),
+    "too many samples": ((*SIMULATE, "--samples", 10**9), ("--samples: expected an integer", "<= 100000")),
+    "unknown engine": ((*SIMULATE, "--engine", "ode"), ("--engine: expected reference, exudyn, ", '"ode"')),
+    "unknown setting": (
+        (*SIMULATE, "--set", "colour=red"),
+        ("--set colour: expected the key method, ", "got an unknown key"),
+    ),
+    "setting of another engine": (
+        (*SIMULATE, "--set", "iterations=30"),
+        ("--set iterations: expected the key method, ", "got an unknown key"),
+    ),
+    "bad choice": (
+        (*SIMULATE, "--engine", "exudyn", "--set", "solver=Euler"),
+        ("--set solver: expected ", '"GeneralizedAlpha"', 'got "Euler"'),
+    ),
+    "bad number": (
+        (*SIMULATE, "--engine", "pymunk", "--set", "iterations=0"),
+        ("--set iterations: expected an integer > 0", 'got "0"'),
+    ),
+    "bad boolean": (
+        (*SIMULATE, "--engine", "pymunk", "--set", "half_kick_start=maybe"),
+        ("--set half_kick_start: expected true or false", 'got "maybe"'),
+    ),
+    "nan setting": (
+        (*SIMULATE, "--set", "baumgarte_alpha_s=nan"),
+        ("--set baumgarte_alpha_s: expected a finite number", 'got "nan"'),
+    ),
+    "setting without value": ((*SIMULATE, "--set", "solver"), ("--set: expected KEY=VALUE", '"solver"')),
+    "setting twice": (
+        (*SIMULATE, "--set", "stabilisation=none", "--set", "stabilisation=projection"),
+        ("--set stabilisation: expected one value", "none and projection"),
+    ),
+    "unknown study": (("run", "astrology"), ("STUDY: expected agreement", 'got "astrology"')),
+    "no jobs": (("run", "--jobs", 0), ("--jobs: expected an integer >= 1", 'got "0"')),
+    "no results": (("report", "--results", "nowhere"), ("--results: expected", "nowhere")),
+    "two lines in an argument": (("show", "a\nb"), ("SCENE: expected", r"a\nb")),
+}
+
+
+@pytest.mark.parametrize("case", ARGUMENT_CASES)
+def test_a_bad_argument_is_refused_in_one_line(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments, pieces = ARGUMENT_CASES[case]
+    monkeypatch.chdir(tmp_path)
+    done = crankslider(*arguments)
+    require_refusal(done.stdout, done.stderr, done.code, *pieces)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_the_run(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("before")
+    for out, reason in (
+        (tmp_path / "nowhere" / "out.csv", "No such file or directory"),
+        (tmp_path, "Is a directory"),
+        (file / "out.csv", "Not a directory"),
+        (tmp_path / ("x" * 300), "File name too long"),
+    ):
+        done = crankslider("simulate", "ideal-free", "--end", 1e5, "--out", out)  # the run would take hours
+        place = f"--out: expected a place that can be written, got {out} ({reason})"
+        require_refusal(done.stdout, done.stderr, done.code, place)
+    assert list(tmp_path.iterdir()) == [file]
+    assert file.read_text() == "before"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write and read everything")
+def test_permissions_are_respected(tmp_path: Path) -> None:
+    file = tmp_path / "out.csv"
+    file.write_text("before")
+    file.chmod(0o444)
+    done = crankslider("simulate", "ideal-free", "--end", 0.01, "--out", file)
+    require_refusal(done.stdout, done.stderr, done.code, "--out: expected", "Permission denied")
+    assert file.read_text() == "before"
+    file.chmod(0)
+    done = crankslider("show", file)
+    require_refusal(done.stdout, done.stderr, done.code, "out.csv: expected a file", "Permission denied")
+
+
+def test_a_full_disk_is_reported() -> None:
+    done = crankslider("simulate", "ideal-free", "--end", 0.01, "--out", "/dev/full")
+    require_refusal(done.stdout, done.stderr, done.code, "--out: expected", "No space left on device")
+
+
+def test_a_file_that_is_not_utf_8_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "latin.toml"
+    file.write_bytes('name = "Kröpfung"'.encode("latin-1"))
+    done = crankslider("show", file)
+    require_refusal(
+        done.stdout, done.stderr, done.code, "latin.toml: expected UTF-8 text, got byte 0xf6 at 10"
+    )
+
+
+@pytest.mark.parametrize("engine", ["exudyn", "scipy"])
+def test_a_scene_that_the_engine_cannot_run_is_refused(engine: str, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    done = crankslider("simulate", "rigid-driven-0.5mm", "--engine", engine, "--out", out)
+    pieces = ("--engine: expected one that can run this scene", engine, "rigid")
+    require_refusal(done.stdout, done.stderr, done.code, *pieces)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "piece"),
+    [
+        (["simulate", "ideal-free", "--engine", "ode"], "--engine: expected"),
+        (["simulate", "bad.toml", "--out", "out.csv"], "rod.mass_kg: expected"),
+        (["fly"], "COMMAND: expected"),
+    ],
+)
+def test_the_installed_command_refuses_in_one_line(
+    arguments: list[str], piece: str, scene_text: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "bad.toml"
+    file.write_text(scene_text.replace("mass_kg = 0.21", "mass_kg = -0.21"))
+    command = Path(sys.executable).with_name("crankslider")
+    done = subprocess.run([command, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+    require_refusal(done.stdout, done.stderr, done.returncode, piece)
+    assert list(tmp_path.iterdir()) == [file]

@@ -1,0 +1,291 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pytest
+
+from engine_models.engine import RunSettings
+from engine_models.engines import ENGINES, make_engine
+from engine_models.scene.library import IDEAL_SCENES, SCENES
+from studies.command.trajectory_table import table
+from studies.judges.truth import exact
+from tests.helpers.command import crankslider
+from tests.helpers.running import HEAR
+
+IDEAL = list(IDEAL_SCENES)
+SHORT = ("--end", 0.01, "--samples", 4)
+COMMAND = (sys.executable, "-c", "from studies.command.main import main; main()")
+
+MOTION = "time_s,crank_angle_rad,crank_speed_rad_s,slider_position_m,slider_velocity_m_s"
+FORCES = (
+    ",".join(f"joint_{joint}_force_{axis}_N" for joint in "OAB" for axis in "xy") + ",guide_normal_force_N"
+)
+
+
+def read(csv: str) -> pd.DataFrame:
+    header, *rows = (line.split(",") for line in csv.splitlines())
+    return pd.DataFrame(np.array(rows, dtype=float), columns=header)
+
+
+def test_scenes_lists_every_scene_with_its_description() -> None:
+    listed = crankslider("scenes")
+    lines = listed.stdout.splitlines()
+    assert (listed.code, listed.stderr) == (0, "")
+    assert [line.split()[0] for line in lines] == ["scene", *SCENES]
+    for make, line in zip(SCENES.values(), lines[1:], strict=True):
+        scene = make()
+        assert scene.drive.kind in line
+        assert f"{scene.end_time_s:g} s" in line
+        assert (make.__doc__ or "").splitlines()[0] in line
+
+
+def test_engines_lists_every_setting_and_what_runs() -> None:
+    listed = crankslider("engines")
+    assert (listed.code, listed.stderr) == (0, "")
+    for name in ENGINES:
+        assert f"{name}: " in listed.stdout
+    assert '  stabilisation      "projection"  "none", "baumgarte" or "projection"' in listed.stdout
+    for block in listed.stdout.split("\n\n"):
+        assert "  runs " in block
+        runs = next(line for line in block.splitlines() if line.startswith("  runs "))
+        assert all(scene in runs for scene in IDEAL)
+        told = [scene in runs or f"  not {scene}: " in block for scene in SCENES]
+        assert all(told), "every scene is run or refused with a reason"
+
+
+@pytest.mark.parametrize("command", [["--help"], ["scenes"], ["show", "ideal-free"]])
+def test_a_quick_command_imports_nothing_heavy(command: list[str]) -> None:
+    code = (
+        "import atexit, json, sys; from studies.command.main import main; sys.argv[0] = 'crankslider';"
+        "atexit.register(lambda: print(json.dumps(sorted(sys.modules)), file=sys.stderr)); main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
+    heavy = {"exudyn", "pymunk", "numba", "scipy", "pandas", "matplotlib"} & set(json.loads(done.stderr))
+    assert not heavy
+
+
+def test_a_run_by_rk4_does_not_wait_for_what_error_control_alone_needs() -> None:
+    simulated = ["simulate", "ideal-free", "--end", "0.01", "--samples", "2"]
+    code = (
+        "import atexit, sys; from studies.command.main import main; sys.argv[0] = 'crankslider';"
+        "atexit.register(lambda: print('scipy.integrate' in sys.modules, file=sys.stderr)); main()"
+    )
+    for settings, needs in ((), "False"), (("--set", "method=dop853"), "True"):
+        command = [sys.executable, "-c", code, *simulated, *settings]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert done.stderr.splitlines()[-1] == needs
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("name", IDEAL)
+def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
+    done = crankslider("simulate", name, "--engine", engine, *SHORT)
+    scene = SCENES[name]().model_copy(update={"end_time_s": 0.01})
+    torque = "" if scene.drive.kind == "free" else ",driver_torque_N_m"
+    run = make_engine(engine).simulate(scene, RunSettings(step_s=1e-5, samples=4))
+    assert run.steps == 1000 or (engine == "scipy" and run.steps > 1000), "scipy may begin with shorter ones"
+    of = {"reference": " of rk4", "scipy": " of DOP853"}.get(engine, "")
+    assert (done.code, done.stderr) == (0, f"note: {run.steps} steps{of}, the longest 1e-05 s\n")
+    assert done.stdout.splitlines()[0] == (
+        f"{MOTION},{FORCES}{torque},kinetic_energy_J,potential_energy_J,energy_balance_residual_J"
+    )
+    pd.testing.assert_frame_equal(read(done.stdout), table(scene, run), check_exact=True)
+
+
+@pytest.mark.parametrize("name", IDEAL)
+def test_each_column_holds_what_its_name_says(name: str) -> None:
+    # The reference at this step is off by 1e-9 of each signal's size at most: a wrong column is off by 1.
+    scene = SCENES[name]().model_copy(update={"end_time_s": 0.01})
+    found = read(crankslider("simulate", name, *SHORT).stdout)
+    true = table(scene, exact(scene, 4))
+    for column in true.columns:
+        measure = "kinetic_energy_J" if column == "energy_balance_residual_J" else column
+        scale = np.abs(true[measure]).max()
+        np.testing.assert_allclose(found[column], true[column], rtol=0, atol=1e-6 * scale, err_msg=column)
+
+
+def test_the_crank_angle_is_unwrapped() -> None:
+    angle = read(crankslider("simulate", "ideal-driven").stdout)["crank_angle_rad"]
+    assert angle.iloc[-1] == pytest.approx(4 * np.pi)
+
+
+def test_without_gravity_there_is_no_potential_energy(tmp_path: Path) -> None:
+    file = tmp_path / "light.toml"
+    file.write_text(crankslider("show", "ideal-free").stdout.replace("= 9.81", "= 0.0"))
+    columns = read(crankslider("simulate", file, *SHORT).stdout).columns
+    assert "potential_energy_J" not in columns
+    assert "kinetic_energy_J" in columns
+
+
+CONTACT = """
+[clearance.B]
+radial_clearance_m = 5e-4
+bearing_radius_m = 0.01
+law = "lankarani-nikravesh"
+stiffness = 1e9
+restitution = 0.9
+"""
+FRICTION = """
+[clearance.B.friction]
+law = "tanh"
+coefficient = 0.03
+regularisation_speed_m_s = 0.1
+"""
+
+
+@pytest.mark.parametrize("friction", ["", FRICTION])
+def test_a_joint_with_clearance_has_its_own_columns(friction: str, tmp_path: Path) -> None:
+    file = tmp_path / "loose.toml"
+    ideal = crankslider("show", "ideal-driven").stdout.replace("gravity_m_s2 = 9.81", "gravity_m_s2 = 0.0")
+    file.write_text(ideal + CONTACT + friction)
+    done = crankslider("simulate", file, "--end", 0.001, "--samples", 50)
+    assert done.code == 0, done.stderr
+    force = "contact_B_normal_force_N," + ("contact_B_friction_force_N," if friction else "")
+    assert done.stdout.splitlines()[0] == (
+        f"{MOTION},{FORCES},driver_torque_N_m,kinetic_energy_J,potential_energy_J,energy_balance_residual_J,"
+        f"clearance_B_x_m,clearance_B_y_m,contact_B_penetration_m,{force}dissipated_energy_J"
+    )
+    found = read(done.stdout)
+    gap = np.hypot(found["clearance_B_x_m"], found["clearance_B_y_m"])
+    np.testing.assert_allclose(found["contact_B_penetration_m"], gap - 5e-4, rtol=0, atol=1e-12)
+    flying = found["contact_B_penetration_m"] < 0
+    assert flying.any()
+    assert (found.loc[flying, "contact_B_normal_force_N"] == 0).all()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_users_file_works_like_the_library_scene(name: str, tmp_path: Path) -> None:
+    file, out = tmp_path / "mine.toml", tmp_path / "out.csv"
+    file.write_text(crankslider("show", name).stdout)
+    assert crankslider("show", file).stdout == file.read_text()
+    library, mine = (crankslider("simulate", scene, *SHORT) for scene in (name, file))
+    assert (mine.code, mine.stdout, mine.stderr) == (0, library.stdout, library.stderr)
+    assert crankslider("simulate", file, *SHORT, "--out", out).stdout == ""
+    assert out.read_text() == library.stdout
+    assert sorted(tmp_path.iterdir()) == [file, out]
+
+
+@pytest.mark.parametrize(("settings", "method"), [([], "dop853"), (["--set", "method=rk4"], "rk4")])
+def test_a_tolerance_takes_error_control_unless_the_method_is_set(settings: list[str], method: str) -> None:
+    done = crankslider("simulate", "ideal-free", "--tolerance", 1e-9, "--end", 0.1, "--samples", 4, *settings)
+    assert (done.code, f" steps of {method}, " in done.stderr) == (0, True)
+    scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.1})
+    found = [float(line.split(",")[3]) for line in done.stdout.splitlines()[1:]]
+    assert np.abs(found - exact(scene, 4).slider_position_m).max() < 1e-9
+
+
+def test_settings_reach_the_engine() -> None:
+    plain = crankslider("simulate", "ideal-free", *SHORT, "--step", 1e-3)
+    other = crankslider("simulate", "ideal-free", *SHORT, "--step", 1e-3, "--set", "stabilisation=none")
+    assert other.code == 0
+    assert other.stdout != plain.stdout
+
+
+def test_the_note_tells_the_step_that_was_taken() -> None:
+    done = crankslider("simulate", "ideal-free", "--end", 0.01, "--samples", 3, "--step", 1e-3)
+    assert done.stderr == "note: 12 steps of rk4, the longest 0.000833333 s\n"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_tolerance_is_kept(engine: str) -> None:
+    done = crankslider("simulate", "ideal-torque", *SHORT, "--engine", engine, "--tolerance", 1e-7)
+    scene = SCENES["ideal-torque"]().model_copy(update={"end_time_s": 0.01})
+    error = np.abs(read(done.stdout)["slider_position_m"] - exact(scene, 4).slider_position_m).max()
+    assert error <= 1e-7, f"{error:.3g} m"
+
+
+def test_an_output_file_is_replaced_and_a_device_is_not(tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    out.write_text("before")
+    link = tmp_path / "link.csv"
+    link.symlink_to(out)
+    assert crankslider("simulate", "ideal-free", *SHORT, "--out", link).code == 0
+    assert link.is_symlink()
+    assert out.read_text().startswith(MOTION)
+    assert crankslider("simulate", "ideal-free", *SHORT, "--out", "/dev/null").code == 0
+    assert Path("/dev/null").is_char_device()
+
+
+def test_a_failed_run_says_when_and_leaves_an_existing_file_alone(tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    out.write_text("before")
+    coarse = ("--engine", "pymunk", "--set", "iterations=1", "--step", 0.01)
+    done = crankslider("simulate", "ideal-free", *coarse, "--out", out)
+    assert (done.code, done.stdout) == (1, "")
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert "at t = " in done.stderr
+    assert out.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    out.write_text("before")
+    long = ("simulate", "ideal-free", "--engine", engine, "--end", "1000", "--out", str(out))
+    command = [sys.executable, "-c", HEAR + COMMAND[-1], *long]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    give_up = time.monotonic() + 60
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < give_up:  # its output is open: it runs
+        time.sleep(0.02)
+    run.send_signal(signal.SIGINT)
+    stdout, stderr = run.communicate(timeout=60)
+    assert (run.returncode, stdout, stderr) == (130, "", "error: interrupted\n")
+    assert out.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_reader_that_has_seen_enough_causes_no_complaint() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        [*COMMAND, "scenes"], stdout=writing, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (1, "")
+
+
+def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from studies.running import runner
+
+    calls: list[tuple[object, ...]] = []
+    monkeypatch.setattr(runner, "run_studies", lambda *arguments: calls.append(arguments))
+    assert crankslider("run").code == 0
+    assert (
+        crankslider("run", "agreement", "--full", "--retry-failed", "--jobs", 3, "--out", tmp_path).code == 0
+    )
+    assert calls == [
+        (list(runner.STUDIES), False, os.cpu_count(), Path("results"), None, False),
+        (["agreement"], True, 3, tmp_path, None, True),
+    ]
+
+
+def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from reports import page
+
+    calls: list[tuple[object, ...]] = []
+
+    def write_report(*arguments: object) -> list[str]:
+        calls.append(arguments)
+        return ["a note"]
+
+    monkeypatch.setattr(page, "write_report", write_report)
+    assert crankslider("report").stderr == "note: a note\nnote: the report is report/index.html\n"
+    assert crankslider("report", "--results", tmp_path, "--out", tmp_path / "r").code == 0
+    assert calls == [(Path("results"), Path("report")), (tmp_path, tmp_path / "r")]
+
+
+def test_the_scene_is_not_overwritten_by_its_own_output(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(crankslider("show", "ideal-free").stdout)
+    before = file.read_text()
+    done = crankslider("simulate", file, *SHORT, "--out", file)
+    assert (done.code, file.read_text()) == (2, before)
+    assert "--out: expected another file than the scene" in done.stderr

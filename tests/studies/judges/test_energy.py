@@ -1,0 +1,126 @@
+"""The energy ledger on planted bugs: what is forgotten or added shows with its sign and size."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine_models.engine import RunSettings, Trajectory
+from engine_models.pymunk.engine import PymunkEngine
+from engine_models.scene.library import SCENES, ideal_driven, ideal_free, ideal_torque
+from engine_models.scene.scene import Scene
+from studies.judges.energy_ledger import (
+    constraint_speed_m_s,
+    dissipated,
+    given,
+    numerical_gain_J,
+    stabilised,
+    stored,
+)
+from studies.judges.energy_rates import drift_rate
+from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from studies.judges.truth import exact
+
+
+@pytest.fixture(scope="module")
+def rubbing() -> tuple[Scene, Trajectory]:
+    """A turn with friction in a joint with clearance: every line of the ledger but stabilisation."""
+    scene = SCENES["clearance-driven-damped"]().model_copy(update={"end_time_s": 0.012})
+    return scene, PymunkEngine().simulate(scene, RunSettings(1e-5, 120))
+
+
+@pytest.mark.parametrize("planted_W", [2e-3, -2e-3])
+def test_planted_power_is_found_with_its_sign_and_size(planted_W: float) -> None:
+    scene = ideal_driven()
+    truth = exact(scene, 400)
+    energy_J = kinetic_energy_J(scene, truth)
+    # Where more energy moves, all velocities are larger by the root of the ratio.
+    factor = np.sqrt(1 + planted_W * truth.time_s / energy_J)
+    run = replace(truth, velocity=truth.velocity * factor[:, None, None])
+    found = drift_rate(run.time_s, numerical_gain_J(scene, run), blocks=10)
+    assert found.per_s == pytest.approx(planted_W, rel=1e-9)
+    assert found.is_told_from_zero
+    assert energy_balance_residual_J(scene, run)[-1] == pytest.approx(planted_W * scene.end_time_s, rel=1e-9)
+
+
+@pytest.mark.parametrize("scene", [ideal_driven(), ideal_torque()], ids=lambda s: s.name)
+def test_the_truth_has_no_hidden_power(scene: Scene) -> None:
+    truth = exact(scene, 50)
+    gain = numerical_gain_J(scene, truth)
+    assert np.abs(gain).max() < 1e-12 * kinetic_energy_J(scene, truth).max()
+    assert constraint_speed_m_s(scene, truth).max() < 1e-13 * np.abs(truth.velocity).max()
+
+
+def test_a_driver_that_is_not_counted_looks_like_gain() -> None:
+    scene = ideal_torque()
+    truth = exact(scene, 50)
+    assert truth.driver_work_J is not None
+    assert numerical_gain_J(scene, replace(truth, driver_work_J=None)) == pytest.approx(truth.driver_work_J)
+
+
+@pytest.mark.parametrize("line", ["normal_loss_J", "friction_loss_J"])
+def test_a_loss_that_is_not_counted_looks_like_loss_of_that_size(
+    rubbing: tuple[Scene, Trajectory], line: str
+) -> None:
+    scene, run = rubbing
+    contact = run.contacts["B"]
+    forgotten: dict[str, Any] = {line: np.zeros(len(run.time_s))}
+    without = replace(contact, **forgotten)
+    gain, forgetful = (numerical_gain_J(scene, r) for r in (run, replace(run, contacts={"B": without})))
+    lost = getattr(contact, line)
+    assert lost[-1] > 1e-3
+    assert forgetful - gain == pytest.approx(-lost)
+
+
+def test_what_stabilisation_removes_is_in_the_gain_but_not_in_the_residual() -> None:
+    scene = ideal_driven()
+    truth = exact(scene, 50)
+    removed = 1e-3 * truth.time_s
+    run = replace(truth, stabilisation_loss_J=removed)
+    assert energy_balance_residual_J(scene, run) - numerical_gain_J(scene, run) == pytest.approx(removed)
+
+
+def test_the_lines_add_up_to_the_residual_of_the_metrics(rubbing: tuple[Scene, Trajectory]) -> None:
+    scene, run = rubbing
+    total = sum(stored(scene, run).values()) - sum(given(run).values()) + sum(dissipated(run).values())
+    assert total == pytest.approx(energy_balance_residual_J(scene, run), abs=1e-12)
+
+
+def test_a_scene_has_the_lines_it_has_a_use_for_and_no_other(rubbing: tuple[Scene, Trajectory]) -> None:
+    def names(scene: Scene, run: Trajectory) -> set[str]:
+        return {*stored(scene, run), *given(run), *dissipated(run), *stabilised(run)}
+
+    bodies = {"kinetic_change_J", "gravitational_change_J"}
+    free = ideal_free().model_copy(update={"end_time_s": 0.01})
+    assert names(free, PymunkEngine().simulate(free, RunSettings(1e-4, 4))) == bodies
+    assert names(ideal_torque(), exact(ideal_torque(), 50)) == bodies | {"driver_work_J"}
+    weightless = ideal_driven().model_copy(update={"gravity_m_s2": 0.0})
+    assert names(weightless, exact(weightless, 4)) == {"kinetic_change_J", "driver_work_J"}
+    losses = {f"contact_B_{way}_loss_J" for way in ("normal", "friction", "clipped")}
+    assert names(*rubbing) - losses == bodies | {"driver_work_J", "elastic_change_J"}
+    assert {"contact_B_normal_loss_J", "contact_B_friction_loss_J"} <= names(*rubbing)
+
+
+@pytest.mark.parametrize(("body", "axis"), [(0, 0), (1, 1), (2, 0), (2, 1)])
+def test_a_body_that_moves_off_is_a_gap_that_opens_at_that_speed(body: int, axis: int) -> None:
+    scene = ideal_driven()
+    truth = exact(scene, 4)
+    velocity = truth.velocity.copy()
+    velocity[2, body, axis] += 1e-3
+    assert constraint_speed_m_s(scene, replace(truth, velocity=velocity))[2] == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_the_speed_of_a_gap_is_the_rate_of_the_violation() -> None:
+    """A rod that turns away from its pins: gap and speed against each other by differences."""
+    scene = ideal_driven().model_copy(update={"end_time_s": 1e-4})
+    truth = exact(scene, 400)
+    turned = 3.0 * truth.time_s
+    position, velocity = truth.position.copy(), truth.velocity.copy()
+    position[:, 1, 2] += turned
+    velocity[:, 1, 2] += 3.0
+    run = replace(truth, position=position, velocity=velocity)
+    gap, speed = constraint_violation_m(scene, run), constraint_speed_m_s(scene, run)
+    middle = (gap[2:] - gap[:-2]) / (run.time_s[2:] - run.time_s[:-2])
+    # The gap's vector also turns, with the rod by 0.022 rad: half the square of that is the difference.
+    assert middle == pytest.approx(speed[1:-1], rel=3e-4)

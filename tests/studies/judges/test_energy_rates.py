@@ -1,0 +1,86 @@
+"""Slopes with their intervals, and exponents of time, on curves that are known."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from engine_models.engine import FloatArray
+from studies.judges.energy_rates import PARTS, blocks_of, drift_rate, growth_exponent, thinned
+
+TIME = np.linspace(0.0, 2.0, 401)
+SLOPE = 0.7
+#: Trials of a coverage test, and the least coverage of a 95 % interval that chance leaves: 4 standard errors.
+TRIALS, COVERED = 200, 0.95 - 4 * float(np.sqrt(0.95 * 0.05 / 200))
+
+
+def white(random: np.random.Generator) -> FloatArray:
+    return random.normal(size=len(TIME))
+
+
+def walk(random: np.random.Generator) -> FloatArray:
+    return np.asarray(np.cumsum(white(random)))
+
+
+def slowly_forgetting(random: np.random.Generator) -> FloatArray:
+    noise = white(random)
+    for k in range(1, len(noise)):
+        noise[k] += 0.95 * noise[k - 1]
+    return noise
+
+
+def few_large_jumps(random: np.random.Generator) -> FloatArray:
+    return np.asarray(np.cumsum(white(random) ** 3 * (random.random(len(TIME)) < 0.1)))
+
+
+@pytest.mark.parametrize("noise", [white, walk, slowly_forgetting, few_large_jumps])
+def test_the_interval_holds_the_true_slope_as_often_as_it_says(
+    noise: Callable[[np.random.Generator], FloatArray],
+) -> None:
+    random = np.random.default_rng(4)
+    held = 0
+    for _ in range(TRIALS):
+        found = drift_rate(TIME, SLOPE * TIME + noise(random), blocks=20)
+        held += found.low_per_s <= SLOPE <= found.high_per_s
+    assert held / TRIALS >= COVERED
+
+
+def test_a_line_is_found_exactly_and_a_swing_of_whole_periods_changes_nothing() -> None:
+    swing = 5 * np.sin(2 * np.pi * 10 * TIME)
+    found = drift_rate(TIME, -SLOPE * TIME + swing, blocks=20)
+    assert found.per_s == pytest.approx(-SLOPE, rel=1e-12)
+    assert found.high_per_s - found.low_per_s < 1e-12
+    assert found.is_told_from_zero
+    assert abs(drift_rate(TIME, swing, blocks=20).per_s) < 1e-12
+
+
+def test_one_jump_moves_the_slope_less_than_half_as_much_as_it_moves_the_mean_rate() -> None:
+    found = drift_rate(TIME, SLOPE * TIME + (TIME > 1.9), blocks=20)
+    assert abs(found.per_s - SLOPE) < 0.5 * (1 / TIME[-1])
+
+
+@pytest.mark.parametrize("periods", [0.5, 7, 10, 70, 100, 132.6, 1000, 5432])
+def test_blocks_are_whole_periods_where_there_are_enough(periods: float) -> None:
+    blocks = blocks_of(periods)
+    assert blocks % PARTS == 0
+    assert 2 * PARTS <= blocks <= 100
+    if periods in (10, 100, 1000):
+        assert periods % blocks == 0
+
+
+def test_too_few_samples_for_the_blocks_are_refused() -> None:
+    with pytest.raises(ValueError, match="blocks: expected a multiple of 5 below 11, got 15"):
+        drift_rate(TIME[:11], TIME[:11], 15)
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
+def test_a_power_of_time_is_found_below_its_swing(power: float) -> None:
+    swing = np.cos(2 * np.pi * 40 * TIME)
+    # The last crest is up to half a period old: 12 % of the time at the beginning of the fit.
+    assert growth_exponent(TIME, 3e-9 * TIME**power * swing) == pytest.approx(power, abs=0.1)
+
+
+def test_thinning_keeps_both_ends() -> None:
+    assert thinned(TIME, 7)[[0, -1]].tolist() == [0.0, 2.0]
+    assert len(thinned(TIME, 7)) == 8
+    assert thinned(TIME[:3], 7).tolist() == TIME[:3].tolist()

@@ -1,0 +1,61 @@
+"""Converged runs are made once: kept on disk by all that decides them, and made again when damaged."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_models.engine import RunSettings
+from engine_models.engines import make_engine
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Scene
+from reference_solver.compiled.folder import VARIABLE, kernel_folder
+from studies.judges.kept_runs import kept_run
+
+SHARP = make_engine("reference", method="dop853", tolerance=1e-10)
+SCENE = SCENES["ideal-driven"]()
+SETTINGS = RunSettings(SCENE.end_time_s, 10)
+
+
+@pytest.fixture
+def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
+    """Give the scenes that are really run, in an empty folder."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    found: list[Scene] = []
+    simulate = ReferenceEngine.simulate
+
+    def counted(engine: ReferenceEngine, scene: Scene, settings: RunSettings) -> object:
+        found.append(scene)
+        return simulate(engine, scene, settings)
+
+    monkeypatch.setattr(ReferenceEngine, "simulate", counted)
+    return found
+
+
+def test_a_run_is_made_once_and_comes_back_bit_for_bit(runs: list[Scene]) -> None:
+    first, second = (kept_run(SHARP, SCENE, SETTINGS) for _ in range(2))
+    assert len(runs) == 1
+    for name, value in vars(first).items():
+        np.testing.assert_array_equal(value, vars(second)[name])
+
+
+def test_whatever_decides_a_run_makes_another(runs: list[Scene]) -> None:
+    other = SCENE.model_copy(update={"gravity_m_s2": 1.62})
+    for engine, scene, settings in (
+        (SHARP, SCENE, SETTINGS),
+        (SHARP.sharper(), SCENE, SETTINGS),
+        (SHARP, other, SETTINGS),
+        (SHARP, SCENE, RunSettings(SCENE.end_time_s, 11)),
+    ):
+        kept_run(engine, scene, settings)
+    assert len(runs) == 4
+
+
+def test_a_damaged_file_is_made_again(runs: list[Scene]) -> None:
+    first = kept_run(SHARP, SCENE, SETTINGS)
+    (file,) = kernel_folder().glob("run-*.pickle")
+    file.write_bytes(file.read_bytes()[:-1] + b"!")
+    again = kept_run(SHARP, SCENE, SETTINGS)
+    assert len(runs) == 2
+    assert (again.position == first.position).all()

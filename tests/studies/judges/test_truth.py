@@ -1,0 +1,102 @@
+"""The independent truth, against closed forms, published numbers and a second derivation."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from engine_models.mechanics.assembly import assembled
+from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
+from engine_models.scene.scene import Clearance, Clearances, Scene
+from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from studies.judges.truth import configuration, exact, exact_twins
+
+#: Set R: crank radius times speed squared is the scale of the accelerations.
+SPEED = 2 * np.pi * 5000 / 60
+
+
+@pytest.mark.parametrize(
+    ("end", "samples", "position"), [(0.1, 10, 0.0945044247832), (1.0, 1000, 0.159335040674)]
+)
+def test_the_free_slider_is_where_converged_runs_put_it(end: float, samples: int, position: float) -> None:
+    scene = ideal_free().model_copy(update={"end_time_s": end})
+    found = exact(scene, samples).slider_position_m[-1]
+    assert abs(found - position) < 1e-11, f"off by {found - position:.2e} m"  # the digits given
+
+
+def test_the_driven_slider_meets_the_closed_forms_at_both_dead_centres() -> None:
+    truth = exact(ideal_driven(), 480)
+    assert truth.slider_position_m.max() == pytest.approx(0.17, abs=1e-15)
+    assert truth.slider_position_m.min() == pytest.approx(0.07, abs=1e-15)
+    _, _, X_2 = configuration(ideal_driven(), np.array([0.0, np.pi]))
+    outer, inner = X_2[:, 2, 0] * SPEED**2
+    assert outer == pytest.approx(-19419.36, abs=0.005)
+    assert inner == pytest.approx(7996.21, abs=0.005)
+    assert truth.joint_force_N[0, 2, 0] == pytest.approx(-2718.71, abs=0.005)
+
+
+def test_the_drivers_torque_peaks_and_averages_as_published() -> None:
+    scene = ideal_driven()
+    on_axis = scene.crank.model_copy(update={"centre_of_mass_m": 0.0})
+    truth = exact(scene.model_copy(update={"crank": on_axis}), 4800)
+    torque = truth.driver_torque_N_m
+    assert torque is not None
+    assert torque.max() == pytest.approx(138.56, abs=0.005)
+    # The mean over whole revolutions of a smooth periodic function: the trapezoidal rule is exact.
+    assert abs(torque[:-1].mean()) < 1e-10
+
+
+@pytest.mark.parametrize("scene", [ideal_free(), ideal_torque()], ids=lambda scene: scene.name)
+def test_time_by_the_energy_integral_agrees_with_the_integrated_motion(scene: Scene) -> None:
+    """A second derivation: theta' from the energy integral, then t as the integral of 1/theta'."""
+    truth = exact(scene, 200)
+    first, last = 100, 130
+    samples = truth.position[:, 0, 2]
+    energy_0 = kinetic_energy_J(scene, truth)[0]
+
+    def slowness(theta: float) -> float:
+        X, X_1, _ = configuration(scene, np.array([theta]))
+        mass = np.array([[p.mass_kg, p.mass_kg, p.inertia_kg_m2] for p in scene.bodies])
+        height = mass[:, 0] @ (X[0, :, 1] - truth.position[0, :, 1])
+        torque = getattr(scene.drive, "torque_N_m", 0.0)
+        energy = energy_0 - scene.gravity_m_s2 * height + torque * (theta - samples[0])
+        return float(np.sqrt(np.sum(mass * X_1[0] ** 2) / (2 * energy)))
+
+    elapsed, uncertainty = quad(
+        slowness, samples[first], samples[last], epsabs=1e-14, epsrel=1e-13, limit=500
+    )
+    expected = truth.time_s[last] - truth.time_s[first]
+    assert abs(elapsed - expected) < 1e-12 + uncertainty, f"off by {elapsed - expected:.2e} s"
+
+
+@pytest.mark.parametrize("scene", [ideal_free(), ideal_driven(), ideal_torque()], ids=lambda s: s.name)
+def test_the_truth_keeps_energy_and_joints_and_agrees_with_its_twins(scene: Scene) -> None:
+    truth = exact(scene, 200)
+    energy = kinetic_energy_J(scene, truth).max()
+    residual = np.abs(energy_balance_residual_J(scene, truth)).max()
+    assert residual < 1e-12 * energy, f"energy residual {residual:.2e} of {energy:.2e} J"
+    assert constraint_violation_m(scene, truth).max() < 1e-15
+    for twin in exact_twins(scene, 200):
+        difference = np.abs(truth.slider_position_m - twin.slider_position_m).max()
+        assert difference < 1e-13, f"twins differ by {difference:.2e} m"
+
+
+def test_the_scenes_assembly_agrees_with_the_truths_own_kinematics() -> None:
+    scene = ideal_free()
+    for theta in (0.0, 1.0, 2.5, -2.0):
+        X, X_1, _ = configuration(scene, np.array([theta]))
+        position, velocity = assembled(scene, theta, 3.0)
+        np.testing.assert_allclose(position, X[0], atol=1e-16)
+        np.testing.assert_allclose(velocity, 3.0 * X_1[0], atol=1e-15)
+
+
+def test_the_truth_refuses_a_joint_with_clearance() -> None:
+    clearance = Clearance(radial_clearance_m=5e-4, bearing_radius_m=0.01, law="rigid", restitution=0.9)
+    with pytest.raises(ValueError, match="B"):
+        exact(ideal_free().model_copy(update={"clearance": Clearances(B=clearance)}), 10)
+
+
+def test_there_is_no_truth_for_a_crank_that_cannot_turn_over() -> None:
+    scene = ideal_free()
+    short = scene.rod.model_copy(update={"length_m": 0.9 * scene.crank.length_m}) if scene.rod else None
+    with pytest.raises(ValueError, match="rod shorter than the crank"):
+        exact(scene.model_copy(update={"rod": short}), 10)

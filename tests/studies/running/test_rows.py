@@ -1,0 +1,232 @@
+"""The rows of a folder: held by one run, never lost, torn or doubled, and not trusted."""
+
+import errno
+import json
+import os
+from io import FileIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reports.results import BrokenResults, read_results
+from studies.running import folder_lock
+from studies.running.case import Row
+from studies.running.folder_lock import FolderHeld
+from studies.running.rows import DamagedRows, opened
+from studies.running.whole_file import write_whole
+from tests.helpers.command import crankslider
+from tests.helpers.row_files import read_rows, write_rows
+from tests.studies.command.test_bad_input import require_refusal
+
+#: Two fingerprints.
+NEW, OLD = "0123456789abcdef", "f" * 16
+HEAD: Row = {"scene": "s", "engine": "e", "arm": "a", "step_s": 1.0, "status": "ok", "reason": ""}
+
+
+def keep(folder: Path, *keys: str, code: str = NEW, status: str = "ok") -> None:
+    with opened(folder, code) as rows:
+        for key in keys:
+            rows.keep(key, {**HEAD, "status": status, "number": 0.1}, {})
+
+
+def kept(folder: Path, code: str = NEW) -> list[str]:
+    with opened(folder, code) as rows:
+        return list(rows.statuses())
+
+
+def test_a_held_folder_is_refused_and_who_has_it_is_said(tmp_path: Path) -> None:
+    with opened(tmp_path / "energy", NEW):
+        done = crankslider("run", "agreement", "energy", "--out", tmp_path)
+    require_refusal(done.stdout, done.stderr, done.code, f"got {tmp_path / 'energy'}, held by process")
+    assert f"process {os.getpid()} on " in done.stderr
+    assert not (tmp_path / "agreement/rows.jsonl").exists(), "it is said before any work is done"
+    assert kept(tmp_path / "energy") == []
+
+
+def test_who_holds_a_folder_may_not_have_said_so_yet(tmp_path: Path) -> None:
+    with opened(tmp_path, NEW):
+        (tmp_path / "rows.lock").write_text("")
+        with pytest.raises(FolderHeld, match="held by another run: wait"):
+            kept(tmp_path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows locks otherwise")
+def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import fcntl
+
+    def flock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    done = crankslider("run", "agreement", "--out", tmp_path)
+    require_refusal(
+        done.stdout, done.stderr, done.code, f"{tmp_path} (no lock to be had: No locks available)"
+    )
+
+
+def test_rows_of_other_code_are_set_aside_and_come_back_with_it(tmp_path: Path) -> None:
+    for code, key in ((OLD, "a"), (NEW, "b"), (OLD, "c"), (NEW, "d")):
+        keep(tmp_path, key, code=code)
+    assert kept(tmp_path, OLD) == ["a", "c"]
+    assert [row["fingerprint"] for row in read_rows(tmp_path / "rows.jsonl")] == [OLD, OLD]
+    assert kept(tmp_path, NEW) == ["b", "d"]
+    assert sorted(path.name for path in tmp_path.glob("*.jsonl")) == [
+        "rows.ffffffffffffffff.jsonl",
+        "rows.jsonl",
+    ]
+
+
+def test_rows_are_set_aside_beside_those_that_are_there(tmp_path: Path) -> None:
+    keep(tmp_path, "a", code=OLD)
+    (tmp_path / "rows.jsonl").rename(tmp_path / "away")
+    keep(tmp_path, "b", code=OLD)
+    (tmp_path / "away").rename(tmp_path / f"rows.{OLD}.jsonl")
+    assert kept(tmp_path, NEW) == []
+    assert kept(tmp_path, OLD) == ["a", "b"]
+
+
+@pytest.mark.parametrize("writes", [0, 1])
+def test_rows_set_aside_survive_a_failure_at_any_moment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writes: int
+) -> None:
+    keep(tmp_path, "a", "b", code=OLD)
+    keep(tmp_path, "c", code=NEW)
+    left = [None] * writes
+
+    def write_some(path: Path, content: bytes) -> None:
+        if not left:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        left.pop()
+        write_whole(path, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("studies.running.rows.write_whole", write_some)
+        with pytest.raises(OSError, match="No space"):
+            kept(tmp_path, OLD)
+    assert kept(tmp_path, OLD) == ["a", "b"]
+    assert kept(tmp_path, NEW) == ["c"]
+
+
+def test_a_row_that_is_kept_again_takes_the_place_of_the_first(tmp_path: Path) -> None:
+    keep(tmp_path, "a", "b", "c", status="failed")
+    keep(tmp_path, "b")
+    statuses = [(row["case"], row["status"]) for row in read_rows(tmp_path / "rows.jsonl")]
+    assert statuses == [("a", "failed"), ("b", "ok"), ("c", "failed")]
+
+
+DAMAGE = {
+    "no JSON": b"not json",
+    "not UTF-8": b"\x80",
+    "not an object": b"3",
+    "no key": b"{}",
+    "deep nesting": b"[" * 100_000,
+    "deep nesting in a row": b'{"case":' + b"[" * 100_000,
+    "a number of 5,000 digits": b'{"case": ' + b"1" * 5000 + b"}",
+    "no checksum": json.dumps({**HEAD, "case": "b", "fingerprint": NEW}).encode(),
+}
+
+
+@pytest.mark.parametrize("junk", DAMAGE.values(), ids=DAMAGE)
+def test_a_line_that_is_no_row_is_refused_by_file_and_number_and_left_alone(
+    tmp_path: Path, junk: bytes
+) -> None:
+    keep(tmp_path, "a")
+    file = tmp_path / "rows.jsonl"
+    file.write_bytes(file.read_bytes() + junk + b"\n")
+    before = file.read_bytes()
+    with pytest.raises(DamagedRows, match=r"a row of results at .*rows\.jsonl:2, got .*: remove the line"):
+        kept(tmp_path)
+    with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected a row"):
+        read_results(tmp_path)
+    assert file.read_bytes() == before
+
+
+def test_an_edited_number_is_refused_and_told_by_the_command(tmp_path: Path) -> None:
+    keep(tmp_path / "agreement", "a", "b")
+    file = tmp_path / "agreement/rows.jsonl"
+    file.write_text(file.read_text().replace("0.1", "0.2", 1))
+    for command in ("run", "report"):
+        out = tmp_path if command == "run" else tmp_path / "report"
+        read = () if command == "run" else ("--results", tmp_path)
+        done = crankslider(command, *(["agreement"] if command == "run" else []), *read, "--out", out)
+        require_refusal(done.stdout, done.stderr, done.code, f"{file}:1", "checksum")
+
+
+def test_a_row_that_is_there_twice_counts_once_and_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keep(tmp_path, "a", "b")
+    file = tmp_path / "rows.jsonl"
+    once = file.read_bytes()
+    file.write_bytes(once * 3)
+    found = read_results(tmp_path)
+    note = f"{file}: 4 rows are there twice and count once"
+    assert (len(found.runs), found.notes) == (2, (note,))
+    assert kept(tmp_path) == ["a", "b"]
+    assert capsys.readouterr().err == f"note: {note}\n"
+    assert file.read_bytes() == once
+
+
+def test_two_results_of_one_case_are_refused(tmp_path: Path) -> None:
+    keep(tmp_path, "a")
+    (row,) = read_rows(tmp_path / "rows.jsonl")
+    write_rows(tmp_path / "rows.jsonl", [row, {**row, "number": 0.2}])
+    with pytest.raises(DamagedRows, match=r"rows\.jsonl:2, got another result"):
+        kept(tmp_path)
+    with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected one row of each case"):
+        read_results(tmp_path)
+
+
+def test_a_report_leaves_out_what_was_killed_from_outside(tmp_path: Path) -> None:
+    keep(tmp_path, "a")
+    keep(tmp_path, "b", status="killed from outside")
+    found = read_results(tmp_path)
+    assert [run.case for run in found.runs] == ["a"]
+    assert "1 cases were killed from outside" in found.notes[0]
+
+
+def half(file: FileIO, content: bytes) -> None:
+    file.write(content[: len(content) // 2])
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("where", ["rows", "whole_file"])
+def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    curves = {"time_s": np.arange(3.0)}
+    with opened(tmp_path, NEW) as rows:
+        rows.keep("a", HEAD, curves)
+        before = (tmp_path / "rows.jsonl").read_bytes()
+        with monkeypatch.context() as patch:
+            patch.setattr(f"studies.{where}.write_through", half)
+            with pytest.raises(OSError, match="No space"):
+                rows.keep("b", HEAD, curves)
+        assert (tmp_path / "rows.jsonl").read_bytes() == before
+        assert list(rows.statuses()) == ["a"]
+        assert list(tmp_path.rglob("*.new")) == []
+        rows.keep("c", HEAD, curves)
+    assert kept(tmp_path) == ["a", "c"]
+    whole = {path.name for path in (tmp_path / "curves").iterdir()}
+    assert whole == {"a.npz", "c.npz"} | ({"b.npz"} if where == "rows" else set())
+
+
+def test_a_file_that_a_kill_left_unfinished_is_removed(tmp_path: Path) -> None:
+    keep(tmp_path, "a")
+    (tmp_path / "curves/b.npz.new").touch()
+    assert kept(tmp_path) == ["a"]
+    assert list((tmp_path / "curves").iterdir()) == []
+
+
+def test_the_file_of_the_lock_is_not_inherited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    locked = folder_lock._locked
+    found = []
+
+    def look(file: FileIO) -> bool:
+        found.append(os.get_inheritable(file.fileno()))
+        return locked(file)
+
+    monkeypatch.setattr(folder_lock, "_locked", look)
+    kept(tmp_path)
+    assert found == [False]

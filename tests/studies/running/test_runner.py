@@ -1,0 +1,142 @@
+"""The runner keeps every finished case, resumes, and records failures as rows."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine_models.engine import RunSettings
+from engine_models.scene.library import ideal_free
+from engine_models.scene.scene import Clearance, Clearances
+from studies import agreement
+from studies.running import runner
+from studies.running.case import Case, Limits
+from studies.running.execution import RunBroken
+from studies.running.processes import Processes
+from studies.running.provenance import fingerprint
+from studies.running.runner import run_case, run_study
+from tests.helpers.row_files import read_rows
+
+
+def in_process() -> Executor:
+    return ThreadPoolExecutor(1)
+
+
+def case(engine: str = "reference", step: float = 1e-3, **settings: int) -> Case:
+    scene = ideal_free().model_copy(update={"end_time_s": 0.02})
+    return Case("agreement", scene, engine, "arm", RunSettings(step, 4), settings)
+
+
+def rows(folder: Path) -> list[dict[str, Any]]:
+    return read_rows(folder / "rows.jsonl")
+
+
+def refused() -> Executor:
+    raise AssertionError("there was nothing left to run")
+
+
+def test_a_second_run_does_nothing_and_a_longer_list_only_what_is_new(tmp_path: Path) -> None:
+    cases = [case(step=h) for h in (1e-3, 5e-4)]
+    run_study("agreement", cases, tmp_path, in_process)
+    first = (tmp_path / "rows.jsonl").read_text()
+    run_study("agreement", cases, tmp_path, refused)
+    assert (tmp_path / "rows.jsonl").read_text() == first
+    run_study("agreement", [*cases, case(step=2.5e-4)], tmp_path, in_process)
+    assert (tmp_path / "rows.jsonl").read_text().startswith(first)
+    assert [row["status"] for row in rows(tmp_path)] == ["ok"] * 3
+
+
+def test_a_line_cut_short_by_a_kill_is_run_again_and_gives_the_same_row(tmp_path: Path) -> None:
+    run_study("agreement", [case(), case(step=5e-4)], tmp_path, in_process)
+    whole = (tmp_path / "rows.jsonl").read_text()
+    (tmp_path / "rows.jsonl").write_text(whole[: len(whole) - 40])
+    run_study("agreement", [case(), case(step=5e-4)], tmp_path, in_process)
+    assert (tmp_path / "rows.jsonl").read_text() == whole
+
+
+def test_a_process_with_other_code_breaks_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "fingerprint", lambda: "0" * 16)
+    other = rf"a process has other code or libraries \({fingerprint()}\) than the run \(0{{16}}\)"
+    with pytest.raises(RunBroken, match=other):
+        run_study("agreement", [case()], tmp_path, lambda: Processes(1))
+
+
+def test_a_failure_and_a_refusal_are_rows_with_a_reason() -> None:
+    longer = ideal_free().model_copy(update={"end_time_s": 0.5})
+    few_sweeps = Case("agreement", longer, "pymunk", "arm", RunSettings(1e-3, 4), {"iterations": 2})
+    row, curves = run_case(few_sweeps)
+    assert (row["status"], curves) == ("failed", {})
+    assert "t = " in str(row["reason"])
+    rigid = Clearance(radial_clearance_m=5e-4, bearing_radius_m=0.01, law="rigid", restitution=0.9)
+    scene = ideal_free().model_copy(update={"clearance": Clearances(B=rigid)})
+    row, _ = run_case(Case("agreement", scene, "exudyn", "arm", RunSettings(1e-3, 4)))
+    assert row["status"] == "unsupported"
+    assert "clearance" in str(row["reason"])
+
+
+def test_a_row_tells_what_limits_it_had_and_whether_it_was_timed() -> None:
+    assert not {"timed", "time_limit_s", "memory_limit_bytes"} & set(case().head())
+    head = replace(case(), timed=True, limits=Limits(1.5, 10**8)).head()
+    assert (head["timed"], head["time_limit_s"], head["memory_limit_bytes"]) == (True, 1.5, 10**8)
+
+
+def test_the_last_line_counts_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    longer = ideal_free().model_copy(update={"end_time_s": 0.5})
+    few_sweeps = Case("agreement", longer, "pymunk", "arm", RunSettings(1e-3, 4), {"iterations": 2})
+    for _ in range(2):  # run, then found there
+        run_study("agreement", [case(), few_sweeps], tmp_path, in_process)
+        assert capsys.readouterr().err.endswith("agreement: 2 cases, 1 failed\n")
+
+
+def test_a_row_has_its_curves_beside_it_and_its_largest_errors_are_theirs(tmp_path: Path) -> None:
+    run_study("agreement", [case()], tmp_path, in_process)
+    (row,) = rows(tmp_path)
+    with np.load(tmp_path / "curves" / f"{row['case']}.npz") as curves:
+        assert curves["slider_position_error_m"].max() == row["slider_position_error_m"]
+        assert curves["time_s"].shape == (5,)
+
+
+def test_equal_cases_have_equal_keys_and_every_change_another() -> None:
+    key: Callable[[Case], str] = lambda c: c.key("code")  # noqa: E731
+    assert key(case()) == key(case())
+    limits = (Limits(1, 10**8), Limits(2, 10**8), Limits(1, 10**9))
+    others = [case("exudyn"), case(step=2e-3), case(iterations=3), replace(case(), timed=True)]
+    others += [replace(case(), limits=limit) for limit in limits]
+    assert len({key(c) for c in (case(), *others)}) == 8
+    assert case().key("code") != case().key("other code")
+
+
+def test_a_free_scene_has_no_driver_torque_and_the_full_set_contains_the_quick_one() -> None:
+    row, curves = run_case(case())
+    assert not [name for name in (*row, *curves) if "torque" in name]
+    quick, full = ({c.key("") for c in agreement.cases(which)} for which in (False, True))
+    assert quick < full
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")
+def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "studies.command.main", "run", "--jobs", "1", "--out", str(tmp_path)]
+    command[1:3] = ["-c", "from studies.command.main import main; main()"]
+    run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    file = tmp_path / "agreement" / "rows.jsonl"
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and not (file.exists() and file.read_text().count("\n") >= 3):
+        time.sleep(0.05)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    kept = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
+    assert len(kept) >= 3
+    done = {json.loads(line)["case"] for line in kept}
+    cases = [c for c in agreement.cases(False) if c.key(fingerprint()) in done]
+    run_study("agreement", cases, tmp_path / "agreement", refused)
+    assert [json.loads(line) for line in kept] == rows(tmp_path / "agreement")

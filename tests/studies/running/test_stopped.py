@@ -1,0 +1,113 @@
+"""Runs that are killed or interrupted, for real: finished cases are kept and no process is left."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from studies.running.provenance import NUMERICAL_CODE, ROOT
+from tests.helpers.mischief import NAME, steady
+from tests.helpers.running import HEAR, IGNORE, gone, lines, started, until
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+CASES = 15
+
+
+def measured(out: Path) -> list[dict[str, Any]]:
+    return [steady(json.loads(line)) for line in lines(out)]
+
+
+def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_path: Path) -> None:
+    killed, alone = tmp_path / "killed", tmp_path / "alone"
+    kept: list[str] = []
+    for n in (1, 6):
+        with started(killed) as run:
+            until(lambda n=n: len(lines(killed)) >= n)  # type: ignore[misc]
+            run.kill()
+        assert [line for line in kept if line.endswith("\n")] == lines(killed)[: len(kept)]
+        kept = [line for line in lines(killed) if line.endswith("\n")]
+        assert len(kept) >= n
+    for out in (killed, alone):
+        with started(out) as run:
+            _, stderr = run.communicate(timeout=60)
+        assert (run.returncode, f"{NAME}: {CASES} cases, 1 crashed\n" in stderr) == (0, True), stderr
+    assert lines(killed)[: len(kept)] == kept, "finished cases are not run again"
+    by_case = itemgetter("case")
+    assert sorted(measured(killed), key=by_case) == sorted(measured(alone), key=by_case)
+    assert [row["samples"] for row in measured(killed)[-2:]] == [99, 100], "timed cases are last, in order"
+
+
+@contextmanager
+def hanging(folder: Path, first: str = HEAR) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
+    """Start a run of two cases that end and two that never will; give it and its workers when it hangs."""
+    files = [folder / f"pid{n}" for n in range(2)]
+    with started(folder, first, HANG_IN=str(folder)) as run:
+        until(lambda: len(lines(folder)) == 2 and all(file.exists() and file.read_text() for file in files))
+        yield run, [int(file.read_text()) for file in files]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_that_hangs_with_one_word_and_keeps_what_was_finished(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    with hanging(tmp_path) as (run, workers):
+        os.killpg(run.pid, number)  # as a terminal or a supervisor does: to the workers too
+        _, stderr = run.communicate(timeout=30)
+    assert run.returncode == 130
+    assert stderr.endswith("error: interrupted\n")
+    assert "Traceback" not in stderr
+    assert all(gone(pid) for pid in workers)
+    assert [row["status"] for row in measured(tmp_path)] == ["ok", "ok"]
+
+
+def test_a_run_whose_shell_ignores_ctrl_c_ignores_it_and_ends_on_sigterm(tmp_path: Path) -> None:
+    with hanging(tmp_path, IGNORE) as (run, workers):
+        os.killpg(run.pid, signal.SIGINT)
+        time.sleep(0.5)
+        assert run.poll() is None
+        assert not any(gone(pid) for pid in workers)
+        run.terminate()
+        _, stderr = run.communicate(timeout=30)
+    assert (run.returncode, stderr.endswith("error: interrupted\n")) == (130, True)
+    assert all(gone(pid) for pid in workers)
+
+
+def test_workers_that_hang_in_native_code_do_not_survive_their_parent(tmp_path: Path) -> None:
+    with hanging(tmp_path) as (run, workers):
+        assert not any(gone(pid) for pid in workers)
+        held = [os.readlink(file) for pid in workers for file in Path(f"/proc/{pid}/fd").iterdir()]
+        assert str(tmp_path / NAME / "rows.lock") not in held, "they do not hold the folder"
+        run.kill()
+        until(lambda: all(gone(pid) for pid in workers))
+    assert [row["status"] for row in measured(tmp_path)] == ["ok", "ok"]
+
+
+def test_a_run_whose_code_changes_stops_and_keeps_what_was_finished(tmp_path: Path) -> None:
+    for package in (*NUMERICAL_CODE, "tests"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    results = tmp_path / "results"
+    with started(results, cwd=tmp_path) as run:
+        until(lambda: len(lines(results)) >= 1)
+        with (tmp_path / "studies/judges/truth.py").open("a") as file:
+            file.write("# what means nothing\n")
+        until(lambda: len(lines(results)) >= 3)
+        with (tmp_path / "studies/ladders.py").open("a") as file:
+            file.write("AND_MORE = 1\n")
+        _, stderr = run.communicate(timeout=30)
+    assert run.returncode == 1
+    assert stderr.splitlines()[-1] == (
+        "error: the code changed under the run (studies/ladders.py): what was finished is kept, run it again"
+    )
+    assert 3 <= len(lines(results)) < CASES
+    assert "Traceback" not in stderr

@@ -1,0 +1,101 @@
+"""The clearance and work-precision studies: what their rows say of runs whose errors are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine_models.engine import RunSettings
+from engine_models.scene.library import CLEARANCE_SCENES
+from engine_models.scene.scene import Scene
+from studies import clearance, work_precision
+from studies.judges.converged import converged, reach
+from studies.judges.local_error import windows
+from studies.ladders import clearance_ladder, ideal_ladder
+from studies.running.case import Case
+from studies.running.runner import run_case
+
+#: The first two impacts of set R and some flight.
+END_S, SAMPLES = 0.0007, 28
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return CLEARANCE_SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": END_S})
+
+
+def case(scene: Scene, engine: str, step_s: float, **settings: float | str | bool) -> Case:
+    return Case("clearance", scene, engine, "arm", RunSettings(step_s, SAMPLES), settings)
+
+
+def test_the_converged_solution_is_confirmed_by_twins_of_another_kind(scene: Scene) -> None:
+    truth, twins = converged(scene, SAMPLES)
+    assert len(twins) == 2
+    apart = max(np.abs(t.slider_position_m - truth.slider_position_m).max() for t in twins)
+    assert apart < 1e-11, f"{apart:.1e} m"  # both converge to 1e-12 m here
+    assert reach(truth, twins) == SAMPLES + 1
+
+
+def test_pointwise_comparison_ends_where_the_twins_part(scene: Scene) -> None:
+    truth, _ = converged(scene, SAMPLES)
+    position = truth.position.copy()
+    position[10:, 2, 0] += 1e-7
+    assert reach(truth, (replace(truth, position=position),)) == 10
+
+
+def test_a_finer_run_is_closer_and_matches_all_impacts(scene: Scene) -> None:
+    coarse, fine = (run_case(case(scene, "reference", step))[0] for step in (2e-5, 5e-6))
+    for row in (coarse, fine):
+        assert row["status"] == "ok"
+        assert (row["impacts_matched"], row["impacts_unmatched"], row["impacts_missed"]) == (2, 0, 0)
+    for name in ("slider_position_error_m", "local_position_error_m", "impact_time_error_s"):
+        before, after = coarse[name], fine[name]
+        assert isinstance(before, float)
+        assert isinstance(after, float)
+        assert after < before / 16, f"{name}: {before:.1e} then {after:.1e}"
+
+
+def test_an_engine_with_a_law_of_its_own_is_judged_by_that_law(scene: Scene) -> None:
+    row, _ = run_case(case(scene, "pymunk", 1e-6, contact="rigid"))
+    form, error = row["slider_position_model_difference_m"], row["slider_position_error_m"]
+    assert isinstance(form, float)
+    assert isinstance(error, float)
+    assert error < form / 4, f"numerical {error:.1e} m, model form {form:.1e} m"
+
+
+def test_windows_begin_and_end_in_flight_with_a_touch_between(scene: Scene) -> None:
+    truth, _ = converged(scene, SAMPLES)
+    touches = truth.contacts["B"].impacts.time_s
+    found = windows(truth, SAMPLES + 1)
+    assert len(found) == len(touches)
+    for (k, m), touch in zip(found, touches, strict=True):
+        assert truth.time_s[k] < touch < truth.time_s[m]
+        assert truth.contacts["B"].penetration_m[[k, m]].max() < 0
+
+
+def test_no_case_is_there_twice_and_the_full_set_contains_the_quick_one() -> None:
+    for study in (clearance, work_precision):
+        quick, full = ([c.key("") for c in study.cases(which)] for which in (False, True))
+        assert len(set(quick)) == len(quick)
+        assert len(set(full)) == len(full)
+        assert set(quick) <= set(full), study.__name__
+
+
+def test_a_timed_rung_takes_the_steps_of_the_recorded_one(scene: Scene) -> None:
+    cases = work_precision.cases(False)
+    recorded = {
+        (c.scene.name, c.engine, c.arm, c.run.step_used_s(c.scene.end_time_s)) for c in cases if not c.timed
+    }
+    timed = {(c.scene.name, c.engine, c.arm, c.run.step_used_s(c.scene.end_time_s)) for c in cases if c.timed}
+    assert timed == recorded
+    first = next(c for c in cases if c.timed and c.engine == "reference")
+    row, _ = run_case(replace(first, scene=scene))
+    assert row["solve_time_s"] >= row["least_solve_time_s"] > 0  # type: ignore[operator]
+
+
+def test_ladders_have_every_engine_and_rigid_scenes_only_those_that_know_rigid_walls() -> None:
+    engines = {rung.engine for rung in clearance_ladder(CLEARANCE_SCENES["clearance-pendulum"]())}
+    assert engines == {"reference", "exudyn", "pymunk", "scipy"}
+    rigid = clearance.scenes(True)[-1]
+    assert {rung.engine for rung in clearance_ladder(rigid)} == {"reference", "pymunk"}
+    assert {rung.engine for rung in ideal_ladder(work_precision.scenes(False)[0])} == engines
