@@ -53,6 +53,11 @@ class Case:
     limits: Limits | None = None
     columns: Mapping[str, Value] = field(default_factory=dict)
 
+    @property
+    def label(self) -> str:
+        """What the engine at these settings is called in tables and figures: reference (projection)."""
+        return f"{self.engine} ({self.arm})"
+
     def key(self, fingerprint: str) -> str:
         """Return what identifies this run together with the code and the libraries it is made with."""
         limits = None if self.limits is None else asdict(self.limits)
@@ -68,6 +73,7 @@ class Case:
             "scene": self.scene.name,
             "engine": self.engine,
             "arm": self.arm,
+            "label": self.label,
             "end_time_s": self.scene.end_time_s,
             "samples": self.run.samples,
             "step_s": self.run.step_used_s(self.scene.end_time_s),
