@@ -64,7 +64,7 @@ def cases(full: bool) -> list[Case]:
 def case(scene: Scene, rung: Rung) -> Case:
     """Return the recorded run of a rung of a ladder."""
     run = RunSettings(rung.step_s, SAMPLES)
-    return Case("clearance", scene, rung.engine, rung.arm, run, dict(rung.settings))
+    return Case("clearance", scene, rung.arm, run, rung.added)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

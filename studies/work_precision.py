@@ -52,9 +52,10 @@ def cases(full: bool) -> list[Case]:
     made = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
         made += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
-    anew = {(scene.name, rung.engine): (scene, rung) for scene, rung in reversed(rungs) if _compiles(rung)}
     compiled = COMPILED + (MORE_COMPILED if full else ())
-    made += [_case(*of, 1, {"compiled_anew": 1}) for (name, _), of in anew.items() if name in compiled]
+    anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
+    coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
+    made += [_case(scene, rung, 1, {"compiled_anew": 1}) for scene, rung in coarsest.values()]
     return list({str(one.head()): one for one in made}.values())  # samples may cut two rungs to one step
 
 
@@ -64,7 +65,7 @@ def ladder(scene: Scene, full: bool) -> list[Rung]:
 
 
 def _compiles(rung: Rung) -> bool:
-    return hasattr(engine_class(rung.engine), "compile_time_s")
+    return hasattr(engine_class(rung.arm.engine), "compile_time_s")
 
 
 def _case(scene: Scene, rung: Rung, samples: int, timed: dict[str, Value] | None = None) -> Case:
@@ -73,10 +74,9 @@ def _case(scene: Scene, rung: Rung, samples: int, timed: dict[str, Value] | None
     return Case(
         "work-precision",
         scene,
-        rung.engine,
         rung.arm,
         run,
-        dict(rung.settings),
+        rung.added,
         timed=timed is not None,
         columns=timed or {},
     )

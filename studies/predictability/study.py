@@ -1,9 +1,10 @@
 """Predictability: how long a scene can be followed, how fast motions part, and what holds past that.
 
-Four parts, told apart by the arm. ``HORIZON``: until when the reference agrees with its own perturbed and
-step-halved twins. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several starts.
-``CLEARANCES`` and ``SPEEDS``: what a pin does once in a revolution, against its clearance and the crank's
-speed. All other arms are ensembles: a case is a member, and starts differ by a little of the crank angle.
+Four parts, told apart by the column ``part``. ``HORIZON``: until when the reference agrees with its own
+perturbed and step-halved runs. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several
+starts. ``CLEARANCES`` and ``SPEEDS``: what a pin does once in a revolution, against its clearance and the
+crank's speed. All other parts are ensembles: a case is a member, and starts differ by a little of the crank
+angle.
 """
 
 import math
@@ -34,12 +35,13 @@ TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return its part's columns and curves."""
-    if case.arm == HORIZON:
+    part = case.columns["part"]
+    if part == HORIZON:
         return _horizon(case)
-    if case.arm == EXPONENT:
+    if part == EXPONENT:
         return _exponent(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    if case.arm not in (CLEARANCES, SPEEDS):
+    if part not in (CLEARANCES, SPEEDS):
         return statistics(case.scene, trajectory, ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
     after_s = PICTURE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)

@@ -148,7 +148,7 @@ def _phases(
     alike: Counter[tuple[str, str, str]] = Counter()
     turns = {}
     for key in sorted(cases.keys() - timed.keys()):
-        kind = cases[key].scene.name, cases[key].engine, cases[key].arm
+        kind = cases[key].scene.name, cases[key].engine, cases[key].arm.name
         turns[key] = alike[kind]
         alike[kind] += 1
     for key in sorted(turns, key=lambda key: turns[key]):
@@ -254,7 +254,7 @@ def run_case(case: Case) -> tuple[Row, Curves]:
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         bug = f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"
-        raise RunBroken(f"{case.engine} ({case.arm}) on {case.scene.name}: {bug}") from error
+        raise RunBroken(f"{case.arm.label} on {case.scene.name}: {bug}") from error
     return {**case.head(), "status": "ok", "reason": "", **measured}, curves
 
 

@@ -9,45 +9,36 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from engine_models import arms
+from engine_models.arms import Arm
 from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_stiffness import stiffness_of
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Scene
 from studies.judges.converged import converged, followed
-from studies.ladders import AS_IT_COMES, newcomers
 from studies.running.case import Case, Curves, Limits, Row, Value
 from studies.stability import theory
 from studies.stability.scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator
 from studies.stability.verdict import BOUNDS, DIVERGED, REFUSED, before_chaos, judged, measured
 
-#: Engine, arm, its settings, and the method whose fixed step acts on the contact: None where there is no such
-#: step, or no spring for it to act on.
-Arm = tuple[str, str, dict[str, Value], str | None]
-ARMS: tuple[Arm, ...] = (
-    ("reference", "located", {}, None),
-    ("reference", "plain", {"locate_events": False}, theory.RK4),
-    ("reference", "DOP853", {"method": "dop853"}, None),
-    ("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2"}, theory.TRAPEZOIDAL),
-    (
-        "exudyn",
-        "generalized-alpha",
-        {"solver": "GeneralizedAlpha", "spectral_radius": 0.5},
-        theory.ALPHA,
-    ),
-    ("exudyn", "RK44", {"solver": "RK44"}, theory.RK4),
-    ("exudyn", "DOPRI5", {"solver": "DOPRI5"}, None),
-    ("pymunk", "as the scene", {}, theory.EULER),
-    ("pymunk", "native contact", {"contact": "rigid"}, None),
-    ("scipy", "DOP853", {}, None),
+#: An arm, and the method whose fixed step acts on the contact: None where there is no such step, or no spring
+#: for it to act on.
+Method = tuple[Arm, str | None]
+ARMS: tuple[Method, ...] = (
+    (arms.LOCATED, None),
+    (arms.PLAIN, theory.RK4),
+    (arms.REFERENCE_DOP853, None),
+    (arms.TRAPEZOIDAL, theory.TRAPEZOIDAL),
+    (arms.GENERALIZED_ALPHA, theory.ALPHA),
+    (arms.RK44, theory.RK4),
+    (arms.DOPRI5, None),
+    (arms.AS_THE_SCENE, theory.EULER),
+    (arms.NATIVE_CONTACT, None),
+    (arms.SCIPY_DOP853, None),
 )
 #: The scalar problem alone shows how the generalized-alpha method's damping depends on its parameter.
-OTHER_RADIUS: Arm = (
-    "exudyn",
-    "generalized-alpha 0.9",
-    {"solver": "GeneralizedAlpha", "spectral_radius": 0.9},
-    theory.ALPHA,
-)
+OTHER_RADIUS: Method = (arms.GENERALIZED_ALPHA_09, theory.ALPHA)
 #: What a cell may take. A kernel's compilation counts.
 LIMITS = Limits(time_limit_s=120.0, memory_limit_bytes=4 * 2**30)
 
@@ -73,29 +64,29 @@ def cases(full: bool) -> list[Case]:
 
 
 def _scalar_cases() -> Iterator[Case]:
-    for engine, arm, settings, method in (*_arms(), OTHER_RADIUS):
-        if arm == "native contact":
+    for arm, method in (*_arms(), OTHER_RADIUS):
+        if arm is arms.NATIVE_CONTACT:
             continue  # no spring
         run = RunSettings(1 / FREQUENCY_RAD_S, STEPS)
         for ratio in DAMPING_RATIOS:
             scene = oscillator(ratio, run.step_s, STEPS)
             columns: Row = {"damping_ratio": ratio, "method": method}
-            yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+            yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
         for x in DAMPED_STEPS if method else ():
             run = RunSettings(x / FREQUENCY_RAD_S, DAMPED_RUN_STEPS)
             scene = oscillator(0.0, run.step_s, DAMPED_RUN_STEPS)
             columns = {"frequency_step": x, "method": method}
-            yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+            yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
 
 
-def _arms() -> tuple[Arm, ...]:
-    return (*ARMS, *((name, AS_IT_COMES, {}, None) for name in newcomers()))
+def _arms() -> tuple[Method, ...]:
+    return (*ARMS, *((arm, None) for arm in arms.newcomers()))
 
 
 def _cells(full: bool) -> Iterator[Case]:
     for varied, value, scene in scenes(full):
         energy, frequency = theory.first_impact(scene)
-        for engine, arm, settings, method in _arms():
+        for arm, method in _arms():
             columns: Row = {
                 varied: value,
                 "method": method,
@@ -106,7 +97,7 @@ def _cells(full: bool) -> Iterator[Case]:
             }
             for count in FINE if full else COARSE:
                 run = RunSettings(END_S / (SAMPLES * count), SAMPLES)
-                yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+                yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
 
 
 def scenes(full: bool) -> Iterator[tuple[str, float, Scene]]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from engine_models.arms import Arm
 from engine_models.engine import RunSettings
 from studies.running import runner
 from studies.running.case import Case, Limits
@@ -158,7 +159,7 @@ class _Deadly(Case):
 
 
 def deadly(number: int) -> Case:
-    return _Deadly(NAME, case("work").scene, "mischief", "deadly", RunSettings(1e-3, number + 1))
+    return _Deadly(NAME, case("work").scene, Arm("mischief", "deadly"), RunSettings(1e-3, number + 1))
 
 
 def test_a_process_that_dies_as_it_begins_does_not_end_the_run(tmp_path: Path) -> None:
