@@ -57,8 +57,8 @@ def scenes(full: bool) -> list[Scene]:
 
 def cases(full: bool) -> list[Case]:
     """Return a ladder of every engine's own best settings for every scene."""
-    made = [case(scene, rung) for scene in scenes(full) for rung in clearance_ladder(scene, full, fast=False)]
-    return list({str(one.head()): one for one in made}.values())  # samples may cut two rungs to one step
+    out = [case(scene, rung) for scene in scenes(full) for rung in clearance_ladder(scene, full, fast=False)]
+    return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
 def case(scene: Scene, rung: Rung) -> Case:
@@ -98,9 +98,9 @@ def _model_differences(case: Case, own: Scene) -> Row:
     """Return how far the converged solution of the engine's own law is from that of the scene's."""
     truth, other = (converged(scene, case.run.samples)[0] for scene in (case.scene, own))
     both = slice(None, min(followed(scene, case.run.samples) for scene in (case.scene, own)))
-    found = errors(own, selected(other, both), selected(truth, both))
+    apart = errors(own, selected(other, both), selected(truth, both))
     return {
-        name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in found.items()
+        name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in apart.items()
     }
 
 
@@ -108,8 +108,8 @@ def _impacts(run: Trajectory, truth: Trajectory, twins: tuple[Trajectory, ...], 
     """Return what all joints' impacts miss: counts summed, the largest errors; and the truth's doubt."""
     row: Row = {}
     for joint, contact in run.contacts.items():
-        found = impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
-        for name, value in found.items():
+        missed = impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
+        for name, value in missed.items():
             so_far = row.get(name, 0)
             assert isinstance(value, (int, float))
             assert isinstance(so_far, (int, float))

@@ -80,10 +80,10 @@ def cases(full: bool) -> list[Case]:
 
     The full set adds long runs, and with clearance those without stabilisation: each needs a kernel more.
     """
-    made = [case for length in SHORT + (LONG if full else ()) for case in _ladder(length)]
+    every = [case for length in SHORT + (LONG if full else ()) for case in _ladder(length)]
     return [
         case
-        for case in made
+        for case in every
         if full or case.arm is not arms.NO_STABILISATION or not case.scene.joints_with_clearance
     ]
 

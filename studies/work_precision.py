@@ -49,14 +49,14 @@ def scenes(full: bool) -> list[Scene]:
 def cases(full: bool) -> list[Case]:
     """Return the recorded run of every rung, then rounds of bare runs of all, then compilations."""
     rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
-    made = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
+    out = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
-        made += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
+        out += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
     compiled = COMPILED + (MORE_COMPILED if full else ())
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
-    made += [_case(scene, rung, 1, {"compiled_anew": 1}) for scene, rung in coarsest.values()]
-    return list({str(one.head()): one for one in made}.values())  # samples may cut two rungs to one step
+    out += [_case(scene, rung, 1, {"compiled_anew": 1}) for scene, rung in coarsest.values()]
+    return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
 def ladder(scene: Scene, full: bool) -> list[Rung]:

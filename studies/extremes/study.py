@@ -111,10 +111,10 @@ def measure(case: Case) -> tuple[Row, Curves]:
     row: Row = {"steps": run.steps}
     if not all(np.isfinite(values).all() for values in _numbers(run)):
         return row, {}
-    found = gallery()[scene.name].check(engine.twin(scene), run)
-    judged = max(found, key=lambda name: found[name] if math.isfinite(found[name]) else math.inf)
+    errors = gallery()[scene.name].check(engine.twin(scene), run)
+    judged = max(errors, key=lambda name: errors[name] if math.isfinite(errors[name]) else math.inf)
     numbers = {
-        "relative_error": found[judged],
+        "relative_error": errors[judged],
         "energy_relative": energy_relative(scene, run),
         "constraint_relative": float(constraint_violation_m(scene, run).max()) / scene.crank.length_m,
     }

@@ -4,7 +4,6 @@ A study's folder holds what ``studies.running.rows`` keeps there, and ``sidecar.
 """
 
 import json
-import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
@@ -18,6 +17,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
+from studies.errors import bug
 from studies.running.case import ROOMY, Case, Curves, Row, Study
 from studies.running.execution import (
     NO_RESULT,
@@ -252,9 +252,7 @@ def run_case(case: Case) -> tuple[Row, Curves]:
         reason = f"{error or 'no memory left'} (limit {limit} bytes)"
         return {**case.head(), "status": OUT_OF_MEMORY, "reason": reason}, {}
     except Exception as error:
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        bug = f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"
-        raise RunBroken(f"{case.arm.label} on {case.scene.name}: {bug}") from error
+        raise RunBroken(f"{case.arm.label} on {case.scene.name}: {bug(error)}") from error
     return {**case.head(), "status": "ok", "reason": "", **measured}, curves
 
 

@@ -128,8 +128,8 @@ def _scene(varied: str, value: float, speed_rpm: float, clearance: Clearance) ->
     scene = ideal_driven()
     speed = 2 * math.pi * speed_rpm / 60
     start = scene.start.model_copy(update={"crank_speed_rad_s": speed})
-    name, room = f"stability-{varied}-{value:g}", Clearances(B=clearance)
-    changed = {"name": name, "end_time_s": END_S, "start": start, "clearance": room}
+    name, loose = f"stability-{varied}-{value:g}", Clearances(B=clearance)
+    changed = {"name": name, "end_time_s": END_S, "start": start, "clearance": loose}
     return scene.model_copy(update=changed)
 
 
@@ -148,11 +148,11 @@ def _limit(case: Case, engine: Engine) -> Row:
     """Return the omega h from which on the oscillation grows, measured and by theory; None is no limit."""
     ratio, method = float(str(case.columns["damping_ratio"])), case.columns["method"]
     order = _states(method)
-    found = theory.first_growth(lambda x: measured_growth(engine, x, ratio, STEPS, order) > GROWING_STEP)
+    limit = theory.first_growth(lambda x: measured_growth(engine, x, ratio, STEPS, order) > GROWING_STEP)
     expected = theory.limit(str(method), ratio) if method else None
-    row: Row = {"measured_limit_frequency_step": found, "limit_frequency_step": expected}
-    if found and expected:
-        row["relative_difference"] = found / expected - 1
+    row: Row = {"measured_limit_frequency_step": limit, "limit_frequency_step": expected}
+    if limit and expected:
+        row["relative_difference"] = limit / expected - 1
     return row
 
 
@@ -160,12 +160,12 @@ def _damping(case: Case, engine: Engine) -> Row:
     """Return the part of the energy that an undamped oscillation loses per step, measured and by theory."""
     x, method = float(str(case.columns["frequency_step"])), str(case.columns["method"])
     radius = float(str(case.settings.get("spectral_radius", 0.5)))
-    found = 1 - measured_growth(engine, x, 0.0, DAMPED_RUN_STEPS, _states(method)) ** 2
+    loss = 1 - measured_growth(engine, x, 0.0, DAMPED_RUN_STEPS, _states(method)) ** 2
     expected = 1 - theory.growth(method, x, 0.0, radius) ** 2
-    row: Row = {"energy_loss_per_step": found, "expected_energy_loss_per_step": expected}
+    row: Row = {"energy_loss_per_step": loss, "expected_energy_loss_per_step": expected}
     leading = theory.leading_loss(method, x, radius)
     if leading:
-        row |= {"leading_energy_loss_per_step": leading, "relative_difference": found / expected - 1}
+        row |= {"leading_energy_loss_per_step": leading, "relative_difference": loss / expected - 1}
     return row
 
 
