@@ -19,9 +19,10 @@ from reports.chapters.predictability.data import PER_REVOLUTION
 from reports.parts import Contradiction
 from studies.judges.horizon import apart, first_beyond_s, horizon_s, moved
 from studies.judges.lyapunov import growth
+from studies.judges.truth import slider_position_m
 from studies.predictability import study
 from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MOVES_RAD, moves_rad
-from studies.predictability.ensemble import ideal_slider_position_m, period_s
+from studies.predictability.ensemble import period_s
 from studies.predictability.ensemble import statistics as member_statistics
 from studies.predictability.scenes import clearance_driven_lossy, following
 from studies.running.case import Case
@@ -163,7 +164,7 @@ def test_a_member_in_continuous_contact_has_no_impacts_and_a_deviation_of_one_cl
 def test_the_ideal_position_is_that_of_the_assembled_scene() -> None:
     scene = moved(clearance_driven_05(), 0.7)
     run = REFERENCE.simulate(scene.model_copy(update={"end_time_s": 1e-6}), RunSettings(1e-6, 1))
-    ideal = ideal_slider_position_m(scene, np.array([0.7]))
+    ideal = slider_position_m(scene, np.array([0.7]))
     assert run.slider_position_m[0] == pytest.approx(ideal[0], abs=1e-15)
 
 
