@@ -15,7 +15,6 @@ FloatArray = NDArray[np.float64]
 #: Validation of an engine's settings, for ``pydantic.dataclasses.dataclass(frozen=True, config=...)``.
 SETTINGS_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 
-BODIES = ("crank", "rod", "slider")
 JOINTS = ("O", "A", "B")
 
 
@@ -180,19 +179,6 @@ class Engine(Protocol):
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
         ...
-
-
-def require_ideal(scene: Scene, engine: str) -> None:
-    """Refuse a scene with clearance, and a pendulum.
-
-    Raises:
-        UnsupportedScene: naming the joints with clearance.
-    """
-    if not scene.is_crank_slider:
-        raise UnsupportedScene(f"{engine} runs crank-sliders only, not a pendulum")
-    if scene.joints_with_clearance:
-        joints = ", ".join(scene.joints_with_clearance)
-        raise UnsupportedScene(f"{engine} has no joints with clearance yet (clearance at {joints})")
 
 
 def require_finite(trajectory: Trajectory) -> Trajectory:

@@ -2,22 +2,13 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from engine_models import arms
 from engine_models.arms import Arm, Setting
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.metrics import (
-    constraint_violation_m,
-    energy_balance_residual_J,
-    errors,
-    kinetic_energy_J,
-    uncertainties,
-)
-from studies.judges.truth import exact, exact_twins
+from studies.judges.comparison import compared, conserved
 from studies.running.case import Case, Curves, Row
 
 SAMPLES = 200
@@ -63,16 +54,7 @@ def _case(scene: Scene, arm: Arm, steps_per_sample: float, **added: Setting) -> 
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return the largest error of every signal with the truth's uncertainty, and curves."""
-    trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    truth, twins = exact(case.scene, case.run.samples), exact_twins(case.scene, case.run.samples)
-    curves: Curves = dict(errors(case.scene, trajectory, truth))
-    row: Row = {"steps": trajectory.steps}
-    row |= {name: float(curve.max()) for name, curve in curves.items()}
-    row |= uncertainties(case.scene, truth, twins)
-    curves["energy_balance_residual_J"] = energy_balance_residual_J(case.scene, trajectory)
-    curves["constraint_violation_m"] = constraint_violation_m(case.scene, trajectory)
-    row["energy_balance_residual_J"] = float(np.abs(curves["energy_balance_residual_J"]).max())
-    row["constraint_violation_m"] = float(curves["constraint_violation_m"].max())
-    row["largest_kinetic_energy_J"] = float(kinetic_energy_J(case.scene, truth).max())
-    curves["time_s"] = trajectory.time_s
-    return row, curves
+    run = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
+    errors, error_curves = compared(case.scene, run)
+    ledger, curves = conserved(case.scene, run)
+    return {"steps": run.steps, **errors, **ledger}, {**error_curves, **curves, "time_s": run.time_s}

@@ -12,12 +12,10 @@ import numpy as np
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import engine_class, make_engine
-from engine_models.mechanics.samples import selected
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
-from studies.judges.converged import converged, followed
-from studies.judges.metrics import errors, uncertainties
+from studies.judges.comparison import compared
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 
@@ -92,14 +90,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 def _errors(case: Case) -> Row:
     engine = make_engine(case.engine, **case.settings)
-    own = engine.twin(case.scene)
     run = engine.simulate(case.scene, case.run)
-    truth, twins = converged(own, case.run.samples)
-    first = slice(None, followed(own, case.run.samples))
-    judged = selected(truth, first)
-    row: Row = {"steps": run.steps, "compared_until_s": float(judged.time_s[-1])}
-    row |= {name: float(curve.max()) for name, curve in errors(own, selected(run, first), judged).items()}
-    return row | uncertainties(own, judged, [selected(twin, first) for twin in twins])
+    return {"steps": run.steps, **compared(engine.twin(case.scene), run)[0]}
 
 
 def _solve_time_s(engine: Engine, case: Case) -> float:

@@ -7,7 +7,7 @@ from scipy.special import ellipj
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.assembly import started_from
-from engine_models.scene.library import IDEAL_SCENES, SCENES, rod
+from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven
 from engine_models.scene.scene import FreeDrive, Scene, Start
 from engine_models.scipy_ivp.engine import ScipyEngine
 from engine_models.scipy_ivp.model import Derivative
@@ -82,7 +82,7 @@ def test_samples_have_no_part_in_the_steps(method: str, name: str) -> None:
 
 
 def test_a_pendulum_without_clearance_swings_as_the_elliptic_functions_say() -> None:
-    link, g = rod(2.5e-4), 9.81
+    link, g = ideal_driven().crank_slider()[1], 9.81
     scene = Scene(
         name="pendulum",
         end_time_s=1.0,
