@@ -6,7 +6,7 @@ import sys
 import numpy as np
 
 from engine_models.engine import SimulationFailed
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.scene.scene import Clearance, Scene
 
 #: A run that needs more steps than this would take hours or more.

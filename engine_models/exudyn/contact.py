@@ -7,8 +7,8 @@ import numpy as np
 from exudyn import itemInterface
 
 from engine_models.exudyn.laws import minimum_impact_speed_m_s, native_law
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
-from engine_models.mechanics.start_check import JointGap
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
+from engine_models.mechanics.joints import JointGap
 from engine_models.scene.scene import Clearance
 
 items: Any = itemInterface  # its constructors carry no types

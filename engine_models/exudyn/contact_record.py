@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from engine_models.engine import Contact, FloatArray, Impacts
 from engine_models.exudyn.laws import damping_factor, minimum_impact_speed_m_s
 from engine_models.exudyn.motion import APPROACH_SPEED, Motion
-from engine_models.mechanics.contact_stiffness import elastic_energy_J, exponent_of, stiffness_of
-from engine_models.mechanics.start_check import joint_gap
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
+from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.joints import joint_gap
 from engine_models.scene.scene import Clearance, Scene
 
 #: Gauss's points and weights on (0, 1): of order 6, above the order of the motion between the steps.

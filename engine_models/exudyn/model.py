@@ -16,7 +16,8 @@ from engine_models.engine import FloatArray
 from engine_models.exudyn.bodies import Bodies, Part, add_bodies
 from engine_models.exudyn.contact import add_contact
 from engine_models.exudyn.tree import CRANK, tree_links
-from engine_models.mechanics.start_check import checked_start, ends, joint_gap
+from engine_models.mechanics.joints import ends, joint_gap
+from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.scene import Scene
 
 items: Any = itemInterface  # its constructors carry no types

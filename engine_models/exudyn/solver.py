@@ -12,7 +12,7 @@ import numpy as np
 from engine_models import progress
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.exudyn.model import Model
-from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.pace import require_pace
 from engine_models.scene.scene import Scene
 

@@ -1,6 +1,6 @@
 """The scene as a mechanism of the reference solver: joints O, A, B, then the guide, then a driver."""
 
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.scene.scene import Clearance, Friction, Link, Scene
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import (

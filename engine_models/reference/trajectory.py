@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.contact_stiffness import elastic_energy_J
+from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.reference.model import CRANK
 from engine_models.scene.scene import Clearance, Scene
 from reference_solver.equations import row_slices

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import lambertw
 
 from engine_models.engine import RunSettings
-from engine_models.pymunk.contact_law import DAMPING_FACTORS, NormalLaw, friction_share
+from engine_models.mechanics.contact_law import DAMPING_FACTORS, NormalLaw, friction_share
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, ContactLaw, Friction, Scene

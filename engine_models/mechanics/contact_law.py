@@ -1,4 +1,4 @@
-"""The scene's compliant contact and friction laws as numbers and functions of one contact, for the hook.
+"""The scene's compliant contact and friction laws: their constants, and their forces in one contact.
 
 F = K delta^n (1 + a(e) delta'/v0) + c delta', v0 the approach speed at touch, not below its floor.
 """
@@ -6,7 +6,6 @@ F = K delta^n (1 + a(e) delta'/v0) + c delta', v0 the approach speed at touch, n
 import math
 from collections.abc import Callable
 
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
 from engine_models.scene.scene import Clearance, ContactLaw, Friction
 
 #: a(e) of each law that has one, e the nominal restitution.
@@ -23,19 +22,49 @@ DAMPING_FACTORS: dict[ContactLaw, Callable[[float], float]] = {
 MINIMUM_IMPACT_SPEED_M_S = 1e-6
 
 
+def exponent_of(clearance: Clearance) -> float:
+    """Return the exponent n of F = K delta^n: as given, else 1 for the linear laws and 3/2 for the others."""
+    if clearance.exponent is not None:
+        return clearance.exponent
+    return 1.0 if clearance.law in ("linear", "kelvin-voigt") else 1.5
+
+
+def stiffness_of(clearance: Clearance) -> float:
+    """Return K in N/m^n: as given, else Hertz's value for a pin in a hole of the same material.
+
+    K = 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j)) with s = (1 - nu^2)/E (Goldsmith 1960).
+    """
+    if clearance.stiffness is not None:
+        return clearance.stiffness
+    assert clearance.young_modulus_Pa is not None
+    assert clearance.poisson_ratio is not None
+    bearing, c = clearance.bearing_radius_m, clearance.radial_clearance_m
+    s = (1 - clearance.poisson_ratio**2) / clearance.young_modulus_Pa
+    return 4 / (6 * s) * math.sqrt(bearing * (bearing - c) / c)
+
+
+def damping_factor_of(clearance: Clearance) -> float:
+    """Return a(e); 0 for the laws that know no restitution."""
+    factor = DAMPING_FACTORS.get(clearance.law)
+    return 0.0 if factor is None or clearance.restitution is None else factor(clearance.restitution)
+
+
+def minimum_impact_speed_of(clearance: Clearance) -> float:
+    """Return the floor of v0 in m/s."""
+    return clearance.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S
+
+
 class NormalLaw:
     """One contact's normal force, pushing positive; zero where the law would pull, unless it may.
 
     Kelvin-Voigt's force is left as it is until delta = 0.
     """
 
-    def __init__(self, room: Clearance) -> None:
-        self.stiffness, self.exponent = stiffness_of(room), exponent_of(room)
-        factor = DAMPING_FACTORS.get(room.law)
-        self.factor = 0.0 if factor is None or room.restitution is None else factor(room.restitution)
-        self.damping = room.damping_N_s_m or 0.0
-        self.floor = room.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S
-        self.clips = self.factor != 0 and not room.may_pull
+    def __init__(self, clearance: Clearance) -> None:
+        self.stiffness, self.exponent = stiffness_of(clearance), exponent_of(clearance)
+        self.factor, self.damping = damping_factor_of(clearance), clearance.damping_N_s_m or 0.0
+        self.floor = minimum_impact_speed_of(clearance)
+        self.clips = self.factor != 0 and not clearance.may_pull
 
     def force(self, delta: float, rate: float, approach: float) -> tuple[float, float, bool]:
         """Return the force in N, its elastic part, and whether it is clipped, with v0 = ``approach``."""

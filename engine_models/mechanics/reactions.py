@@ -1,0 +1,116 @@
+"""Joint forces, guide force and driver torque from the bodies' momentum balance, where none are told.
+
+Conventions as in ``engine.Trajectory``: the force at O acts on the crank, at A on the rod, at B on the
+slider; its opposite acts on the body nearer to the crank pivot. Global frame, gravity along -y.
+"""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.mechanics.joints import CRANK, ROD, axis, cross, directions, levers
+from engine_models.scene.scene import Scene
+
+
+class ContactForce(Protocol):
+    """The forces of a joint with clearance and where they act, as in ``engine.Contact``."""
+
+    @property
+    def gap_m(self) -> FloatArray:
+        """From the bearing's centre to the pin's, (n, 2)."""
+
+    @property
+    def penetration_m(self) -> FloatArray:
+        """Negative in flight, (n,)."""
+
+    @property
+    def normal_force_N(self) -> FloatArray:
+        """Towards the bearing's centre, (n,)."""
+
+    @property
+    def friction_force_N(self) -> FloatArray | None:
+        """On the pin, 90 degrees counter-clockwise of the gap, (n,)."""
+
+
+def reactions(
+    scene: Scene, position: FloatArray, acceleration: FloatArray, contacts: Mapping[str, ContactForce]
+) -> tuple[FloatArray, FloatArray | None, FloatArray]:
+    """Return joint forces (n, joints, 2) and guide normal force (n,) in N, driver torque (n,) in N m.
+
+    ``position`` and ``acceleration`` are (n, bodies, 3): crank, rod, slider by (x, y, phi) of the centre of
+    mass, in m, rad and s; ``contacts`` has the joints with clearance at the same times. Newton's second law,
+    slider first. With clearance in any joint its force is known, and the others follow from those of the
+    bodies between. Without, the rod's spin is needed: its levers are those of its own pins, so that its
+    balance is exact even where the pins have come apart a little; singular where the rod is at right angles
+    to the guide.
+    """
+    masses = np.array([body.mass_kg for body in scene.bodies])
+    # All forces on each body but its weight.
+    force = masses[:, None] * (acceleration[:, :, :2] + np.array([0.0, scene.gravity_m_s2]))
+    crank = force[:, CRANK]
+    known = {joint: contact_force(contact) for joint, contact in contacts.items()}
+    if not scene.is_crank_slider:
+        at_o = known.get("O", crank)
+        torque = _driver_torque(scene, position, acceleration, at_o, np.zeros_like(crank), contacts)
+        return at_o[:, None], None, torque
+    _, rod, slider = np.moveaxis(force, 1, 0)
+    if "B" in known:
+        at_b = known["B"]
+    elif "A" in known:
+        at_b = known["A"] - rod
+    elif "O" in known:
+        at_b = known["O"] - crank - rod
+    else:
+        at_b = _force_by_spin(scene, position, acceleration, rod, slider)
+    at_a = known.get("A", rod + at_b)
+    at_o = known.get("O", crank + at_a)
+    torque = _driver_torque(scene, position, acceleration, at_o, at_a, contacts)
+    return np.stack([at_o, at_a, at_b], axis=1), slider[:, 1] - at_b[:, 1], torque
+
+
+def contact_force(contact: ContactForce) -> FloatArray:
+    """Return the force on the pin of a joint with clearance, (n, 2) in N."""
+    normal, across = directions(contact.gap_m)
+    force = -contact.normal_force_N[:, None] * normal
+    if contact.friction_force_N is not None:
+        force += contact.friction_force_N[:, None] * across
+    return np.asarray(force)
+
+
+def _driver_torque(
+    scene: Scene,
+    position: FloatArray,
+    acceleration: FloatArray,
+    at_o: FloatArray,
+    at_a: FloatArray,
+    contacts: Mapping[str, ContactForce],
+) -> FloatArray:
+    """Return the torque (n,) that the crank's angular momentum asks for beside its joints' forces (n, 2)."""
+    along = axis(position[:, CRANK, 2])
+    s, r = scene.crank.centre_of_mass_m, scene.crank.length_m
+    spin = scene.crank.inertia_kg_m2 * acceleration[:, CRANK, 2]
+    torque = spin + s * cross(along, at_o) + (r - s) * cross(along, at_a)
+    for joint in ("O", "A"):
+        contact = contacts.get(joint)
+        if contact is None or contact.friction_force_N is None:
+            continue
+        bearing, pin = levers(getattr(scene.clearance, joint), contact.penetration_m)
+        # The crank is the pin at O and the bearing at A.
+        torque += (-pin if joint == "O" else bearing) * contact.friction_force_N
+    return np.asarray(torque)
+
+
+def _force_by_spin(
+    scene: Scene, position: FloatArray, acceleration: FloatArray, rod: FloatArray, slider: FloatArray
+) -> FloatArray:
+    """Return the force at B (n, 2) in N: along the guide by the slider, across it by the rod's spin."""
+    along = axis(position[:, ROD, 2])
+    _, link, _ = scene.crank_slider()
+    length, d = link.length_m, link.centre_of_mass_m
+    spin = link.inertia_kg_m2 * acceleration[:, ROD, 2]
+    # Unknown: B_y. I alpha = r_A x (rod + B) - r_B x B with r_A = -d u, r_B = (L - d) u, u along the rod.
+    b_x = slider[:, 0]
+    b_y = -(spin + d * cross(along, rod) - length * along[:, 1] * b_x) / (length * along[:, 0])
+    return np.stack([b_x, b_y], axis=-1)
