@@ -13,9 +13,8 @@ from typing import Literal
 import numpy as np
 
 from engine_models.engine import FloatArray
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.scene import Scene
-
-CRANK, ROD, SLIDER = range(3)
 
 #: Position, velocity, acceleration of all bodies, each (n, bodies, 3) as in ``Trajectory``.
 States = tuple[FloatArray, FloatArray, FloatArray]

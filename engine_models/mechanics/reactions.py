@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from engine_models.engine import FloatArray
-from engine_models.mechanics.joints import CRANK, ROD, axis, cross, directions, levers
+from engine_models.engine import JOINTS, FloatArray
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, cross, directions, levers
 from engine_models.scene.scene import Scene
 
 
@@ -67,7 +67,21 @@ def reactions(
     at_a = known.get("A", rod + at_b)
     at_o = known.get("O", crank + at_a)
     torque = _driver_torque(scene, position, acceleration, at_o, at_a, contacts)
-    return np.stack([at_o, at_a, at_b], axis=1), slider[:, 1] - at_b[:, 1], torque
+    joint_force = np.stack([at_o, at_a, at_b], axis=1)
+    return joint_force, guide_force(scene, joint_force, acceleration[:, SLIDER, 1]), torque
+
+
+def guide_force(
+    scene: Scene, joint_force_N: FloatArray, slider_acceleration: FloatArray | float = 0.0
+) -> FloatArray | None:
+    """Return the guide's normal force (n,) on the slider, along +y, from the joint forces (n, joints, 2).
+
+    The slider's acceleration along y, in m/s^2, is zero on a guide that holds. None without a guide.
+    """
+    if not scene.is_crank_slider:
+        return None
+    slider = scene.bodies[SLIDER].mass_kg * (slider_acceleration + scene.gravity_m_s2)
+    return np.asarray(slider - joint_force_N[:, JOINTS.index("B"), 1])
 
 
 def contact_force(contact: ContactForce) -> FloatArray:

@@ -12,8 +12,8 @@ import pydantic
 import pytest
 
 from engine_models.engine import Contact, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.engine import ExudynEngine
-from engine_models.exudyn.laws import native_law
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.model import mechanism_of
@@ -240,11 +240,11 @@ def exudyn_force(scene: Scene) -> np.ndarray[Any, Any]:
     """Return the force on the pin that Exudyn itself computes at the start."""
     import exudyn as exu
 
-    from engine_models.exudyn.model import build_tree_model
+    from engine_models.exudyn.model import build_model
     from engine_models.exudyn.solver import silence
 
     with silence():
-        mbs = build_tree_model(scene).mbs
+        mbs = build_model(scene, tree=True).mbs
         objects = range(mbs.systemData.NumberOfObjects())
         (contact,) = (k for k in objects if mbs.GetObject(k)["objectType"] == "ContactSphereSphere")
         return np.asarray(mbs.GetObjectOutput(contact, exu.OutputVariableType.Force))[:2]
@@ -376,9 +376,9 @@ def test_a_run_goes_on_from_any_state_of_an_earlier_one() -> None:
 def test_a_tree_model_holds_what_its_scene_needs_and_nothing_else(
     name: str, objects: list[str], sensors: int
 ) -> None:
-    from engine_models.exudyn.model import build_tree_model
+    from engine_models.exudyn.model import build_model
 
-    system = build_tree_model(SCENES[name]()).mbs
+    system = build_model(SCENES[name](), tree=True).mbs
     found = sorted(system.GetObject(k)["objectType"] for k in range(system.systemData.NumberOfObjects()))
     assert (found, system.systemData.NumberOfSensors()) == (objects, sensors)
 
