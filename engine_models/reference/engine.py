@@ -18,7 +18,7 @@ from engine_models.engine import (
 from engine_models.mechanics.energy import require_energy
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
-from engine_models.reference.compilation import compile_time_s
+from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.run import reference_run
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Baumgarte

@@ -9,7 +9,7 @@ from engine_models.mechanics.start_check import checked_start
 from engine_models.pace import MOST_STEPS, require_pace, too_slow
 from engine_models.progress import tell
 from engine_models.reference.model import mechanism_of
-from engine_models.reference.trajectory import trajectory_of
+from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Scene
 from reference_solver.errors import FrictionTooStiff
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
@@ -72,7 +72,7 @@ def _run(
     check_start(mechanism, q, v)
     solver = Solver(mechanism, q, choice, stabilisation, compiled)
     run = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
-    return trajectory_of(scene, run, choice.longest_s, run.solve_time_s, stabilisation != "none")
+    return trajectory_of_solution(scene, run, choice.longest_s, run.solve_time_s, stabilisation != "none")
 
 
 def _watch(scene: Scene, solver: Solver) -> Callable[[float], None]:

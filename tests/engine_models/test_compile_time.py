@@ -8,7 +8,7 @@ import pytest
 
 from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.engines import engine_class, make_engine
-from engine_models.reference.compilation import compile_time_s
+from engine_models.reference.kernels import compile_time_s
 from engine_models.scene.library import ideal_driven
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.store import compiled_anew, kernel_folder, load_kernel
