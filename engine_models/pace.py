@@ -13,19 +13,26 @@ from engine_models.scene.scene import Clearance, Scene
 MOST_STEPS = 1e10
 
 
-def require_pace(
-    scene: Scene, reached_s: float, passed_s: float, steps: int, most_steps: float = MOST_STEPS
-) -> None:
-    """Check that a run that passed so much time in its last steps comes to its end.
+class Pace:
+    """Judges every so many steps, enough to outlast any one contact, whether a run comes to its end."""
 
-    ``steps`` are to be enough of them to outlast any one contact.
+    def __init__(self, scene: Scene, outlasting: int, most_steps: float = MOST_STEPS) -> None:
+        self._scene, self._outlasting, self._most_steps = scene, outlasting, most_steps
+        self._judged, self._judged_s = 0, 0.0
 
-    Raises:
-        SimulationFailed: at this pace the run would need more than ``most_steps``; the message names the
-            field of the scene that forces it.
-    """
-    if passed_s * most_steps < steps * scene.end_time_s:
-        raise too_slow(scene, f"steps of {passed_s / steps:.3g} s at t = {reached_s:.6g} s")
+    def judge(self, reached_s: float, steps: int) -> None:
+        """Judge the time passed since the last time by the steps done since then, if they are enough.
+
+        Raises:
+            SimulationFailed: at this pace the run would need more than ``most_steps``; the message names the
+                field of the scene that forces it.
+        """
+        passed_s, since = reached_s - self._judged_s, steps - self._judged
+        if since < self._outlasting:
+            return
+        if passed_s * self._most_steps < since * self._scene.end_time_s:
+            raise too_slow(self._scene, f"steps of {passed_s / since:.3g} s at t = {reached_s:.6g} s")
+        self._judged, self._judged_s = steps, reached_s
 
 
 def too_slow(scene: Scene, steps: str) -> SimulationFailed:

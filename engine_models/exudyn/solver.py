@@ -13,7 +13,7 @@ from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.exudyn.engine import ADAPTIVE, IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.mechanics.contact_law import stiffness_of
-from engine_models.pace import require_pace
+from engine_models.pace import Pace
 from engine_models.scene.scene import Scene
 
 #: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
@@ -146,15 +146,12 @@ def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
     if listener is None:
         return raised
 
-    steps, judged_s = count(1), 0.0
+    steps, pace = count(1), Pace(scene, OUTLASTING)
 
     def before_step(_: exu.MainSystem, time_s: float) -> bool:
-        nonlocal judged_s
         try:
             listener(time_s)
-            if next(steps) % OUTLASTING == 0:
-                require_pace(scene, time_s, time_s - judged_s, OUTLASTING)
-                judged_s = time_s
+            pace.judge(time_s, next(steps))
         except BaseException as error:
             raised.append(error)
             return False
