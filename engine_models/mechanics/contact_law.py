@@ -54,17 +54,19 @@ def minimum_impact_speed_of(clearance: Clearance) -> float:
     return clearance.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S
 
 
-class NormalLaw:
-    """One contact's normal force, pushing positive; zero where the law would pull, unless it may.
+def clips(clearance: Clearance) -> bool:
+    """Return whether the force is ever zero where the law would pull; Kelvin-Voigt's is left as it is."""
+    return damping_factor_of(clearance) != 0 and not clearance.may_pull
 
-    Kelvin-Voigt's force is left as it is until delta = 0.
-    """
+
+class NormalLaw:
+    """One contact's normal force, pushing positive, until delta = 0; see ``clips``."""
 
     def __init__(self, clearance: Clearance) -> None:
         self.stiffness, self.exponent = stiffness_of(clearance), exponent_of(clearance)
         self.factor, self.damping = damping_factor_of(clearance), clearance.damping_N_s_m or 0.0
         self.floor = minimum_impact_speed_of(clearance)
-        self.clips = self.factor != 0 and not clearance.may_pull
+        self.clips = clips(clearance)
 
     def force(self, delta: float, rate: float, approach: float) -> tuple[float, float, bool]:
         """Return the force in N, its elastic part, and whether it is clipped, with v0 = ``approach``."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
+from engine_models.mechanics.contact_law import clips
 from engine_models.mechanics.energy import elastic_energy_J, work_of_torque_J
 from engine_models.mechanics.joints import penetration_m
 from engine_models.scene.scene import Clearance, Scene
@@ -66,7 +67,7 @@ def contact_of(
 ) -> Contact:
     """Return what a joint with clearance did, from its gap (n, 2), forces and sums, (n,) each.
 
-    What friction there may be in them is left out where the clearance has none.
+    What friction and clipping there may be in them is left out where the clearance has none.
     """
     penetration, has_friction = penetration_m(clearance, gap_m), clearance.friction is not None
     return Contact(
@@ -78,6 +79,6 @@ def contact_of(
         normal_impulse_N_s=normal_impulse_N_s,
         normal_loss_J=normal_loss_J,
         friction_loss_J=friction_loss_J if has_friction else None,
-        clipped_loss_J=clipped_loss_J,
+        clipped_loss_J=clipped_loss_J if clips(clearance) else None,
         impacts=impacts,
     )

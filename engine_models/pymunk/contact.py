@@ -60,12 +60,7 @@ def _rigid(name: str, clearance: Clearance) -> Clearance:
 
 
 class PinContact:
-    """The contact of one pin; ``step`` is the number of the kick that the next call belongs to.
-
-    ``clips`` tells whether its law ever clips its force.
-    """
-
-    clips = False
+    """The contact of one pin; ``step`` is the number of the kick that the next call belongs to."""
 
     def __init__(self, pin: PinInBearing, first_step: int) -> None:
         self.pin, self.step = pin, first_step
@@ -84,7 +79,6 @@ class CompliantContact(PinContact):
     def __init__(self, space: pymunk.Space, pin: PinInBearing, first_step: int) -> None:
         super().__init__(pin, first_step)
         self._law, self._friction = NormalLaw(pin.clearance), pin.clearance.friction
-        self.clips = self._law.clips
         self._approach = 0.0  # v0 of the present contact, valid while _touch is
         self._kick: ContactStep | None = None  # the last one, as known before it
         self.hook = pymunk.SlideJoint(

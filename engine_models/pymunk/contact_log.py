@@ -27,6 +27,8 @@ class ContactStep(NamedTuple):
     clipped: bool
 
 
+#: What is added up, named as in ``Contact``.
+SUMS = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
 #: Stands in a contact whose run is not over.
 NO_IMPACTS = Impacts(*np.zeros((5, 0)))
 
@@ -34,14 +36,12 @@ NO_IMPACTS = Impacts(*np.zeros((5, 0)))
 class ContactLog:
     """The kicks of one contact, taken up block by block; a kick is there for every step in contact.
 
-    Kept for good are the sums since the start and a row for each contact that has begun. ``clips`` tells
-    whether the law can.
+    Kept for good are the sums since the start and a row for each contact that has begun.
     """
 
-    def __init__(self, clips: bool) -> None:
-        self.clips = clips
+    def __init__(self) -> None:
         self._last_step = -2  # of those taken up so far: the first kick, at step 0 or later, begins a contact
-        self._totals = dict.fromkeys(("normal", "normal_loss", "clipped_loss", "friction_loss", "lost"), 0.0)
+        self._totals = dict.fromkeys((*SUMS, "energy_lost_J"), 0.0)
         #: Of every contact begun: its first step, its approach speed, normal impulse and loss before it, and
         #: the last step of the contact before it.
         self._begun: list[FloatArray] = []
@@ -55,12 +55,12 @@ class ContactLog:
         self._normal, self._friction = columns["normal_N_s"], columns["friction_N_s"]
         clipped, spring, rate = columns["clipped"] != 0, columns["spring_N_s"], columns["mean_rate"]
         amounts = {
-            "normal": self._normal,
-            "normal_loss": np.where(clipped, 0.0, (self._normal - spring) * rate),
-            "clipped_loss": np.where(clipped, -spring * rate, 0.0),
-            "friction_loss": -self._friction * columns["mean_sliding"],
+            "normal_impulse_N_s": self._normal,
+            "normal_loss_J": np.where(clipped, 0.0, (self._normal - spring) * rate),
+            "clipped_loss_J": np.where(clipped, -spring * rate, 0.0),
+            "friction_loss_J": -self._friction * columns["mean_sliding"],
         }
-        amounts["lost"] = amounts["normal_loss"] + amounts["clipped_loss"] + amounts["friction_loss"]
+        amounts["energy_lost_J"] = sum(amounts[name] for name in SUMS[1:])
         self._amounts = amounts
         # The sums before each of these kicks and after the last, (k + 1,).
         self._sums = {
@@ -76,8 +76,8 @@ class ContactLog:
                 [
                     self.touches,
                     columns["rate_before"][first],
-                    self._sums["normal"][first],
-                    self._sums["lost"][first],
+                    self._sums["normal_impulse_N_s"][first],
+                    self._sums["energy_lost_J"][first],
                     before[first],
                 ]
             )
@@ -86,12 +86,10 @@ class ContactLog:
 
     def at(self, impulse: FloatArray, wanted: NDArray[np.int64]) -> FloatArray:
         """Return an impulse at the wanted steps, zero where there is no contact."""
-        place = np.searchsorted(self._step, wanted)
-        inside = place < len(self._step)
-        out = np.zeros(len(wanted))
-        hit = np.flatnonzero(inside)[self._step[place[inside]] == wanted[inside]]
-        out[hit] = impulse[place[hit]]
-        return out
+        at_wanted = np.zeros(len(wanted))
+        _, place, hit = np.intersect1d(self._step, wanted, assume_unique=True, return_indices=True)
+        at_wanted[hit] = impulse[place]
+        return at_wanted
 
     def since_start(self, amount: str, wanted: NDArray[np.int64], share: FloatArray) -> FloatArray:
         """Return the sum of an amount over all steps before each wanted one, and its share of that step's."""
@@ -104,15 +102,15 @@ class ContactLog:
         ends = np.append(before[1:], self._last_step)[: len(first)]
         over = ends < last_step
 
-        def change(sums: FloatArray, amount: str) -> FloatArray:
-            return np.asarray(np.diff(np.append(sums, self._totals[amount]))[over])
+        def change(before_each: FloatArray, amount: str) -> FloatArray:
+            return np.asarray(np.diff(np.append(before_each, self._totals[amount]))[over])
 
         return Impacts(
             time_s=dt * first[over],
             duration_s=dt * (ends - first)[over],
             approach_speed_m_s=speed[over],
-            normal_impulse_N_s=change(impulse, "normal"),
-            energy_lost_J=change(lost, "lost"),
+            normal_impulse_N_s=change(impulse, "normal_impulse_N_s"),
+            energy_lost_J=change(lost, "energy_lost_J"),
         )
 
     def contact(
@@ -128,9 +126,6 @@ class ContactLog:
             gap,
             normal_force_N=self.at(self._normal, wanted) / dt,
             friction_force_N=self.at(self._friction, wanted) / dt,
-            normal_impulse_N_s=self.since_start("normal", wanted, share),
-            normal_loss_J=self.since_start("normal_loss", wanted, share),
-            friction_loss_J=self.since_start("friction_loss", wanted, share),
-            clipped_loss_J=self.since_start("clipped_loss", wanted, share) if self.clips else None,
             impacts=NO_IMPACTS,
+            **{name: self.since_start(name, wanted, share) for name in SUMS},
         )

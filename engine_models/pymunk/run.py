@@ -35,17 +35,8 @@ def pymunk_run(model: Model, settings: RunSettings, half_kick_start: bool) -> Tr
         SimulationFailed: a joint came apart, a pin went through a wall, the rod turned over, or the numbers
             overflowed.
     """
-    scene, samples = model.scene, Samples(model, settings, half_kick_start)
-    solve_time = run(
-        model.space,
-        model.bodies,
-        samples.timing.dt,
-        crank_torque_N_m=scene.drive.torque_N_m if scene.drive.kind == "torque" else None,
-        half_kick_start=half_kick_start,
-        blocks=samples.timing.blocks(),
-        work_off=samples.take,
-    )
-    return require_finite(samples.trajectory(solve_time))
+    samples = Samples(model, settings, half_kick_start)
+    return require_finite(samples.trajectory(run(model, samples.timing, half_kick_start, samples.take)))
 
 
 class Samples:
@@ -54,7 +45,7 @@ class Samples:
     def __init__(self, model: Model, settings: RunSettings, half_kick_start: bool) -> None:
         self.timing, self._scene, self._contacts = Timing(model.scene, settings), model.scene, model.contacts
         self._half_kick_start = half_kick_start
-        self._logs = {name: ContactLog(contact.clips) for name, contact in model.contacts.items()}
+        self._logs = {name: ContactLog() for name in model.contacts}
         self._parts: list[dict[str, FloatArray]] = []
         self._contact_parts: dict[str, list[Contact]] = {name: [] for name in self._logs}
         self._last_v: FloatArray | None = None

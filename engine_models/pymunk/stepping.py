@@ -1,7 +1,7 @@
 """The loop that steps a Pymunk space block by block and reads it; no exception of a callback gets lost."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
@@ -13,7 +13,7 @@ from pymunk import batch
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed
 from engine_models.progress import tell
-from engine_models.pymunk.model import Bodies
+from engine_models.pymunk.model import Bodies, Model
 from engine_models.pymunk.pin import PinLost
 from engine_models.scene.scene import Scene
 
@@ -68,23 +68,16 @@ class Timing:
         return np.arange(-(-first // every) * every, last + 1, every)
 
 
-#: Works off a block from its states as Pymunk stores them, each (reads, bodies, 3): positions, velocities.
-Work = Callable[[Block, FloatArray, FloatArray], None]
-
-
 def run(
-    space: pymunk.Space,
-    bodies: Bodies,
-    dt: float,
-    *,
-    crank_torque_N_m: float | None,
+    model: Model,
+    timing: Timing,
     half_kick_start: bool,
-    blocks: Iterable[Block],
-    work_off: Work,
+    work_off: Callable[[Block, FloatArray, FloatArray], None],
 ) -> float:
     """Step the space through the blocks, the first of which reads step 0 (before the first step) to step 4.
 
-    Work gets positions and velocities of crank, rod, slider by (x, y, phi) of the body's origin.
+    ``work_off`` gets a block with its states as Pymunk stores them, each (reads, bodies, 3): positions and
+    velocities of crank, rod, slider by (x, y, phi) of the body's origin.
 
     Returns:
         The wall time in s of the calls of ``space.step`` and what must go with each (the loop, a torque that
@@ -94,6 +87,7 @@ def run(
         SimulationFailed: a pin went through the wall of its bearing, or a contact's numbers overflowed.
         BaseException: whatever else a callback raised, or a signal's handler while one ran.
     """
+    space, bodies, dt, drive = model.space, model.bodies, timing.dt, model.scene.drive
     log, (listed, order) = batch.Buffer(), _order_of_reading(space, bodies)
     iterations, done, solve_time = space.iterations, 0, 0.0
     with _exceptions_of_callbacks() as raised:
@@ -102,8 +96,8 @@ def run(
             step, crank = space.step, bodies[0]
             started = perf_counter()
             for k in range(first, last + 1):
-                if crank_torque_N_m is not None:
-                    crank.torque = crank_torque_N_m  # every step ends by clearing the loads
+                if drive.kind == "torque":
+                    crank.torque = drive.torque_N_m  # every step ends by clearing the loads
                 step(step_s)
                 if raised:
                     _raise(raised, k * dt)
@@ -116,7 +110,7 @@ def run(
             solve_time += advance(dt / 2, 0, 0)
             for body in bodies:
                 body.position_func = pymunk.Body.update_position
-        for block in blocks:
+        for block in timing.blocks():
             log.clear()
             reads = block.read.tolist()
             for number, target in enumerate([*reads, block.last]):
