@@ -7,7 +7,8 @@ import numpy as np
 
 from engine_models.engine import SimulationFailed
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.mechanics.joints import clearances
+from engine_models.scene.scene import Scene
 
 #: A run that needs more steps than this would take hours or more.
 MOST_STEPS = 1e10
@@ -54,8 +55,7 @@ def forcing_field(scene: Scene) -> tuple[str, float]:
     mass, speed = min(body.mass_kg for body in scene.bodies), np.float64(max(pin_m_s, tiny))
     times = {("end_time_s", scene.end_time_s): scene.end_time_s}
     with np.errstate(all="ignore"):
-        for joint in scene.joints_with_clearance:
-            clearance: Clearance = getattr(scene.clearance, joint)
+        for joint, clearance in clearances(scene).items():
             field, c = f"clearance.{joint}", clearance.radial_clearance_m
             times[f"{field}.radial_clearance_m", c] = float(c / speed)
             force = np.float64(mass * speed**2 / r)

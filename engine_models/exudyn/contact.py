@@ -25,7 +25,15 @@ from engine_models.mechanics.contact_law import (
     minimum_impact_speed_of,
     stiffness_of,
 )
-from engine_models.mechanics.joints import cross, directions, gaps, joint_gap, levers, penetration_m
+from engine_models.mechanics.joints import (
+    clearances,
+    cross,
+    directions,
+    gaps,
+    joint_gap,
+    levers,
+    penetration_m,
+)
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.scene.scene import Clearance, Clearances, Scene
 
@@ -63,8 +71,7 @@ def native_twin(scene: Scene) -> Scene:
     Raises:
         UnsupportedScene: a law has no counterpart in Exudyn.
     """
-    joints = {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
-    twins = {name: _native_twin(name, clearance) for name, clearance in joints.items()}
+    twins = {name: _native_twin(name, clearance) for name, clearance in clearances(scene).items()}
     return scene.model_copy(update={"clearance": Clearances(**twins)})
 
 
@@ -103,7 +110,7 @@ class ContactStates:
 
 def contact_states(scene: Scene, joint: str, motion: Motion, time_s: FloatArray) -> ContactStates:
     """Return a contact at times (n,) of a motion."""
-    clearance: Clearance = getattr(scene.clearance, joint)
+    clearance = clearances(scene)[joint]
     position, velocity, _ = motion.at(time_s)
     between = joint_gap(scene, joint, position, velocity)
     normal, _ = directions(between.gap_m)
@@ -153,7 +160,7 @@ def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray)
     impulses, normal_losses, friction_losses = since_start(release) - since_start(ended)
     states = contact_states(scene, joint, motion, time_s)
     return contact_of(
-        getattr(scene.clearance, joint),
+        clearances(scene)[joint],
         states.gap_m,
         normal_force_N=states.normal_force_N,
         friction_force_N=states.friction_force_N,
@@ -176,10 +183,9 @@ def _touches_and_releases(scene: Scene, joint: str, motion: Motion) -> tuple[Flo
 
     A change of sign between two steps is halved down to its time. What begins closed touches at the start.
     """
-    clearance: Clearance = getattr(scene.clearance, joint)
 
     def closed_at(time_s: FloatArray) -> NDArray[np.bool_]:
-        return penetration_m(clearance, gaps(scene, motion.at(time_s)[0])[joint]) > 0
+        return penetration_m(clearances(scene)[joint], gaps(scene, motion.at(time_s)[0])[joint]) > 0
 
     closed = closed_at(motion.time_s)
     changes = np.flatnonzero(closed[1:] != closed[:-1])

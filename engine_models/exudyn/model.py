@@ -7,7 +7,7 @@ speed is kept by a flywheel. Explicit solvers run it. A joint with clearance is 
 coordinates that Exudyn solves for are displacements from the assembled start.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import exudyn as exu
@@ -19,7 +19,7 @@ from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.motion import Part
 from engine_models.exudyn.tree import TreeLink, tree_links, tree_start
 from engine_models.mechanics.contact_law import exponent_of, minimum_impact_speed_of, stiffness_of
-from engine_models.mechanics.joints import CRANK, SLIDER, JointGap, ends, joint_gap
+from engine_models.mechanics.joints import CRANK, SLIDER, JointGap, clearances, ends, joint_gap
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.scene import Clearance, Scene
 
@@ -33,39 +33,36 @@ FLYWHEEL_KG_M2 = 1e15
 class Model:
     """An assembled Exudyn model: the container that owns it, and the sensors by what they measure.
 
-    ``coordinates``, ``speeds`` and, in the tree model, ``accelerations`` follow ``parts``. ``joint_forces``
-    are those of the absolute model's ideal joints, each on the body further from the crank pivot. ``driver``
-    measures minus the torque on the crank and is None without the constraint of a constant-speed drive.
-    ``histories`` are those of the contacts, by joint. ``reference`` (bodies, 3) is the start.
+    ``joint_forces`` are those of the absolute model's ideal joints, each on the body further from the crank
+    pivot. ``driver`` measures minus the torque on the crank and is None without the constraint of a
+    constant-speed drive. ``histories`` are those of the contacts, by joint. ``reference`` (bodies, 3) is the
+    start. Only the tree model has no constraint, ``tree`` being true.
     """
 
     container: exu.SystemContainer
     mbs: exu.MainSystem
     reference: FloatArray
     parts: tuple[Part, ...]
-    coordinates: tuple[int, ...]
-    speeds: tuple[int, ...]
-    accelerations: tuple[int, ...] = ()
-    joint_forces: dict[str, int] = field(default_factory=dict)
-    driver: int | None = None
-    histories: dict[str, int] = field(default_factory=dict)
+    joint_forces: dict[str, int]
+    driver: int | None
+    histories: dict[str, int]
+    tree: bool
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """The parts of a system, and for every body of the scene the object and the link that it is."""
+    """The parts of a system, and for every body of the scene the object that it is, or is a link of."""
 
     mbs: exu.MainSystem
     parts: tuple[Part, ...]
     objects: dict[int, Any]
-    links: tuple[TreeLink, ...]
 
     def marker(self, body: int | None, place_m: float = 0.0) -> Any:
         """Add a marker with position and orientation at ``place_m`` from a body's centre of mass.
 
         Without a body it is on the ground, from the origin.
         """
-        for number, link in enumerate(self.links):
+        for number, link in enumerate(self.parts[0].links):
             if body is not None and link.body == body:
                 at = [link.centre_m + place_m, 0.0, 0.0]
                 marker = items.MarkerKinematicTreeRigid(
@@ -85,14 +82,14 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
     forces: dict[str, int] = {}
     histories: dict[str, int] = {}
     for joint, sides in ends(scene).items():
-        has_clearance = joint in scene.joints_with_clearance
-        if tree and not has_clearance:
+        clearance = clearances(scene).get(joint)
+        if tree and clearance is None:
             continue
         # The first marker is on the body whose force the sensor is to give.
         markers = [bodies.marker(*side) for side in sides]
-        if has_clearance:
+        if clearance is not None:
             start = joint_gap(scene, joint, position[None], velocity[None])
-            history = _add_contact(mbs, markers, getattr(scene.clearance, joint), start)
+            history = _add_contact(mbs, markers, clearance, start)
             histories[joint] = _node_sensor(mbs, history, "Coordinates")
         else:
             connector = mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers))
@@ -103,27 +100,8 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
     if scene.drive.kind == "torque":
         torque = [0.0, 0.0, scene.drive.torque_N_m]
         mbs.AddLoad(items.LoadTorqueVector(markerNumber=bodies.marker(CRANK), loadVector=torque))
-    coordinates, speeds, accelerations = (
-        tuple(_node_sensor(mbs, part.node, quantity) for part in parts)
-        for quantity, parts in (
-            ("Coordinates", bodies.parts),
-            ("Coordinates_t", bodies.parts),
-            ("Coordinates_tt", bodies.parts if tree else ()),
-        )
-    )
     mbs.Assemble()
-    return Model(
-        container=container,
-        mbs=mbs,
-        reference=position,
-        parts=bodies.parts,
-        coordinates=coordinates,
-        speeds=speeds,
-        accelerations=accelerations,
-        joint_forces=forces,
-        driver=driver,
-        histories=histories,
-    )
+    return Model(container, mbs, position, bodies.parts, forces, driver, histories, tree)
 
 
 def _add_bodies(
@@ -136,9 +114,16 @@ def _add_bodies(
         inertias[CRANK] += FLYWHEEL_KG_M2
     parts: list[Part] = []
     objects: dict[int, Any] = {}
+    quantities = ("Coordinates", "Coordinates_t", *(["Coordinates_tt"] if tree else []))
+
+    def add_part(node: Any, start: FloatArray, **what: Any) -> None:
+        sensors = tuple(_node_sensor(mbs, node, quantity) for quantity in quantities)
+        parts.append(Part(node, start, sensors, **what))
+
     if links:
-        part, chains = _add_tree(mbs, scene, position, velocity, links, inertias)
-        parts.append(part)
+        start, rates = tree_start(links, position, velocity)
+        node, chains = _add_tree(mbs, scene, links, inertias, start, rates)
+        add_part(node, start, links=links)
         objects |= {link.body: chains for link in links if link.body is not None}
     for body, what in enumerate(scene.bodies):
         if body in objects:
@@ -157,8 +142,8 @@ def _add_bodies(
                 items.ObjectRigidBody2D(mass=what.mass_kg, inertia=inertias[body], nodeNumber=node)
             )
             _add_weight(mbs, scene, objects[body])
-        parts.append(Part(node, at, body))
-    return Bodies(mbs, tuple(parts), objects, links)
+        add_part(node, at, body=body)
+    return Bodies(mbs, tuple(parts), objects)
 
 
 def _add_weight(mbs: exu.MainSystem, scene: Scene, body: Any) -> None:
@@ -171,12 +156,13 @@ def _add_weight(mbs: exu.MainSystem, scene: Scene, body: Any) -> None:
 def _add_tree(
     mbs: exu.MainSystem,
     scene: Scene,
-    position: FloatArray,
-    velocity: FloatArray,
     links: tuple[TreeLink, ...],
     inertias: list[float],
-) -> tuple[Part, Any]:
-    (start, rates), count = tree_start(links, position, velocity), len(links)
+    start: FloatArray,
+    rates: FloatArray,
+) -> tuple[Any, Any]:
+    """Add a tree at its coordinates and rates at the start, each (links,); return its node and its object."""
+    count = len(links)
     node = mbs.AddNode(
         items.NodeGenericODE2(
             referenceCoordinates=start,
@@ -201,7 +187,7 @@ def _add_tree(
         linkCOMs=vectors([[link.centre_m, 0.0, 0.0] for link in links]),
         gravity=[0.0, -scene.gravity_m_s2, 0.0],
     )
-    return Part(node, start, links=links), mbs.AddObject(tree)
+    return node, mbs.AddObject(tree)
 
 
 def _add_contact(mbs: exu.MainSystem, markers: list[Any], clearance: Clearance, start: JointGap) -> Any:

@@ -22,10 +22,14 @@ GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
 
 @dataclass(frozen=True)
 class Part:
-    """A node with its coordinates at the start (c,), and its one body or the links of its tree."""
+    """A node with its coordinates at the start (c,), and its one body or the links of its tree.
+
+    ``sensors`` measure its coordinates, their rates and, in a tree model, their accelerations.
+    """
 
     node: Any
     start: FloatArray
+    sensors: tuple[int, ...]
     body: int = -1
     links: tuple[TreeLink, ...] = ()
 
@@ -37,7 +41,7 @@ class Record:
     part: Part
     coordinates: FloatArray
     rates: FloatArray
-    accelerations: FloatArray | None
+    accelerations: FloatArray | None = None
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """Exudyn's runs as trajectories: of ideal joints on the steps' grid, of clearance at steps as they came."""
 
+from itertools import chain
+
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
@@ -9,7 +11,7 @@ from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral
 from engine_models.exudyn.solver import record_every, silence, simulation_settings, solve
-from engine_models.mechanics.joints import CRANK
+from engine_models.mechanics.joints import CRANK, clearances
 from engine_models.mechanics.reactions import contact_force, guide_force, reactions
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.scene.scene import Scene
@@ -53,21 +55,19 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
     per_record = record_every(scene, run)
     grid = np.linspace(0.0, scene.end_time_s, run.samples * per_sample // per_record + 1)
     samples = slice(None, None, per_sample // per_record)
-    coordinates, speeds, forces = (
-        [_read(model, sensor, grid) for sensor in sensors]
-        for sensors in (model.coordinates, model.speeds, model.joint_forces.values())
-    )
-    position, velocity = np.zeros((2, run.samples + 1, *model.reference.shape))
-    for body, (at, rate) in enumerate(zip(coordinates, speeds, strict=True)):  # the slider has x alone
-        position[:, body, : at.shape[1]] = at[samples]
-        velocity[:, body, : rate.shape[1]] = rate[samples]
+    states = np.zeros((2, len(grid), *model.reference.shape))
+    for part in model.parts:  # the slider has x alone
+        for state, sensor in zip(states, part.sensors, strict=True):
+            state[:, part.body, : len(part.start)] = _read(model, sensor, grid)
+    forces = [_read(model, sensor, grid)[samples, :2] for sensor in model.joint_forces.values()]
     torque: FloatArray | None = None
     work: FloatArray | None = None
     if model.driver is not None:
         torque = -_read(model, model.driver, grid)[:, 0]
-        work = cumulative_trapezoid(torque * speeds[CRANK][:, 2], dx=step, initial=0.0)[samples]
+        work = cumulative_trapezoid(torque * states[1, :, CRANK, 2], dx=step, initial=0.0)[samples]
         torque = torque[samples]
-    force = np.stack([force[samples, :2] for force in forces], axis=1)
+    force = np.stack(forces, axis=1)
+    position, velocity = states[:, samples].copy()  # not a view, which would keep all steps
     return trajectory_of(
         scene,
         position=position + model.reference,
@@ -91,7 +91,7 @@ def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: 
     motion = _recorded_motion(scene, model)
     time = np.linspace(0.0, scene.end_time_s, run.samples + 1)
     position, velocity, _ = motion.at(time)
-    if model.accelerations:
+    if model.tree:
         force, torque, work = _balances(scene, motion, time)
     else:
         force, torque, work = _multipliers(scene, model, motion, time)
@@ -157,12 +157,9 @@ def _recorded_motion(scene: Scene, model: Model) -> Motion:
     Raises:
         SimulationFailed: the run broke off or is not finite.
     """
-    coordinates, rates, accelerations = (
-        [_stored(model, sensor) for sensor in sensors]
-        for sensors in (model.coordinates, model.speeds, model.accelerations)
-    )
-    time = coordinates[0][:, 0]
-    for record in (*coordinates, *rates, *accelerations):
+    records = [[_stored(model, sensor) for sensor in part.sensors] for part in model.parts]
+    time = records[0][0][:, 0]
+    for record in chain(*records):
         if len(record) != len(time):
             raise SimulationFailed(f"Exudyn recorded nothing at t = {time[-1]:.6g} s")
         finite = np.isfinite(record).all(axis=1)
@@ -174,7 +171,7 @@ def _recorded_motion(scene: Scene, model: Model) -> Motion:
     histories = {joint: _stored(model, sensor)[:, 1:] for joint, sensor in model.histories.items()}
     switched = np.append(True, np.zeros(len(time) - 1, dtype=bool))
     for joint, history in histories.items():
-        friction = getattr(scene.clearance, joint).friction
+        friction = clearances(scene)[joint].friction
         branches = [history[:, GAP] < 0]
         if friction is not None:
             branches.append(history[:, SLIDING_SPEED] < friction.regularisation_speed_m_s)
@@ -184,13 +181,8 @@ def _recorded_motion(scene: Scene, model: Model) -> Motion:
         time_s=time,
         bodies=len(model.reference),
         records=tuple(
-            Record(
-                part,
-                coordinates[k][:, 1:],
-                rates[k][:, 1:],
-                accelerations[k][:, 1:] if accelerations else None,
-            )
-            for k, part in enumerate(model.parts)
+            Record(part, *(quantity[:, 1:] for quantity in record))
+            for part, record in zip(model.parts, records, strict=True)
         ),
         histories=histories,
         switched=switched,
@@ -206,11 +198,9 @@ def _stored(model: Model, sensor: int) -> FloatArray:
 def _read(model: Model, sensor: int, grid_s: FloatArray) -> FloatArray:
     """Return what a sensor recorded at the grid's times, (n, components); one missing is a failed run."""
     record = np.asarray(model.mbs.GetSensorStoredData(sensor), dtype=np.float64)
-    tolerance = TIME_TOLERANCE * (grid_s[1] - grid_s[0])
     common = min(len(record), len(grid_s))
-    right = np.abs(record[:common, 0] - grid_s[:common]) <= tolerance
+    right = np.abs(record[:common, 0] - grid_s[:common]) <= TIME_TOLERANCE * (grid_s[1] - grid_s[0])
     if not right.all() or len(record) != len(grid_s):
         missed = common if right.all() else int(np.argmin(right))
-        when = grid_s[min(missed, len(grid_s) - 1)]
-        raise SimulationFailed(f"Exudyn recorded nothing at t = {when:.6g} s")
+        raise SimulationFailed(f"Exudyn recorded nothing at t = {grid_s[min(missed, len(grid_s) - 1)]:.6g} s")
     return record[:, 1:]

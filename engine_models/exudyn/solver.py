@@ -13,6 +13,7 @@ from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.exudyn.engine import ADAPTIVE, IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.mechanics.contact_law import stiffness_of
+from engine_models.mechanics.joints import clearances
 from engine_models.pace import Pace
 from engine_models.scene.scene import Scene
 
@@ -131,9 +132,8 @@ def _set_events(
     switching = integration.discontinuous
     switching.useRecommendedStepSize = locate
     switching.maxIterations, switching.ignoreMaxIterations = 5, not locate
-    clearances = [getattr(scene.clearance, name) for name in scene.joints_with_clearance]
     # The switching error is the gap times the stiffness.
-    softest = min(stiffness_of(clearance) for clearance in clearances)
+    softest = min(stiffness_of(clearance) for clearance in clearances(scene).values())
     switching.iterationTolerance = softest * EVENT_GAP_M[kind] if locate else 1.0
 
 

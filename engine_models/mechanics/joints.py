@@ -42,6 +42,11 @@ def ends(scene: Scene) -> dict[str, tuple[End, End]]:
     }
 
 
+def clearances(scene: Scene) -> dict[str, Clearance]:
+    """Return the clearances of the joints that have one, in the order O, A, B."""
+    return {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
+
+
 def joint_gap(scene: Scene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
     """Return a joint's gap in states (n, bodies, 3)."""
     (pin, pin_rate, pin_spin), (bearing, bearing_rate, bearing_spin) = (

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from engine_models.engine import JOINTS, FloatArray
-from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, cross, directions, levers
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, cross, directions, levers
 from engine_models.scene.scene import Scene
 
 
@@ -49,26 +49,22 @@ def reactions(
     masses = np.array([body.mass_kg for body in scene.bodies])
     # All forces on each body but its weight.
     force = masses[:, None] * (acceleration[:, :, :2] + np.array([0.0, scene.gravity_m_s2]))
-    crank = force[:, CRANK]
     known = {joint: contact_force(contact) for joint, contact in contacts.items()}
-    if not scene.is_crank_slider:
-        at_o = known.get("O", crank)
-        torque = _driver_torque(scene, position, acceleration, at_o, np.zeros_like(crank), contacts)
-        return at_o[:, None], None, torque
-    _, rod, slider = np.moveaxis(force, 1, 0)
-    if "B" in known:
-        at_b = known["B"]
-    elif "A" in known:
-        at_b = known["A"] - rod
-    elif "O" in known:
-        at_b = known["O"] - crank - rod
-    else:
-        at_b = _force_by_spin(scene, position, acceleration, rod, slider)
-    at_a = known.get("A", rod + at_b)
-    at_o = known.get("O", crank + at_a)
-    torque = _driver_torque(scene, position, acceleration, at_o, at_a, contacts)
-    joint_force = np.stack([at_o, at_a, at_b], axis=1)
-    return joint_force, guide_force(scene, joint_force, acceleration[:, SLIDER, 1]), torque
+    joint_force = known.get("O", force[:, CRANK])[:, None]
+    if scene.is_crank_slider:
+        crank, rod, slider = np.moveaxis(force, 1, 0)
+        if "B" in known:
+            at_b = known["B"]
+        elif "A" in known:
+            at_b = known["A"] - rod
+        elif "O" in known:
+            at_b = known["O"] - crank - rod
+        else:
+            at_b = _force_by_spin(scene, position, acceleration, rod, slider)
+        at_a = known.get("A", rod + at_b)
+        joint_force = np.stack([known.get("O", crank + at_a), at_a, at_b], axis=1)
+    guide = guide_force(scene, joint_force, acceleration[:, -1, 1])
+    return joint_force, guide, _driver_torque(scene, position, acceleration, joint_force, contacts)
 
 
 def guide_force(
@@ -97,22 +93,20 @@ def _driver_torque(
     scene: Scene,
     position: FloatArray,
     acceleration: FloatArray,
-    at_o: FloatArray,
-    at_a: FloatArray,
+    joint_force_N: FloatArray,
     contacts: Mapping[str, ContactForce],
 ) -> FloatArray:
-    """Return the torque (n,) that the crank's angular momentum asks for beside its joints' forces (n, 2)."""
+    """Return the torque (n,) that the crank's angular momentum asks for beside its joints' forces."""
     along = axis(position[:, CRANK, 2])
     s, r = scene.crank.centre_of_mass_m, scene.crank.length_m
-    spin = scene.crank.inertia_kg_m2 * acceleration[:, CRANK, 2]
-    torque = spin + s * cross(along, at_o) + (r - s) * cross(along, at_a)
-    for joint in ("O", "A"):
-        contact = contacts.get(joint)
-        if contact is None or contact.friction_force_N is None:
-            continue
-        bearing, pin = levers(getattr(scene.clearance, joint), contact.penetration_m)
-        # The crank is the pin at O and the bearing at A.
-        torque += (-pin if joint == "O" else bearing) * contact.friction_force_N
+    torque = scene.crank.inertia_kg_m2 * acceleration[:, CRANK, 2] + s * cross(along, joint_force_N[:, 0])
+    if scene.is_crank_slider:
+        torque += (r - s) * cross(along, joint_force_N[:, 1])
+    for joint, contact in contacts.items():
+        if joint != "B" and contact.friction_force_N is not None:
+            bearing, pin = levers(clearances(scene)[joint], contact.penetration_m)
+            # The crank is the pin at O and the bearing at A.
+            torque += (-pin if joint == "O" else bearing) * contact.friction_force_N
     return np.asarray(torque)
 
 

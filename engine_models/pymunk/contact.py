@@ -25,6 +25,7 @@ import pymunk
 
 from engine_models.engine import UnsupportedScene
 from engine_models.mechanics.contact_law import NormalLaw, friction_share
+from engine_models.mechanics.joints import clearances
 from engine_models.pymunk.contact_log import ContactStep
 from engine_models.pymunk.pin import PinInBearing, Touch
 from engine_models.scene.scene import Clearance, Clearances, Scene
@@ -39,7 +40,7 @@ def rigid_twin(scene: Scene) -> Scene:
     Raises:
         UnsupportedScene: Kelvin-Voigt's restitution depends on the masses.
     """
-    joints = {name: _rigid(name, getattr(scene.clearance, name)) for name in scene.joints_with_clearance}
+    joints = {name: _rigid(name, clearance) for name, clearance in clearances(scene).items()}
     return scene.model_copy(update={"clearance": Clearances(**joints)}) if joints else scene
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pymunk
 
-from engine_models.mechanics.joints import End, ends
+from engine_models.mechanics.joints import End, clearances, ends
 from engine_models.mechanics.start_check import checked_start
 from engine_models.pymunk.contact import PinContact
 from engine_models.pymunk.pin import PinInBearing
@@ -85,10 +85,7 @@ def build(scene: Scene, iterations: int, error_bias: float) -> tuple[pymunk.Spac
 def pins(scene: Scene, space: pymunk.Space, bodies: Bodies) -> list[PinInBearing]:
     """Return the pins of the joints with clearance, in the order O, A, B."""
     sides = _sides(scene, space, bodies)
-    return [
-        PinInBearing(name, *sides[name], getattr(scene.clearance, name))
-        for name in scene.joints_with_clearance
-    ]
+    return [PinInBearing(name, *sides[name], clearance) for name, clearance in clearances(scene).items()]
 
 
 def _sides(scene: Scene, space: pymunk.Space, bodies: Bodies) -> dict[str, tuple[Place, Place]]:

@@ -15,7 +15,7 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, gaps
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, gaps
 from engine_models.mechanics.reactions import reactions
 from engine_models.mechanics.samples import joined, selected
 from engine_models.mechanics.trajectory import trajectory_of
@@ -44,7 +44,7 @@ class Samples:
 
     def __init__(self, model: Model, settings: RunSettings, half_kick_start: bool) -> None:
         self.timing, self._scene, self._contacts = Timing(model.scene, settings), model.scene, model.contacts
-        self._half_kick_start = half_kick_start
+        self._clearances, self._half_kick_start = clearances(model.scene), half_kick_start
         self._logs = {name: ContactLog() for name in model.contacts}
         self._parts: list[dict[str, FloatArray]] = []
         self._contact_parts: dict[str, list[Contact]] = {name: [] for name in self._logs}
@@ -61,7 +61,7 @@ class Samples:
         rigid = []
         for name, log in self._logs.items():
             log.add(self._contacts[name].taken())
-            if getattr(scene.clearance, name).law == "rigid":
+            if self._clearances[name].law == "rigid":
                 rigid.append(log.touches)
         before = self._last_v
         if len(v):
@@ -75,7 +75,7 @@ class Samples:
         # A kick's work is half done at its own time, unless it strikes: then all is to come (or all over).
         share = np.where(struck, 0.0 if self._half_kick_start else 1.0, 0.5)
         contacts = {
-            name: log.contact(getattr(scene.clearance, name), gap[name], wanted, share, dt)
+            name: log.contact(self._clearances[name], gap[name], wanted, share, dt)
             for name, log in self._logs.items()
         }
         force, guide, torque = reactions(scene, position, acceleration, contacts)
@@ -183,17 +183,17 @@ def require_the_mechanism(
             longer than the crank and the clearances never does.
     """
     distance = {name: np.hypot(gap[:, 0], gap[:, 1]) for name, gap in gap_m.items()}
-    clearances = {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
+    room = clearances(scene)
     checks = [
         (distance[name] <= clearance.bearing_radius_m, f"pin through the wall of its bearing at joint {name}")
-        for name, clearance in clearances.items()
+        for name, clearance in room.items()
     ]
-    apart = [np.zeros(len(position)), *(distance[name] for name in scene.joints if name not in clearances)]
+    apart = [np.zeros(len(position)), *(distance[name] for name in scene.joints if name not in room)]
     if scene.is_crank_slider:
         apart.append(np.abs(position[:, SLIDER, 1]))
         crank, rod, _ = scene.crank_slider()
-        room = sum(clearance.radial_clearance_m for clearance in clearances.values())
-        if rod.length_m >= crank.length_m + room:
+        reach = crank.length_m + sum(clearance.radial_clearance_m for clearance in room.values())
+        if rod.length_m >= reach:
             checks.append((~(np.cos(position[:, ROD, 2]) <= 0), "rod turned over"))
     worst = np.max(apart, axis=0)
     checks.append(

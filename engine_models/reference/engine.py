@@ -16,6 +16,7 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.energy import require_energy
+from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
@@ -59,7 +60,7 @@ class ReferenceEngine:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
         if self.method == "dop853" and not self.locate_events:
             raise UnsupportedScene("reference needs locate_events with method = dop853")
-        rigid = any(getattr(scene.clearance, name).law == "rigid" for name in scene.joints_with_clearance)
+        rigid = any(clearance.law == "rigid" for clearance in clearances(scene).values())
         if rigid and not (self.stabilisation == "projection" and self.locate_events):
             raise UnsupportedScene(
                 "reference runs rigid contact with stabilisation = projection and locate_events only"

@@ -5,6 +5,7 @@ from dataclasses import fields
 import numpy as np
 
 from engine_models.engine import JOINTS, Contact, Impacts, Trajectory
+from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.trajectory import contact_of, trajectory_of
 from engine_models.scene.scene import Clearance, Scene
 from reference_solver.equations import row_slices
@@ -37,7 +38,8 @@ def trajectory_of_solution(
         steps=solution.steps,
         solve_time_s=solve_time_s,
         contacts={
-            name: _contact(getattr(scene.clearance, name), solution, k) for k, name in enumerate(joint_names)
+            name: _contact(clearance, solution, k)
+            for k, (name, clearance) in enumerate(clearances(scene).items())
         },
         stabilisation_loss_J=solution.stabilisation_loss_J if stabilised else None,
     )

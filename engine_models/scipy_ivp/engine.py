@@ -15,6 +15,7 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
+from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
@@ -65,9 +66,7 @@ class ScipyEngine:
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where a contact is rigid: its impulses and rows are no part of an ODE."""
-        joints = [
-            name for name in scene.joints_with_clearance if getattr(scene.clearance, name).law == "rigid"
-        ]
+        joints = [name for name, clearance in clearances(scene).items() if clearance.law == "rigid"]
         if joints:
             raise UnsupportedScene(
                 "scipy integrates smooth right-hand sides: it has no impacts and no rows that come and go "
