@@ -34,6 +34,7 @@ from engine_models.mechanics.joints import (
     levers,
     penetration_m,
 )
+from engine_models.mechanics.reactions import ContactForces
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.scene.scene import Clearance, Clearances, Scene
 
@@ -92,18 +93,10 @@ def _native_twin(name: str, clearance: Clearance) -> Clearance:
 
 
 @dataclass(frozen=True)
-class ContactStates:
-    """A contact at n times: ``gap_m`` (n, 2), all else (n,); forces and signs as in ``Contact``.
+class ContactStates(ContactForces):
+    """A contact's forces, the rate (n,) of its penetration, and what normal force and friction dissipate."""
 
-    ``rate_m_s`` is the penetration's derivative, ``damping_W`` and ``friction_W`` are what normal force and
-    friction dissipate.
-    """
-
-    gap_m: FloatArray
-    penetration_m: FloatArray
     rate_m_s: FloatArray
-    normal_force_N: FloatArray
-    friction_force_N: FloatArray
     damping_W: FloatArray
     friction_W: FloatArray
 
@@ -132,9 +125,8 @@ def contact_states(scene: Scene, joint: str, motion: Motion, time_s: FloatArray)
     if clearance.friction is not None:
         share = np.clip(sliding / clearance.friction.regularisation_speed_m_s, -1.0, 1.0)
         friction = -clearance.friction.coefficient * force * share
-    return ContactStates(
-        between.gap_m, penetration, rate, force, friction, damping * rate**2, -friction * sliding
-    )
+    losses = damping * rate**2, -friction * sliding
+    return ContactStates(between.gap_m, penetration, force, friction, rate, *losses)
 
 
 def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray) -> Contact:

@@ -103,9 +103,9 @@ class Motion:
         return q, np.where(short, v0 + s * (v1 - v0), v), np.where(short, a0 + s * (a1 - a0), a)
 
 
-def integral(grid: FloatArray, rates: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Return the integrals of rates (m, n) of times (n,) from the grid's (g,) start to its times, (m, g)."""
+def integral(grid: FloatArray, integrands: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the integrals of functions (m, n) of time (n,) from a grid's start to its times (g,), (m, g)."""
     width = np.diff(grid)
-    values = rates((grid[:-1, None] + width[:, None] * POINTS).ravel())
+    values = integrands((grid[:-1, None] + width[:, None] * POINTS).ravel())
     pieces = values.reshape(len(values), -1, len(POINTS)) @ WEIGHTS * width
     return np.concatenate([np.zeros((len(values), 1)), np.cumsum(pieces, axis=1)], axis=1)

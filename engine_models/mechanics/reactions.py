@@ -5,37 +5,30 @@ slider; its opposite acts on the body nearer to the crank pivot. Global frame, g
 """
 
 from collections.abc import Mapping
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import JOINTS, FloatArray
+from engine_models.engine import JOINTS, Contact, FloatArray
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, cross, directions, levers
 from engine_models.scene.scene import Scene
 
 
-class ContactForce(Protocol):
-    """The forces of a joint with clearance and where they act, as in ``engine.Contact``."""
+@dataclass(frozen=True)
+class ContactForces:
+    """The forces of a joint with clearance and where they act; shapes and signs as in ``engine.Contact``."""
 
-    @property
-    def gap_m(self) -> FloatArray:
-        """From the bearing's centre to the pin's, (n, 2)."""
-
-    @property
-    def penetration_m(self) -> FloatArray:
-        """Negative in flight, (n,)."""
-
-    @property
-    def normal_force_N(self) -> FloatArray:
-        """Towards the bearing's centre, (n,)."""
-
-    @property
-    def friction_force_N(self) -> FloatArray | None:
-        """On the pin, 90 degrees counter-clockwise of the gap, (n,)."""
+    gap_m: FloatArray
+    penetration_m: FloatArray
+    normal_force_N: FloatArray
+    friction_force_N: FloatArray
 
 
 def reactions(
-    scene: Scene, position: FloatArray, acceleration: FloatArray, contacts: Mapping[str, ContactForce]
+    scene: Scene,
+    position: FloatArray,
+    acceleration: FloatArray,
+    contacts: Mapping[str, Contact | ContactForces],
 ) -> tuple[FloatArray, FloatArray | None, FloatArray]:
     """Return joint forces (n, joints, 2) and guide normal force (n,) in N, driver torque (n,) in N m.
 
@@ -44,7 +37,7 @@ def reactions(
     slider first. With clearance in any joint its force is known, and the others follow from those of the
     bodies between. Without, the rod's spin is needed: its levers are those of its own pins, so that its
     balance is exact even where the pins have come apart a little; singular where the rod is at right angles
-    to the guide.
+    to the guide. The torque is what the crank's angular momentum asks for beside its joints' forces.
     """
     masses = np.array([body.mass_kg for body in scene.bodies])
     # All forces on each body but its weight.
@@ -80,7 +73,7 @@ def guide_force(
     return np.asarray(slider - joint_force_N[:, JOINTS.index("B"), 1])
 
 
-def contact_force(contact: ContactForce) -> FloatArray:
+def contact_force(contact: Contact | ContactForces) -> FloatArray:
     """Return the force on the pin of a joint with clearance, (n, 2) in N."""
     normal, across = directions(contact.gap_m)
     force = -contact.normal_force_N[:, None] * normal
@@ -94,7 +87,7 @@ def _driver_torque(
     position: FloatArray,
     acceleration: FloatArray,
     joint_force_N: FloatArray,
-    contacts: Mapping[str, ContactForce],
+    contacts: Mapping[str, Contact | ContactForces],
 ) -> FloatArray:
     """Return the torque (n,) that the crank's angular momentum asks for beside its joints' forces."""
     along = axis(position[:, CRANK, 2])

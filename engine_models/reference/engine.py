@@ -29,7 +29,7 @@ from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, ErrorControl, Stab
 #: The smallest tolerance, some times round-off, and one to begin with.
 SHARPEST, LOOSE = 1e-14, 1e-6
 #: The step at which a contact takes ``steps_per_contact`` steps.
-STEP_OF_RATES_S = 1e-5
+STEP_OF_CONTACT_STEPS_S = 1e-5
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -44,7 +44,7 @@ class ReferenceEngine:
     both. Without ``locate_events`` every step has the run's length, as in the paper.
 
     ``method = dop853`` takes steps up to the run's longest that are in error by the ``tolerance``: a part of
-    the mechanism's longest arm, a radian, and both times the rate of its start (see ``ErrorControl``).
+    the mechanism's longest lever, a radian, and both times the rate of its start (see ``ErrorControl``).
     """
 
     method: Literal["rk4", "dop853"] = "rk4"
@@ -109,7 +109,7 @@ class ReferenceEngine:
         return compile_time_s(self, scene, settings)
 
     def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        choice, compiled = self._rates(scene, settings), self.kernel == "compiled"
+        choice, compiled = self._step_choice(scene, settings), self.kernel == "compiled"
         return reference_run(scene, settings, choice, self._stabilisation(), compiled)
 
     def _stabilisation(self) -> Stabilisation:
@@ -117,9 +117,9 @@ class ReferenceEngine:
             return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
         return self.stabilisation
 
-    def _rates(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
+    def _step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
         if self.method == "dop853":
             return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s))
         step = settings.step_used_s(scene.end_time_s)
-        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * STEP_OF_RATES_S / step)
+        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * STEP_OF_CONTACT_STEPS_S / step)
         return StepChoice(step, per_contact, self.locate_events)
