@@ -13,7 +13,7 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
-from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Scene
 from studies.judges.converged import converged, followed

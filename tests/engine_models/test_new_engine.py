@@ -26,9 +26,9 @@ def its_cases(study: str, full: bool) -> list[Case]:
 
 @pytest.mark.parametrize("study", runner.STUDIES)
 def test_a_new_engine_takes_part_in_every_study(study: str) -> None:
-    found = its_cases(study, full=False)
-    assert found
-    row: dict[str, Any] = runner.run_case(found[0])[0]
+    cases = its_cases(study, full=False)
+    assert cases
+    row: dict[str, Any] = runner.run_case(cases[0])[0]
     assert row["engine"] == NAME
     assert row["status"] in ("ok", "unsupported"), row["reason"]
 

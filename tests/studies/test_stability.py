@@ -12,7 +12,7 @@ import pytest
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from reports.chapters.stability import cells as stability_cells
 from reports.chapters.stability import chapter
 from reports.chapters.stability.cells import map_rows
