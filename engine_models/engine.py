@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 #: Validation of an engine's settings, for ``pydantic.dataclasses.dataclass(frozen=True, config=...)``.
 SETTINGS_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 
+BODIES = ("crank", "rod", "slider")
 JOINTS = ("O", "A", "B")
 
 
