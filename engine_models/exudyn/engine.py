@@ -6,13 +6,7 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field
 
-from engine_models.engine import (
-    SETTINGS_CONFIG,
-    RunSettings,
-    Trajectory,
-    UnsupportedScene,
-    require_finite,
-)
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
 from engine_models.exudyn.build import load_build, require_build
 from engine_models.exudyn.contact import native_twin
 from engine_models.mechanics.start_check import unwound, wound

@@ -183,16 +183,16 @@ def require_the_mechanism(
             longer than the crank and the clearances never does.
     """
     distance = {name: np.hypot(gap[:, 0], gap[:, 1]) for name, gap in gap_m.items()}
-    room = clearances(scene)
+    clearance_of = clearances(scene)
     checks = [
         (distance[name] <= clearance.bearing_radius_m, f"pin through the wall of its bearing at joint {name}")
-        for name, clearance in room.items()
+        for name, clearance in clearance_of.items()
     ]
-    apart = [np.zeros(len(position)), *(distance[name] for name in scene.joints if name not in room)]
+    apart = [np.zeros(len(position)), *(distance[name] for name in scene.joints if name not in clearance_of)]
     if scene.is_crank_slider:
         apart.append(np.abs(position[:, SLIDER, 1]))
         crank, rod, _ = scene.crank_slider()
-        reach = crank.length_m + sum(clearance.radial_clearance_m for clearance in room.values())
+        reach = crank.length_m + sum(clearance.radial_clearance_m for clearance in clearance_of.values())
         if rod.length_m >= reach:
             checks.append((~(np.cos(position[:, ROD, 2]) <= 0), "rod turned over"))
     worst = np.max(apart, axis=0)

@@ -8,13 +8,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import (
-    SETTINGS_CONFIG,
-    RunSettings,
-    Trajectory,
-    UnsupportedScene,
-    require_finite,
-)
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory

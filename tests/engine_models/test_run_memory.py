@@ -20,15 +20,15 @@ ALIKE = 1.5
 
 def arrays(record: Any) -> dict[str, bytes]:
     """Return all numbers of a trajectory or a contact, bit by bit."""
-    numbers: dict[str, bytes] = {}
+    found: dict[str, bytes] = {}
     for name, value in vars(record).items():
         if isinstance(value, np.ndarray):
-            numbers[name] = value.tobytes()
+            found[name] = value.tobytes()
         elif name == "impacts":
-            numbers |= arrays(value)
+            found |= arrays(value)
         elif name == "contacts":
-            numbers |= {f"{joint} {key}": x for joint, c in value.items() for key, x in arrays(c).items()}
-    return numbers
+            found |= {f"{joint} {key}": x for joint, c in value.items() for key, x in arrays(c).items()}
+    return found
 
 
 def short_run(name: str, steps: int, samples: int) -> Trajectory:
