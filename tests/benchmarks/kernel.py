@@ -22,8 +22,8 @@ from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
-from tests.reference_solver.test_chains import chain, chain_start
-from tests.reference_solver.test_kernel import scene_case, topology_of
+from tests.helpers.chains import chain, chain_start
+from tests.helpers.kernels import scene_case, topology_of
 
 FloatArray = NDArray[np.float64]
 #: Takes a turn as long as the number given, in units of its own; returns its seconds and its steps.

@@ -27,8 +27,8 @@ from reference_solver.equations import Equations
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from tests.helpers.crank_sliders import FINE, HORIZON_S, POSITION_M, short, solved
 from tests.independent.clearance import integrate
-from tests.reference_solver.contact.test_crank_slider import FINE, HORIZON_S, POSITION_M, short, solved
 
 FloatArray = NDArray[np.float64]
 
