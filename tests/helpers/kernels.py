@@ -11,16 +11,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.compiled.faces import CompiledFace, ReadableFace
 from reference_solver.compiled.kernel import Topology
-from reference_solver.contact.types import (
-    CLOCK_RECORD,
-    CONTACT_RECORD,
-    DONE,
-    EVENT_RECORD,
-    Motion,
-    Records,
-    new_motion,
-    new_work,
-)
+from reference_solver.contact.types import CONTACT_RECORD, DONE, Motion, new_run
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.mechanism import (
     GROUND,
@@ -104,16 +95,16 @@ def stepped(
 
     The mechanism has no contacts, and ``rows`` rows. The sums are the drivers' work, and what is removed.
     """
-    motion, contacts, clock = new_motion(len(q), 2, 0), np.zeros(0, CONTACT_RECORD), np.zeros(1, CLOCK_RECORD)
-    motion.q[:], motion.v[:] = q, v
-    clock["longest"], clock["end"], clock["located"], clock["budget"] = h, count * h, 1, count
-    times = np.array([0.0, count * h])
-    log = np.zeros(1, EVENT_RECORD), np.zeros((1, 2))
-    records = Records(*log, times, *(np.zeros((2, size)) for size in (len(q), len(q), 2, 0, rows, 0)))
-    assert face.advance(contacts, motion, clock, records, new_work(len(q), 2, 0, rows)) == DONE
-    assert clock["steps"] == count
-    assert (records.q[1] == motion.q).all()
-    return motion, records.multipliers[0]
+    times, contacts = np.array([0.0, count * h]), np.zeros(0, CONTACT_RECORD)
+    run = new_run(contacts, (len(q), 2, rows), times, 5, 1)
+    run.old.q[:], run.old.v[:] = q, v
+    (now,) = run.clock
+    now["longest"], now["end"], now["located"], now["budget"] = h, count * h, 1, count
+    assert face.advance(run) == DONE
+    assert now["steps"] == count
+    size = len(run.old.y)
+    assert (run.records.samples[1, :size] == run.old.y).all()
+    return run.old, run.records.samples[0, size:]
 
 
 def check_faces(

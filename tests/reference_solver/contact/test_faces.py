@@ -13,7 +13,7 @@ from reference_solver.compiled.faces import ReadableFace
 from reference_solver.compiled.kernel import source_of
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact.force import contact_force
-from reference_solver.contact.types import CONTACT_RECORD, FLIGHT, Rates, new_motion
+from reference_solver.contact.types import CONTACT_RECORD, FLIGHT, START, new_run
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
 from reference_solver.mechanism.mechanism import GROUND
@@ -37,7 +37,9 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     parameters = topology.parameters(kernel, at.q_start)
     contacts = np.array([contact_record(joint) for joint in at.mechanism.contacts], CONTACT_RECORD)
     contacts["phase"], contacts["memory"] = at.phases.T
-    old, new, again, true = (new_motion(len(at.q), len(names), len(contacts)) for _ in range(4))
+    sizes = len(at.q), len(names), len(equations.C)
+    run, of_readable = (new_run(contacts, sizes, np.zeros(0), 5, 0) for _ in range(2))
+    old, new, again, true = run.old, run.new, run.at, of_readable.new
     old.q[:], old.v[:] = at.q, at.v
     assert kernel.step(parameters, contacts, at.t, at.h, old, new)
     q, v, sums = new.q, new.v, new.sums
@@ -45,9 +47,9 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     assert kernel.gaps(parameters, contacts, at.t + at.h, again)
     for field, scale in (("depth", np.abs(q).max()), ("rate", np.abs(v).max())):
         assert np.abs(new.gaps[field] - again.gaps[field]).max() <= ROUND_OFF * scale
-    a, powers, lambda_ = np.empty_like(at.q), np.empty(len(names)), np.empty(len(equations.C))
-    rates = Rates(a, powers, lambda_, np.empty(2 * len(contacts)))
-    assert kernel.slopes(parameters, contacts, at.t, old, rates)
+    assert kernel.slopes(parameters, contacts, at.t, START, 1.0, old.y, run.slopes)
+    rate, a, powers, lambda_, forces = np.split(run.slopes[START], np.cumsum([old.n, *sizes]))
+    assert (rate == old.v).all()
 
     assert readable.step(None, contacts, at.t, at.h, old, true)
     true_a, true_lambda = equations.accelerations(at.t, at.q, at.v, at.phases)
@@ -74,7 +76,7 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     for name, (one, other, tolerance) in compared.items():
         difference = np.abs(one - other).max(initial=0.0)
         assert difference <= tolerance, f"{name}: {difference:.1e}, {tolerance:.1e} expected"
-    check_losses(at, dict(zip(names[1:-1], powers[1:-1], strict=True)), rates.forces)
+    check_losses(at, dict(zip(names[1:-1], powers[1:-1], strict=True)), forces)
 
 
 def check_losses(at: Moment, rates: dict[str, float], forces: FloatArray) -> None:
