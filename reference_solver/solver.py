@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.contact.types import (
     CONTACT,
@@ -37,12 +36,12 @@ from reference_solver.mechanism.scales import scales_of
 from reference_solver.methods import RK4, dop853
 from reference_solver.rigid.settling import Settling
 from reference_solver.solution import ModeChange, Solution, contact_impacts
+from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
     from reference_solver.compiled.faces import CompiledFace, ReadableFace
     from reference_solver.compiled.kernel import Topology
 
-FloatArray = NDArray[np.float64]
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
@@ -313,7 +312,7 @@ class Solver:
         raise NonFiniteState(t + h, h)
 
     def _solution(
-        self, run: Run, events: NDArray[np.void], event_sums: FloatArray, settling: Settling, took_s: float
+        self, run: Run, events: RecordArray, event_sums: FloatArray, settling: Settling, took_s: float
     ) -> Solution:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]

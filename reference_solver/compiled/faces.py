@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.compiled.kernel import Topology, slopes_of, source_of
 from reference_solver.compiled.store import callee, compiled, load_kernel
@@ -17,9 +16,7 @@ from reference_solver.contact.types import DONE, FAILED, SAMPLE, SPENT, Motion, 
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State
 from reference_solver.methods import step
-
-FloatArray = NDArray[np.float64]
-RecordArray = NDArray[np.void]
+from reference_solver.tape import FloatArray, RecordArray
 
 
 class CompiledFace:

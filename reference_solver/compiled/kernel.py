@@ -14,7 +14,6 @@ from itertools import count, pairwise
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.contact.force import gap
 from reference_solver.equations import Answer, Baumgarte, Equations
@@ -22,9 +21,18 @@ from reference_solver.lifting import lifted
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, Step, step
-from reference_solver.tape import Array, Parameters, Scalar, Tape, Value, Writer, array, both, named
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import (
+    Array,
+    FloatArray,
+    Parameters,
+    Scalar,
+    Tape,
+    Value,
+    Writer,
+    array,
+    both,
+    named,
+)
 
 HEADER = '''"""Generated from a mechanism's topology by reference_solver.compiled.kernel."""
 

@@ -21,26 +21,7 @@ from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver import methods
 from reference_solver.contact import loop, types
-from reference_solver.contact.loop import (
-    ARRAY,
-    CONTACTS,
-    INNER,
-    MOBILITIES,
-    MOTION,
-    OPTIONS,
-    SLOPES,
-    advance_type,
-    alarm,
-    close_at_start,
-    due,
-    gone_off,
-    in_flight,
-    note,
-    on_quintic,
-    settled,
-    turned_back,
-    write,
-)
+from reference_solver.contact.loop import ARRAY, CONTACTS, INNER, MOBILITIES, MOTION, OPTIONS, SLOPES
 from reference_solver.contact.types import END, FAILED, FLIGHT, GO, SETTLE, START
 from reference_solver.methods import dop853
 
@@ -92,7 +73,7 @@ class Kernel(NamedTuple):
 
 
 KERNEL = NumbaTuple((SLOPES, AT_STATE, AT_STATE, MOBILITIES), Kernel)
-ADVANCE = advance_type(KERNEL)
+ADVANCE = loop.advance_type(KERNEL)
 
 
 class Course(NamedTuple):
@@ -101,6 +82,14 @@ class Course(NamedTuple):
     origin: float
     sign: float
     begin: float
+
+
+class Step(NamedTuple):
+    """A step: how time goes over it, its length in s, and the time at its end."""
+
+    course: Course
+    H: float
+    end: float
 
 
 # ------------------------------------------------------------------------------------------ time
@@ -252,9 +241,9 @@ def value_on(run, t, h, x, event):
     """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
     at, n = run.at, run.old.n
     for c in range(n):
-        at.y[c], at.y[n + c] = on_quintic(run, h, c, x)
+        at.y[c], at.y[n + c] = loop.on_quintic(run, h, c, x)
     run.kernel.gaps(run.p, run.contacts, t + x * h, at)
-    return alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
+    return loop.alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
 
 
 @register_jitable(**INNER)
@@ -300,7 +289,7 @@ def root(run, t, h, event, low, high):
 def passed(contact, gap, new_gap, kind):
     """Return whether an event lies within a step, by both its ends."""
     if kind == 1 or contact.rigid != 0.0:
-        return gone_off(contact, new_gap, kind)
+        return loop.gone_off(contact, new_gap, kind)
     outwards = 1.0 if contact.phase == FLIGHT else -1.0
     begin, end = outwards * gap.g, outwards * new_gap.g
     # What begins past its wall by round-off, on its way back, is past it still while it comes nearer.
@@ -335,7 +324,7 @@ def first_event(run, t, h, noise, skip):
                 high = 1.0
                 if kind == 0 and rising != (contact.phase == FLIGHT):
                     low = turning(run, t, h, k, rising)
-            elif kind == 0 and turned_back(contact, gap, new_gap):
+            elif kind == 0 and loop.turned_back(contact, gap, new_gap):
                 high = turning(run, t, h, k, rising)
                 if run.at.gaps[k].g <= max(noise, contact.noise):
                     continue
@@ -347,49 +336,48 @@ def first_event(run, t, h, noise, skip):
 
 
 @register_jitable(**INNER)
-def land(run, course, H, t, end, event):
-    """End the step from t on an event near a time; return its course, length in s and end, NaN if it cannot.
+def land(run, step, t, end, event, taken):
+    """End the step from t on an event near a time; return it, with NaN for its end if it cannot.
 
     By Newton's method on the gap, of which a step from the same start is a smooth function of its end; a
-    change of the force's sign has to be past. H is that of the step which has been taken, NaN if another is
-    to be.
+    change of the force's sign has to be past. ``taken`` is whether the step has been taken already.
     """
-    k, exact, begin, latest = event // 2, event % 2 == 0, course.begin, t + 1.5 * (end - t)
+    k, exact, latest, (course, H, _) = event // 2, event % 2 == 0, t + 1.5 * (end - t), step
     contact, gap, control, least = run.contacts[k], run.new.gaps[k], run.control[0], round_off(run)
     if contact.rigid == 0.0:
         close = min(LANDING * control.tolerance * control.length, LANDING_CLEARANCE * contact.clearance)
         least = max(least, close)
     for trials in range(LANDINGS):
-        if trials > 0 or np.isnan(H):
+        if trials > 0 or not taken:
             if course.sign < 0.0 and exact:
-                begin = np.sqrt(end - t)
-                course, H = Course(end, -1.0, begin), -begin
+                course = Course(end, -1.0, np.sqrt(end - t))
+                H = -course.begin
             else:
-                H = place_at(course, end) - begin
+                H = place_at(course, end) - course.begin
             if not trial(run, course, H) < 10.0 or not finish(run, end):
                 break
         if exact:
             more = -gap.g / gap.rate
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
-                return course, H, end
+                return Step(course, H, end)
             if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
                 break
         else:
             more = PAST * (end - t) * 100.0**trials
-            if alarm(contact, gap, 1) > 0.0:
-                return course, H, end
+            if loop.alarm(contact, gap, 1) > 0.0:
+                return Step(course, H, end)
         end += more
-    return course, 0.0, np.nan
+    return Step(course, 0.0, np.nan)
 
 
 # -------------------------------------------------------------------------------- dense output
 
 
 @register_jitable(**INNER)
-def within(run, course, H, end):
+def within(run, step):
     """Write the samples before the end of a step by the method's own interpolant, of order 7 in s."""
     y, new_y, at_y, slopes = run.old.y, run.new.y, run.at.y, run.slopes
-    now, times, ok = run.clock[0], run.records.time, True
+    now, times, ok, (course, H, end) = run.clock[0], run.records.time, True, step
     _, first = time_at(course, course.begin)
     _, last = time_at(course, course.begin + H)
     for c in range(len(y)):
@@ -418,7 +406,7 @@ def within(run, course, H, end):
             for i in range(DENSE_ROWS - 1, -1, -1):
                 change = (change + slopes[DENSE_ROW + i, c]) * (x if i % 2 == 0 else 1.0 - x)
             at_y[c] = y[c] + change
-        ok = write(run, time, run.at) and ok
+        ok = loop.write(run, time, run.at) and ok
     return ok
 
 
@@ -426,70 +414,79 @@ def within(run, course, H, end):
 
 
 @register_jitable(**INNER)
-def follow(run):
-    """Take a step, to the first event at most, or find that it has to be shorter; return how that ended."""
-    contacts, old, new = run.contacts, run.old, run.new
-    now, control = run.clock[0], run.control[0]
-    t, careful = now.time, control.rejected != 0
-    h = in_flight(contacts, old.gaps, min(control.step, now.longest), FLIGHT_PART)
-    course, H, releasing = course_of(contacts, old.gaps, t, h, careful)
+def chosen(run):
+    """Return the step to try, and the contact that is released at its end, or -1."""
+    contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
+    h = loop.in_flight(contacts, gaps, min(control.step, now.longest), FLIGHT_PART)
+    course, H, releasing = course_of(contacts, gaps, now.time, h, control.rejected != 0)
     end, _ = time_at(course, course.begin + H)
-    last = end >= now.end - 1e-9 * (now.end - t)
-    if last:
+    if end >= now.end - 1e-9 * (now.end - now.time):
         end, releasing = now.end, -1
         H = place_at(course, end) - course.begin
-    duration = end - t
-    now.tried = duration
-    error = trial(run, course, H) / max(1.0, noise(contacts, old.gaps, control, duration))
-    if error <= 1.0 and not finish(run, end):
+    now.tried = end - now.time
+    return Step(course, H, end), releasing
+
+
+@register_jitable(**INNER)
+def tried(run, step):
+    """Take a step; return its error over the tolerance, and the factor by which it changes."""
+    contacts, control, duration = run.contacts, run.control[0], run.clock[0].tried
+    error = trial(run, step.course, step.H) / max(1.0, noise(contacts, run.old.gaps, control, duration))
+    if error <= 1.0 and not finish(run, step.end):
         error = np.inf
-    if error <= 1.0 and in_flight(contacts, new.gaps, duration, FLIGHT_PART) < 0.5 * duration:
+    if error <= 1.0 and loop.in_flight(contacts, run.new.gaps, duration, FLIGHT_PART) < 0.5 * duration:
         error = np.inf
-    factor = changed(error, control.error, careful)
-    if not error <= 1.0:
-        return again(control, t, lasting(course, H * factor))
-    event, place = first_event(run, t, duration, round_off(run), -1)
+    return error, changed(error, control.error, control.rejected != 0)
+
+
+@register_jitable(**INNER)
+def cut(run, step, releasing):
+    """Return a step that has been taken, or the one to the first event in it, the event, and its place.
+
+    Without an event that is -1; the end is NaN where the step is to be tried again, and a place of 0 says
+    that the event has been passed by the round-off of one that came with it.
+    """
+    contacts, gaps, t = run.contacts, run.new.gaps, run.clock[0].time
+    event, place = first_event(run, t, step.end - t, round_off(run), -1)
     if releasing >= 0 and event < 0:
-        gap = new.gaps[releasing]
-        if gap.rate < 0.0 and gap.g < -0.2 * duration * gap.rate:
+        gap = gaps[releasing]
+        if gap.rate < 0.0 and gap.g < -0.2 * (step.end - t) * gap.rate:
             event = 2 * releasing
     for _ in range(2 * len(contacts)):  # another event may turn out to come before, if they are close
         if event < 0 or place <= 0.0:
             break
-        if place < 1.0:
-            course, H, end = land(run, course, np.nan, t, t + place * (end - t), event)
-        else:
-            course, H, end = land(run, course, H, t, end, event)
-        if not end >= t:
-            return again(control, t, 0.5 * duration)
-        other, place = first_event(run, t, end - t, round_off(run), event)
+        step = land(run, step, t, t + place * (step.end - t), event, place >= 1.0)
+        if np.isnan(step.end):
+            return step, event, place
+        other, place = first_event(run, t, step.end - t, round_off(run), event)
         if other < 0:
             break
         event = other
-    if event < 0 and unseen(contacts, new.gaps):
-        return again(control, t, 0.5 * duration)
-    if event >= 0 and place <= 0.0:  # it has been passed by the round-off of one that came with it
-        now.steps += 1
-        return meet(run, event)
-    inside = now.taken < len(run.records.time) and run.records.time[now.taken] < end
-    if inside and not within(run, course, H, end):
+    if event < 0 and unseen(contacts, gaps):
+        step = Step(step.course, step.H, np.nan)
+    return step, event, place
+
+
+@register_jitable(**INNER)
+def accept(run, step, event, error, factor):
+    """Move on to the end of a step; return how it ended."""
+    contacts, old, new = run.contacts, run.old, run.new
+    now, control, times = run.clock[0], run.control[0], run.records.time
+    if now.taken < len(times) and times[now.taken] < step.end and not within(run, step):
         return FAILED
     for c in range(len(old.y)):
         old.y[c], run.slopes[START, c] = new.y[c], run.slopes[END, c]
     for k in range(len(contacts)):
         old.gaps[k] = new.gaps[k]
-    now.time = end
-    now.steps += 1
-    settled(now, contacts, end > t)
+    loop.settled(now, contacts, step.end > now.time)
+    now.time = step.end
     control.error, control.rejected = max(error, 1e-4), 0
-    if event < 0 and not last:
-        control.step = next_step(course, H, factor)
+    if event < 0 and step.end < now.end:
+        control.step = next_step(step.course, step.H, factor)
         if control.fresh >= 0:
-            part = lasting(course, H * factor) / contacts[control.fresh].duration_s
+            part = lasting(step.course, step.H * factor) / contacts[control.fresh].duration_s
             control.first_part, control.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
-    if event < 0:
-        return GO
-    return meet(run, event)
+    return GO
 
 
 @register_jitable(**INNER)
@@ -511,19 +508,13 @@ def next_step(course, H, factor):
 
 
 @register_jitable(**INNER)
-def meet(run, event):
-    """Change a contact's phase at an event, and choose the step after it; return how that ended.
-
-    An event on a rigid wall is left to the caller.
-    """
-    now, control, contacts, k = run.clock[0], run.control[0], run.contacts, event // 2
-    if contacts[k].rigid != 0.0:
-        now.rigid = k
-        return SETTLE
-    closed = 0
+def go_on(run, event):
+    """Change a contact's phase at an event, and choose the step after it; return how that ended."""
+    control, contacts, k, closed = run.control[0], run.contacts, event // 2, 0
     for i in range(len(contacts)):
         closed += contacts[i].phase != FLIGHT and contacts[i].rigid == 0.0
-    note(run, event)
+    if loop.meet(run, event) == SETTLE:
+        return SETTLE
     if event % 2 == 0 and contacts[k].phase != FLIGHT:
         if closed == 0:
             control.flight_step = control.step
@@ -557,12 +548,35 @@ def noise(contacts, gaps, control, h):
     return steepest * ROUND_OFF * h / (control.tolerance * control.rate)
 
 
+@register_jitable(**INNER)
+def begin(run):
+    """Set out from where a run begins or goes on; return GO, or FAILED where there is no slope."""
+    loop.close_at_start(run)
+    return set_out(run)
+
+
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
-    close_at_start(run)
-    status = set_out(run)
+    now, control = run.clock[0], run.control[0]
+    status = begin(run)
     while status == GO:
-        status = due(run)
-        if status == GO:
-            status = follow(run)
+        if not loop.write_due(run):
+            return FAILED
+        status = loop.due(now, len(run.records.events))
+        if status != GO:
+            return status
+        first, releasing = chosen(run)
+        error, factor = tried(run, first)
+        if not error <= 1.0:
+            status = again(control, now.time, lasting(first.course, first.H * factor))
+            continue
+        step, event, place = cut(run, first, releasing)
+        if np.isnan(step.end):
+            status = again(control, now.time, 0.5 * now.tried)
+            continue
+        now.steps += 1
+        if event < 0 or place > 0.0:
+            status = accept(run, step, event, error, factor)
+        if status == GO and event >= 0:
+            status = go_on(run, event)
     return status

@@ -422,8 +422,13 @@ def suspicious(contacts, gaps, new_gaps):
 
 @register_jitable(**INNER)
 def cut(run, h):
-    """Return the first event within a step of h, -1 without one, and the step up to it, left in ``new``."""
+    """Return the first event within a step of h, -1 without one, and the step up to it, left in ``new``.
+
+    Where events are not located, it is the whole step.
+    """
     event, other = -1, first_alarm(run.contacts, run.new.gaps, -1)
+    if not run.clock[0].located:
+        return other, h
     while True:
         if other >= 0:
             shorter = locate(run, h, other)
@@ -449,17 +454,22 @@ def close_at_start(run):
 
 
 @register_jitable(**INNER)
-def due(run):
-    """Write the samples of the present time; return GO if a step is to come, or how the call ends."""
-    now, times = run.clock[0], run.records.time
-    while now.taken < len(times) and times[now.taken] <= now.time:
-        if not write(run, now.time, run.old):
-            return FAILED
+def write_due(run):
+    """Write the samples of the present time; return whether it could."""
+    now, times, ok = run.clock[0], run.records.time, True
+    while ok and now.taken < len(times) and times[now.taken] <= now.time:
+        ok = write(run, now.time, run.old)
+    return ok
+
+
+@register_jitable(**INNER)
+def due(now, log_rows):
+    """Return GO if a step is to come, or how the call ends."""
     if now.time >= now.end:
         return DONE
     if now.steps >= now.budget:
         return SPENT
-    return FULL if now.events >= len(run.records.events) else GO
+    return FULL if now.events >= log_rows else GO
 
 
 @register_jitable(**INNER)
@@ -469,6 +479,17 @@ def settled(now, contacts, moved):
         now.rigid = -1
         for k in range(len(contacts)):
             contacts[k].ignored = 0.0
+
+
+@register_jitable(**INNER)
+def meet(run, event):
+    """Change a contact's phase at an event; one on a rigid wall is left to the caller. Return how it went."""
+    contact = run.contacts[event // 2]
+    if contact.rigid == 0.0:
+        note(run, event)
+        return GO
+    run.clock[0].rigid = event // 2
+    return SETTLE
 
 
 def advance(run):
@@ -481,7 +502,9 @@ def advance(run):
     now, contacts, old, new, times = run.clock[0], run.contacts, run.old, run.new, run.records.time
     close_at_start(run)
     while True:
-        status = due(run)
+        if now.taken < len(times) and times[now.taken] <= now.time and not write_due(run):
+            return FAILED
+        status = due(now, len(run.records.events))
         if status != GO:
             return status
         t, h, landing = now.time, now.longest, now.end
@@ -497,10 +520,7 @@ def advance(run):
             return FAILED
         event, whole = -1, h
         if suspicious(contacts, old.gaps, new.gaps):
-            if now.located:
-                event, h = cut(run, h)
-            else:
-                event = first_alarm(contacts, new.gaps, -1)
+            event, h = cut(run, h)
         last = last and h == whole
         change = h + now.lost
         new_t = landing if last else t + change
@@ -511,8 +531,5 @@ def advance(run):
         take(old, new)
         now.steps += 1
         settled(now, contacts, new_t > t)
-        if event >= 0 and contacts[event // 2].rigid != 0.0:
-            now.rigid = event // 2
+        if event >= 0 and meet(run, event) == SETTLE:
             return SETTLE
-        if event >= 0:
-            note(run, event)

@@ -3,9 +3,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import FloatArray, RecordArray
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
 #: clipped because the law would pull.
@@ -83,7 +82,7 @@ class Motion(NamedTuple):
 
     n: int
     y: FloatArray
-    gaps: NDArray[np.void]
+    gaps: RecordArray
 
     @property
     def q(self) -> FloatArray:
@@ -108,7 +107,7 @@ class Records(NamedTuple):
     (2K,), and of every contact phase and memory (2K,).
     """
 
-    events: NDArray[np.void]
+    events: RecordArray
     event_sums: FloatArray
     time: FloatArray
     samples: FloatArray
@@ -124,13 +123,13 @@ class Run(NamedTuple):
 
     kernel: Any
     p: FloatArray | None
-    contacts: NDArray[np.void]
+    contacts: RecordArray
     old: Motion
     new: Motion
     at: Motion
     slopes: FloatArray
-    control: NDArray[np.void]
-    clock: NDArray[np.void]
+    control: RecordArray
+    clock: RecordArray
     records: Records
 
 
@@ -139,7 +138,7 @@ START, END, SAMPLE, SPARE = -4, -3, -2, -1
 
 
 def new_run(
-    contacts: NDArray[np.void], sizes: tuple[int, int, int], times: FloatArray, rows: int, log_rows: int
+    contacts: RecordArray, sizes: tuple[int, int, int], times: FloatArray, rows: int, log_rows: int
 ) -> Run:
     """Return a run of zeros, without a kernel.
 

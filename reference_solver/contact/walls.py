@@ -9,13 +9,10 @@ along t: t.d' + omega_j R_j - omega_i R_i.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.mechanism.mechanism import ClearanceJoint, MasslessLink
 from reference_solver.mechanism.points import Point, State, ends_of, speed_row
-from reference_solver.tape import Array, array
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import Array, FloatArray, array
 
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)

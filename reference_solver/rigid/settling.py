@@ -28,8 +28,7 @@ from reference_solver.mechanism.contact_laws import FRICTION_LAWS
 from reference_solver.rigid.complementarity import complementary, least_minor_ratio
 from reference_solver.rigid.impact import Eliminated, Jump, Touching, impact
 from reference_solver.solution import ModeChange
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import FloatArray
 
 #: A flight that leaves the wall by less than this many times the distance's round-off cannot be followed.
 DEEPEST_UNSEEN = 2.0
