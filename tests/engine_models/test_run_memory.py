@@ -1,9 +1,7 @@
 """What a run keeps grows with its samples, and one too large for the memory is refused before it starts."""
 
 import tracemalloc
-from typing import Any
 
-import numpy as np
 import pytest
 
 from engine_models import memory
@@ -12,23 +10,11 @@ from engine_models.exudyn.engine import ExudynEngine
 from engine_models.pymunk import stepping
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import SCENES
+from tests.helpers.arrays import arrays
 from tests.helpers.command import crankslider
 
 #: Runs of like blocks hold the same but for small change; one that kept its steps held 3 times as much.
 ALIKE = 1.5
-
-
-def arrays(record: Any) -> dict[str, bytes]:
-    """Return all numbers of a trajectory or a contact, bit by bit."""
-    found: dict[str, bytes] = {}
-    for name, value in vars(record).items():
-        if isinstance(value, np.ndarray):
-            found[name] = value.tobytes()
-        elif name == "impacts":
-            found |= arrays(value)
-        elif name == "contacts":
-            found |= {f"{joint} {key}": x for joint, c in value.items() for key, x in arrays(c).items()}
-    return found
 
 
 def short_run(name: str, steps: int, samples: int) -> Trajectory:

@@ -19,8 +19,8 @@ from studies.running.processes import Processes
 from studies.running.runner import run_study
 from tests.helpers.command import crankslider
 from tests.helpers.mischief import MEGABYTE, NAME, case, steady
+from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import read_rows
-from tests.studies.command.test_bad_input import require_refusal
 
 
 @pytest.fixture(scope="module")

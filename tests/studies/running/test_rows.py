@@ -16,8 +16,8 @@ from studies.running.folder_lock import FolderHeld
 from studies.running.rows import DamagedRows, opened
 from studies.running.whole_file import write_whole
 from tests.helpers.command import crankslider
+from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import read_rows, write_rows
-from tests.studies.command.test_bad_input import require_refusal
 
 #: Two fingerprints.
 NEW, OLD = "0123456789abcdef", "f" * 16
