@@ -12,7 +12,7 @@ from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
 CODE = (
-    f"from studies import runner; runner.STUDIES = {{'{NAME}': '{NAME}'}};"
+    f"from studies.running import runner; runner.STUDIES = {{'{NAME}': '{NAME}'}};"
     "from studies.command.main import main; main()"
 )
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.

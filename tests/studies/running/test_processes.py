@@ -100,7 +100,7 @@ def test_timed_cases_run_alone_in_order_in_one_process(tmp_path: Path) -> None:
 
 def test_a_bug_of_a_study_stops_the_run_and_is_named(tmp_path: Path) -> None:
     with pytest.raises(
-        RunBroken, match=r"mischief \(bug\) on ideal-free: bug at execution_mischief.py:\d+: Key"
+        RunBroken, match=r"mischief \(bug\) on ideal-free: bug at mischief.py:\d+: Key"
     ):
         run(tmp_path, case("bug"))
 

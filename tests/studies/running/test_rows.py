@@ -200,7 +200,7 @@ def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
         rows.keep("a", HEAD, curves)
         before = (tmp_path / "rows.jsonl").read_bytes()
         with monkeypatch.context() as patch:
-            patch.setattr(f"studies.{where}.write_through", half)
+            patch.setattr(f"studies.running.{where}.write_through", half)
             with pytest.raises(OSError, match="No space"):
                 rows.keep("b", HEAD, curves)
         assert (tmp_path / "rows.jsonl").read_bytes() == before
