@@ -16,7 +16,7 @@ from studies.errors import BadInput
 from studies.running.case import ROOMY, Limits
 from studies.running.execution import LimitedExecutor, RunBroken
 from studies.running.processes import Processes
-from studies.running.provenance import fingerprint
+from studies.running.provenance import overall_fingerprint
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -64,12 +64,12 @@ def _require_same_code(distributed: Any, client: Any) -> None:
     except distributed.TimeoutError:
         raise _refusal("a Dask cluster with workers", "none") from None
     try:
-        codes = set(client.run(fingerprint).values())
+        codes = set(client.run(overall_fingerprint).values())
     except Exception as error:
         raise _refusal("workers that have crankslider installed", f'"{error}"') from None
-    if others := codes - {fingerprint()}:
-        came = ", ".join(sorted(others))
-        raise _refusal(f"workers with our code and libraries (fingerprint {fingerprint()})", came)
+    ours = overall_fingerprint()
+    if others := codes - {ours}:
+        raise _refusal(f"workers with our code and libraries (fingerprint {ours})", ", ".join(sorted(others)))
 
 
 def _refusal(expected: str, came: str) -> BadInput:

@@ -1,15 +1,15 @@
 """The published report tells the truth about this code: its numbers come out again."""
 
 import json
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from studies import agreement
 from studies.running.case import Case
+from studies.running.outcome import load_study, run_case
 from studies.running.provenance import code_digest
-from studies.running.runner import STUDIES, run_case
+from studies.running.registry import STUDIES
 
 PUBLISHED = Path(__file__).parents[2] / "reports" / "published"
 ROWS = [
@@ -25,9 +25,9 @@ UNCERTAINTIES = 100
 
 def published_row(case: Case) -> dict[str, object]:
     head = case.head()
-    found = [row for row in ROWS if all(row.get(name) == value for name, value in head.items())]
-    assert len(found) == 1, f"{len(found)} published rows of {head}"
-    row: dict[str, object] = found[0]
+    rows = [row for row in ROWS if all(row.get(name) == value for name, value in head.items())]
+    assert len(rows) == 1, f"{len(rows)} published rows of {head}"
+    row: dict[str, object] = rows[0]
     return row
 
 
@@ -46,9 +46,12 @@ def test_every_case_of_the_quick_study_is_published() -> None:
 def test_every_study_is_published_whole_and_by_this_code(study: str) -> None:
     folder = PUBLISHED / "results" / study
     sidecar = json.loads((folder / "sidecar.json").read_text(encoding="utf-8"))
-    assert sidecar["code"] == code_digest(), "the code has changed: make publish"
+    cases = load_study(study).cases(full=False)
+    engines = dict.fromkeys(case.engine for case in cases)
+    assert sidecar["code"] == code_digest(study, engines), "the code has changed: make publish"
+    assert sidecar["fingerprints"].keys() == engines.keys()
     rows = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
-    assert len(rows) == len(import_module(STUDIES[study]).cases(full=False))
+    assert len(rows) == len(cases)
     assert not any("process of its own" in row for row in rows), "no engine is refused for another's sake"
 
 

@@ -15,8 +15,9 @@ from engine_models.engine import RunSettings
 from studies.running import runner
 from studies.running.case import Case, Limits
 from studies.running.execution import CaseEnded, RunBroken
+from studies.running.outcome import run_case
 from studies.running.processes import Processes
-from studies.running.runner import run_case, run_study
+from studies.running.runner import run_study
 from studies.running.worker import _memory_limited
 from tests.helpers.mischief import MEGABYTE, NAME, case
 from tests.helpers.row_files import read_rows
@@ -99,9 +100,7 @@ def test_timed_cases_run_alone_in_order_in_one_process(tmp_path: Path) -> None:
 
 
 def test_a_bug_of_a_study_stops_the_run_and_is_named(tmp_path: Path) -> None:
-    with pytest.raises(
-        RunBroken, match=r"mischief \(bug\) on ideal-free: bug at mischief.py:\d+: Key"
-    ):
+    with pytest.raises(RunBroken, match=r"mischief \(bug\) on ideal-free: bug at mischief.py:\d+: Key"):
         run(tmp_path, case("bug"))
 
 

@@ -25,18 +25,18 @@ HEAD: Row = {"scene": "s", "engine": "e", "arm": "a", "step_s": 1.0, "status": "
 
 
 def keep(folder: Path, *keys: str, code: str = NEW, status: str = "ok") -> None:
-    with opened(folder, code) as rows:
+    with opened(folder, {"e": code}) as rows:
         for key in keys:
             rows.keep(key, {**HEAD, "status": status, "number": 0.1}, {})
 
 
 def kept(folder: Path, code: str = NEW) -> list[str]:
-    with opened(folder, code) as rows:
+    with opened(folder, {"e": code}) as rows:
         return list(rows.statuses())
 
 
 def test_a_held_folder_is_refused_and_who_has_it_is_said(tmp_path: Path) -> None:
-    with opened(tmp_path / "energy", NEW):
+    with opened(tmp_path / "energy", {"e": NEW}):
         done = crankslider("run", "agreement", "energy", "--out", tmp_path)
     require_refusal(done.stdout, done.stderr, done.code, f"got {tmp_path / 'energy'}, held by process")
     assert f"process {os.getpid()} on " in done.stderr
@@ -45,7 +45,7 @@ def test_a_held_folder_is_refused_and_who_has_it_is_said(tmp_path: Path) -> None
 
 
 def test_who_holds_a_folder_may_not_have_said_so_yet(tmp_path: Path) -> None:
-    with opened(tmp_path, NEW):
+    with opened(tmp_path, {"e": NEW}):
         (tmp_path / "rows.lock").write_text("")
         with pytest.raises(FolderHeld, match="held by another run: wait"):
             kept(tmp_path)
@@ -75,6 +75,27 @@ def test_rows_of_other_code_are_set_aside_and_come_back_with_it(tmp_path: Path) 
         "rows.ffffffffffffffff.jsonl",
         "rows.jsonl",
     ]
+
+
+def test_every_engine_has_its_own_code(tmp_path: Path) -> None:
+    new, newer = {"e": NEW, "f": OLD}, {"e": NEW, "f": "a" * 16}
+
+    def keep_row(fingerprints: dict[str, str], key: str, engine: str) -> None:
+        with opened(tmp_path, fingerprints) as rows:
+            rows.keep(key, {**HEAD, "engine": engine}, {})
+
+    def kept_rows(fingerprints: dict[str, str]) -> list[str]:
+        with opened(tmp_path, fingerprints) as rows:
+            return list(rows.statuses())
+
+    keep_row(new, "a", "e")
+    keep_row(new, "b", "f")
+    keep_row(newer, "c", "f")
+    assert sorted(kept_rows(newer)) == ["a", "c"], "what is of one engine's other code is set aside alone"
+    assert sorted(kept_rows(new)) == ["a", "b"]
+    assert kept_rows({"e": "b" * 16}) == []
+    assert len(list(tmp_path.glob("rows.*.jsonl"))) == 3
+    assert sorted(kept_rows(new)) == ["a", "b"], "rows come back from as many files as there are engines"
 
 
 def test_rows_are_set_aside_beside_those_that_are_there(tmp_path: Path) -> None:
@@ -196,7 +217,7 @@ def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     curves = {"time_s": np.arange(3.0)}
-    with opened(tmp_path, NEW) as rows:
+    with opened(tmp_path, {"e": NEW}) as rows:
         rows.keep("a", HEAD, curves)
         before = (tmp_path / "rows.jsonl").read_bytes()
         with monkeypatch.context() as patch:
