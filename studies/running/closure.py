@@ -13,7 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
-from importlib.metadata import packages_distributions
+from importlib.metadata import distributions
+from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
 
@@ -77,7 +78,7 @@ def closure(module: str) -> Closure:
     """
     own = _top(module)
     files: dict[str, Path] = {}
-    distributions: set[str] = set()
+    imported: set[str] = set()
     seen: set[str] = set()
     waiting = [*_with_packages(module)]
     while waiting:
@@ -86,11 +87,11 @@ def closure(module: str) -> Closure:
             continue
         seen.add(name)
         owners = () if _top(name) in NUMERICAL_CODE else _owners().get(_top(name), ())
-        distributions.update(owners)
+        imported.update(owners)
         if (not owners or _top(name) == own) and (path := _file_of(name)):
             files[name] = path
             waiting += (part for found in _imports(name, path) for part in _with_packages(found))
-    return Closure(dict(sorted(files.items())), frozenset(distributions))
+    return Closure(dict(sorted(files.items())), frozenset(imported))
 
 
 def meaning(path: Path) -> str:
@@ -163,36 +164,36 @@ def _imports(name: str, path: Path) -> Iterator[str]:
 def _file_of(name: str) -> Path | None:
     """Return the file of a module, or None if a name is no module's."""
     top, *rest = name.split(".")
-    if top in NUMERICAL_CODE:
-        candidates = (path for path in _candidates(ROOT.joinpath(top, *rest)) if path in _READ)
-        return next(candidates, None)
     spec = _spec(top)
-    if spec is None:
-        return None
-    if not rest:
-        return Path(spec.origin) if spec.has_location and spec.origin else None
-    folders = spec.submodule_search_locations or ()
-    candidates = (path for folder in folders for path in _candidates(Path(folder, *rest)))
-    return next((path for path in candidates if path.is_file()), None)
-
-
-def _candidates(base: Path) -> Iterator[Path]:
-    yield base / "__init__.py"
-    yield from (base.with_name(base.name + suffix) for suffix in (".py", *EXTENSION_SUFFIXES))
+    if spec is None or not rest:
+        return Path(spec.origin) if spec and spec.has_location and spec.origin else None
+    places = [Path(folder, *rest) for folder in spec.submodule_search_locations or ()]
+    candidates = [place / "__init__.py" for place in places]
+    candidates += [
+        place.with_name(place.name + end) for place in places for end in (".py", *EXTENSION_SUFFIXES)
+    ]
+    return next((path for path in candidates if path in _READ or path.is_file()), None)
 
 
 @cache
 def _spec(top: str) -> ModuleSpec | None:
-    """Find a module at the top level; not by ``importlib.util.find_spec``, which may import."""
-    for finder in sys.meta_path:
-        if spec := finder.find_spec(top, None):
-            return spec
-    return getattr(sys.modules.get(top), "__spec__", None)
+    """Find a module at the top level; below it, finding would import."""
+    try:
+        return find_spec(top)
+    except ValueError:  # it is there, and nobody knows where from
+        return None
 
 
 @cache
 def _owners() -> dict[str, list[str]]:
-    return dict(packages_distributions())
+    """Return the names of distributions by the modules that they install at the top level."""
+    owners: dict[str, list[str]] = {}
+    for distribution in distributions():
+        listed = (distribution.read_text("top_level.txt") or "").split()
+        files = [] if listed else [file for file in distribution.files or () if file.suffix == ".py"]
+        for top in {*listed, *(file.parts[0].removesuffix(".py") for file in files)}:
+            owners.setdefault(top, []).append(distribution.metadata["Name"])
+    return owners
 
 
 def _counts(name: str) -> bool:

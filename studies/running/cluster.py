@@ -13,7 +13,7 @@ from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 from studies.errors import BadInput
-from studies.running.case import ROOMY, Limits
+from studies.running.case import Limits
 from studies.running.execution import LimitedExecutor, RunBroken
 from studies.running.processes import Processes
 from studies.running.provenance import overall_fingerprint
@@ -90,12 +90,8 @@ class ClusterExecutor(LimitedExecutor):
         self._calls: dict[Future[Any], Any] = {}
         self._here = Processes(1)
 
-    def submit(self, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
-        """Run a call within ``ROOMY`` limits."""
-        return self.submit_within(ROOMY, call, *args, **kwargs)
-
     def submit_within(
-        self, limits: Limits, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> "Future[T]":
         """Run a call in a process of a worker, which is ended when it exceeds the limits."""
         future: Future[T] = Future()
@@ -114,7 +110,9 @@ class ClusterExecutor(LimitedExecutor):
             wait_for(list(self._calls))
         self._here.shutdown(wait, cancel_futures=cancel_futures)
 
-    async def _pass_on(self, future: "Future[T]", remote: Any, limits: Limits, call: Callable[[], T]) -> None:
+    async def _pass_on(
+        self, future: "Future[T]", remote: Any, limits: Limits | None, call: Callable[[], T]
+    ) -> None:
         try:
             value = await remote
         except (CancelledError, OSError) as error:
@@ -135,7 +133,7 @@ def _copy(future: "Future[T]", done: "Future[T]") -> None:
         future.set_result(done.result())
 
 
-def _contained(limits: Limits, call: Callable[[], T]) -> T:
+def _contained(limits: Limits | None, call: Callable[[], T]) -> T:
     """Run a call on a worker, in a process of its own."""
     with _FIRST:
         processes = _processes()

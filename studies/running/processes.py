@@ -64,10 +64,6 @@ class Processes(LimitedExecutor):
         for thread in self._threads:
             thread.start()
 
-    def submit(self, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
-        """Run a call without limits."""
-        return self.submit_within(None, call, *args, **kwargs)
-
     def submit_within(
         self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> "Future[T]":

@@ -15,31 +15,30 @@ from studies.running.outcome import load_study
 from studies.running.provenance import ROW_MAKERS
 from studies.running.registry import STUDIES, study_module
 
-#: Runs a pickled case and prints its status and what each module imported, by either way of importing.
+#: Runs a pickled case; prints its status and what each module of ours imported, by statements and by name.
 RECORDED = """
 import builtins, importlib, json, pickle, sys
+from studies.running.closure import NUMERICAL_CODE
 imports = {}
-def recorded(importing):
-    def record(name, *rest, **more):
-        frame = sys._getframe(1)
-        module = importing(name, *rest, **more)
-        names = [name, *(f"{name}.{part}" for part in (rest[2:3] or [more.get("fromlist")])[0] or ())]
-        imports.setdefault(frame.f_globals.get("__name__"), set()).update(names)
-        return module
-    return record
-def named(name, package=None, import_module=importlib.import_module):
-    imports.setdefault(sys._getframe(1).f_globals.get("__name__"), set()).add(name)
-    return import_module(name, package)
-builtins.__import__, importlib.import_module = recorded(builtins.__import__), named
+def note(importer, names):
+    if importer.split(".")[0] in NUMERICAL_CODE:
+        imports.setdefault(importer, set()).update(names)
+def by_statement(name, globals=None, locals=None, fromlist=(), level=0, by=builtins.__import__):
+    note((globals or {}).get("__name__") or "", [name, *(f"{name}.{part}" for part in fromlist or ())])
+    return by(name, globals, locals, fromlist, level)
+def by_name(name, package=None, by=importlib.import_module):
+    note(sys._getframe(1).f_globals["__name__"], [name])
+    return by(name, package)
+builtins.__import__, importlib.import_module = by_statement, by_name
 from studies.running.outcome import run_case
 row, _ = run_case(pickle.load(sys.stdin.buffer))
-loaded = {name: sorted(names & sys.modules.keys()) for name, names in imports.items() if name}
-print(json.dumps([row["status"], loaded]))
+modules = {name: sorted(names & sys.modules.keys()) for name, names in imports.items()}
+print(json.dumps([row["status"], modules]))
 """
 
 
 def imports_of_a_run(case: Case) -> tuple[str, dict[str, list[str]]]:
-    """Run a case in a new process; return its status and what each module imported there."""
+    """Run a case in a new process; return its status and what each module of ours imported there."""
     command = [sys.executable, "-c", RECORDED]
     done = subprocess.run(command, input=pickle.dumps(case), stdout=subprocess.PIPE, check=True)
     status, imports = json.loads(done.stdout)
@@ -67,6 +66,7 @@ def test_what_a_run_imports_counts(study: str, engine: str) -> None:
     parts = [closure(root) for root in roots]
     counted = {name for part in parts for name in part.files}
     distributions = {name for part in parts for name in part.distributions}
+    owners = packages_distributions()
     waiting, reached = [*roots[:2], "studies.running.outcome"], set(NOT_COUNTED)
     while waiting:
         name = waiting.pop()
@@ -78,5 +78,5 @@ def test_what_a_run_imports_counts(study: str, engine: str) -> None:
             if (top := target.split(".")[0]) in NUMERICAL_CODE:
                 waiting.append(target)
             elif top not in sys.stdlib_module_names:
-                assert distributions & {*packages_distributions()[top]}, f"{name} imports {target}"
+                assert distributions & {*owners[top]}, f"{name} imports {target}"
     assert len(reached) > 30
