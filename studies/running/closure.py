@@ -90,7 +90,7 @@ def closure(module: str) -> Closure:
         imported.update(owners)
         if (not owners or _top(name) == own) and (path := _file_of(name)):
             files[name] = path
-            waiting += (part for found in _imports(name, path) for part in _with_packages(found))
+            waiting += (part for target in _imports(name, path) for part in _with_packages(target))
     return Closure(dict(sorted(files.items())), frozenset(imported))
 
 
@@ -129,8 +129,8 @@ def _canonical(part: object) -> str:
     if not isinstance(part, ast.AST):
         return ascii(part)  # which characters repr escapes depends on Python's tables
     fields = ((name, getattr(part, name, None)) for name in part._fields if name not in UNSTEADY)
-    told = (f"{name}={_canonical(value)}" for name, value in fields if value is not None and value != [])
-    return f"{type(part).__name__}({','.join(told)})"
+    shown = (f"{name}={_canonical(value)}" for name, value in fields if value is not None and value != [])
+    return f"{type(part).__name__}({','.join(shown)})"
 
 
 def _is_bare_text(item: object) -> bool:
@@ -172,7 +172,8 @@ def _file_of(name: str) -> Path | None:
     candidates += [
         place.with_name(place.name + end) for place in places for end in (".py", *EXTENSION_SUFFIXES)
     ]
-    return next((path for path in candidates if path in _READ or path.is_file()), None)
+    # Of ours, what was there at first: whether a file is there may depend on the case of its name.
+    return next((p for p in candidates if (p in _READ if top in NUMERICAL_CODE else p.is_file())), None)
 
 
 @cache

@@ -88,7 +88,7 @@ class ClusterExecutor(LimitedExecutor):
     def __init__(self, distributed: Any, client: Any) -> None:
         self._client, self._worker_died = client, distributed.KilledWorker
         self._calls: dict[Future[Any], Any] = {}
-        self._here = Processes(1)
+        self._local = Processes(1)
 
     def submit_within(
         self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
@@ -108,7 +108,7 @@ class ClusterExecutor(LimitedExecutor):
             self._calls.clear()
         if wait:
             wait_for(list(self._calls))
-        self._here.shutdown(wait, cancel_futures=cancel_futures)
+        self._local.shutdown(wait, cancel_futures=cancel_futures)
 
     async def _pass_on(
         self, future: "Future[T]", remote: Any, limits: Limits | None, call: Callable[[], T]
@@ -118,7 +118,7 @@ class ClusterExecutor(LimitedExecutor):
         except (CancelledError, OSError) as error:
             future.set_exception(RunBroken(f"the scheduler of the cluster is gone: {error}"))
         except self._worker_died:
-            self._here.submit_within(limits, call).add_done_callback(partial(_copy, future))
+            self._local.submit_within(limits, call).add_done_callback(partial(_copy, future))
         except BaseException as error:
             future.set_exception(error)
         else:

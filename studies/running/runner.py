@@ -60,9 +60,9 @@ def run_studies(
         folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
         pool = stack.enter_context(Processes(jobs))
-        here: Executors = lambda: nullcontext(pool)  # noqa: E731
+        local: Executors = lambda: nullcontext(pool)  # noqa: E731
         for name, rows in folders.items():
-            _run_study(name, cases[name], rows, executor or here, here, retry_failed)
+            _run_study(name, cases[name], rows, executor or local, local, retry_failed)
             content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY}
             write_whole(out / name / "sidecar.json", json.dumps(content, indent=2).encode() + b"\n")
 

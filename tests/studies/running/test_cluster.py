@@ -89,8 +89,8 @@ def test_a_hang_on_the_cluster_is_a_row_and_its_worker_goes_on(
     hangs = [case("hang", n, pid_file=str(tmp_path / f"pid{n}")) for n in range(2)]
     with cluster(local.scheduler_address) as executor:
         run_study(NAME, [*hangs, case("work", 7)], tmp_path, executor)
-    found = {(row["arm"], row["status"], row["reason"]) for row in rows(tmp_path)}
-    assert found == {("work", "ok", ""), ("hang", "timed out", "not finished within the limit of 3 s")}
+    outcomes = {(row["arm"], row["status"], row["reason"]) for row in rows(tmp_path)}
+    assert outcomes == {("work", "ok", ""), ("hang", "timed out", "not finished within the limit of 3 s")}
     assert set(client.scheduler_info()["workers"]) == before
 
 

@@ -22,10 +22,10 @@ import json, sys
 from engine_models import engines
 from studies.running.provenance import code_digest, fingerprint
 from studies.running.registry import STUDIES
-found = {f"{study} {engine}": fingerprint(study, engine) for study in STUDIES for engine in engines.ENGINES}
-found |= {study: code_digest(study, engines.ENGINES) for study in STUDIES}
+hashes = {f"{study} {engine}": fingerprint(study, engine) for study in STUDIES for engine in engines.ENGINES}
+hashes |= {study: code_digest(study, engines.ENGINES) for study in STUDIES}
 assert not {"exudyn", "pymunk", "numba", "newcomer"} & set(sys.modules)
-print(json.dumps(found))
+print(json.dumps(hashes))
 """
 #: Studies that compare with the converged solution, which is the reference's.
 BY_THE_REFERENCE = ("clearance", "work-precision", "stability", "extremes")
@@ -36,8 +36,8 @@ def fingerprints(folder: Path, *also: Path) -> dict[str, str]:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, also))}
     command = [sys.executable, "-W", "error", "-c", CODE]
     done = subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE, text=True)
-    found: dict[str, str] = json.loads(done.stdout)
-    return found
+    hashes: dict[str, str] = json.loads(done.stdout)
+    return hashes
 
 
 def changed(before: dict[str, str], after: dict[str, str]) -> set[str]:
@@ -76,15 +76,15 @@ def test_an_edit_counts_for_those_that_it_decides_and_no_others(
     code: Path, untouched: dict[str, str], file: str, decides: Callable[[str, str], bool] | None
 ) -> None:
     add_line(code / file, "AND_MORE = 1")
-    found = changed(untouched, fingerprints(code))
+    names = changed(untouched, fingerprints(code))
     pairs = {(study, engine) for study in STUDIES for engine in ENGINES}
     if decides is None:  # of the reference, by which scipy's equations and some judges' truth are made too
         expected = {(s, e) for s, e in pairs if e in ("reference", "scipy")}
         expected |= {(s, e) for s, e in pairs if s in (*BY_THE_REFERENCE, "predictability")}
     else:
         expected = {(study, engine) for study, engine in pairs if decides(study, engine)}
-    assert found - set(STUDIES) == {f"{study} {engine}" for study, engine in expected}
-    assert found & set(STUDIES) == {study for study, _ in expected}
+    assert names - set(STUDIES) == {f"{study} {engine}" for study, engine in expected}
+    assert names & set(STUDIES) == {study for study, _ in expected}
 
 
 def test_comments_docstrings_and_help_count_for_nobody(code: Path, untouched: dict[str, str]) -> None:
@@ -109,7 +109,7 @@ def test_an_engine_from_outside_counts_by_content_and_version_and_for_no_other(
     code: Path, tmp_path_factory: pytest.TempPathFactory, untouched: dict[str, str]
 ) -> None:
     outside = tmp_path_factory.mktemp("outside")
-    engine, told = outside / "newcomer", outside / "newcomer-1.0.dist-info"
+    engine, metadata = outside / "newcomer", outside / "newcomer-1.0.dist-info"
     engine.mkdir()
     (engine / "__init__.py").write_text("")
     (engine / "engine.py").write_text("from helping import STEP\nfrom .rule import RULE\n")
@@ -119,23 +119,25 @@ def test_an_engine_from_outside_counts_by_content_and_version_and_for_no_other(
     add_line(code / "engine_models/engines.py", "ENGINES = tuple(_CLASSES)")
 
     def of_newcomer() -> str:
-        found = fingerprints(code, outside)
+        hashes = fingerprints(code, outside)
         own = {f"{study} newcomer" for study in STUDIES}
-        assert {name: found[name] for name in found.keys() - own - set(STUDIES)} == {
+        assert {name: hashes[name] for name in hashes.keys() - own - set(STUDIES)} == {
             name: untouched[name] for name in untouched.keys() - set(STUDIES)
         }
-        return found["clearance newcomer"]
+        return hashes["clearance newcomer"]
 
     without_distribution = of_newcomer()
-    told.mkdir()
-    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.0\n")
-    (told / "top_level.txt").write_text("newcomer\n")
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.0\n")
+    (metadata / "top_level.txt").write_text("newcomer\n")
     seen = [without_distribution, of_newcomer()]
-    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.1\n")
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.1\n")
     seen.append(of_newcomer())
-    for file in (engine / "rule.py", engine / "__init__.py", outside / "helping.py"):
+    files = (engine / "rule.py", engine / "__init__.py", outside / "helping.py")
+    for file in files:
         add_line(file, "# A comment.")
-        assert of_newcomer() == seen[-1]
+    assert of_newcomer() == seen[-1]
+    for file in files:
         add_line(file, "AND_MORE = 1")
         seen.append(of_newcomer())
     assert len(set(seen)) == 6
@@ -153,8 +155,13 @@ def test_nobody_names_an_engine_or_a_module_where_it_would_not_count() -> None:
                 if called in ("make_engine", "engine_class"):
                     assert not literal, f"{file}:{node.lineno}"
                 elif called in ("import_module", "__import__", "exec", "spec_from_file_location"):
-                    by_name = ("engines.py", "outcome.py", "kernel_store.py", "store.py")
+                    by_name = ("engines.py", "outcome.py", "store.py")
                     assert literal or file.name in by_name, f"{file}:{node.lineno}"
+
+
+def test_a_file_that_is_read_and_not_imported_would_not_count() -> None:
+    files = [path for folder in NUMERICAL_CODE for path in (ROOT / folder).rglob("*") if path.is_file()]
+    assert {path.suffix for path in files} <= {".py", ".pyc"}
 
 
 @pytest.mark.parametrize("module", NOT_COUNTED)
@@ -182,12 +189,12 @@ def f(a, /, b=None, *, c=()): return f"{a=}" f"{b!r:>{c}}" "text" f"{c:}" u"é\u
 def test_meaning_does_not_depend_on_the_version_of_python(tmp_path: Path) -> None:
     (tmp_path / "syntax.py").write_text(SYNTAX, encoding="utf-8")
     names = ["python3", *(f"python3.{minor}" for minor in range(10, 20))]
-    found = {}
+    digests = {}
     for python in {sys.executable, *filter(None, map(shutil.which, names))}:
         tell = "import sys; assert sys.version_info >= (3, 10); print(sys.version_info[:3])"
         version = subprocess.run([python, "-c", tell], capture_output=True, text=True, check=False)
         if version.returncode == 0:  # others are too old, or names of what is not installed
             command = [python, "-I", "-c", DIGEST, str(ROOT), str(tmp_path / "syntax.py")]
             done = subprocess.run(command, capture_output=True, text=True, check=True)
-            found[version.stdout] = done.stdout
-    assert len(set(found.values())) == 1, found
+            digests[version.stdout] = done.stdout
+    assert len(set(digests.values())) == 1, digests

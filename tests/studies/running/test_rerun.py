@@ -55,7 +55,7 @@ def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> 
     assert run_again(first, run(code)) == set()
 
     laws = code / "engine_models/exudyn/laws.py"
-    kept = laws.read_text(encoding="utf-8")
+    as_it_was = laws.read_text(encoding="utf-8")
     add_line(laws, "AND_MORE = 1")
     second = run(code)
     assert run_again(first, second) == {"exudyn"}
@@ -73,7 +73,7 @@ def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> 
     fourth = run(code)
     assert run_again(third, fourth) == {"newcomer"}
 
-    laws.write_text(kept, encoding="utf-8")
+    laws.write_text(as_it_was, encoding="utf-8")
     fifth = run(code)
     assert run_again(fourth, fifth) == {"exudyn"}, "taken up again"
     assert fifth["exudyn"] == first["exudyn"]

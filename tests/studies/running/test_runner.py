@@ -136,9 +136,9 @@ def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
         time.sleep(0.05)
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
-    kept = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
-    assert len(kept) >= 3
-    done = {json.loads(line)["case"] for line in kept}
+    whole = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
+    assert len(whole) >= 3
+    done = {json.loads(line)["case"] for line in whole}
     cases = [c for c in agreement.cases(False) if c.key(fingerprint("agreement", c.engine)) in done]
     run_study("agreement", cases, tmp_path / "agreement", refused)
-    assert [json.loads(line) for line in kept] == rows(tmp_path / "agreement")
+    assert [json.loads(line) for line in whole] == rows(tmp_path / "agreement")

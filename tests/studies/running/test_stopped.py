@@ -34,19 +34,19 @@ def measured(out: Path) -> list[dict[str, Any]]:
 
 def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_path: Path) -> None:
     killed, alone = tmp_path / "killed", tmp_path / "alone"
-    kept: list[str] = []
+    earlier: list[str] = []
     for n in (1, 6):
         with started(killed) as run:
             until(lambda n=n: len(lines(killed)) >= n)  # type: ignore[misc]
             run.kill()
-        assert [line for line in kept if line.endswith("\n")] == lines(killed)[: len(kept)]
-        kept = [line for line in lines(killed) if line.endswith("\n")]
-        assert len(kept) >= n
+        assert [line for line in earlier if line.endswith("\n")] == lines(killed)[: len(earlier)]
+        earlier = [line for line in lines(killed) if line.endswith("\n")]
+        assert len(earlier) >= n
     for out in (killed, alone):
         with started(out) as run:
             _, stderr = run.communicate(timeout=60)
         assert (run.returncode, f"{NAME}: {CASES} cases, 1 crashed\n" in stderr) == (0, True), stderr
-    assert lines(killed)[: len(kept)] == kept, "finished cases are not run again"
+    assert lines(killed)[: len(earlier)] == earlier, "finished cases are not run again"
     by_case = itemgetter("case")
     assert sorted(measured(killed), key=by_case) == sorted(measured(alone), key=by_case)
     assert [row["samples"] for row in measured(killed)[-2:]] == [99, 100], "timed cases are last, in order"
