@@ -46,16 +46,16 @@ def derivative_source(topology: Topology) -> str:
     kernel = Kernel(topology)
     unpack = [f"q{c}, v{c} = y[{c}], y[{kernel.n + c}]" for c in range(kernel.n)]
     draft = kernel.begin()
-    found = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
-    powers = [found.powers[name] for name in _integrated(draft.equations)]
-    rates = [*draft.v, *found.accelerations, *powers]
+    answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+    powers = [answer.powers[name] for name in _integrated(draft.equations)]
+    rates = [*draft.v, *answer.accelerations, *powers]
     stores = [(f"rate[{k}]", value) for k, value in enumerate(rates)]
-    stores += [(f"rates.multipliers[{r}]", value) for r, value in enumerate(found.multipliers)]
-    for k, friction in enumerate(found.friction_N):
-        stores += [(f"rates.forces[{2 * k}]", found.powers[f"normal{k}"])]
+    stores += [(f"rates.multipliers[{r}]", value) for r, value in enumerate(answer.multipliers)]
+    for k, friction in enumerate(answer.friction_N):
+        stores += [(f"rates.forces[{2 * k}]", answer.powers[f"normal{k}"])]
         stores += [(f"rates.forces[{2 * k + 1}]", friction)]
     arguments = ["p", "contacts", "t", "y", "rate", "rates"]
-    kernel.entry("evaluate", arguments, draft, found.ok, stores, unpack)
+    kernel.entry("evaluate", arguments, draft, answer.ok, stores, unpack)
     if topology.mechanism.contacts:
         kernel.gaps()
     return kernel.source()

@@ -90,9 +90,9 @@ def horizon_s(scene: Scene, tolerance_m: float) -> float:
     Raises:
         UnsupportedScene, SimulationFailed: the reference cannot run the scene.
     """
-    found = _apart_once(scene)
+    parted = _apart_once(scene)
     first = min(
-        first_beyond_s(found.time_s, one, tolerance_m) for one in (*found.perturbed_m, found.halved_m)
+        first_beyond_s(parted.time_s, one, tolerance_m) for one in (*parted.perturbed_m, parted.halved_m)
     )
     return min(first, scene.end_time_s)
 

@@ -1,12 +1,11 @@
 """Runs one case, and makes a row of whatever becomes of it."""
 
-import traceback
 from concurrent.futures import Future
 from importlib import import_module
-from pathlib import Path
 from typing import cast
 
 from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
+from studies.errors import bug
 from studies.running.case import ROOMY, Case, Curves, Row, Study
 from studies.running.execution import OUT_OF_MEMORY, CaseEnded, RunBroken
 from studies.running.registry import study_module
@@ -37,9 +36,7 @@ def run_case(case: Case) -> tuple[Row, Curves]:
         reason = f"{error or 'no memory left'} (limit {limit} bytes)"
         return {**case.head(), "status": OUT_OF_MEMORY, "reason": reason}, {}
     except Exception as error:
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        bug = f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"
-        raise RunBroken(f"{case.engine} ({case.arm}) on {case.scene.name}: {bug}") from error
+        raise RunBroken(f"{case.arm.label} on {case.scene.name}: {bug(error)}") from error
     return {**case.head(), "status": "ok", "reason": "", **measured}, curves
 
 

@@ -143,7 +143,7 @@ def _phases(
     alike: Counter[tuple[str, str, str]] = Counter()
     turns = {}
     for key in sorted(cases.keys() - timed.keys()):
-        kind = cases[key].scene.name, cases[key].engine, cases[key].arm
+        kind = cases[key].scene.name, cases[key].engine, cases[key].arm.name
         turns[key] = alike[kind]
         alike[kind] += 1
     for key in sorted(turns, key=lambda key: turns[key]):

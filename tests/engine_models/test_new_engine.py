@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from engine_models import engines
+from engine_models.arms import NAMED
 from reports.style import line_style, ordered
-from studies.ladders import NAMED
 from studies.running.case import Case
 from studies.running.outcome import load_study, run_case
 from studies.running.registry import STUDIES

@@ -37,10 +37,10 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if case.scene.name != "ideal-torque"
         and (
             (
-                case.arm in ("projection", "trapezoidal", "tuned", "out of the box")
+                case.arm.name in ("projection", "trapezoidal", "tuned", "out of the box")
                 and case.run.steps_per_sample(case.scene.end_time_s) in CHEAP
             )
-            or case.arm in ("2 iterations", "20 iterations")
+            or case.arm.name in ("2 iterations", "20 iterations")
         )
     ]
     run_study("agreement", cases, folder / "agreement", lambda: ThreadPoolExecutor(1))
@@ -409,10 +409,11 @@ def test_labels_derive_from_column_names(column: str, text: str) -> None:
 
 
 def test_an_engine_has_one_colour_and_marker_and_its_arms_differ() -> None:
-    names = ordered({(engine, arm) for engine, arms in agreement.ARMS.items() for arm in arms})
+    names = ordered({(arm.engine, arm.name) for arm in agreement.ARMS})
     styles = {name: line_style(name, names) for name in names}
-    for engine in agreement.ARMS:
-        mine = [style for (of, _), style in styles.items() if of == engine]
-        assert len({(style["color"], style["marker"]) for style in mine}) == 1
-        assert len({(style["linestyle"], style["fillstyle"]) for style in mine}) == len(mine)
-    assert len({style["marker"] for style in styles.values()}) == len(agreement.ARMS)
+    engines = {engine for engine, _ in names}
+    for engine in engines:
+        own = [style for (of, _), style in styles.items() if of == engine]
+        assert len({(style["color"], style["marker"]) for style in own}) == 1
+        assert len({(style["linestyle"], style["fillstyle"]) for style in own}) == len(own)
+    assert len({style["marker"] for style in styles.values()}) == len(engines)

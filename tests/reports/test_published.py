@@ -53,7 +53,7 @@ def test_every_study_is_published_whole_and_by_this_code(study: str) -> None:
     assert not any("process of its own" in reason for reason in reasons), "an engine is refused for another"
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.scene.name}-{case.engine}-{case.arm}")
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.scene.name}-{case.engine}-{case.arm.name}")
 def test_a_published_row_comes_out_again(case: Case) -> None:
     published, (row, _) = published_row(case), run_case(case)
     assert row["status"] == published["status"]

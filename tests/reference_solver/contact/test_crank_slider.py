@@ -7,7 +7,7 @@ import pytest
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import assembled
-from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven

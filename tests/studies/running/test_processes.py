@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from engine_models.arms import Arm
 from engine_models.engine import RunSettings
 from studies.running import runner
 from studies.running.case import Case, Limits
@@ -100,7 +101,9 @@ def test_timed_cases_run_alone_in_order_in_one_process(tmp_path: Path) -> None:
 
 
 def test_a_bug_of_a_study_stops_the_run_and_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RunBroken, match=r"mischief \(bug\) on ideal-free: bug at mischief.py:\d+: Key"):
+    with pytest.raises(
+        RunBroken, match=r"mischief \(bug\) on ideal-free: bug at helpers/mischief.py:\d+: Key"
+    ):
         run(tmp_path, case("bug"))
 
 
@@ -157,7 +160,7 @@ class _Deadly(Case):
 
 
 def deadly(number: int) -> Case:
-    return _Deadly(NAME, case("work").scene, "mischief", "deadly", RunSettings(1e-3, number + 1))
+    return _Deadly(NAME, case("work").scene, Arm("mischief", "deadly"), RunSettings(1e-3, number + 1))
 
 
 def test_a_process_that_dies_as_it_begins_does_not_end_the_run(tmp_path: Path) -> None:

@@ -47,16 +47,16 @@ def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> 
     engines = {"reference", "exudyn", "pymunk", "scipy", "mischief"}
     assert {engine: row["status"] for engine, row in first.items()} == dict.fromkeys(engines, "ok")
 
-    add_line(code / "engine_models/exudyn/laws.py", "# A comment.")
+    add_line(code / "engine_models/exudyn/tree.py", "# A comment.")
     add_line(code / "studies/command/main.py", "AND_MORE = 1")
     add_line(code / "studies/ladders.py", "AND_MORE = 1")
     add_line(code / "studies/agreement.py", "AND_MORE = 1")
     add_line(code / "studies/running/rows.py", "AND_MORE = 1")
     assert run_again(first, run(code)) == set()
 
-    laws = code / "engine_models/exudyn/laws.py"
-    as_it_was = laws.read_text(encoding="utf-8")
-    add_line(laws, "AND_MORE = 1")
+    tree = code / "engine_models/exudyn/tree.py"
+    as_it_was = tree.read_text(encoding="utf-8")
+    add_line(tree, "AND_MORE = 1")
     second = run(code)
     assert run_again(first, second) == {"exudyn"}
     (aside,) = code.glob("results/rows.*.jsonl")
@@ -73,7 +73,7 @@ def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> 
     fourth = run(code)
     assert run_again(third, fourth) == {"newcomer"}
 
-    laws.write_text(as_it_was, encoding="utf-8")
+    tree.write_text(as_it_was, encoding="utf-8")
     fifth = run(code)
     assert run_again(fourth, fifth) == {"exudyn"}, "taken up again"
     assert fifth["exudyn"] == first["exudyn"]
