@@ -50,6 +50,22 @@ def shortest(study: str, engine: str) -> Case | None:
     return min(cases, key=lambda case: case.scene.end_time_s / case.run.step_s, default=None)
 
 
+#: What runs cases beside ``ROW_MAKERS``, and why no row depends on it.
+ONLY_RUNS = {
+    "studies.running.runner": "says when a case runs and where, and hands its row on",
+    "studies.running.cluster": "hands a case on to the processes of another machine",
+    "studies.running.rows": "keeps rows as they come",
+    "studies.running.folder_lock": "keeps other runs away",
+    "studies.running.whole_file": "writes files whole",
+}
+
+
+def test_what_runs_cases_and_does_not_count_is_named() -> None:
+    runs = closure("studies.running.runner") | closure("studies.running.cluster")
+    counted = {name for root in (*ROW_MAKERS, *STUDIES.values()) for name in closure(root).files}
+    assert runs.files.keys() - counted == ONLY_RUNS.keys()
+
+
 #: A study with all engines, and every other with one of them.
 PAIRS = [("clearance", engine) for engine in ENGINES]
 PAIRS += [(study, ENGINES[n % len(ENGINES)]) for n, study in enumerate(STUDIES) if study != "clearance"]
