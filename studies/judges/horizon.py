@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings
-from engine_models.engines import make_engine
+from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 
 #: By how much the crank angle at the start is moved, in rad: some 5e-12 m at the crank pin of the library's
@@ -62,7 +62,7 @@ def apart(
     Raises:
         UnsupportedScene, SimulationFailed: the reference cannot run the scene.
     """
-    reference = make_engine("reference")
+    reference = ReferenceEngine()
 
     def position(of: Scene, step: float) -> FloatArray:
         return reference.simulate(of, RunSettings(step, samples)).slider_position_m

@@ -65,10 +65,8 @@ class Case:
 
     def key(self, fingerprint: str) -> str:
         """Return what identifies this run together with the code and the libraries it is made with."""
-        limits = None if self.limits is None else asdict(self.limits)
-        run = [self.engine, self.arm.name, asdict(self.run), self.settings, self.timed, limits]
-        run.append(dict(self.columns))
-        text = json.dumps([fingerprint, self.study, self.scene.model_dump(), *run], sort_keys=True)
+        parts = [fingerprint, self.head(), self.scene.model_dump(), asdict(self.run)]
+        text = json.dumps(parts, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def head(self) -> Row:

@@ -6,8 +6,9 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engines import make_engine
 from engine_models.pymunk.engine import PymunkEngine
-from studies.running import runner
 from studies.running.case import Case
+from studies.running.outcome import load_study
+from studies.running.registry import STUDIES
 
 #: What a study may add to an arm beside its tolerances: it resolves contacts, or is only a build.
 RESOLVING = {"steps_per_contact", "fast"}
@@ -15,7 +16,7 @@ CATALOGUE = [arm for arm in vars(arms).values() if isinstance(arm, Arm)]
 
 
 def cases() -> list[Case]:
-    return [case for study in runner.STUDIES for case in runner._study(study).cases(True)]
+    return [case for study in STUDIES for case in load_study(study).cases(True)]
 
 
 def test_a_label_has_one_meaning_in_all_studies() -> None:
@@ -33,10 +34,10 @@ def test_what_a_study_adds_to_an_arm_resolves_and_changes_no_meaning() -> None:
         assert not more, f"{case.study}: {case.arm.label} with {more}"
 
 
-@pytest.mark.parametrize("study", runner.STUDIES)
+@pytest.mark.parametrize("study", STUDIES)
 def test_no_scene_of_a_study_shows_one_engine_under_two_labels(study: str) -> None:
     labels: dict[tuple[str, str], str] = {}
-    for case in runner._study(study).cases(True):
+    for case in load_study(study).cases(True):
         if "iterations" not in case.arm.name:  # one of Pymunk's sweep is the tuned one
             engine = repr(make_engine(case.engine, **case.arm.settings))
             assert labels.setdefault((case.scene.name, engine), case.arm.label) == case.arm.label

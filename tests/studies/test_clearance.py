@@ -14,7 +14,7 @@ from studies.judges.converged import converged, reach
 from studies.judges.local_error import windows
 from studies.ladders import clearance_ladder, ideal_ladder
 from studies.running.case import Case
-from studies.running.runner import run_case
+from studies.running.outcome import run_case
 
 #: The first two impacts of set R and some flight.
 END_S, SAMPLES = 0.0007, 28

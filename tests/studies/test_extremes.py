@@ -19,7 +19,8 @@ from studies.extremes import study as extremes
 from studies.extremes.scenes import CLEARANCE_M, GRAVITY_M_S2, WHEEL, wheel
 from studies.extremes.truth import dropped_wheel
 from studies.running.case import Case, Row
-from studies.running.runner import run_case, run_study
+from studies.running.outcome import run_case
+from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows, write_rows
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=False)}

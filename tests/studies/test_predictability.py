@@ -26,7 +26,8 @@ from studies.predictability.ensemble import period_s
 from studies.predictability.ensemble import statistics as member_statistics
 from studies.predictability.scenes import clearance_driven_lossy, following
 from studies.running.case import Case
-from studies.running.runner import run_case, run_study
+from studies.running.outcome import run_case
+from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows, write_rows
 
 REVOLUTION_S = 0.012

@@ -23,9 +23,10 @@ from studies import agreement
 from studies.running import runner
 from studies.running.case import Case, Limits
 from studies.running.execution import RunBroken
+from studies.running.outcome import run_case
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
-from studies.running.runner import run_case, run_study
+from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows
 
 
@@ -66,8 +67,9 @@ def test_a_line_cut_short_by_a_kill_is_run_again_and_gives_the_same_row(tmp_path
 
 
 def test_a_process_with_other_code_breaks_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "fingerprint", lambda: "0" * 16)
-    other = rf"a process has other code or libraries \({fingerprint()}\) than the run \(0{{16}}\)"
+    monkeypatch.setattr(runner, "fingerprint", lambda *_: "0" * 16)
+    ours = fingerprint("agreement", "reference")
+    other = rf"a process has other code or libraries \({ours}\) than the run \(0{{16}}\)"
     with pytest.raises(RunBroken, match=other):
         run_study("agreement", [case()], tmp_path, lambda: Processes(1))
 
@@ -135,9 +137,9 @@ def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
         time.sleep(0.05)
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
-    kept = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
-    assert len(kept) >= 3
-    done = {json.loads(line)["case"] for line in kept}
-    cases = [c for c in agreement.cases(False) if c.key(fingerprint()) in done]
+    whole = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
+    assert len(whole) >= 3
+    done = {json.loads(line)["case"] for line in whole}
+    cases = [c for c in agreement.cases(False) if c.key(fingerprint("agreement", c.engine)) in done]
     run_study("agreement", cases, tmp_path / "agreement", refused)
-    assert [json.loads(line) for line in kept] == rows(tmp_path / "agreement")
+    assert [json.loads(line) for line in whole] == rows(tmp_path / "agreement")
