@@ -1,7 +1,9 @@
 """What a page is made of. A study's module gives sections; the page writes them."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 
@@ -40,6 +42,14 @@ class Table:
     reading: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+    @classmethod
+    def of(
+        cls, name: str, title: str, reading: str, columns: Mapping[str, Iterable[str]] | pd.DataFrame
+    ) -> "Table":
+        """Return a table of columns, all of one length, by their headings."""
+        rows = zip(*(cells for _, cells in columns.items()), strict=True)
+        return cls(name, title, reading, tuple(columns), tuple(rows))
 
 
 @dataclass(frozen=True)

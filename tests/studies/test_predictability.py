@@ -3,9 +3,9 @@
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from engine_models.engine import FloatArray, RunSettings
@@ -13,7 +13,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import clearance_driven_002, clearance_driven_05
 from engine_models.scene.scene import BodyState, Clearance, Clearances, FreeDrive, Link, Scene, Start
 from reports import page
-from reports.chapters.predictability import chapter as predictability
+from reports.chapters import predictability
 from reports.chapters.predictability import findings, statistics
 from reports.chapters.predictability.data import PER_REVOLUTION
 from reports.parts import Contradiction
@@ -272,7 +272,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def built(results: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(page, "STUDIES", {"predictability": predictability})
+    monkeypatch.setattr(page, "STUDIES", (predictability,))
     page.write_report(results, out)
     return (out / "index.html").read_text("utf-8")
 
@@ -296,8 +296,8 @@ def test_the_chapter_says_what_the_rows_say(
     [((2.0, 2.1, 2.2), "which is chaos"), ((-1.0, 0.5, 2.0), "which these starts do not tell from zero")],
 )
 def test_chaos_is_an_exponent_whose_interval_is_above_zero(exponents: tuple[float, ...], said: str) -> None:
-    runs = [SimpleNamespace(values={PER_REVOLUTION: each}) for each in exponents]
-    (sentence,) = findings.exponents({"a scene": runs})  # type: ignore[dict-item]
+    starts = pd.DataFrame({PER_REVOLUTION: exponents})
+    (sentence,) = findings.exponents({"a scene": starts})
     assert said in sentence
 
 

@@ -1,156 +1,85 @@
-"""Tables and sentences of the clearance study."""
+"""Tables of the clearance study."""
 
 from collections.abc import Sequence
 
-from reports.chapters.agreement.tables import CASE, failures_table, orders
+import pandas as pd
+
 from reports.parts import Table
-from reports.quantities import Quantity, column
-from reports.results import Run
-from reports.style import Name, ordered, title, words
-from reports.tables import ABSENT, error, in_text, number
+from reports.quantities import uncertainty, value
+from reports.shared_tables import CASE, head, heading, smallest
+from reports.tables import error, number
 
-SLIDER = column("slider_position_error_m")
-IMPACT_COLUMNS = (
-    "impact_time_error_s",
-    "impact_speed_relative_error",
-    "impact_impulse_relative_error",
-    "impact_loss_relative_error",
-)
+SLIDER, MODEL_FORM = "slider_position_error_m", "slider_position_model_difference_m"
+#: The numbers of impacts of a run, and the errors of those that have a partner, with their headings.
+IMPACT_COUNTS = ("impacts_matched", "impacts_unmatched", "impacts_missed")
+IMPACT_ERRORS = {
+    "impact_time_error_s": "time [s]",
+    "impact_speed_relative_error": "speed, relative",
+    "impact_impulse_relative_error": "impulse, relative",
+    "impact_loss_relative_error": "energy lost, relative",
+}
+IMPACT_COLUMNS = (*IMPACT_COUNTS, *IMPACT_ERRORS)
 
 
-def smallest(runs: Sequence[Run], quantities: Sequence[Quantity]) -> Table:
-    """Return the smallest error that each arm reaches on each scene."""
-    rows = []
-    for scene, name, here in _by_arm(runs):
-        cells = []
-        for quantity in quantities:
-            found = [(e, quantity.uncertainty(run)) for run in here if (e := quantity.value(run))]
-            cells.append(error(*min(found)) if found else ABSENT)
-        until = [run.values["compared_until_s"] for run in here if run.ok]
-        rows.append((scene, *name, number(max(until)) if until else ABSENT, *cells))
-    head = (*CASE, "compared until [s]", *(_heading(q) for q in quantities))
+def finest(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return of each arm on each scene the run with the smallest slider position error."""
+    return (
+        rows.assign(size=value(rows, SLIDER))
+        .dropna(subset="size")
+        .sort_values("size")
+        .drop_duplicates(CASE)
+        .sort_index()
+    )
+
+
+def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
+    """Return the smallest error that each arm reaches on each scene, of those that the engine can run."""
+    # Between rigid walls an error that is zero compares nothing.
+    rows = rows.assign(**{column: rows[column].where(rows[column] > 0) for column in columns})
+    arms = rows[rows["status"] != "unsupported"].groupby(list(CASE), sort=False)
+    cells = [
+        (*case, number(value(arm, "compared_until_s").max()), *(smallest(arm, column) for column in columns))
+        for case, arm in arms
+    ]
     reading = (
         "The smallest error over the arm's ladder, against its model twin. A dash where no sample has "
         "anything to compare: between rigid walls the contact force is an impulse, and zero "
         "at the samples in flight."
     )
-    return Table("clearance-smallest-errors", "Smallest errors", reading, head, tuple(rows))
+    head = (*CASE, "compared until [s]", *map(heading, columns))
+    return Table("clearance-smallest-errors", "Smallest errors", reading, head, tuple(cells))
 
 
-def impacts(runs: Sequence[Run]) -> Table:
+def impacts(rows: pd.DataFrame) -> Table:
     """Return how the impacts of each arm's finest finished run match its twin's."""
-    rows = []
-    for scene, name, here in _by_arm(runs):
-        finest = _finest(here)
-        if finest is None or "impacts_matched" not in finest.values:
-            continue
-        counts = [f"{finest.values[f'impacts_{what}']:.0f}" for what in ("matched", "unmatched", "missed")]
-        cells = [error(finest.values.get(name)) for name in IMPACT_COLUMNS]
-        rows.append((scene, *name, number(finest.step_s), *counts, *cells))
-    head = (
-        *(*CASE, "step [s]", "matched", "unmatched", "missed"),
-        *("time [s]", "speed, relative", "impulse, relative", "energy lost, relative"),
-    )
-    reading = (
+    rows = finest(rows).dropna(subset="impacts_matched")
+    return Table.of(
+        "clearance-impacts",
+        "Impacts matched one to one",
         "The arm's most accurate run against its model twin: impacts of both that are nearest to each other, "
         "those of the engine without a partner (unmatched), those of the twin without (missed); and the "
-        "largest errors of the matched ones, relative to the largest value."
+        "largest errors of the matched ones, relative to the largest value.",
+        {
+            **head(rows, *CASE, "step_s"),
+            **{name.removeprefix("impacts_"): rows[name].map("{:.0f}".format) for name in IMPACT_COUNTS},
+            **{heading: rows[name].map(error) for name, heading in IMPACT_ERRORS.items()},
+        },
     )
-    return Table("clearance-impacts", "Impacts matched one to one", reading, head, tuple(rows))
 
 
-def laws(runs: Sequence[Run]) -> Table:
+def laws(rows: pd.DataFrame) -> Table:
     """Return the distance of each arm's own law from the scene's beside its smallest numerical error."""
-    rows = []
-    for scene, name, here in _by_arm(runs):
-        finest = _finest(here)
-        if finest is None:
-            continue
-        form, off = finest.values.get("slider_position_model_difference_m"), SLIDER.value(finest)
-        doubt = SLIDER.uncertainty(finest)
-        cells = (error(form, doubt) if form is not None else "the scene's own", error(off, doubt))
-        rows.append((scene, *name, *cells))
-    head = (*CASE, "model form [m]", "numerical error [m]")
-    reading = (
+    rows = finest(rows)
+    doubt = uncertainty(rows, SLIDER)
+    form = pd.Series(map(error, rows[MODEL_FORM], doubt), rows.index)
+    return Table.of(
+        "clearance-laws",
+        "Model form and numerical error",
         "Slider position: how far the converged solution of the law that the engine solves is from that of "
-        "the scene's law, and how far the engine's most accurate run is from its own law's."
+        "the scene's law, and how far the engine's most accurate run is from its own law's.",
+        {
+            **head(rows, *CASE),
+            "model form [m]": form.where(rows[MODEL_FORM].notna(), "the scene's own"),
+            "numerical error [m]": map(error, rows[SLIDER], doubt),
+        },
     )
-    return Table("clearance-laws", "Model form and numerical error", reading, head, tuple(rows))
-
-
-def failures(runs: Sequence[Run]) -> Table | None:
-    """Return the runs that did not finish, with the reason; None if all did."""
-    return failures_table(runs, "clearance")
-
-
-def orders_found(runs: Sequence[Run], quantity: Quantity) -> tuple[str, ...]:
-    """Return the observed orders of the local error in a sentence per arm."""
-    out = []
-    scenes = sorted({run.scene for run in runs if quantity.of_scene(runs, run.scene)})
-    found = {scene: orders(runs, scene, quantity) for scene in scenes}
-    for name in ordered(run.name for run in runs if run.ok):
-        told = [f"{of[name]} on {scene}" for scene, of in found.items() if name in of and of[name].slope]
-        if told:
-            out.append(f"{title(name)}: local position error of order {', '.join(told)}.")
-    return tuple(out)
-
-
-def impacts_found(runs: Sequence[Run]) -> tuple[str, ...]:
-    """Return which arms find every impact at their most accurate settings."""
-    found: dict[Name, list[bool]] = {}
-    for _, name, here in _by_arm(runs):
-        finest = _finest(here)
-        if finest is not None and "impacts_matched" in finest.values:
-            lost = finest.values["impacts_unmatched"] + finest.values["impacts_missed"]
-            found.setdefault(name, []).append(lost == 0)
-    return tuple(
-        f"{title(name)}: every impact of the model twin is found, and no other, on {sum(found[name])} of "
-        f"{len(found[name])} scenes."
-        for name in ordered(found)
-    )
-
-
-def laws_found(runs: Sequence[Run]) -> tuple[str, ...]:
-    """Return, for each arm with a law of its own, which of the two differences is the larger."""
-    out = []
-    for name in ordered(run.name for run in runs if run.ok):
-        pairs = []
-        for _, other, here in _by_arm(runs):
-            finest = _finest(here)
-            if other == name and finest is not None:
-                form, off = finest.values.get("slider_position_model_difference_m"), SLIDER.value(finest)
-                if form is not None and off is not None:
-                    pairs.append((form, off))
-        if pairs:
-            larger = sum(form > off for form, off in pairs)
-            most = max(form for form, _ in pairs)
-            if most == 0:
-                out.append(f"{title(name)} solves a law of its own, with the same motion on all scenes here.")
-                continue
-            out.append(
-                f"{title(name)} solves a law of its own, up to {in_text(most)} m from the scene's; that "
-                f"is more than its smallest numerical error on {larger} of {len(pairs)} scenes."
-            )
-    return tuple(out)
-
-
-def _finest(runs: Sequence[Run]) -> Run | None:
-    """Return the run with the smallest slider position error."""
-    finished = [run for run in runs if SLIDER.value(run) is not None]
-    return min(finished, key=lambda run: SLIDER.value(run) or 0.0, default=None)
-
-
-def _by_arm(runs: Sequence[Run]) -> list[tuple[str, Name, list[Run]]]:
-    """Return scene, engine and arm, and the runs of each, of those that the engine can run."""
-    out = []
-    for scene in sorted({run.scene for run in runs}):
-        for name in ordered(run.name for run in runs if run.scene == scene):
-            here = [run for run in runs if (run.scene, run.name) == (scene, name)]
-            if any(run.status != "unsupported" for run in here):
-                out.append((scene, name, here))
-    return out
-
-
-def _heading(quantity: Quantity) -> str:
-    name, unit = words(quantity.name)
-    return f"{name.replace(' error', '')} [{unit}]" if unit else name.replace(" error", "")

@@ -1,17 +1,16 @@
 """The figure of where the driver's work goes on a scene with clearance."""
 
-from collections.abc import Sequence
-
 import numpy as np
+import pandas as pd
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from reports.chapters.energy.figures import arms
-from reports.chapters.energy.runs import DISSIPATED, at_rung, has_clearance, resolution
+from reports.chapters.energy.rungs import DISSIPATED, MEAN_POWER, WORK, resolution
 from reports.parts import Figure
 from reports.plots.step_figures import grid
-from reports.results import FloatArray, Results, Run
-from reports.style import BLACK, GREY, WIDTH_IN, label, title
+from reports.quantities import finished
+from reports.results import Results
+from reports.style import BLACK, GREY, WIDTH_IN, axis_label, labels
 
 #: Grey and hatch of what a contact loses, and of what stabilisation removes, told apart without colour.
 WAYS = {
@@ -25,29 +24,31 @@ WAYS = {
 SEEN, MISSING = 1e-3, 1e-2
 
 
-def driver_work(results: Results, runs: Sequence[Run], scene: str, rung: float) -> list[Figure]:
-    """Return where the work of a scene's driver goes, a panel for each arm: losses stacked below the work."""
-    here = [run for run in at_rung(runs, {scene: rung}) if run.ok and has_clearance(run)]
-    here = _worth_a_panel([run for run in here if "driver_work_J" in run.values])
-    if not here:
-        return []
-    drawing, axes = grid(len(here), height_in=1.9)
+def driver_work(results: Results, at_rung: pd.DataFrame) -> tuple[Figure, ...]:
+    """Return where the work of a scene's driver goes, a panel for each arm: losses stacked below the work.
+
+    ``at_rung`` are the scene's rows at one rung.
+    """
+    rows = finished(at_rung)
+    rows = _worth_a_panel(rows[rows["has_clearance"] & rows[WORK].notna()])
+    if rows.empty:
+        return ()
+    drawing, axes = grid(len(rows), height_in=1.9)
     used: list[str] = []
-    for ax, run in zip(axes, here, strict=True):
-        time = _curve(results, run, "time_s")
-        base = np.zeros(len(time))
-        work = _curve(results, run, "driver_work_J")
-        for name in (name for name in run.values if name.endswith("_loss_J")):
-            if abs(run.values[name]) < SEEN * np.abs(work).max():
+    for ax, (_, row) in zip(axes, rows.iterrows(), strict=True):
+        time, work = results.curve(row["case"], "time_s"), results.curve(row["case"], WORK)
+        base, present = np.zeros(len(time)), row.dropna().index
+        for name in (name for name in present if name.endswith("_loss_J")):
+            if abs(row[name]) < SEEN * np.abs(work).max():
                 continue
-            top = base + _curve(results, run, name)
+            top = base + results.curve(row["case"], name)
             face, hatch = _look(name)
             ax.fill_between(time, base, top, facecolor=face, hatch=hatch, edgecolor="#5A5A5A", linewidth=0.3)
             base, used = top, [*used, name]
-        stored = sum(_curve(results, run, name) for name in run.values if name.endswith("_change_J"))
+        stored = sum(results.curve(row["case"], name) for name in present if name.endswith("_change_J"))
         ax.plot(time, work - stored, color=BLACK, linewidth=1.4)
-        ax.set_title(title(run.name))
-        ax.set_xlabel(label("time_s"))
+        ax.set_title(row["label"])
+        ax.set_xlabel(axis_label("time_s"))
         ax.set_ylabel("energy [J]")
     highest = max(ax.get_ylim()[1] for ax in axes)
     for ax in axes:
@@ -59,37 +60,28 @@ def driver_work(results: Results, runs: Sequence[Run], scene: str, rung: float) 
         handles.append(Patch(facecolor=face, hatch=hatch, edgecolor=GREY, label=text))
     drawing.set_size_inches(WIDTH_IN, drawing.get_size_inches()[1])
     drawing.legend(handles=handles, loc="outside lower center", ncols=3)
-    return [
+    scene = rows["scene"].iloc[0]
+    return (
         Figure(
             f"energy-driver-work-{scene}",
             f"Where the driver's work goes on {scene}",
-            f"At {resolution(runs, scene, rung)}. Losses are stacked. The line is the work that is not "
+            f"At {resolution(at_rung)}. Losses are stacked. The line is the work that is not "
             "stored in motion, height or contacts: it ends on the top of the stack if the ledger closes, "
             "above it if the method loses energy, below it if it makes some. Losses below a thousandth are "
             "left out. Shown are the first arm of each engine, and those with more than a hundredth missing.",
-            f"{len(here)} panels over time with stacked losses and a line. Panels: {arms(here)}.",
+            f"{len(rows)} panels over time with stacked losses and a line. "
+            f"Panels: {', '.join(labels(rows))}.",
             drawing,
-        )
-    ]
+        ),
+    )
 
 
-def _worth_a_panel(runs: Sequence[Run]) -> list[Run]:
+def _worth_a_panel(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the first arm of each engine and those whose ledger visibly does not close."""
-    first = {run.engine: run for run in reversed(runs)}
-    return [
-        run
-        for run in runs
-        if run is first[run.engine]
-        or abs(run.values["mean_hidden_power_W"]) > MISSING * run.values[DISSIPATED]
-    ]
+    open_by = rows[MEAN_POWER].abs() / rows[DISSIPATED]
+    return rows[~rows["engine"].duplicated() | (open_by > MISSING)]
 
 
 def _look(name: str) -> tuple[str, str]:
     """Return face and hatch of a loss by its column."""
     return WAYS[next(way for way in WAYS if way in name)]
-
-
-def _curve(results: Results, run: Run, name: str) -> FloatArray:
-    curve = results.curve(run, name)
-    assert curve is not None, f"a run with the column {name} has its curve"
-    return curve

@@ -1,1 +1,87 @@
-"""The chapter of the gallery of extremes."""
+"""The gallery of extremes on the page: one matrix, and why each verdict fell."""
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from reports.chapters.extremes import tables
+from reports.chapters.extremes.matrix import verdict_matrix
+from reports.chapters.extremes.verdict import CONSTRAINT, ENERGY, Verdict, answers
+from reports.parts import Figure, Section, stated
+from reports.results import Results
+from reports.style import labels
+from reports.tables import in_text
+
+STUDY = "extremes"
+TITLE = "Extremes"
+INTRODUCTION = (
+    "A gallery of cases at the edge of what can be simulated, or beyond. Theory says what an exact solver "
+    "would do; every engine runs every case in a process of its own with limits on time and memory, so that "
+    "a crash or a hang is a verdict and not the end. Engines take the step they would take at ordinary "
+    "numbers, or one that theory asks for; those that choose their steps choose. A wrong number told with "
+    "confidence is worse than a refusal, and the verdicts are ordered so."
+)
+REFERENCE = "reference (default)"
+#: Ways to end that no engine chooses.
+ENDED = (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)
+
+
+def sections(results: Results) -> list[Section]:
+    """Return the sections of the study."""
+    found = answers(results.rows)
+    figure = Figure(
+        "extremes-matrix",
+        "Verdicts, case by case",
+        "A cell is a run; dark is bad. A frame marks what theory asks for: the motion (✓), a refusal where "
+        "there is none (⊘), a stop at the time when it is determined no more (F), word that the step is too "
+        "long (✓ F). Numbers are relative errors of what is inaccurate: of the motion, of energy (E), of "
+        "constraints (C).",
+        f"Matrix of {found['scene'].nunique()} named cases against {', '.join(labels(found))}, a symbol "
+        "and a shade per verdict, with theory's expectation beside each case.",
+        verdict_matrix(found),
+    )
+    text = (*_sound(found), *_outcomes(found), *_reference(found))
+    gallery = Section("gallery", "The gallery", text, (figure,), (tables.counts(found),))
+    shown = (tables.expectations(found), tables.verdicts(found))
+    return [gallery, Section("cases", "Case by case", (), (), shown)]
+
+
+def _sound(found: pd.DataFrame) -> Iterator[str]:
+    """Yield what is true of all verdicts."""
+    sound = found[found["verdict"].isin((Verdict.RIGHT, Verdict.INACCURATE))]
+    if len(sound):
+        energy, constraint = sound[ENERGY].max(), sound[CONSTRAINT].max()
+        bounds = sound[[f"{ENERGY}_bound", f"{CONSTRAINT}_bound"]].iloc[0] * sound["nonsense_factor"].iloc[0]
+        sentence = (
+            f"{len(found)} runs of {found['scene'].nunique()} cases all ended in a verdict. None that "
+            f"counts as right or inaccurate leaves more than {in_text(energy)} of its energy unaccounted "
+            f"for, or opens a joint by more than {in_text(constraint)} of the crank's length."
+        )
+        yield stated(sentence, bool((bounds >= [energy, constraint]).all()))
+    ended = found[found["verdict"].isin(ENDED)]
+    if ended.empty:
+        yield "No run crashed, ran out of memory, or had to be stopped."
+    else:
+        told = (f"{row['label']} {row['verdict'].value} on {row['scene']}" for _, row in ended.iterrows())
+        yield f"Contained: {'; '.join(told)}."
+
+
+def _outcomes(found: pd.DataFrame) -> Iterator[str]:
+    """Yield for every label what it gave without a word of warning that was nonsense."""
+    for label, of_label in found.groupby("label", observed=True):
+        asked = f"{label} does what theory asks in {of_label['as_wanted'].sum()} of {len(of_label)} cases"
+        nonsense = of_label["scene"][of_label["verdict"] == Verdict.NONSENSE]
+        yield (
+            f"{asked}, and returns nonsense without a word in {len(nonsense)}: {'; '.join(nonsense)}."
+            if len(nonsense)
+            else f"{asked}, and never returns nonsense."
+        )
+
+
+def _reference(found: pd.DataFrame) -> Iterator[str]:
+    """Yield where the reference stops, for want of a motion or of a step short enough."""
+    stopped = found[(found["label"] == REFERENCE) & (found["verdict"] == Verdict.FAILED)]
+    if len(stopped):
+        reasons = stopped["reason"].str.split(":").str[0].str.split(", q =").str[0]
+        told = stopped["scene"] + " (" + reasons + ")"
+        yield f"The reference stops with a reason in: {'; '.join(told)}."

@@ -1,16 +1,16 @@
 """What the predictability study's rows say, in sentences made from the rows or checked against them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
+import pandas as pd
 
 from reports.chapters.predictability import data
 from reports.chapters.predictability.comparison import Alarms, told_apart
 from reports.chapters.predictability.statistics import LEVEL, Interval, holm, permutation_p, student_interval
 from reports.parts import stated
-from reports.results import Results, Run
-from reports.style import title
-from reports.tables import in_text
+from reports.results import Results
+from reports.tables import in_text, listed
 
 #: A scene whose twins stay closer than this to the end has no horizon worth the name, in m.
 TOGETHER_M = 1e-9
@@ -21,60 +21,53 @@ LEVEL_ROOM = 0.025
 REPEATS = 0.01
 
 
-def horizons(runs: Sequence[Run]) -> list[str]:
-    """Return which scenes can be followed for how long."""
-    out = []
-    followed = [run for run in runs if not any(name.startswith("horizon_") for name in run.values)]
-    if followed:
-        largest = max(_largest(run) for run in followed)
-        named = listed(f"{run.scene} (for {_length(run, run.values['end_time_s'])})" for run in followed)
-        sentence = f"Nothing parts on {named}: all twins stay within {in_text(largest)} m of the reference."
-        out.append(stated(sentence, largest < TOGETHER_M))
-    for run in runs:
-        if run not in followed:
-            out.append(_followed_to_horizon(run))
-    return out
+def horizons(rows: pd.DataFrame) -> tuple[str, ...]:
+    """Return which scenes can be followed for how long; ``rows`` has one of each."""
+    followed = rows.filter(regex="^horizon_").isna().all(axis=1)
+    return (*_followed(rows[followed]), *(_to_horizon(row) for _, row in rows[~followed].iterrows()))
 
 
-def _followed_to_horizon(run: Run) -> str:
+def _followed(rows: pd.DataFrame) -> list[str]:
+    if rows.empty:
+        return []
+    largest = rows[["largest_distance_perturbed_m", "largest_distance_halved_m"]].max(axis=None)
+    named = listed(f"{row['scene']} (for {_length(row, row['end_time_s'])})" for _, row in rows.iterrows())
+    sentence = f"Nothing parts on {named}: all twins stay within {in_text(largest)} m of the reference."
+    return [stated(sentence, largest < TOGETHER_M)]
+
+
+def _to_horizon(row: pd.Series) -> str:
     told = []
     for words, (tolerance, _) in data.TOLERANCES.items():
-        times = [run.values.get(f"horizon_{kind}{words}_s") for kind in ("", "halved_")]
-        known = [time for time in times if time is not None]
-        if known:
-            told.append(f"{tolerance} after {_length(run, min(known))}")
-    moved = in_text(run.values["perturbation_rad"])
+        first = row[[f"horizon_{words}_s", f"horizon_halved_{words}_s"]].min()
+        if first == first:
+            told.append(f"{tolerance} after {_length(row, first)}")
     if not told:
-        return f"On {run.scene} only some twins part before the end."
-    return (
-        f"On {run.scene} a start moved by {moved} rad, or half the step, moves the slider by {listed(told)}."
-    )
+        return f"On {row['scene']} only some twins part before the end."
+    moved = in_text(row["perturbation_rad"])
+    cause = f"On {row['scene']} a start moved by {moved} rad, or half the step,"
+    return f"{cause} moves the slider by {listed(told)}."
 
 
-def _largest(run: Run) -> float:
-    return max(run.values["largest_distance_perturbed_m"], run.values["largest_distance_halved_m"])
+def _length(row: pd.Series, time_s: float) -> str:
+    turns = row["revolutions"]
+    return f"{turns * time_s / row['end_time_s']:.1f} revolutions" if turns > 0 else f"{time_s:.2g} s"
 
 
-def _length(run: Run, time_s: float) -> str:
-    turns = run.values.get("revolutions")
-    return f"{turns * time_s / run.values['end_time_s']:.1f} revolutions" if turns else f"{time_s:.2g} s"
-
-
-def exponents(found: Mapping[str, Sequence[Run]]) -> list[str]:
+def exponents(found: Mapping[str, pd.DataFrame]) -> tuple[str, ...]:
     """Return the exponents of the scenes that have one, and which have none."""
-    out, settled = [], []
+    sentences, settled = [], []
     for scene, starts in found.items():
         values = data.measured(starts)
         if len(values) > 1:
-            out.append(_grows(scene, student_interval(values)))
+            sentences.append(_grows(scene, student_interval(values)))
         elif not len(values):
-            turns = max(run.values["revolutions"] for run in starts)
-            settled.append(f"{scene} (within {turns:.0f} revolutions)")
+            settled.append(f"{scene} (within {starts['revolutions'].max():.0f} revolutions)")
     if settled:
-        out.append(
+        sentences.append(
             f"No exponent is given where every start settles to continuous contact: {listed(settled)}."
         )
-    return out
+    return tuple(sentences)
 
 
 def _grows(scene: str, mean: Interval) -> str:
@@ -87,60 +80,55 @@ def _grows(scene: str, mean: Interval) -> str:
     return f"{sentence}, which these starts do not tell from zero."
 
 
-def ensembles(found: data.Ensembles, scene: str, counted: Alarms | None) -> list[str]:
+def ensembles(found: data.Ensembles, scene: str, alarms: Alarms | None) -> tuple[str, ...]:
     """Return which engines differ from their model twins, and how far the test can be trusted."""
-    quantities, out = data.shown(found), []
-    if counted is not None:
-        rates = counted[1]
-        share = sum(rate.count for rate in rates) / sum(rate.trials for rate in rates)
-        sentence = (
-            f"On {scene} the permutation test tells the reference from itself in {100 * share:.1f} % of "
-            f"draws, at a nominal {100 * LEVEL:.0f} %: its alarms mean what they should."
-        )
-        out.append(stated(sentence, share <= LEVEL + LEVEL_ROOM))
-        direct = told_apart(found)
-        out.append(
-            f"Taken as they are, the reference's ensembles on {scene} (same starts, others, half the step) "
-            f"are told from one another in {direct.count} of {direct.trials} tests, where "
-            f"{LEVEL * direct.trials:.1f} alarms are expected."
-        )
-    for name, twin in data.compared(found):
-        one, other = (data.matrix(found[each], quantities) for each in (name, twin))
+    quantities = data.shown(found)
+    sentences = [] if alarms is None else _trusted(found, scene, alarms)
+    for label, twin in data.compared(found):
+        one, other = (data.matrix(found[each], quantities) for each in (label, twin))
         raised = holm(permutation_p(one, other))
         differing = [
             data.QUANTITIES[q].split(" [")[0] for q, p in zip(quantities, raised, strict=True) if p <= LEVEL
         ]
         count = f"{len(one)} members each"
-        out.append(
-            f"{title(name)} differs from its model twin on {scene} in {listed(differing)} ({count})."
+        sentences.append(
+            f"{label} differs from its model twin on {scene} in {listed(differing)} ({count})."
             if differing
-            else f"{title(name)} is not told from its model twin on {scene} by any of {len(quantities)} "
+            else f"{label} is not told from its model twin on {scene} by any of {len(quantities)} "
             f"quantities ({count})."
         )
-    return out
+    return tuple(sentences)
 
 
-def pictures(results: Results, runs: Sequence[Run]) -> list[str]:
+def _trusted(found: data.Ensembles, scene: str, alarms: Alarms) -> list[str]:
+    """Return, checked, how often the tests of means tell the reference from itself."""
+    share = sum(rate.count for rate in alarms.by_means) / sum(rate.trials for rate in alarms.by_means)
+    sentence = (
+        f"On {scene} the permutation test tells the reference from itself in {100 * share:.1f} % of "
+        f"draws, at a nominal {100 * LEVEL:.0f} %: its alarms mean what they should."
+    )
+    direct = told_apart(found)
+    return [
+        stated(sentence, share <= LEVEL + LEVEL_ROOM),
+        f"Taken as they are, the reference's ensembles on {scene} (same starts, others, half the step) "
+        f"are told from one another in {direct.count} of {direct.trials} tests, where "
+        f"{LEVEL * direct.trials:.1f} alarms are expected.",
+    ]
+
+
+def pictures(results: Results, points: pd.DataFrame) -> tuple[str, ...]:
     """Return up to which clearance every revolution repeats the one before."""
-    spreads = []
-    for run in runs:
-        curve = results.curve(run, "gap_y_part")
-        if curve is not None:
-            spreads.append((1e3 * run.values["radial_clearance_m"], float(np.ptp(curve))))
-    repeating = [room for room, spread in spreads if spread <= REPEATS]
-    if not repeating or len(repeating) == len(spreads):
-        return []
-    wild = max(spread for _, spread in spreads)
+    spreads = pd.Series(
+        [float(np.ptp(results.curve(case, "gap_y_part"))) for case in points["case"]],
+        1e3 * points["radial_clearance_m"],
+        dtype=float,
+    )
+    repeating = spreads.index[spreads <= REPEATS]
+    if len(repeating) in (0, len(spreads)):
+        return ()
     sentence = (
         f"Every revolution repeats the one before at {len(repeating)} of {len(spreads)} clearances, all of "
-        f"them up to {max(repeating):.2g} mm; the pin's height at 90° varies by up to {wild:.1f} clearances "
-        "from revolution to revolution at larger ones."
+        f"them up to {repeating.max():.2g} mm; the pin's height at 90° varies by up to {spreads.max():.1f} "
+        "clearances from revolution to revolution at larger ones."
     )
-    widest = max(spreads, key=lambda point: point[1])[0]
-    return [stated(sentence, widest > max(repeating))]
-
-
-def listed(parts: Iterable[str]) -> str:
-    """Return parts as a list in a sentence: a, b and c."""
-    *most, last = parts
-    return f"{', '.join(most)} and {last}" if most else last
+    return (stated(sentence, spreads.idxmax() > repeating.max()),)

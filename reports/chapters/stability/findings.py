@@ -1,80 +1,81 @@
 """Sentences of the stability study."""
 
-from collections.abc import Sequence
+import pandas as pd
 
-from reports.chapters.stability.cells import (
-    GROWING,
-    REFUSED,
+from reports.chapters.stability.map_cells import (
+    DIFFERENCE,
+    LIMIT,
+    MEASURED_LIMIT,
     VARIED,
-    arms,
     cells,
     dampings_of,
     limit_of,
     limits_of,
     map_rows,
-    severity,
 )
 from reports.chapters.stability.tables import span
 from reports.parts import stated
-from reports.results import Run
-from reports.style import ENGINES, title
+from reports.style import ENGINES, labels
 from reports.tables import in_text
 
 #: What the scalar problem must recover of theory.
 WITHIN = 0.01
 
 
-def recovered(runs: Sequence[Run]) -> list[str]:
+def recovered(rows: pd.DataFrame) -> tuple[str, ...]:
     """Return the sentences on the scalar problem."""
-    compared = [run for run in limits_of(runs) if "limit_frequency_step" in run.values]
-    unlimited = [run for run in limits_of(runs) if "limit_frequency_step" not in run.values]
-    damped = [run for run in dampings_of(runs) if "leading_energy_loss_per_step" in run.values]
-    out = []
-    for what, some in (("limits of stability", compared), ("losses of energy per step", damped)):
-        if some:
-            worst = max(abs(run.values.get("relative_difference", 1.0)) for run in some)
-            off = f"the worst off by {in_text(worst)} of its value"
-            text = f"All {len(some)} {what} that theory knows are recovered, {off}."
-            out.append(stated(text, worst <= WITHIN))
-    unlimited = [run for run in unlimited if run.engine in ENGINES]  # theory was not asked about others
-    if unlimited:
-        none = not any("measured_limit_frequency_step" in run.values for run in unlimited)
-        text = f"Where theory knows no limit none was found up to ωh = 64: {_titles(unlimited)}."
-        out.append(stated(text, none))
-    return out
+    limits, dampings = limits_of(rows), dampings_of(rows)
+    known = limits[LIMIT].notna()
+    unlimited = limits[~known & limits["engine"].isin(ENGINES)]  # theory was not asked about others
+    leading = dampings["leading_energy_loss_per_step"].notna()
+    return (
+        *_within("limits of stability", limits[known]),
+        *_within("losses of energy per step", dampings[leading]),
+        *_without_limit(unlimited),
+    )
 
 
-def begun(runs: Sequence[Run], varied: str) -> list[str]:
+def _within(what: str, rows: pd.DataFrame) -> list[str]:
+    if rows.empty:
+        return []
+    worst = rows[DIFFERENCE].fillna(1.0).abs().max()
+    text = f"All {len(rows)} {what} that theory knows are recovered"
+    return [stated(f"{text}, the worst off by {in_text(worst)} of its value.", worst <= WITHIN)]
+
+
+def _without_limit(rows: pd.DataFrame) -> list[str]:
+    if rows.empty:
+        return []
+    text = f"Where theory knows no limit none was found up to ωh = 64: {', '.join(labels(rows))}."
+    return [stated(text, bool(rows[MEASURED_LIMIT].isna().all()))]
+
+
+def begun(rows: pd.DataFrame, varied: str) -> tuple[str, ...]:
     """Return the sentences on a map: who never grows, and where others begin to grow and to diverge."""
-    here = cells(runs, varied)
-    out = []
-    calm = [name for name in arms(here) if not any(_grows(run) for run in here if run.name == name)]
-    if calm:
-        names = ", ".join(title(name) for name in calm)
-        out.append(f"No run of {names} gains energy beyond its bound or diverges, at any step.")
-    for name in arms(here):
-        limit = limit_of([run for run in here if run.name == name])
-        rows = map_rows(runs, varied, name)
-        growth = [row.growth / limit for row in rows if row.growth and limit]
-        divergence = [row.divergence / limit for row in rows if row.divergence and limit]
-        if growth:
-            text = f"{title(name)}: energy grows from {span(growth)} times theory's limit on"
-            out.append(
-                f"{text}, runs diverge from {span(divergence)} times it on." if divergence else f"{text}."
-            )
-    return out
+    grows = rows.groupby("label", observed=True)["grows"].any()
+    sentences = []
+    if not grows.all():
+        calm = ", ".join(grows.index[~grows])
+        sentences.append(f"No run of {calm} gains energy beyond its bound or diverges, at any step.")
+    for label, arm in rows.groupby("label", observed=True):
+        multiples = map_rows(arm, varied) / limit_of(arm)
+        growth, divergence = multiples["growth"].dropna(), multiples["divergence"].dropna()
+        if len(growth):
+            text = f"{label}: energy grows from {span(growth)} times theory's limit on"
+            more = f", runs diverge from {span(divergence)} times it on" if len(divergence) else ""
+            sentences.append(f"{text}{more}.")
+    return tuple(sentences)
 
 
-def verdicts(runs: Sequence[Run]) -> tuple[str, ...]:
+def verdicts(rows: pd.DataFrame) -> tuple[str, ...]:
     """Return the sentences on all maps: what accurate means, and that no limit is no promise."""
-    here = [run for varied in VARIED for run in cells(runs, varied)]
-    return (_honest(here), *_implicit(runs, here))
+    in_maps = pd.concat([cells(rows, varied) for varied in VARIED])
+    return (_honest(in_maps), *_implicit(in_maps, dampings_of(rows)))
 
 
-def _honest(here: Sequence[Run]) -> str:
+def _honest(rows: pd.DataFrame) -> str:
     """Return what accurate means, checked on every cell that is called so."""
-    called, bounds = [run for run in here if severity(run) == 0], here[0].values
-    impacts = bounds["compared_impacts"]
+    called, bounds = rows[rows["severity"] == 0], rows.iloc[0]
     energy, gap, place = (
         bounds[f"{what}_bound_per_{of}"]
         for what, of in (("energy", "impact"), ("constraint", "clearance"), ("position", "clearance"))
@@ -85,33 +86,25 @@ def _honest(here: Sequence[Run]) -> str:
         "constraint_violation_per_clearance": gap,
         "position_error_per_clearance": place,
     }
-    # A number that is not finite is not among the values.
-    holds = all(run.ok and run.values.get(name, 2 * b) <= b for run in called for name, b in within.items())
+    # A number that is missing, for it was not finite, is within no bound.
+    held = called[list(within)].le(pd.Series(within)).all(axis=None) and (called["status"] == "ok").all()
     return stated(
-        f"{len(called)} of {len(here)} runs are called accurate: in each of them all numbers are finite, the "
+        f"{len(called)} of {len(rows)} runs are called accurate: in each of them all numbers are finite, the "
         f"energy balance holds within {energy:.0%} of the first impact's energy, the ideal joints within "
-        f"{gap:.0%} of the clearance and, through {impacts:.0f} impacts, the slider's position within "
-        f"{place:.0%} of it.",
-        holds,
+        f"{gap:.0%} of the clearance and, through {bounds['compared_impacts']:.0f} impacts, the slider's "
+        f"position within {place:.0%} of it.",
+        bool(held),
     )
 
 
-def _implicit(runs: Sequence[Run], here: Sequence[Run]) -> list[str]:
+def _implicit(in_maps: pd.DataFrame, dampings: pd.DataFrame) -> list[str]:
     """Return the sentence on methods of fixed step that have no limit on a spring, and gain energy here."""
-    fixed = {run.name for run in dampings_of(runs)}
-    free = [run for run in here if run.name in fixed and "limit_frequency_step" not in run.values]
-    grown = [run for run in free if _grows(run)]
+    free = in_maps[in_maps["label"].isin(dampings["label"]) & in_maps[LIMIT].isna()]
+    grown = free["grows"].sum()
     if not grown:
         return []
     return [
-        f"Theory knows no limit for {_titles(free)}, yet {len(grown)} of their {len(free)} runs gain energy "
-        "beyond its bound or diverge: stable on a spring is not stable on a contact that begins and ends."
+        f"Theory knows no limit for {', '.join(labels(free))}, yet {grown} of their {len(free)} runs gain "
+        "energy beyond its bound or diverge: stable on a spring is not stable on a contact that begins and "
+        "ends."
     ]
-
-
-def _grows(run: Run) -> bool:
-    return GROWING <= severity(run) < REFUSED
-
-
-def _titles(runs: Sequence[Run]) -> str:
-    return ", ".join(title(name) for name in arms(runs))
