@@ -61,3 +61,15 @@ class Section:
     text: tuple[str, ...]
     figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        title: str,
+        text: Iterable[str],
+        figures: Iterable[Figure | None] = (),
+        tables: Iterable[Table | None] = (),
+    ) -> "Section":
+        """Return a section without the figures and tables that there are none of."""
+        return cls(name, title, tuple(text), tuple(filter(None, figures)), tuple(filter(None, tables)))

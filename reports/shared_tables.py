@@ -1,6 +1,6 @@
 """What several chapters show: settings, observed orders, smallest errors, and runs that did not finish."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import pandas as pd
 
@@ -15,15 +15,8 @@ CASE = ("scene", "engine", "arm")
 
 def head(rows: pd.DataFrame, *columns: str) -> dict[str, pd.Series]:
     """Return the columns that say what was run as a table has them, steps in two digits."""
-    return {
-        "step [s]" if name == "step_s" else name: rows[name].map(number) if name == "step_s" else rows[name]
-        for name in columns
-    }
-
-
-def by_arm(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str, str], pd.DataFrame]]:
-    """Yield scene, engine and arm, and their rows, in the order of tables."""
-    yield from rows.groupby(list(CASE), sort=False)
+    steps = {"step_s": ("step [s]", rows["step_s"].map(number))}
+    return dict(steps.get(name, (name, rows[name])) for name in columns)
 
 
 def heading(column: str) -> str:
@@ -50,12 +43,18 @@ def order_cells(shown: pd.DataFrame, rows: pd.DataFrame, column: str, absent: st
     )
 
 
-def smallest(rows: pd.DataFrame, column: str) -> str:
-    """Return the smallest of some runs' errors, as tables show it."""
-    errors = value(rows, column)
-    if errors.isna().all():
-        return ABSENT
-    return error(errors.min(), uncertainty(rows, column)[errors.idxmin()])
+def smallest_errors(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+    """Return the smallest error of each arm on each scene as a table has it, an arm a row."""
+    arms = rows.groupby(list(CASE), sort=False)
+    return pd.DataFrame(
+        {**dict(zip(CASE, case, strict=True)), **{heading(name): _smallest(arm, name) for name in columns}}
+        for case, arm in arms
+    )
+
+
+def _smallest(rows: pd.DataFrame, column: str) -> str:
+    errors = value(rows, column).dropna()
+    return error(errors.min(), uncertainty(rows, column)[errors.idxmin()]) if len(errors) else ABSENT
 
 
 def settings_table(rows: pd.DataFrame, study: str) -> Table:
@@ -90,7 +89,7 @@ def failures_section(rows: pd.DataFrame, table: Table | None, name: str = "failu
     """Return the section on runs that did not finish, with the table of them if there are any."""
     count = (rows["status"] != "ok").sum()
     text = f"{count} of {len(rows)} runs did not finish." if table else f"All {len(rows)} runs finished."
-    return Section(name, "Runs that did not finish", (text,), (), (table,) if table else ())
+    return Section.of(name, "Runs that did not finish", [text], (), [table])
 
 
 def _settings(settings: pd.Series) -> str:

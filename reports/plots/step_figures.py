@@ -40,8 +40,7 @@ def against_step(rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[i
     rise = ROW_POINTS * max(map(len, missing.values()))
     for ax, (scene, column) in zip(axes, panels, strict=True):
         of_scene = rows[rows["scene"] == scene]
-        ax.set_xlabel(axis_label("step_s"))
-        ax.set_ylabel(axis_label(column))
+        ax.set(xlabel=axis_label("step_s"), ylabel=axis_label(column))
         points = of_scene.assign(error=value(of_scene, column)).query("error > 0")
         for label, line in points.sort_values(["mean_step_s", "error"]).groupby("label", observed=True):
             ax.loglog(line["mean_step_s"], line["error"], **styles[label])
@@ -98,8 +97,7 @@ def engine_legend(drawing: Drawing, rows: pd.DataFrame, failures: bool) -> None:
 
 def _finish(ax: Axes, uncertainty: float, orders: Sequence[int]) -> None:
     """Shade the truth's uncertainty and draw the guides down from the coarsest step."""
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log")
     if not ax.lines:
         return
     h, e = np.concatenate([line.get_xydata() for line in ax.lines]).T

@@ -23,10 +23,7 @@ def against_setting(rows: pd.DataFrame, setting: str, columns: Sequence[str]) ->
     styles = {scene: variant(of["engine"].iloc[0], place) for place, (scene, of) in enumerate(scenes)}
     values = rows["at"].unique().tolist()
     for ax, column in zip(axes, columns, strict=True):
-        ax.set_xlabel(setting)
-        ax.set_ylabel(axis_label(column))
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+        ax.set(xlabel=setting, ylabel=axis_label(column), xscale="log", yscale="log")
         ax.set_xticks(values, [str(each) for each in values], rotation=90)
         ax.set_xticks([], minor=True)
         row = 0

@@ -23,10 +23,7 @@ def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per:
     styles = line_styles(rows)
     drawing, axes = grid(len(scenes))
     for ax, (scene, of_scene) in zip(axes, scenes, strict=True):
-        ax.set_title(scene)
-        ax.set_xlabel(axis_label("time_s"))
-        ax.set_ylabel(axis)
-        ax.set_yscale("log")
+        ax.set(title=scene, xlabel=axis_label("time_s"), ylabel=axis, yscale="log")
         for _, row in of_scene.iterrows():
             size = so_far(results.curve(row["case"], column)) / (row[per] if per else 1.0)
             every = max(1, len(size) // MARKERS)

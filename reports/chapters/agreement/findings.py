@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
-from reports.chapters.agreement.figures import ENERGY, LARGEST_ENERGY, VIOLATION, steps_in_text
+from reports.chapters.agreement.figures import steps_in_text
 from reports.chapters.agreement.tables import at_steps
 from reports.parts import stated
 from reports.quantities import finished, floor, signal_errors, value
@@ -15,12 +15,14 @@ from reports.tables import in_text, listed
 #: Pymunk's two arms: as the library comes, and as an expert runs it.
 AS_IT_COMES, TUNED = "pymunk (out of the box)", "pymunk (tuned)"
 REFERENCE = "reference"
+VIOLATION, ENERGY = "constraint_violation_m", "energy_balance_residual_J"
+#: What an energy is a part of.
+LARGEST_ENERGY = "largest_kinetic_energy_J"
 
 
-def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> tuple[str, ...]:
-    """Return the observed orders of each arm on all scenes in one sentence."""
+def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> Iterator[str]:
+    """Yield the observed orders of each arm on all scenes in one sentence."""
     found = {column: orders(rows, column) for column in columns}
-    sentences = []
     for label in labels(finished(rows)):
         parts = []
         for column, by_label in found.items():
@@ -29,19 +31,18 @@ def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> tuple[str, ...]:
             not_claimed = [f"{order} on {scene}" for scene, order in by_scene if order.slope is None]
             part = f"{_signal(column)} of {f'order {listed(claimed)}' if claimed else 'no order'}"
             parts.append(part + (f" ({listed(not_claimed)})" if not_claimed else ""))
-        sentences.append(f"{label}: {'; '.join(parts)}.")
-    return tuple(sentences)
+        yield f"{label}: {'; '.join(parts)}."
 
 
-def pymunk_arms(rows: pd.DataFrame, column: str) -> tuple[str, ...]:
-    """Return why Pymunk is shown twice, with its orders, checked; nothing unless both arms have one."""
+def pymunk_arms(rows: pd.DataFrame, column: str) -> Iterator[str]:
+    """Yield why Pymunk is shown twice, with its orders, checked; nothing unless both arms have one."""
     found = orders(rows, column)
     slopes = [
         [order.slope for order in found.get(label, {}).values() if order.slope is not None]
         for label in (AS_IT_COMES, TUNED)
     ]
     if not all(slopes):
-        return ()
+        return
     first, second = (listed(dict.fromkeys(f"{slope:.2f}" for slope in each)) for each in slopes)
     sentence = (
         f"Pymunk is shown twice: {AS_IT_COMES} is the library as it comes, a first-order method "
@@ -49,29 +50,25 @@ def pymunk_arms(rows: pd.DataFrame, column: str) -> tuple[str, ...]:
         "iterations, each step's joint error corrected in full and half a kick before the first step, "
         f"which makes it the second-order leap-frog scheme (observed: {second})."
     )
-    return (stated(sentence, [set(map(round, each)) for each in slopes] == [{1}, {2}]),)
+    yield stated(sentence, [set(map(round, each)) for each in slopes] == [{1}, {2}])
 
 
-def best_at_step(rows: pd.DataFrame, steps: Mapping[str, float]) -> tuple[str, ...]:
-    """Return who has the smallest error of which signal at a step: of all, and without the reference."""
-    sentences = []
+def best_at_step(rows: pd.DataFrame, steps: Mapping[str, float]) -> Iterator[str]:
+    """Yield who has the smallest error of which signal at a step: of all, and without the reference."""
     for scene, of_scene in finished(at_steps(rows, steps)).groupby("scene"):
         rivals = of_scene[of_scene["engine"] != REFERENCE]
         groups = [group for group in (of_scene, rivals) if len(set(group["engine"])) > 1]
-        winners = [_winners(group) for group in groups]
-        if winners:
-            sentence = f"On {scene} at a step of {in_text(steps[scene])} s the smallest error is "
-            sentences.append(sentence + "; without the reference, ".join(winners) + ".")
-    return tuple(sentences)
+        if groups:
+            winners = "; without the reference, ".join(map(_winners, groups))
+            yield f"On {scene} at a step of {in_text(steps[scene])} s the smallest error is {winners}."
 
 
-def conservation(rows: pd.DataFrame, steps: Mapping[str, float]) -> tuple[str, ...]:
-    """Return the largest energy residual and violation of each arm over all scenes, and at which steps."""
-    return (
-        *([f"Compared at a step of {steps_in_text(steps)}."] if steps else []),
-        *_smallest_first(at_steps(rows, steps), ENERGY, LARGEST_ENERGY),
-        *_smallest_first(at_steps(rows, steps), VIOLATION),
-    )
+def conservation(rows: pd.DataFrame, steps: Mapping[str, float]) -> Iterator[str]:
+    """Yield the largest energy residual and violation of each arm over all scenes, and at which steps."""
+    if steps:
+        yield f"Compared at a step of {steps_in_text(steps)}."
+    yield from _smallest_first(at_steps(rows, steps), ENERGY, LARGEST_ENERGY)
+    yield from _smallest_first(at_steps(rows, steps), VIOLATION)
 
 
 def _smallest_first(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[str]:
@@ -89,21 +86,19 @@ def _smallest_first(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[
     yield f"The largest {what} over all scenes is {told}{missing and f', without what failed: {missing}'}."
 
 
-def enough(rows: pd.DataFrame, setting: str, column: str) -> tuple[str, ...]:
-    """Return from which value of a setting on the error is as small as it gets, and which values fail."""
-    sentences = []
+def enough(rows: pd.DataFrame, setting: str, column: str) -> Iterator[str]:
+    """Yield from which value of a setting on the error is as small as it gets, and which values fail."""
     for scene, of_scene in rows.sort_values(f"setting_{setting}").groupby("scene"):
         errors = value(of_scene, column).set_axis(of_scene[f"setting_{setting}"])
         seen, failed = errors.dropna(), errors.index[of_scene["status"] != "ok"]
         if seen.empty:
             continue
         good = seen.index[seen[::-1].cummax()[::-1] <= 2 * seen.min()]
-        sentences.append(
+        yield (
             f"On {scene} the {_signal(column)} error is within a factor of 2 of its smallest "
             + (f"from {good[0]} {setting} on" if len(good) else f"at no number of {setting} and all above it")
             + (f"; runs with {listed(map(str, failed))} fail." if len(failed) else "; no run fails.")
         )
-    return tuple(sentences)
 
 
 def _winners(rows: pd.DataFrame) -> str:

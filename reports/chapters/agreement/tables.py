@@ -8,7 +8,7 @@ import pandas as pd
 from reports.convergence import RULE
 from reports.parts import Table
 from reports.quantities import floor, signal_errors, uncertainty, value
-from reports.shared_tables import CASE, by_arm, head, heading, order_cells, smallest
+from reports.shared_tables import CASE, head, heading, order_cells, smallest_errors
 from reports.style import words
 from reports.tables import error, number
 
@@ -65,14 +65,12 @@ def conservation_table(rows: pd.DataFrame, steps: Mapping[str, float], columns: 
 
 def smallest_table(rows: pd.DataFrame) -> Table:
     """Return the smallest error each arm reaches within the ladder of steps."""
-    errors = signal_errors(rows)
-    return Table(
+    return Table.of(
         "agreement-smallest-errors",
         "Smallest error over all steps",
         "The smallest of the errors over all steps of the ladder. Where the figures show that an error "
         "has stopped falling, this is the engine's own floor; elsewhere a smaller step would give less.",
-        (*CASE, *map(heading, errors)),
-        tuple((*case, *(smallest(arm, column) for column in errors)) for case, arm in by_arm(rows)),
+        smallest_errors(rows, signal_errors(rows)),
     )
 
 

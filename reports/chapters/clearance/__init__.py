@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from reports.chapters.clearance import findings, tables
+from reports.chapters.clearance import tables
 from reports.parts import Figure, Section
 from reports.plots.step_figures import against_step, panels_of
 from reports.quantities import with_largest
@@ -29,21 +29,21 @@ def sections(results: Results) -> list[Section]:
     rows = with_columns(results.rows, "compared_until_s", tables.MODEL_FORM, *tables.IMPACT_COLUMNS)
     rows = with_largest(rows, CONTACT_FORCE, r"contact_\w_normal_force_error_N")
     return [
-        Section(
+        Section.of(
             "clearance-errors",
             "Numerical error",
-            findings.orders_found(rows, LOCAL),
+            tables.orders_found(rows, LOCAL),
             (
                 _figure(rows, "slider-position", "Slider position error", tables.SLIDER),
                 _figure(rows, "local-error", "Local error of the bodies' positions", LOCAL),
                 _figure(rows, "contact-force", "Contact force error", CONTACT_FORCE),
             ),
-            (settings_table(rows, STUDY), tables.smallest_table(rows, (tables.SLIDER, LOCAL, CONTACT_FORCE))),
+            (settings_table(rows, STUDY), tables.smallest_table(rows, [tables.SLIDER, LOCAL, CONTACT_FORCE])),
         ),
-        Section(
+        Section.of(
             "clearance-impacts",
             "Impacts one by one",
-            findings.impacts_found(rows),
+            tables.impacts_found(rows),
             (
                 _figure(rows, "impact-times", "Error of the times of impact", "impact_time_error_s"),
                 _figure(
@@ -53,14 +53,13 @@ def sections(results: Results) -> list[Section]:
                     "impact_impulse_relative_error",
                 ),
             ),
-            (tables.impacts(rows),),
+            [tables.impacts(rows)],
         ),
-        Section(
+        Section.of(
             "clearance-laws",
             "Model form and numerical error",
-            findings.laws_found(rows),
-            (),
-            (tables.laws(rows),),
+            tables.laws_found(rows),
+            tables=[tables.laws(rows)],
         ),
         failures_section(rows, failures_table(rows, STUDY), "clearance-failures"),
     ]

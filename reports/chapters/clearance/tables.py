@@ -1,13 +1,13 @@
-"""Tables of the clearance study."""
+"""Tables and sentences of the clearance study."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
 from reports.parts import Table
 from reports.quantities import uncertainty, value
-from reports.shared_tables import CASE, head, heading, smallest
-from reports.tables import error, number
+from reports.shared_tables import CASE, head, orders, smallest_errors
+from reports.tables import error, in_text, number
 
 SLIDER, MODEL_FORM = "slider_position_error_m", "slider_position_model_difference_m"
 #: The numbers of impacts of a run, and the errors of those that have a partner, with their headings.
@@ -35,19 +35,16 @@ def finest(rows: pd.DataFrame) -> pd.DataFrame:
 def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
     """Return the smallest error that each arm reaches on each scene, of those that the engine can run."""
     # Between rigid walls an error that is zero compares nothing.
-    rows = rows.assign(**{column: rows[column].where(rows[column] > 0) for column in columns})
-    arms = rows[rows["status"] != "unsupported"].groupby(list(CASE), sort=False)
-    cells = [
-        (*case, number(value(arm, "compared_until_s").max()), *(smallest(arm, column) for column in columns))
-        for case, arm in arms
-    ]
+    rows = rows[rows["status"] != "unsupported"]
+    cells = smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
+    until = value(rows, "compared_until_s").groupby([rows[name] for name in CASE], sort=False).max()
+    cells.insert(len(CASE), "compared until [s]", list(until.map(number)))
     reading = (
         "The smallest error over the arm's ladder, against its model twin. A dash where no sample has "
         "anything to compare: between rigid walls the contact force is an impulse, and zero "
         "at the samples in flight."
     )
-    head = (*CASE, "compared until [s]", *map(heading, columns))
-    return Table("clearance-smallest-errors", "Smallest errors", reading, head, tuple(cells))
+    return Table.of("clearance-smallest-errors", "Smallest errors", reading, cells)
 
 
 def impacts(rows: pd.DataFrame) -> Table:
@@ -83,3 +80,35 @@ def laws(rows: pd.DataFrame) -> Table:
             "numerical error [m]": map(error, rows[SLIDER], doubt),
         },
     )
+
+
+def orders_found(rows: pd.DataFrame, column: str) -> Iterator[str]:
+    """Yield the observed orders of the local error in a sentence per arm."""
+    for label, by_scene in orders(rows, column).items():
+        claimed = [f"{order} on {scene}" for scene, order in by_scene.items() if order.slope]
+        if claimed:
+            yield f"{label}: local position error of order {', '.join(claimed)}."
+
+
+def impacts_found(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield which arms find every impact at their most accurate settings."""
+    rows = finest(rows).dropna(subset="impacts_matched")
+    complete = (rows["impacts_unmatched"] + rows["impacts_missed"]) == 0
+    for label, scenes in complete.groupby(rows["label"], observed=True):
+        yield (
+            f"{label}: every impact of the model twin is found, and no other, on {scenes.sum()} of "
+            f"{len(scenes)} scenes."
+        )
+
+
+def laws_found(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield, for each arm with a law of its own, which of the two differences is the larger."""
+    for label, arm in finest(rows).dropna(subset=MODEL_FORM).groupby("label", observed=True):
+        larger, most = (arm[MODEL_FORM] > arm[SLIDER]).sum(), arm[MODEL_FORM].max()
+        if most == 0:
+            yield f"{label} solves a law of its own, with the same motion on all scenes here."
+        else:
+            yield (
+                f"{label} solves a law of its own, up to {in_text(most)} m from the scene's; that "
+                f"is more than its smallest numerical error on {larger} of {len(arm)} scenes."
+            )

@@ -26,26 +26,26 @@ def sections(results: Results) -> list[Section]:
     at_middle = at_rungs(rows, middle_rungs(rows))
     by_scene = [of_scene for _, of_scene in at_middle.groupby("scene")]
     return [
-        Section(
+        Section.of(
             "hidden-power",
             "Hidden power",
             (*findings.hidden_power(at_middle), *findings.lost_as_it_comes(rows, "ideal-free")),
-            (*figures.gain_over_time(results, at_middle), *figures.by_step(rows)),
-            (tables.power_table(at_middle, rows),),
+            (figures.gain_over_time(results, at_middle), figures.by_step(rows)),
+            [tables.power_table(at_middle, rows)],
         ),
-        Section(
+        Section.of(
             "ledger",
             "Where energy goes",
             findings.ledger_closes(at_middle),
-            tuple(figure for of_scene in by_scene for figure in driver_work(results, of_scene)),
-            tuple(tables.ledger_table(of_scene) for of_scene in by_scene),
+            [driver_work(results, of_scene) for of_scene in by_scene],
+            map(tables.ledger_table, by_scene),
         ),
-        Section(
+        Section.of(
             "drift",
             "Drift of the constraints",
             findings.drift(rows),
-            figures.growth(results, at_middle),
-            (tables.drift_table(at_middle, rows),),
+            [figures.growth(results, at_middle)],
+            [tables.drift_table(at_middle, rows)],
         ),
         failures_section(rows, failures_table(rows, STUDY)),
     ]

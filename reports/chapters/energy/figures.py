@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
-from reports.chapters.energy.rungs import GAIN, LONG, POWER, longest, resolution
+from reports.chapters.energy.rungs import LONG, longest, resolution
 from reports.parts import Figure
 from reports.plots.step_figures import against_step, engine_legend, grid, panels_of
 from reports.plots.time_figures import over_time
@@ -17,58 +17,57 @@ from reports.style import axis_label, labels, line_styles
 GROWTH_POINTS = 14
 
 
-def gain_over_time(results: Results, at_rung: pd.DataFrame) -> tuple[Figure, ...]:
+def gain_over_time(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     """Return the energy that no physics accounts for, over time; ``at_rung`` has one rung for each scene."""
     rows = finished(longest(at_rung))
     if rows.empty:
-        return ()
-    return (
-        Figure(
-            "energy-gain-over-time",
-            "Energy that no physics accounts for",
-            f"At {_resolutions(rows)}. Shown is the largest size up to each time: a line that keeps rising "
-            "is power that the method makes or takes, a level one swings and comes back.",
-            f"Panels over time on {', '.join(rows['scene'].unique())}. Lines: {', '.join(labels(rows))}.",
-            over_time(results, rows, "numerical_gain_so_far_J", "energy gained or lost\nso far [J]"),
-        ),
+        return None
+    return Figure(
+        "energy-gain-over-time",
+        "Energy that no physics accounts for",
+        f"At {_resolutions(rows)}. Shown is the largest size up to each time: a line that keeps rising "
+        "is power that the method makes or takes, a level one swings and comes back.",
+        f"Panels over time on {', '.join(rows['scene'].unique())}. Lines: {', '.join(labels(rows))}.",
+        over_time(results, rows, "numerical_gain_so_far_J", "energy gained or lost\nso far [J]"),
     )
 
 
-def by_step(rows: pd.DataFrame) -> tuple[Figure, ...]:
+def by_step(rows: pd.DataFrame) -> Figure | None:
     """Return what is gained or lost, and without clearance its rate, against the mean step."""
     # A run that chooses its steps and did not finish has none to stand at.
     rows = rows[(rows["status"] == "ok") | rows["tolerance"].isna()]
     rows = rows[~rows["scene"].str.endswith(LONG)]  # the short ones have every rung
-    rows = rows.assign(**{POWER: rows[POWER].abs().where(rows["told"])})
-    panels = [*panels_of(rows, [GAIN]), *panels_of(rows[~rows["has_clearance"]], [POWER])]
+    rows = rows.assign(hidden_power_W=rows["hidden_power_W"].abs().where(rows["told"]))
+    panels = [
+        *panels_of(rows, ["largest_numerical_gain_J"]),
+        *panels_of(rows[~rows["has_clearance"]], ["hidden_power_W"]),
+    ]
     if not panels:
-        return ()
+        return None
     drawing = against_step(rows, panels, orders=(1, 3, 5))
     for ax, (_, column) in zip(drawing.axes, panels, strict=True):
+        power = column == "hidden_power_W"
         ax.set_xlabel("mean step [s]")
-        ax.set_ylabel("hidden power, size [W]" if column == POWER else "largest energy\ngained or lost [J]")
+        ax.set_ylabel("hidden power, size [W]" if power else "largest energy\ngained or lost [J]")
         _few_labels(ax)
     scenes = ", ".join(rows["scene"].unique())
-    return (
-        Figure(
-            "energy-by-step",
-            "Energy gained or lost, and its rate, against the step",
-            "Both axes are logarithmic; the step is the mean one where an engine chooses its own. What a run "
-            "gains or loses at most includes what swings and comes back; hidden power does not. It is shown "
-            "for scenes without clearance, at steps where it is told from zero. Grey lines have the slope of "
-            "the order written at their fine end.",
-            f"{len(panels)} log-log panels over the step on {scenes}. Lines: {', '.join(labels(rows))}.",
-            drawing,
-        ),
+    return Figure(
+        "energy-by-step",
+        "Energy gained or lost, and its rate, against the step",
+        "Both axes are logarithmic; the step is the mean one where an engine chooses its own. What a run "
+        "gains or loses at most includes what swings and comes back; hidden power does not. It is shown "
+        "for scenes without clearance, at steps where it is told from zero. Grey lines have the slope of "
+        "the order written at their fine end.",
+        f"{len(panels)} log-log panels over the step on {scenes}. Lines: {', '.join(labels(rows))}.",
+        drawing,
     )
 
 
-def growth(results: Results, at_rung: pd.DataFrame) -> tuple[Figure, ...]:
+def growth(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     """Return gap and gap speed of the constraints over time, on scenes without clearance."""
-    rows = finished(longest(at_rung))
-    rows = rows[~rows["has_clearance"]]
+    rows = finished(longest(at_rung[~at_rung["has_clearance"]]))
     if rows.empty:
-        return ()
+        return None
     scenes, styles = rows["scene"].unique().tolist(), line_styles(rows)
     drawing, axes = grid(2 * len(scenes))
     curves = {
@@ -77,25 +76,20 @@ def growth(results: Results, at_rung: pd.DataFrame) -> tuple[Figure, ...]:
     }
     panels = [(scene, curve) for curve in curves for scene in scenes]
     for ax, (scene, name) in zip(axes, panels, strict=True):
-        ax.set_title(scene)
-        ax.set_xlabel(axis_label("time_s"))
-        ax.set_ylabel(curves[name])
+        ax.set(title=scene, xlabel=axis_label("time_s"), ylabel=curves[name])
         of_scene = rows[rows["scene"] == scene]
         for case, label in zip(of_scene["case"], of_scene["label"], strict=True):
             time, curve = results.curve(case, "time_s"), results.curve(case, name)
             at = np.unique(np.geomspace(1, len(time) - 1, GROWTH_POINTS).round().astype(int))
             ax.loglog(time[at], np.where(curve[at] > 0, curve[at], np.nan), **styles[label])
     engine_legend(drawing, rows, failures=False)
-    return (
-        Figure(
-            "energy-drift-over-time",
-            "Drift of the constraints",
-            f"At {_resolutions(rows)}. Both axes are logarithmic, so "
-            "that a power of time is a straight line: gaps above, the speeds at which they open below.",
-            f"{len(panels)} log-log panels over time on {', '.join(scenes)}. "
-            f"Lines: {', '.join(labels(rows))}.",
-            drawing,
-        ),
+    return Figure(
+        "energy-drift-over-time",
+        "Drift of the constraints",
+        f"At {_resolutions(rows)}. Both axes are logarithmic, so "
+        "that a power of time is a straight line: gaps above, the speeds at which they open below.",
+        f"{len(panels)} log-log panels over time on {', '.join(scenes)}. Lines: {', '.join(labels(rows))}.",
+        drawing,
     )
 
 

@@ -9,12 +9,6 @@ from reports.tables import in_text
 
 #: The end of a scene's name whose runs are longer than those under the plain name.
 LONG = "-long"
-POWER, MEAN_POWER, LARGEST_ENERGY = "hidden_power_W", "mean_hidden_power_W", "largest_kinetic_energy_J"
-DISSIPATED, STABILISED = "dissipated_power_W", "stabilisation_power_W"
-GAIN, GAP, OPENING = "largest_numerical_gain_J", "constraint_violation_m", "constraint_speed_m_s"
-#: The exponents of time that the largest gap and gap speed so far follow.
-GAP_EXPONENT, OPENING_EXPONENT = "constraint_violation_exponent", "constraint_speed_exponent"
-WORK = "driver_work_J"
 
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
@@ -26,15 +20,21 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """
     rows = with_columns(
         rows,
-        *(DISSIPATED, STABILISED, GAP_EXPONENT, OPENING_EXPONENT, WORK),
-        *("setting_rtol", "setting_tolerance"),
+        *(
+            "dissipated_power_W",
+            "stabilisation_power_W",
+            "driver_work_J",
+            "setting_rtol",
+            "setting_tolerance",
+        ),
+        *("constraint_violation_exponent", "constraint_speed_exponent"),
     )
     half_width = (rows["hidden_power_high_W"] - rows["hidden_power_low_W"]) / 2
     return rows.assign(
         tolerance=rows["setting_rtol"].astype(float).fillna(rows["setting_tolerance"].astype(float)),
         half_width=half_width,
-        told=rows[POWER].abs() > half_width,
-        has_clearance=rows[DISSIPATED].notna(),
+        told=rows["hidden_power_W"].abs() > half_width,
+        has_clearance=rows["dissipated_power_W"].notna(),
     )
 
 

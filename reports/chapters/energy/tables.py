@@ -4,19 +4,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from reports.chapters.energy.rungs import (
-    DISSIPATED,
-    GAIN,
-    GAP,
-    GAP_EXPONENT,
-    LARGEST_ENERGY,
-    MEAN_POWER,
-    OPENING,
-    OPENING_EXPONENT,
-    POWER,
-    STABILISED,
-    resolution,
-)
+from reports.chapters.energy.rungs import resolution
 from reports.convergence import RULE
 from reports.parts import Table
 from reports.shared_tables import order_cells
@@ -25,7 +13,6 @@ from reports.tables import ABSENT, number
 
 #: The ends of the columns that are lines of the ledger, in its order.
 LINES = ("_change_J", "driver_work_J", "_loss_J")
-RESIDUAL = "energy_balance_residual_J"
 
 
 def power_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
@@ -33,17 +20,17 @@ def power_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
 
     ``at_rung`` are the rows at one rung for each scene, ``rows`` the whole ladders.
     """
-    sized = rows.assign(size=rows[POWER].abs().where(rows["told"]))
-    dissipated = at_rung[DISSIPATED].where(at_rung[DISSIPATED] > 0)
+    sized = rows.assign(size=rows["hidden_power_W"].abs().where(rows["told"]))
+    dissipated = at_rung["dissipated_power_W"].where(at_rung["dissipated_power_W"] > 0)
     cells = {
         "hidden power [W]": _power(at_rung, 1.0),
         "± [W]": at_rung["half_width"].map(number),
-        "per largest kinetic energy [1/s]": _power(at_rung, at_rung[LARGEST_ENERGY]),
+        "per largest kinetic energy [1/s]": _power(at_rung, at_rung["largest_kinetic_energy_J"]),
         "order of the power": order_cells(at_rung, sized, "size", "too few points"),
-        "mean over the run [W]": at_rung[MEAN_POWER].map(number),
-        "of it stabilisation [W]": at_rung[STABILISED].map(number),
-        "mean per dissipated power": (at_rung[MEAN_POWER] / dissipated).map(number),
-        "order of the largest gain": order_cells(at_rung, rows, GAIN),
+        "mean over the run [W]": at_rung["mean_hidden_power_W"].map(number),
+        "of it stabilisation [W]": at_rung["stabilisation_power_W"].map(number),
+        "mean per dissipated power": (at_rung["mean_hidden_power_W"] / dissipated).map(number),
+        "order of the largest gain": order_cells(at_rung, rows, "largest_numerical_gain_J"),
     }
     reading = (
         "Positive where the method makes energy, negative where it loses it. The slope over time has the "
@@ -67,7 +54,7 @@ def ledger_table(at_rung: pd.DataFrame) -> Table:
     present = at_rung.columns[at_rung.notna().any()]
     lines = [name for end in LINES for name in present if name.endswith(end)]
     cells = {axis_label(name): at_rung[name].map(_digits) for name in lines}
-    cells["residual [J]"] = at_rung[RESIDUAL].map(number)
+    cells["residual [J]"] = at_rung["energy_balance_residual_J"].map(number)
     reading = (
         "Changes from start to end of the run. What is stored (changes) less what the driver gave plus "
         f"what was lost is the residual: zero if exact. {ABSENT}: the engine or its law has no such line."
@@ -87,8 +74,8 @@ def drift_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
     """
     parts = [_case(at_rung)]
     for what, column, exponent in (
-        ("gap [m]", GAP, GAP_EXPONENT),
-        ("gap speed [m/s]", OPENING, OPENING_EXPONENT),
+        ("gap [m]", "constraint_violation_m", "constraint_violation_exponent"),
+        ("gap speed [m/s]", "constraint_speed_m_s", "constraint_speed_exponent"),
     ):
         grows = at_rung[exponent].notna()
         cells = {
@@ -124,8 +111,8 @@ def _or_status(rows: pd.DataFrame, cells: Mapping[str, pd.Series]) -> pd.DataFra
 
 def _power(rows: pd.DataFrame, per: pd.Series | float) -> pd.Series:
     """Return the hidden power divided by something, or below what it is if it is not told from zero."""
-    below = (rows[POWER].abs() + rows["half_width"]) / per
-    return (rows[POWER] / per).map(number).where(rows["told"], "< " + below.map(number))
+    below = (rows["hidden_power_W"].abs() + rows["half_width"]) / per
+    return (rows["hidden_power_W"] / per).map(number).where(rows["told"], "< " + below.map(number))
 
 
 def _digits(value: float) -> str:

@@ -44,7 +44,7 @@ def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
         "Distances of perturbed and step-halved twins, with horizons at 1 nm, 1 µm and 100 µm.",
         figures.growth(results, rows),
     )
-    yield Section("horizons", "Horizons", findings.horizons(rows), (figure,), (tables.horizons(rows),))
+    yield Section.of("horizons", "Horizons", findings.horizons(rows), [figure], [tables.horizons(rows)])
 
 
 def _exponents(found: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
@@ -65,7 +65,7 @@ def _exponents(found: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
         figures.exponents(found),
     )
     text = (method, *findings.exponents(found))
-    yield Section("exponents", "Lyapunov exponents", text, (figure,), (tables.exponents(found),))
+    yield Section.of("exponents", "Lyapunov exponents", text, [figure], [tables.exponents(found)])
 
 
 def _ensembles(results: Results, scene: str, found: data.Ensembles) -> Section:
@@ -92,23 +92,22 @@ def _ensembles(results: Results, scene: str, found: data.Ensembles) -> Section:
             )
         )
     alarms = comparison.alarms(found)
-    shown = (
-        tables.means(found, scene),
-        comparison.compared(found, scene),
-        comparison.false_alarm_table(alarms, scene) if alarms else None,
-    )
-    return Section(
+    return Section.of(
         f"ensembles-{scene}",
         f"Ensembles on {scene}",
         findings.ensembles(found, scene, alarms),
-        tuple(drawn),
-        tuple(filter(None, shown)),
+        drawn,
+        (
+            tables.means(found, scene),
+            comparison.compared(found, scene),
+            comparison.false_alarm_table(alarms, scene) if alarms else None,
+        ),
     )
 
 
 def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     swept = {data.CLEARANCES: "the clearance", data.SPEEDS: "the speed of the crank"}
-    drawn = tuple(
+    drawn = [
         Figure(
             f"predictability-{arm.replace(' ', '-')}",
             f"What the pin does {arm}",
@@ -122,13 +121,13 @@ def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
         )
         for arm, words in swept.items()
         if len(points := data.points(rows, arm))
-    )
+    ]
     if drawn:
         text = findings.pictures(results, data.points(rows, data.CLEARANCES))
-        yield Section("pictures", "From periodic to chaotic", text, drawn)
+        yield Section.of("pictures", "From periodic to chaotic", text, drawn)
 
 
 def _failures(rows: pd.DataFrame) -> Section:
     table = tables.failures(rows)
     text = f"{(rows['status'] != 'ok').sum()} of {len(rows)} runs did not finish."
-    return Section("failures", "Runs that did not finish", (text,), (), (table,) if table else ())
+    return Section.of("failures", "Runs that did not finish", [text], tables=[table])

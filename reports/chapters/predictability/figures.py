@@ -42,13 +42,9 @@ def growth(results: Results, rows: pd.DataFrame) -> Drawing:
         for words, (_, tolerance) in data.TOLERANCES.items():
             ax.axhline(tolerance, color=GREY, linewidth=0.6, linestyle=":")
             _mark_horizon(ax, row, words, tolerance, unit)
-        ax.set_yscale("log")
-        ax.set_ylim(LEAST_M, 1e-2)
+        ax.set(yscale="log", ylim=(LEAST_M, 1e-2), xlim=(0, row["end_time_s"] / unit), title=row["scene"])
+        ax.set(xlabel="crank revolutions" if turns else "time [s]", ylabel="distance so far [m]")
         ax.yaxis.set_minor_locator(NullLocator())
-        ax.set_xlim(0, row["end_time_s"] / unit)
-        ax.set_xlabel("crank revolutions" if turns else "time [s]")
-        ax.set_ylabel("distance so far [m]")
-        ax.set_title(row["scene"])
     handles = [
         Line2D([], [], color=BLACK, label="perturbed (median)"),
         Patch(color=GREY, alpha=0.5, label="perturbed (all)"),
@@ -89,8 +85,8 @@ def exponents(found: Mapping[str, pd.DataFrame]) -> Drawing:
             settled = f"{len(starts) - len(values)} of {len(starts)} starts settle: no exponent"
             ax.annotate(settled, (0.15, place), va="center", fontsize=8)
     ax.set_yticks(range(len(found)), list(found))
-    ax.set_ylim(len(found) - 0.4, -0.6)
     ax.set_xlim(left=0)
+    ax.set_ylim(len(found) - 0.4, -0.6)
     ax.set_xlabel("Lyapunov exponent per revolution (open: a start; filled: mean and 95 % interval)")
     return drawing
 
@@ -107,9 +103,7 @@ def distributions(found: data.Ensembles) -> Drawing:
             ax.plot(values, [place - 0.3] * len(values), marker="|", color=style["color"], **_SMALL)
             ax.plot([mean.low, mean.high], [place] * 2, color=style["color"], linewidth=2)
             ax.plot(mean.mean, place, **{**style, "linestyle": "", "markersize": 6})
-        ax.set_ylim(len(found) - 0.4, -0.6)
-        ax.set_yticks([])
-        ax.set_xlabel(data.QUANTITIES[quantity])
+        ax.set(ylim=(len(found) - 0.4, -0.6), yticks=[], xlabel=data.QUANTITIES[quantity])
     engine_legend(drawing, members, failures=False)
     return drawing
 
@@ -131,8 +125,7 @@ def phases(results: Results, found: data.Ensembles) -> Drawing:
             ax.errorbar(at, middle, ends, elinewidth=1.2, label=label, **{**styles[label], "linestyle": ""})
         ax.set_xticks(range(0, 361, 90))
         ax.set_ylim(bottom=0)
-        ax.set_xlabel("crank angle at impact [°]")
-        ax.set_ylabel(f"impacts per revolution in {BIN_DEG}°")
+        ax.set(xlabel="crank angle at impact [°]", ylabel=f"impacts per revolution in {BIN_DEG}°")
     engine_legend(drawing, members, failures=False)
     return drawing
 
@@ -168,6 +161,5 @@ def picture(results: Results, points: pd.DataFrame, arm: str) -> Drawing:
             ax.set_xlim(places.min() - 0.03 * places.max(), places.max() * 1.03)
         if column == "impact_phase_rad":
             ax.set_yticks(range(0, 361, 90))
-        ax.set_xlabel("radial clearance [mm]" if by_clearance else "crank speed [rev/min]")
-        ax.set_ylabel(words)
+        ax.set(xlabel="radial clearance [mm]" if by_clearance else "crank speed [rev/min]", ylabel=words)
     return drawing

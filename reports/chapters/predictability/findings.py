@@ -1,6 +1,6 @@
 """What the predictability study's rows say, in sentences made from the rows or checked against them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pandas as pd
@@ -21,32 +21,32 @@ LEVEL_ROOM = 0.025
 REPEATS = 0.01
 
 
-def horizons(rows: pd.DataFrame) -> tuple[str, ...]:
-    """Return which scenes can be followed for how long; ``rows`` has one of each."""
+def horizons(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield which scenes can be followed for how long; ``rows`` has one of each."""
     followed = rows.filter(regex="^horizon_").isna().all(axis=1)
-    return (*_followed(rows[followed]), *(_to_horizon(row) for _, row in rows[~followed].iterrows()))
+    if followed.any():
+        whole = rows[followed]
+        largest = whole[["largest_distance_perturbed_m", "largest_distance_halved_m"]].max(axis=None)
+        named = listed(
+            f"{row['scene']} (for {_length(row, row['end_time_s'])})" for _, row in whole.iterrows()
+        )
+        sentence = f"Nothing parts on {named}: all twins stay within {in_text(largest)} m of the reference."
+        yield stated(sentence, largest < TOGETHER_M)
+    for _, row in rows[~followed].iterrows():
+        yield f"On {row['scene']} {_parting(row)}."
 
 
-def _followed(rows: pd.DataFrame) -> list[str]:
-    if rows.empty:
-        return []
-    largest = rows[["largest_distance_perturbed_m", "largest_distance_halved_m"]].max(axis=None)
-    named = listed(f"{row['scene']} (for {_length(row, row['end_time_s'])})" for _, row in rows.iterrows())
-    sentence = f"Nothing parts on {named}: all twins stay within {in_text(largest)} m of the reference."
-    return [stated(sentence, largest < TOGETHER_M)]
-
-
-def _to_horizon(row: pd.Series) -> str:
+def _parting(row: pd.Series) -> str:
+    """Return after how long the twins of a scene that parts are off by each tolerance."""
     told = []
     for words, (tolerance, _) in data.TOLERANCES.items():
         first = row[[f"horizon_{words}_s", f"horizon_halved_{words}_s"]].min()
         if first == first:
             told.append(f"{tolerance} after {_length(row, first)}")
     if not told:
-        return f"On {row['scene']} only some twins part before the end."
+        return "only some twins part before the end"
     moved = in_text(row["perturbation_rad"])
-    cause = f"On {row['scene']} a start moved by {moved} rad, or half the step,"
-    return f"{cause} moves the slider by {listed(told)}."
+    return f"a start moved by {moved} rad, or half the step, moves the slider by {listed(told)}"
 
 
 def _length(row: pd.Series, time_s: float) -> str:
@@ -54,20 +54,17 @@ def _length(row: pd.Series, time_s: float) -> str:
     return f"{turns * time_s / row['end_time_s']:.1f} revolutions" if turns > 0 else f"{time_s:.2g} s"
 
 
-def exponents(found: Mapping[str, pd.DataFrame]) -> tuple[str, ...]:
-    """Return the exponents of the scenes that have one, and which have none."""
-    sentences, settled = [], []
+def exponents(found: Mapping[str, pd.DataFrame]) -> Iterator[str]:
+    """Yield the exponents of the scenes that have one, and which have none."""
+    settled = []
     for scene, starts in found.items():
         values = data.measured(starts)
         if len(values) > 1:
-            sentences.append(_grows(scene, student_interval(values)))
+            yield _grows(scene, student_interval(values))
         elif not len(values):
             settled.append(f"{scene} (within {starts['revolutions'].max():.0f} revolutions)")
     if settled:
-        sentences.append(
-            f"No exponent is given where every start settles to continuous contact: {listed(settled)}."
-        )
-    return tuple(sentences)
+        yield f"No exponent is given where every start settles to continuous contact: {listed(settled)}."
 
 
 def _grows(scene: str, mean: Interval) -> str:
@@ -80,55 +77,51 @@ def _grows(scene: str, mean: Interval) -> str:
     return f"{sentence}, which these starts do not tell from zero."
 
 
-def ensembles(found: data.Ensembles, scene: str, alarms: Alarms | None) -> tuple[str, ...]:
-    """Return which engines differ from their model twins, and how far the test can be trusted."""
+def ensembles(found: data.Ensembles, scene: str, alarms: Alarms | None) -> Iterator[str]:
+    """Yield which engines differ from their model twins, and how far the test can be trusted."""
+    if alarms is not None:
+        yield from _trusted(found, scene, alarms)
     quantities = data.shown(found)
-    sentences = [] if alarms is None else _trusted(found, scene, alarms)
     for label, twin in data.compared(found):
         one, other = (data.matrix(found[each], quantities) for each in (label, twin))
         raised = holm(permutation_p(one, other))
         differing = [
             data.QUANTITIES[q].split(" [")[0] for q, p in zip(quantities, raised, strict=True) if p <= LEVEL
         ]
-        count = f"{len(one)} members each"
-        sentences.append(
-            f"{label} differs from its model twin on {scene} in {listed(differing)} ({count})."
+        told = (
+            f"{label} differs from its model twin on {scene} in {listed(differing)}"
             if differing
-            else f"{label} is not told from its model twin on {scene} by any of {len(quantities)} "
-            f"quantities ({count})."
+            else f"{label} is not told from its model twin on {scene} by any of {len(quantities)} quantities"
         )
-    return tuple(sentences)
+        yield f"{told} ({len(one)} members each)."
 
 
-def _trusted(found: data.Ensembles, scene: str, alarms: Alarms) -> list[str]:
-    """Return, checked, how often the tests of means tell the reference from itself."""
+def _trusted(found: data.Ensembles, scene: str, alarms: Alarms) -> Iterator[str]:
+    """Yield, checked, how often the tests of means tell the reference from itself."""
     share = sum(rate.count for rate in alarms.by_means) / sum(rate.trials for rate in alarms.by_means)
     sentence = (
         f"On {scene} the permutation test tells the reference from itself in {100 * share:.1f} % of "
         f"draws, at a nominal {100 * LEVEL:.0f} %: its alarms mean what they should."
     )
+    yield stated(sentence, share <= LEVEL + LEVEL_ROOM)
     direct = told_apart(found)
-    return [
-        stated(sentence, share <= LEVEL + LEVEL_ROOM),
+    yield (
         f"Taken as they are, the reference's ensembles on {scene} (same starts, others, half the step) "
         f"are told from one another in {direct.count} of {direct.trials} tests, where "
-        f"{LEVEL * direct.trials:.1f} alarms are expected.",
-    ]
-
-
-def pictures(results: Results, points: pd.DataFrame) -> tuple[str, ...]:
-    """Return up to which clearance every revolution repeats the one before."""
-    spreads = pd.Series(
-        [float(np.ptp(results.curve(case, "gap_y_part"))) for case in points["case"]],
-        1e3 * points["radial_clearance_m"],
-        dtype=float,
+        f"{LEVEL * direct.trials:.1f} alarms are expected."
     )
-    repeating = spreads.index[spreads <= REPEATS]
-    if len(repeating) in (0, len(spreads)):
-        return ()
+
+
+def pictures(results: Results, points: pd.DataFrame) -> Iterator[str]:
+    """Yield up to which clearance every revolution repeats the one before."""
+    spreads = [float(np.ptp(results.curve(case, "gap_y_part"))) for case in points["case"]]
+    room, spread = 1e3 * points["radial_clearance_m"], pd.Series(spreads, points.index, dtype=float)
+    repeating = room[spread <= REPEATS]
+    if len(repeating) in (0, len(room)):
+        return
     sentence = (
-        f"Every revolution repeats the one before at {len(repeating)} of {len(spreads)} clearances, all of "
-        f"them up to {repeating.max():.2g} mm; the pin's height at 90° varies by up to {spreads.max():.1f} "
+        f"Every revolution repeats the one before at {len(repeating)} of {len(room)} clearances, all of "
+        f"them up to {repeating.max():.2g} mm; the pin's height at 90° varies by up to {spread.max():.1f} "
         "clearances from revolution to revolution at larger ones."
     )
-    return (stated(sentence, spreads.idxmax() > repeating.max()),)
+    yield stated(sentence, room[spread.idxmax()] > repeating.max())

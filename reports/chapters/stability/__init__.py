@@ -33,15 +33,9 @@ def sections(results: Results) -> list[Section]:
 
 
 def _scalar(rows: pd.DataFrame) -> Iterator[Section]:
-    limits, dampings = limits_of(rows), dampings_of(rows)
-    shown = (
-        tables.limits(limits) if len(limits) else None,
-        tables.dampings(dampings) if len(dampings) else None,
-    )
+    shown = (tables.limits(limits_of(rows)), tables.dampings(dampings_of(rows)))
     if any(shown):
-        yield Section(
-            "scalar", "A mass on a contact", findings.recovered(rows), (), tuple(filter(None, shown))
-        )
+        yield Section.of("scalar", "A mass on a contact", findings.recovered(rows), tables=shown)
 
 
 def _map(rows: pd.DataFrame, varied: str) -> Section:
@@ -58,10 +52,10 @@ def _map(rows: pd.DataFrame, varied: str) -> Section:
         f"{', '.join(labels(rows))}.",
         verdict_map(rows, varied),
     )
-    return Section(name, f"Step and {what}", findings.begun(rows, varied), (figure,))
+    return Section.of(name, f"Step and {what}", findings.begun(rows, varied), [figure])
 
 
 def _boundaries(rows: pd.DataFrame, maps: Sequence[str]) -> Iterator[Section]:
     if maps:
         shown = (tables.boundaries(rows), settings_table(rows, STUDY))
-        yield Section("boundaries", "The boundaries", findings.verdicts(rows), (), shown)
+        yield Section.of("boundaries", "The boundaries", findings.verdicts(rows), tables=shown)

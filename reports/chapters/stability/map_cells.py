@@ -13,15 +13,6 @@ GROWING, DIVERGED, REFUSED = 2, 3, 5
 #: What a run was that could not say so itself, by its status.
 BY_STATUS = {"timed out": 4, "unsupported": REFUSED}
 
-#: Theory's limit omega h, the measured one, and how far what is measured is off, relative to theory.
-LIMIT, MEASURED_LIMIT, DIFFERENCE = (
-    "limit_frequency_step",
-    "measured_limit_frequency_step",
-    "relative_difference",
-)
-#: What varies in the scalar problem: the damping where a limit is sought, omega h where a loss is measured.
-DAMPING, STEP = "damping_ratio", "frequency_step"
-
 #: What varies in a map beside the step: its column, what it is called, its unit, that unit in the column's.
 VARIED: dict[str, tuple[str, str, float]] = {
     "contact_stiffness_N_m1_5": ("contact stiffness", "N/m$^{1.5}$", 1.0),
@@ -33,11 +24,19 @@ VARIED: dict[str, tuple[str, str, float]] = {
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with every column that the chapter looks for, ``severity`` and ``grows``.
 
-    The first is the place of a cell's verdict, the second whether it gains energy or diverges."""
+    The first is the place of a cell's verdict, the second whether it gains energy or diverges.
+    """
     rows = with_columns(
         rows,
-        *(*VARIED, LIMIT, MEASURED_LIMIT, DAMPING, STEP, DIFFERENCE, "verdict_severity"),
+        *(
+            *VARIED,
+            "limit_frequency_step",
+            "measured_limit_frequency_step",
+            "damping_ratio",
+            "frequency_step",
+        ),
         *("energy_loss_per_step", "expected_energy_loss_per_step", "leading_energy_loss_per_step"),
+        *("relative_difference", "verdict_severity"),
     )
     by_status = rows["status"].map(BY_STATUS).fillna(DIVERGED)
     severity = rows["verdict_severity"].fillna(by_status).astype(int)
@@ -51,17 +50,17 @@ def cells(rows: pd.DataFrame, varied: str) -> pd.DataFrame:
 
 def limit_of(rows: pd.DataFrame) -> float:
     """Return theory's limit omega h of an arm, NaN if it has none."""
-    return float(rows[LIMIT].iloc[0])
+    return float(rows["limit_frequency_step"].iloc[0])
 
 
 def limits_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the scalar problem's rows that looked for a limit."""
-    return finished(rows).dropna(subset=DAMPING)
+    return finished(rows).dropna(subset="damping_ratio")
 
 
 def dampings_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the scalar problem's rows that measured a loss."""
-    return finished(rows).dropna(subset=STEP)
+    return finished(rows).dropna(subset="frequency_step")
 
 
 def map_rows(cells: pd.DataFrame, varied: str) -> pd.DataFrame:

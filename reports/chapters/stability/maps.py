@@ -57,8 +57,7 @@ def _cells(ax: Axes, arm: pd.DataFrame, varied: str, steps: FloatArray, values: 
     grid = arm.pivot_table(index=varied, columns="step_s", values="severity", aggfunc="last")
     grid = grid.reindex(index=values, columns=steps).to_numpy(dtype=float)
     colours = ListedColormap([colour for colour, _ in LOOKS])
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log")
     ax.grid(False)
     ax.pcolormesh(
         _edges(steps),
@@ -98,8 +97,7 @@ def _theory(ax: Axes, arm: pd.DataFrame, varied: str, limit: float) -> None:
     last = logs[-1] + slope[-1] * np.log(ends[1] / values[-1])
     bounds = ax.get_xlim(), ax.get_ylim()
     ax.plot(np.exp([first, *logs, last]), [ends[0], *values, ends[1]], **_LINE)
-    ax.set_xlim(bounds[0])
-    ax.set_ylim(bounds[1])
+    ax.set(xlim=bounds[0], ylim=bounds[1])
 
 
 #: Theory's line, seen on light cells and dark ones.

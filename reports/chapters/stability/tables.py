@@ -4,17 +4,7 @@ import math
 
 import pandas as pd
 
-from reports.chapters.stability.map_cells import (
-    DAMPING,
-    DIFFERENCE,
-    LIMIT,
-    MEASURED_LIMIT,
-    STEP,
-    VARIED,
-    cells,
-    limit_of,
-    map_rows,
-)
+from reports.chapters.stability.map_cells import VARIED, cells, limit_of, map_rows
 from reports.parts import Table
 from reports.shared_tables import head
 from reports.tables import ABSENT, number
@@ -23,9 +13,11 @@ from reports.tables import ABSENT, number
 ROUND_OFF = 1e-10
 
 
-def limits(rows: pd.DataFrame) -> Table:
-    """Return the scalar problem's limits, measured and by theory."""
-    rows = rows.sort_values([DAMPING, "engine", "arm"])
+def limits(rows: pd.DataFrame) -> Table | None:
+    """Return the scalar problem's limits, measured and by theory; None of no rows."""
+    if rows.empty:
+        return None
+    rows = rows.sort_values(["damping_ratio", "engine", "arm"])
     return Table.of(
         "stability-scalar-limits",
         "Limits of stability on the scalar problem",
@@ -34,18 +26,20 @@ def limits(rows: pd.DataFrame) -> Table:
         "motion decay without oscillation, at rates ω(2 ± √3): there RK4's limit, 2.785 on the real "
         "axis, is met at ωh = 2.785/3.732.",
         {
-            "damping ratio ζ": rows[DAMPING].map("{:g}".format),
+            "damping ratio ζ": rows["damping_ratio"].map("{:g}".format),
             **head(rows, "engine", "arm"),
-            "theory ωh": rows[LIMIT].map(_limit),
-            "measured ωh": rows[MEASURED_LIMIT].map(_limit),
-            "relative difference": rows[DIFFERENCE].map(number),
+            "theory ωh": rows["limit_frequency_step"].map(_limit),
+            "measured ωh": rows["measured_limit_frequency_step"].map(_limit),
+            "relative difference": rows["relative_difference"].map(number),
         },
     )
 
 
-def dampings(rows: pd.DataFrame) -> Table:
-    """Return the energy lost per step on the undamped scalar problem, measured and by theory."""
-    rows = rows.sort_values([STEP, "engine", "arm"])
+def dampings(rows: pd.DataFrame) -> Table | None:
+    """Return the energy lost per step where nothing damps, measured and by theory; None of no rows."""
+    if rows.empty:
+        return None
+    rows = rows.sort_values(["frequency_step", "engine", "arm"])
     losses = {
         "measured": "energy_loss",
         "exact": "expected_energy_loss",
@@ -59,10 +53,10 @@ def dampings(rows: pd.DataFrame) -> Table:
         "generalized-alpha method (ρ = 0.5 unless named) and (ωh)⁶/72 for RK4. Less than 1e-10 is round-off "
         "and shown as 0.",
         {
-            "ωh": rows[STEP].map("{:g}".format),
+            "ωh": rows["frequency_step"].map("{:g}".format),
             **head(rows, "engine", "arm"),
             **{heading: rows[f"{name}_per_step"].map(_loss) for heading, name in losses.items()},
-            "relative difference": rows[DIFFERENCE].map(number),
+            "relative difference": rows["relative_difference"].map(number),
         },
     )
 

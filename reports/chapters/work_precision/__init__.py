@@ -35,7 +35,7 @@ def sections(results: Results) -> list[Section]:
 
 
 def _section(kind: str, title: str, rows: pd.DataFrame) -> Section:
-    return Section(
+    return Section.of(
         f"work-precision-{kind}",
         title,
         tables.reference_against_rivals(rows, POSITION),
@@ -47,7 +47,7 @@ def _section(kind: str, title: str, rows: pd.DataFrame) -> Section:
 def _costs(rows: pd.DataFrame) -> Section:
     text = (
         "Compiling kernels, building the model and reading results out are outside all times above; this is "
-        "what they take. Only the reference's rigid contact loads kernels as it goes, within its times.",
+        "what they take. Only the reference's rigid contact loads kernels as it goes, within its times."
     )
     shown = (tables.building(rows), tables.compiling(rows), tables.failures(rows))
-    return Section("work-precision-costs", "What is outside the times", text, (), tuple(filter(None, shown)))
+    return Section.of("work-precision-costs", "What is outside the times", [text], tables=shown)

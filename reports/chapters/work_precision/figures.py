@@ -1,5 +1,6 @@
 """The figures of the work-precision study."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
@@ -12,13 +13,13 @@ from reports.plots.step_figures import engine_legend, grid
 from reports.style import GREY, axis_label, line_styles, words
 
 
-def figures(kind: str, rows: pd.DataFrame, column: str) -> tuple[Figure, ...]:
-    """Return errors of a column against run time and against steps, a panel per scene that has any."""
+def figures(kind: str, rows: pd.DataFrame, column: str) -> Iterator[Figure]:
+    """Yield errors of a column against run time and against steps, a panel per scene that has any."""
     if not ladders(rows, column):
-        return ()
+        return
     name, unit = words(column)
     file = column.removesuffix(f"_{column.split('_')[-1]}").replace("_", "-")
-    time = Figure(
+    yield Figure(
         f"work-precision-{kind}-{file}-time",
         f"{name.capitalize()} against run time",
         "Down and to the left is better. The grey line is the front: what no engine beats in both error and "
@@ -26,14 +27,13 @@ def figures(kind: str, rows: pd.DataFrame, column: str) -> tuple[Figure, ...]:
         f"{name} in {unit} against run time in s, log-log, one panel per scene, one line per engine and arm",
         drawing(rows, column, against_time=True),
     )
-    steps = Figure(
+    yield Figure(
         f"work-precision-{kind}-{file}-steps",
         f"{name.capitalize()} against steps",
         "The same errors against the number of steps, whatever a step costs.",
         f"{name} in {unit} against steps, log-log, one panel per scene, one line per engine and arm",
         drawing(rows, column, against_time=False),
     )
-    return time, steps
 
 
 def drawing(rows: pd.DataFrame, column: str, against_time: bool) -> Drawing:
@@ -55,15 +55,13 @@ def drawing(rows: pd.DataFrame, column: str, against_time: bool) -> Drawing:
                 zorder=0.7,
                 drawstyle="steps-post",
             )
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+        ax.set(xscale="log", yscale="log")
         if floor:
             bottom = rungs["error"].min() / 3
             ax.axhspan(bottom, floor, color=GREY, alpha=0.3, linewidth=0)
             ax.set_ylim(bottom=bottom)
-        ax.set_xlabel(axis_label("solve_time_s") if against_time else "steps")
-        ax.set_ylabel(axis_label(column))
-        ax.set_title(scene)
+        work = axis_label("solve_time_s") if against_time else "steps"
+        ax.set(xlabel=work, ylabel=axis_label(column), title=scene)
     engine_legend(figure, rows, failures=False)
     return figure
 

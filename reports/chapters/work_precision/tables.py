@@ -1,5 +1,6 @@
 """The tables of the work-precision study, and its sentences on the reference's place."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pandas as pd
@@ -57,10 +58,9 @@ def _ratio(rungs: pd.DataFrame, level: float) -> tuple[str, str, str]:
     return first, second, text if ratio.decided else f"[{text}]"
 
 
-def reference_against_rivals(rows: pd.DataFrame, column: str) -> tuple[str, ...]:
-    """Return the reference's place on each scene in a sentence, none where it has no rival."""
+def reference_against_rivals(rows: pd.DataFrame, column: str) -> Iterator[str]:
+    """Yield the reference's place on each scene in a sentence, none where it has no rival."""
     name, unit = words(column)
-    sentences = []
     for scene, (rungs, floor) in ladders(rows, column).items():
         shares = _shares(rungs, floor)
         if shares.empty:
@@ -70,12 +70,11 @@ def reference_against_rivals(rows: pd.DataFrame, column: str) -> tuple[str, ...]
             for row in (shares.loc[shares["share"].idxmin()], shares.loc[shares["share"].idxmax()])
         )
         met, dearer = (shares["share"] <= AIM).sum(), (shares["share"] >= 1).sum()
-        sentences.append(
+        yield (
             f"{scene}: at equal {name} the reference needs between {best} and {worst} of the best rival's "
             f"run time, at most a tenth at {met} of {len(shares)} errors"
             + (f"; it is not the cheapest at {dearer} of them." if dearer else ".")
         )
-    return tuple(sentences)
 
 
 def _shares(rungs: pd.DataFrame, floor: float) -> pd.DataFrame:
