@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from scipy.special import lambertw
 
-from reports.chapters.extremes.matrix import LOOKS, lightness
+from reports.chapters.extremes.matrix import LOOKS
 from reports.chapters.extremes.verdict import Verdict, answers, verdict_on
 from reports.page import write_report
 from reports.results import frame, read_results
@@ -149,6 +149,13 @@ def test_what_theory_asks_for_depends_on_the_case(
     wanted: str, changes: dict[str, object], asked: bool
 ) -> None:
     assert synthetic(wanted, **changes)["as_wanted"] == asked
+
+
+def lightness(colour: str) -> float:
+    """Return how light a colour is to the eye, CIE L* from 0 to 100."""
+    linear = [((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5)]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return float(116 * luminance ** (1 / 3) - 16)
 
 
 def test_the_worse_the_verdict_the_darker_its_colour() -> None:

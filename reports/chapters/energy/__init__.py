@@ -2,7 +2,6 @@
 
 from reports.chapters.energy import figures, findings, tables
 from reports.chapters.energy.rungs import at_rungs, middle_rungs, prepared
-from reports.chapters.energy.work_figure import driver_work
 from reports.parts import Section
 from reports.results import Results
 from reports.shared_tables import failures_section, failures_table
@@ -37,7 +36,7 @@ def sections(results: Results) -> list[Section]:
             "ledger",
             "Where energy goes",
             findings.ledger_closes(at_middle),
-            [driver_work(results, of_scene) for of_scene in by_scene],
+            [figures.driver_work(results, of_scene) for of_scene in by_scene],
             map(tables.ledger_table, by_scene),
         ),
         Section.of(

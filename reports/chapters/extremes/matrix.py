@@ -104,10 +104,3 @@ def _legend(ax: Axes, y: float, used: set[Verdict]) -> None:
 def _text(ax: Axes, x: float, top: float, text: str, size: float, **looks: Any) -> None:
     """Write in the middle of a row."""
     ax.text(x, top + ROW / 2, text, **{"fontsize": size, "ha": "center", "va": "center", **looks})
-
-
-def lightness(colour: str) -> float:
-    """Return how light a colour is to the eye, CIE L* from 0 to 100."""
-    linear = [((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5)]
-    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-    return float(116 * luminance ** (1 / 3) - 16)

@@ -6,18 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from reports.chapters.predictability import data
-from reports.chapters.predictability.statistics import (
-    CONFIDENCE,
-    LEVEL,
-    Rate,
-    detectable_difference,
-    difference_interval,
-    false_alarms,
-    holm,
-    kolmogorov_smirnov_p,
-    permutation_p,
-)
+from reports.chapters.predictability import data, statistics
+from reports.chapters.predictability.statistics import CONFIDENCE, LEVEL, Rate
 from reports.parts import Table
 from reports.results import FloatArray
 
@@ -51,15 +41,18 @@ def _comparison(
     found: data.Ensembles, label: str, twin: str, quantities: Sequence[str]
 ) -> list[tuple[str, ...]]:
     one, other = (data.matrix(found[each], quantities) for each in (label, twin))
-    p = permutation_p(one, other)
-    shown = [[f"{each:.3f}" for each in row] for row in (p, holm(p), kolmogorov_smirnov_p(one, other))]
+    p = statistics.permutation_p(one, other)
+    shown = [
+        [f"{each:.3f}" for each in row]
+        for row in (p, statistics.holm(p), statistics.kolmogorov_smirnov_p(one, other))
+    ]
     differences = map(_difference, quantities, one.T, other.T)
     words = [data.QUANTITIES[quantity] for quantity in quantities]
     return [(label, *cells) for cells in zip(words, differences, *shown, strict=True)]
 
 
 def _difference(quantity: str, one: np.ndarray, other: np.ndarray) -> str:
-    difference = difference_interval(one, other)
+    difference = statistics.difference_interval(one, other)
     if _is_absolute(quantity, other):
         return f"{difference.mean:+.2f} ({difference.low:+.2f} to {difference.high:+.2f})"
     scale = 100 / abs(other.mean())
@@ -89,7 +82,7 @@ def alarms(found: data.Ensembles) -> Alarms | None:
         return None
     pool = np.concatenate(groups)
     size = min(min(map(len, groups)), len(pool) // 2)
-    return Alarms(quantities, pool, size, *false_alarms(pool, size, DRAWS))
+    return Alarms(quantities, pool, size, *statistics.false_alarms(pool, size, DRAWS))
 
 
 def _own(found: data.Ensembles, quantities: Sequence[str]) -> list[FloatArray]:
@@ -121,7 +114,7 @@ def false_alarm_table(alarms: Alarms, scene: str) -> Table:
 
 
 def _detectable(quantity: str, values: np.ndarray, size: int) -> str:
-    least = detectable_difference(values, size)
+    least = statistics.detectable_difference(values, size)
     return f"{least:.2f}" if _is_absolute(quantity, values) else f"{100 * least / abs(values.mean()):.0f} %"
 
 
@@ -138,5 +131,5 @@ def _rate(rate: Rate) -> str:
 def told_apart(found: data.Ensembles) -> Rate:
     """Return how many of the tests of means between the reference's own ensembles sound an alarm."""
     samples = _own(found, data.shown(found))
-    p = np.array([permutation_p(one, other) for one, other in combinations(samples, 2)])
+    p = np.array([statistics.permutation_p(one, other) for one, other in combinations(samples, 2)])
     return Rate(int((p <= LEVEL).sum()), p.size)

@@ -6,11 +6,7 @@ from collections.abc import Mapping
 import pandas as pd
 
 from reports.chapters.predictability import data
-from reports.chapters.predictability.statistics import (
-    CONFIDENCE,
-    mean_interval,
-    student_interval,
-)
+from reports.chapters.predictability.statistics import CONFIDENCE, mean_interval, student_interval
 from reports.parts import Table
 from reports.tables import ABSENT
 
