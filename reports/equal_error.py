@@ -5,21 +5,21 @@ times ``times_s`` of every round in s, and their median ``time_s``.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from reports.quantities import finished, floor, value
+from reports.results import FloatArray
 
 
 def ladders(rows: pd.DataFrame, column: str) -> dict[str, tuple[pd.DataFrame, float]]:
     """Return by scene the rungs that have errors of a column, and the truth's uncertainty of it."""
-    found = {}
+    by_scene = {}
     for scene, of_scene in rows.groupby("scene"):
         doubt = floor(of_scene, column)
-        found[scene] = rungs(of_scene, column, doubt), doubt
-    return {scene: (of_scene, doubt) for scene, (of_scene, doubt) in found.items() if len(of_scene)}
+        by_scene[scene] = rungs(of_scene, column, doubt), doubt
+    return {scene: (of_scene, doubt) for scene, (of_scene, doubt) in by_scene.items() if len(of_scene)}
 
 
 def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
@@ -33,7 +33,7 @@ def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     timed = rows["round"].notna()
     times = rows[timed].sort_values("round").groupby(rung)["solve_time_s"].agg(tuple)
     recorded = rows[~timed].assign(error=value(rows, column).clip(lower=floor), times_s=rung.map(times))
-    recorded = recorded.dropna(subset=["error", "times_s"]).query("error > 0")
+    recorded = recorded[["engine", "label", "error", "steps", "times_s"]].dropna().query("error > 0")
     return recorded.assign(time_s=recorded["times_s"].map(np.median).astype(float))
 
 
@@ -61,25 +61,10 @@ def time_at(rungs: pd.DataFrame, error: float, at_round: int | None = None) -> f
     return float(slow * (time / slow) ** share)
 
 
-@dataclass(frozen=True)
-class Duel:
-    """The run time of one engine in times another's, at equal error: median and range over the rounds."""
-
-    median: float
-    least: float
-    most: float
-
-    @property
-    def decided(self) -> bool:
-        """Whether the same one is cheaper in every round."""
-        return self.least > 1 or self.most < 1
-
-
-def duel(slow: pd.DataFrame, fast: pd.DataFrame, error: float) -> Duel | None:
-    """Return what ``slow`` takes in times of ``fast``, None where one of them does not reach the error."""
+def duel(slow: pd.DataFrame, fast: pd.DataFrame, error: float) -> FloatArray:
+    """Return what ``slow`` takes in times of ``fast`` in each round, (n,), NaN if one does not."""
     rounds = min(map(len, (*slow["times_s"], *fast["times_s"])))
-    ratios = [time_at(slow, error, k) / time_at(fast, error, k) for k in range(rounds)]
-    return None if np.isnan(ratios).any() else Duel(float(np.median(ratios)), min(ratios), max(ratios))
+    return np.array([time_at(slow, error, k) / time_at(fast, error, k) for k in range(rounds)])
 
 
 def levels(rungs: pd.DataFrame, floor: float) -> list[float]:

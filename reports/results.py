@@ -114,7 +114,8 @@ def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     }
     measured["mean_step_s"] = measured.get("mean_step_s", measured["step_s"]).fillna(measured["step_s"])
     labels = dict.fromkeys(row["label"] for row in sorted(rows, key=lambda row: _place(row)[1:]))
-    return table.assign(**measured, label=pd.Categorical(table["label"], list(labels), ordered=True))
+    table = table.assign(**measured, label=pd.Categorical(table["label"], list(labels), ordered=True))
+    return table.copy()  # in one piece, which is quicker to select from
 
 
 def with_columns(rows: pd.DataFrame, *names: str) -> pd.DataFrame:
@@ -162,5 +163,5 @@ def _sidecar(path: Path, fingerprints: Mapping[str, str]) -> dict[str, Any] | No
         raise BrokenResults(f"{path}: expected JSON, got {error}") from error
     if not isinstance(sidecar, dict):
         raise BrokenResults(f"{path}: expected a JSON object")
-    told = sidecar.get("fingerprints", dict.fromkeys(fingerprints, sidecar.get("fingerprint")))
-    return sidecar if isinstance(told, dict) and fingerprints.items() <= told.items() else None
+    of_engines = sidecar.get("fingerprints", dict.fromkeys(fingerprints, sidecar.get("fingerprint")))
+    return sidecar if isinstance(of_engines, dict) and fingerprints.items() <= of_engines.items() else None

@@ -28,28 +28,26 @@ def orders(rows: pd.DataFrame, column: str) -> dict[str, dict[str, Order]]:
     """Return the observed order of a column by label and scene, where a finished run has it."""
     rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column))
     floors = rows.groupby("scene")["doubt"].max().fillna(0.0)
-    found: dict[str, dict[str, Order]] = {label: {} for label in labels(rows)}
+    by_label: dict[str, dict[str, Order]] = {label: {} for label in labels(rows)}
     for (label, scene), points in rows.dropna(subset="error").groupby(["label", "scene"], observed=True):
-        found[label][scene] = observed_order(points["mean_step_s"], points["error"], floors[scene])
-    return found
+        by_label[label][scene] = observed_order(points["mean_step_s"], points["error"], floors[scene])
+    return by_label
 
 
 def order_cells(shown: pd.DataFrame, rows: pd.DataFrame, column: str, absent: str = ABSENT) -> pd.Series:
     """Return for each row shown the observed order of its arm on its scene over all ``rows``, as text."""
-    found = orders(rows, column)
+    by_label = orders(rows, column)
     cases = zip(shown["label"], shown["scene"], strict=True)
     return pd.Series(
-        [str(found[label].get(scene, absent)) for label, scene in cases], shown.index, dtype=object
+        [str(by_label[label].get(scene, absent)) for label, scene in cases], shown.index, dtype=object
     )
 
 
 def smallest_errors(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     """Return the smallest error of each arm on each scene as a table has it, an arm a row."""
     arms = rows.groupby(list(CASE), sort=False)
-    return pd.DataFrame(
-        {**dict(zip(CASE, case, strict=True)), **{heading(name): _smallest(arm, name) for name in columns}}
-        for case, arm in arms
-    )
+    cells = [(*case, *(_smallest(arm, column) for column in columns)) for case, arm in arms]
+    return pd.DataFrame(cells, columns=[*CASE, *map(heading, columns)])
 
 
 def _smallest(rows: pd.DataFrame, column: str) -> str:

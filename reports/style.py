@@ -1,4 +1,4 @@
-"""How things look: colour and marker per engine, line style and fill per arm, labels from columns.
+"""How things look: colour and marker per engine, line style and fill per arm, names from columns.
 
 Colours are Okabe and Ito's (2008), told apart by the colour-blind. In greyscale the markers tell the engines
 apart, line style and fill the arms of one.

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from reports.chapters import energy as chapter
-from reports.chapters.energy.findings import drift, hidden_power
+from reports.chapters.energy import drift, hidden_power
 from reports.chapters.energy.rungs import prepared
 from reports.chapters.energy.tables import ledger_table, power_table
 from reports.parts import Contradiction, Section

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from reports.chapters.work_precision.tables import _ratio
 from reports.equal_error import duel, front, levels, rungs, time_at
 from reports.results import frame
 
@@ -33,16 +34,20 @@ def test_a_rung_that_costs_more_and_errs_more_is_not_on_the_front() -> None:
     assert list(front(pd.concat([LADDER, worse]))["error"]) == [1e-4, 1e-8]
 
 
-def test_a_duel_is_the_median_ratio_with_its_range_and_decided_if_all_rounds_agree() -> None:
-    slow, fast = ladder((1e-6, (6.0, 5.0, 9.0))), ladder((1e-6, (1.0, 1.0, 1.0)))
-    lost = duel(slow, fast, 1e-6)
-    assert lost is not None
-    assert (lost.median, lost.least, lost.most) == (6.0, 5.0, 9.0)
-    assert lost.decided
-    close = duel(ladder((1e-6, (0.9, 1.1, 1.0))), fast, 1e-6)
-    assert close is not None
-    assert not close.decided
-    assert duel(slow, fast, 1e-7) is None
+def test_a_duel_is_the_ratio_of_the_times_in_each_round() -> None:
+    slow, fast = ladder((1e-6, (6.0, 5.0, 9.0))), ladder((1e-6, (1.0, 2.0, 1.0)))
+    assert duel(slow, fast, 1e-6) == pytest.approx([6.0, 2.5, 9.0])
+    assert np.isnan(duel(slow, fast, 1e-7)).all()
+
+
+@pytest.mark.parametrize(
+    ("times", "shown"), [((6.0, 5.0, 9.0), "6 (5 to 9)"), ((1.1, 0.9, 1.2), "[1.1 (0.9 to 1.2)]")]
+)
+def test_a_ratio_is_in_brackets_unless_all_rounds_agree(times: tuple[float, ...], shown: str) -> None:
+    fast, slow = ladder((1e-6, (1.0, 1.0, 1.0))), ladder((1e-6, times))
+    rungs = pd.concat([fast.assign(engine="fast"), slow.assign(engine="slow")])
+    assert _ratio(rungs, 1e-6) == ("fast", "slow", shown)
+    assert _ratio(rungs, 1e-7) == ("–", "–", "–")
 
 
 def test_levels_are_powers_of_ten_that_at_least_two_rungs_bracket_above_the_floor() -> None:

@@ -16,7 +16,7 @@ import pytest
 from reports.convergence import ABOVE_FLOOR, observed_order
 from reports.page import NoResults, write_report
 from reports.parts import Contradiction, Table, stated
-from reports.results import BrokenResults, read_results
+from reports.results import BrokenResults, frame, read_results
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, in_text, latex, markdown
 from studies import agreement
@@ -243,6 +243,20 @@ def test_a_last_line_cut_short_by_a_kill_is_no_row(broken: Path) -> None:
     with (broken / "agreement/rows.jsonl").open("a", encoding="utf-8") as file:
         file.write('{"case": "0123')
     pd.testing.assert_frame_equal(read_results(broken / "agreement").rows, whole)
+
+
+def test_a_frame_has_numbers_or_nan_and_settings_as_they_were_written() -> None:
+    case = {"case": "0", "scene": "s", "engine": "pymunk", "arm": "tuned", "label": "pymunk (tuned)"}
+    first = {**case, "step_s": 2, "setting_iterations": 50, "error_m": math.inf, "method": None}
+    second = {**case, "case": "1", "step_s": 1, "mean_step_s": 0.5, "error_m": 1, "method": "a word"}
+    other = {**case, "engine": "reference", "arm": "none", "label": "reference (none)", "step_s": 3}
+    rows = frame([second, first, other])
+    pd.testing.assert_frame_equal(rows, frame([other, first, second]))
+    assert list(rows["label"]) == ["reference (none)", "pymunk (tuned)", "pymunk (tuned)"]
+    assert list(rows["mean_step_s"]) == [3.0, 2.0, 0.5]
+    assert [str(setting) for setting in rows["setting_iterations"]] == ["nan", "50", "nan"]
+    assert list(rows["error_m"].isna()) == [True, True, False]
+    assert rows["method"].iloc[2] == "a word"
 
 
 def test_engines_may_differ_in_their_code_but_not_the_rows_of_one(results: Path, tmp_path: Path) -> None:

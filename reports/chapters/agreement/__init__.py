@@ -1,15 +1,13 @@
 """The agreement study on the page: every engine on every ideal scene against the independent truth."""
 
-from collections.abc import Mapping
-
 import pandas as pd
 
 from reports.chapters.agreement import findings, tables
-from reports.chapters.agreement.figures import at_one_step, by_step, sweep
+from reports.chapters.agreement.figures import by_step, over_time_at_step, sweep
 from reports.chapters.agreement.findings import ENERGY, LARGEST_ENERGY, VIOLATION
 from reports.parts import Section
 from reports.quantities import with_largest
-from reports.results import Results
+from reports.results import Results, with_columns
 from reports.shared_tables import failures_section, failures_table, settings_table
 
 STUDY = "agreement"
@@ -26,14 +24,14 @@ INTRODUCTION = (
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    rows = with_largest(results.rows, FORCE, r"joint_\w_force_error_N")
+    rows = with_largest(with_columns(results.rows, LARGEST_ENERGY), FORCE, r"joint_\w_force_error_N")
     swept = swept_settings(rows)
     ladder = rows[swept.isna()]
-    steps = common_steps(ladder)
+    at_step = at_common_steps(ladder)
     return [
         _convergence(ladder),
-        _one_step(results, ladder, steps),
-        _conservation(results, ladder, steps),
+        _one_step(results, at_step),
+        _conservation(results, ladder, at_step),
         *(_sweep(of_setting, setting) for setting, of_setting in rows.groupby(swept)),
         failures_section(rows, failures_table(rows, STUDY)),
     ]
@@ -45,95 +43,70 @@ def swept_settings(rows: pd.DataFrame) -> pd.Series:
     return settings.where([f"setting_{setting}" in rows for setting in settings], None)
 
 
-def common_steps(rows: pd.DataFrame) -> dict[str, float]:
-    """Return for each scene the middle one of the steps that every engine was run at."""
+def at_common_steps(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of each scene at the middle one of the steps that every engine was run at."""
     steps = {}
     for scene, of_scene in rows.groupby("scene"):
         engines = of_scene.groupby("step_s")["engine"].nunique()
         common = engines.index[engines == of_scene["engine"].nunique()]
         if len(common):
-            steps[scene] = float(common[len(common) // 2])
-    return steps
+            steps[scene] = common[len(common) // 2]
+    return rows[rows["step_s"] == rows["scene"].map(steps)]
 
 
 def _convergence(rows: pd.DataFrame) -> Section:
+    force = (
+        "The largest force error of all joints. Forces belong to the accelerations, so they show what a "
+        "position that is prescribed or corrected can hide."
+    )
+    torque = (
+        "A driver torque is compared where it is a reaction, under prescribed crank speed, and has no panel "
+        "elsewhere."
+    )
+    others = ["slider_velocity_error_m_s", "driver_torque_error_N_m"]
     return Section.of(
         "convergence",
         "Convergence",
         (*findings.pymunk_arms(rows, POSITION), *findings.orders_found(rows, (POSITION, FORCE))),
         (
             by_step("slider-position", "Slider position error", rows, [POSITION]),
-            by_step(
-                "joint-force",
-                "Joint force error",
-                rows,
-                [FORCE],
-                "The largest force error of all joints. Forces belong to the accelerations, so they show "
-                "what a position that is prescribed or corrected can hide.",
-            ),
-            by_step(
-                "velocity-and-torque",
-                "Slider velocity and driver torque error",
-                rows,
-                ["slider_velocity_error_m_s", "driver_torque_error_N_m"],
-                "A driver torque is compared where it is a reaction, under prescribed crank speed, and has "
-                "no panel elsewhere.",
-            ),
+            by_step("joint-force", "Joint force error", rows, [FORCE], force),
+            by_step("velocity-and-torque", "Slider velocity and driver torque error", rows, others, torque),
         ),
         (settings_table(rows, STUDY), tables.orders_table(rows), tables.smallest_table(rows)),
     )
 
 
-def _one_step(results: Results, rows: pd.DataFrame, steps: Mapping[str, float]) -> Section:
-    figure = at_one_step(
+def _one_step(results: Results, at_step: pd.DataFrame) -> Section:
+    figure = over_time_at_step(
         results,
-        rows,
-        steps,
+        at_step,
         POSITION,
         "Slider position error",
         "Shown is the largest error up to each time, so that a zero crossing does not look like "
         "agreement: a line that keeps rising is an error that builds up, a level one is bounded.",
     )
-    text, table = findings.best_at_step(rows, steps), tables.errors_table(rows, steps)
+    text, table = findings.best_at_step(at_step), tables.errors_table(at_step)
     return Section.of("one-step", "Errors at one step", text, [figure], [table])
 
 
-def _conservation(results: Results, rows: pd.DataFrame, steps: Mapping[str, float]) -> Section:
-    return Section.of(
-        "conservation",
-        "Energy and constraints",
-        findings.conservation(rows, steps),
-        (
-            at_one_step(
-                results,
-                rows,
-                steps,
-                ENERGY,
-                "Energy balance residual",
-                "Energy gained beyond the driver's work, the largest up to each time, as a part of the "
-                "largest kinetic energy. An exact run has none; a rising line is energy made or lost by the "
-                "method.",
-                per=LARGEST_ENERGY,
-            ),
-            by_step(
-                "constraint-violation",
-                "Constraint violation",
-                rows,
-                [VIOLATION],
-                "The largest gap in a joint, or of the slider from its guide.",
-                floor="",
-            ),
-            at_one_step(
-                results,
-                rows,
-                steps,
-                VIOLATION,
-                "Constraint violation",
-                "The largest gap up to each time: a rising line is drift.",
-            ),
-        ),
-        [tables.conservation_table(rows, steps, (ENERGY, VIOLATION))],
+def _conservation(results: Results, rows: pd.DataFrame, at_step: pd.DataFrame) -> Section:
+    energy = over_time_at_step(
+        results,
+        at_step,
+        ENERGY,
+        "Energy balance residual",
+        "Energy gained beyond the driver's work, the largest up to each time, as a part of the largest "
+        "kinetic energy. An exact run has none; a rising line is energy made or lost by the method.",
+        per=LARGEST_ENERGY,
     )
+    what = "Constraint violation"
+    reading = "The largest gap in a joint, or of the slider from its guide."
+    by_steps = by_step("constraint-violation", what, rows, [VIOLATION], reading, floor="")
+    reading = "The largest gap up to each time: a rising line is drift."
+    drift = over_time_at_step(results, at_step, VIOLATION, what, reading)
+    text, table = findings.conservation(at_step), tables.conservation_table(at_step, (ENERGY, VIOLATION))
+    return Section.of("conservation", "Energy and constraints", text, (energy, by_steps, drift), [table])
 
 
 def _sweep(rows: pd.DataFrame, setting: str) -> Section:

@@ -1,10 +1,9 @@
 """Figures of the agreement study."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 
-from reports.chapters.agreement.tables import at_steps
 from reports.parts import Figure
 from reports.plots.step_figures import against_step, panels_of
 from reports.plots.sweep_figures import against_setting
@@ -36,18 +35,12 @@ def by_step(
     )
 
 
-def at_one_step(
-    results: Results,
-    rows: pd.DataFrame,
-    steps: Mapping[str, float],
-    column: str,
-    what: str,
-    reading: str,
-    per: str = "",
+def over_time_at_step(
+    results: Results, at_step: pd.DataFrame, column: str, what: str, reading: str, per: str = ""
 ) -> Figure | None:
     """Return a curve over time at each scene's step, divided by the rows' column ``per`` if one is named."""
     # By name, so that the reference's lines are seen on those of Exudyn and Pymunk.
-    rows = finished(at_steps(rows, steps)).sort_values(["scene", "engine", "arm"])
+    rows = finished(at_step).sort_values(["scene", "engine", "arm"])
     if rows.empty:
         return None
     so_far = axis_label(column).replace(" [", " so far [")
@@ -56,7 +49,7 @@ def at_one_step(
     return Figure(
         f"agreement-{what.lower().replace(' ', '-')}-over-time",
         f"{what} over time at one step",
-        f"The step is {steps_in_text(steps)}. {reading}",
+        f"The step is {steps_in_text(at_step)}. {reading}",
         f"Panels over time of the {what.lower()} on {scenes}. Lines: {', '.join(labels(rows))}.",
         over_time(results, rows, column, axis, per),
     )
@@ -66,17 +59,18 @@ def sweep(rows: pd.DataFrame, setting: str, columns: Sequence[str]) -> Figure | 
     """Return the errors of an engine against one of its settings, None if no run finished."""
     if finished(rows).empty:
         return None
-    engine, steps = rows["engine"].iloc[0], rows.groupby("scene")["step_s"].last()
+    engine = rows["engine"].iloc[0]
     return Figure(
         f"agreement-{setting}",
         f"Errors of {engine} against its {setting}",
         f"One line per scene, everything but the {setting} as in the tuned arm, at a step of "
-        f"{steps_in_text(steps)}. A crossed-out marker above a panel is a run that failed.",
+        f"{steps_in_text(rows)}. A crossed-out marker above a panel is a run that failed.",
         f"{len(columns)} logarithmic panels over {setting}: {', '.join(map(axis_label, columns))}.",
         against_setting(rows, setting, columns),
     )
 
 
-def steps_in_text(steps: Mapping[str, float]) -> str:
-    """Return the step of each scene in words."""
+def steps_in_text(rows: pd.DataFrame) -> str:
+    """Return the step of each scene in words, of rows that have one each."""
+    steps = rows.groupby("scene")["step_s"].first()
     return ", ".join(f"{in_text(step)} s on {scene}" for scene, step in steps.items())

@@ -1,11 +1,10 @@
 """What the agreement study's rows say, in sentences: each is made from the rows or checked against them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
 from reports.chapters.agreement.figures import steps_in_text
-from reports.chapters.agreement.tables import at_steps
 from reports.parts import stated
 from reports.quantities import finished, floor, signal_errors, value
 from reports.shared_tables import orders
@@ -22,10 +21,10 @@ LARGEST_ENERGY = "largest_kinetic_energy_J"
 
 def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> Iterator[str]:
     """Yield the observed orders of each arm on all scenes in one sentence."""
-    found = {column: orders(rows, column) for column in columns}
+    by_column = {column: orders(rows, column) for column in columns}
     for label in labels(finished(rows)):
         parts = []
-        for column, by_label in found.items():
+        for column, by_label in by_column.items():
             by_scene = by_label[label].items()
             claimed = [f"{order} on {scene}" for scene, order in by_scene if order.slope is not None]
             not_claimed = [f"{order} on {scene}" for scene, order in by_scene if order.slope is None]
@@ -36,9 +35,9 @@ def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> Iterator[str]:
 
 def pymunk_arms(rows: pd.DataFrame, column: str) -> Iterator[str]:
     """Yield why Pymunk is shown twice, with its orders, checked; nothing unless both arms have one."""
-    found = orders(rows, column)
+    by_label = orders(rows, column)
     slopes = [
-        [order.slope for order in found.get(label, {}).values() if order.slope is not None]
+        [order.slope for order in by_label.get(label, {}).values() if order.slope is not None]
         for label in (AS_IT_COMES, TUNED)
     ]
     if not all(slopes):
@@ -53,37 +52,38 @@ def pymunk_arms(rows: pd.DataFrame, column: str) -> Iterator[str]:
     yield stated(sentence, [set(map(round, each)) for each in slopes] == [{1}, {2}])
 
 
-def best_at_step(rows: pd.DataFrame, steps: Mapping[str, float]) -> Iterator[str]:
+def best_at_step(at_step: pd.DataFrame) -> Iterator[str]:
     """Yield who has the smallest error of which signal at a step: of all, and without the reference."""
-    for scene, of_scene in finished(at_steps(rows, steps)).groupby("scene"):
+    for scene, of_scene in finished(at_step).groupby("scene"):
         rivals = of_scene[of_scene["engine"] != REFERENCE]
         groups = [group for group in (of_scene, rivals) if len(set(group["engine"])) > 1]
         if groups:
+            step = in_text(of_scene["step_s"].iloc[0])
             winners = "; without the reference, ".join(map(_winners, groups))
-            yield f"On {scene} at a step of {in_text(steps[scene])} s the smallest error is {winners}."
+            yield f"On {scene} at a step of {step} s the smallest error is {winners}."
 
 
-def conservation(rows: pd.DataFrame, steps: Mapping[str, float]) -> Iterator[str]:
+def conservation(at_step: pd.DataFrame) -> Iterator[str]:
     """Yield the largest energy residual and violation of each arm over all scenes, and at which steps."""
-    if steps:
-        yield f"Compared at a step of {steps_in_text(steps)}."
-    yield from _smallest_first(at_steps(rows, steps), ENERGY, LARGEST_ENERGY)
-    yield from _smallest_first(at_steps(rows, steps), VIOLATION)
+    if len(at_step):
+        yield f"Compared at a step of {steps_in_text(at_step)}."
+    yield from _smallest_first(at_step, ENERGY, LARGEST_ENERGY)
+    yield from _smallest_first(at_step, VIOLATION)
 
 
 def _smallest_first(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[str]:
     """Yield the largest of a column for each arm, smallest first, divided by a column ``per`` if named."""
     sizes = value(rows, column) / (rows[per] if per else 1.0)
-    worst = sizes.groupby(rows["label"], observed=True).max().dropna().sort_values()
+    worst = sizes.groupby(rows["label"], observed=True).max().dropna().sort_values(kind="stable")
     if worst.empty:
         return
     what, unit = words(column)
     if per:
         what, unit = f"{what} relative to the {words(per)[0]}", ""
-    told = listed(f"{in_text(size)}{unit and ' ' + unit} with {label}" for label, size in worst.items())
+    arms = listed(f"{in_text(size)}{unit and ' ' + unit} with {label}" for label, size in worst.items())
     failed = rows[rows["status"] != "ok"]
     missing = listed(failed["label"].astype(str) + " on " + failed["scene"]) if len(failed) else ""
-    yield f"The largest {what} over all scenes is {told}{missing and f', without what failed: {missing}'}."
+    yield f"The largest {what} over all scenes is {arms}{missing and f', without what failed: {missing}'}."
 
 
 def enough(rows: pd.DataFrame, setting: str, column: str) -> Iterator[str]:
@@ -110,8 +110,8 @@ def _winners(rows: pd.DataFrame) -> str:
         signals.setdefault(winners, []).append(_signal(column))
     # The one with the most signals comes last, with all those not named before.
     *most, last = sorted(signals, key=lambda winners: len(signals[winners]))
-    told = [f"that of {winners} in {listed(signals[winners])}" for winners in most]
-    return listed([*told, f"that of {last} in every {'other ' if most else ''}signal"])
+    others = [f"that of {winners} in {listed(signals[winners])}" for winners in most]
+    return listed([*others, f"that of {last} in every {'other ' if most else ''}signal"])
 
 
 def _signal(column: str) -> str:

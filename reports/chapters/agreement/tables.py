@@ -1,7 +1,7 @@
 """Tables of the agreement study."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 
@@ -11,11 +11,6 @@ from reports.quantities import floor, signal_errors, uncertainty, value
 from reports.shared_tables import CASE, head, heading, order_cells, smallest_errors
 from reports.style import words
 from reports.tables import error, number
-
-
-def at_steps(rows: pd.DataFrame, steps: Mapping[str, float]) -> pd.DataFrame:
-    """Return the rows at the step of their scene."""
-    return rows[rows["step_s"] == rows["scene"].map(steps)]
 
 
 def orders_table(rows: pd.DataFrame) -> Table:
@@ -29,37 +24,36 @@ def orders_table(rows: pd.DataFrame) -> Table:
     return Table.of("agreement-orders", title, RULE, {**head(arms, *CASE), **signals})
 
 
-def errors_table(rows: pd.DataFrame, steps: Mapping[str, float]) -> Table:
+def errors_table(at_step: pd.DataFrame) -> Table:
     """Return the errors of every signal at one step per scene, the truth's uncertainty as the last line."""
-    errors = signal_errors(rows)
-    rows = at_steps(rows, steps)
-    floors = [
+    errors = signal_errors(at_step)
+    floors = pd.DataFrame(
         {
             "scene": scene,
-            "step [s]": number(steps[scene]),
+            "step [s]": number(of_scene["step_s"].iloc[0]),
             "engine": "truth",
             "arm": "uncertainty",
             **{heading(column): number(floor(of_scene, column) or math.nan) for column in errors},
         }
-        for scene, of_scene in rows.groupby("scene")
-    ]
+        for scene, of_scene in at_step.groupby("scene")
+    )
     return Table.of(
         "agreement-errors",
         "Largest errors at one step",
         "Largest error over all samples; joint forces by the length of the difference vector. An error "
         "below the truth's own uncertainty u is shown as “< u”. The step is the middle one of those that "
         "every engine was run at.",
-        pd.concat([_at_step(rows, errors), pd.DataFrame(floors)]).sort_values("scene", kind="stable"),
+        pd.concat([_errors(at_step, errors), floors]).sort_values("scene", kind="stable"),
     )
 
 
-def conservation_table(rows: pd.DataFrame, steps: Mapping[str, float], columns: Sequence[str]) -> Table:
+def conservation_table(at_step: pd.DataFrame, columns: Sequence[str]) -> Table:
     """Return what needs no truth, energy balance and constraints, at one step per scene."""
     return Table.of(
         "agreement-conservation",
         "Energy and constraints at one step",
         "The largest sizes over all samples. Neither needs a truth: both are zero for an exact run.",
-        _at_step(at_steps(rows, steps), columns),
+        _errors(at_step, columns),
     )
 
 
@@ -90,7 +84,7 @@ def sweep_table(rows: pd.DataFrame, setting: str, columns: Sequence[str]) -> Tab
     )
 
 
-def _at_step(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+def _errors(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     """Return the runs with their errors as text, or their status where they did not finish."""
     errors = {
         heading(column): [

@@ -49,7 +49,7 @@ def by_step(rows: pd.DataFrame) -> Figure | None:
     # A run that chooses its steps and did not finish has none to stand at.
     rows = rows[(rows["status"] == "ok") | rows["tolerance"].isna()]
     rows = rows[~rows["scene"].str.endswith(LONG)]  # the short ones have every rung
-    rows = rows.assign(hidden_power_W=rows["hidden_power_W"].abs().where(rows["told"]))
+    rows = rows.assign(hidden_power_W=rows["hidden_power_W"].abs().where(rows["significant"]))
     panels = [
         *panels_of(rows, ["largest_numerical_gain_J"]),
         *panels_of(rows[~rows["has_clearance"]], ["hidden_power_W"]),

@@ -20,7 +20,7 @@ def power_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
 
     ``at_rung`` are the rows at one rung for each scene, ``rows`` the whole ladders.
     """
-    sized = rows.assign(size=rows["hidden_power_W"].abs().where(rows["told"]))
+    sized = rows.assign(size=rows["hidden_power_W"].abs().where(rows["significant"]))
     dissipated = at_rung["dissipated_power_W"].where(at_rung["dissipated_power_W"] > 0)
     cells = {
         "hidden power [W]": _power(at_rung, 1.0),
@@ -112,7 +112,7 @@ def _or_status(rows: pd.DataFrame, cells: Mapping[str, pd.Series]) -> pd.DataFra
 def _power(rows: pd.DataFrame, per: pd.Series | float) -> pd.Series:
     """Return the hidden power divided by something, or below what it is if it is not told from zero."""
     below = (rows["hidden_power_W"].abs() + rows["half_width"]) / per
-    return (rows["hidden_power_W"] / per).map(number).where(rows["told"], "< " + below.map(number))
+    return (rows["hidden_power_W"] / per).map(number).where(rows["significant"], "< " + below.map(number))
 
 
 def _digits(value: float) -> str:

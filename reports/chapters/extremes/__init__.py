@@ -35,7 +35,7 @@ WANTED = {
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    found = answers(results.rows)
+    answered = answers(results.rows)
     figure = Figure(
         "extremes-matrix",
         "Verdicts, case by case",
@@ -43,39 +43,39 @@ def sections(results: Results) -> list[Section]:
         "there is none (⊘), a stop at the time when it is determined no more (F), word that the step is too "
         "long (✓ F). Numbers are relative errors of what is inaccurate: of the motion, of energy (E), of "
         "constraints (C).",
-        f"Matrix of {found['scene'].nunique()} named cases against {', '.join(labels(found))}, a symbol "
-        "and a shade per verdict, with theory's expectation beside each case.",
-        verdict_matrix(found),
+        f"Matrix of {answered['scene'].nunique()} named cases against {', '.join(labels(answered))}, a "
+        "symbol and a shade per verdict, with theory's expectation beside each case.",
+        verdict_matrix(answered),
     )
-    text = (*_sound(found), *_outcomes(found), *_reference(found))
-    gallery = Section("gallery", "The gallery", text, (figure,), (counts(found),))
-    shown = (expectations(found), verdicts(found))
+    text = (*_sound(answered), *_outcomes(answered), *_reference(answered))
+    gallery = Section("gallery", "The gallery", text, (figure,), (counts(answered),))
+    shown = (expectations(answered), verdicts(answered))
     return [gallery, Section("cases", "Case by case", (), (), shown)]
 
 
-def _sound(found: pd.DataFrame) -> Iterator[str]:
+def _sound(answered: pd.DataFrame) -> Iterator[str]:
     """Yield what is true of all verdicts."""
-    sound = found[found["verdict"].isin((Verdict.RIGHT, Verdict.INACCURATE))]
+    sound = answered[answered["verdict"].isin((Verdict.RIGHT, Verdict.INACCURATE))]
     if len(sound):
         energy, constraint = sound[ENERGY].max(), sound[CONSTRAINT].max()
         bounds = sound[[f"{ENERGY}_bound", f"{CONSTRAINT}_bound"]].iloc[0] * sound["nonsense_factor"].iloc[0]
         sentence = (
-            f"{len(found)} runs of {found['scene'].nunique()} cases all ended in a verdict. None that "
+            f"{len(answered)} runs of {answered['scene'].nunique()} cases all ended in a verdict. None that "
             f"counts as right or inaccurate leaves more than {in_text(energy)} of its energy unaccounted "
             f"for, or opens a joint by more than {in_text(constraint)} of the crank's length."
         )
         yield stated(sentence, bool((bounds >= [energy, constraint]).all()))
-    ended = found[found["verdict"].isin(ENDED)]
+    ended = answered[answered["verdict"].isin(ENDED)]
     if ended.empty:
         yield "No run crashed, ran out of memory, or had to be stopped."
     else:
-        told = (f"{row['label']} {row['verdict'].value} on {row['scene']}" for _, row in ended.iterrows())
-        yield f"Contained: {'; '.join(told)}."
+        ends = (f"{row['label']} {row['verdict'].value} on {row['scene']}" for _, row in ended.iterrows())
+        yield f"Contained: {'; '.join(ends)}."
 
 
-def _outcomes(found: pd.DataFrame) -> Iterator[str]:
+def _outcomes(answered: pd.DataFrame) -> Iterator[str]:
     """Yield for every label what it gave without a word of warning that was nonsense."""
-    for label, of_label in found.groupby("label", observed=True):
+    for label, of_label in answered.groupby("label", observed=True):
         asked = f"{label} does what theory asks in {of_label['as_wanted'].sum()} of {len(of_label)} cases"
         nonsense = of_label["scene"][of_label["verdict"] == Verdict.NONSENSE]
         yield (
@@ -85,28 +85,23 @@ def _outcomes(found: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def _reference(found: pd.DataFrame) -> Iterator[str]:
+def _reference(answered: pd.DataFrame) -> Iterator[str]:
     """Yield where the reference stops, for want of a motion or of a step short enough."""
-    stopped = found[(found["label"] == REFERENCE) & (found["verdict"] == Verdict.FAILED)]
+    stopped = answered[(answered["label"] == REFERENCE) & (answered["verdict"] == Verdict.FAILED)]
     if len(stopped):
         reasons = stopped["reason"].str.split(":").str[0].str.split(", q =").str[0]
-        told = stopped["scene"] + " (" + reasons + ")"
-        yield f"The reference stops with a reason in: {'; '.join(told)}."
+        stops = stopped["scene"] + " (" + reasons + ")"
+        yield f"The reference stops with a reason in: {'; '.join(stops)}."
 
 
 def counts(answers: pd.DataFrame) -> Table:
     """Return how often each verdict fell on each engine and arm."""
     arms = answers.drop_duplicates("label").sort_values("label")
     by_label = answers.groupby("label", observed=True)
-    tally = {
-        "cases": by_label.size(),
-        **{
-            verdict.value: (answers["verdict"] == verdict).groupby(answers["label"], observed=True).sum()
-            for verdict in Verdict
-            if (answers["verdict"] == verdict).any()
-        },
-        "as theory asks": by_label["as_wanted"].sum(),
-    }
+    names = [verdict.value for verdict in Verdict if (answers["verdict"] == verdict).any()]
+    tally = pd.crosstab(answers["label"], answers["verdict"].map(lambda verdict: verdict.value))[names]
+    tally.insert(0, "cases", by_label.size())
+    tally["as theory asks"] = by_label["as_wanted"].sum()
     reading = (
         "“As theory asks” counts what is right, refusals where there is no motion, and failures that say so "
         "in time where it ends or where the step is too long."
@@ -148,7 +143,7 @@ def verdicts(answers: pd.DataFrame) -> Table:
         "longest step [s]": answers["step_s"].map(number),
         "verdict": [verdict.value for verdict in answers["verdict"]],
         "error": answers[JUDGED[0]].map(number),
-        "of what": answers["judged"].fillna(ABSENT),
+        "of what": answers["judged"].astype(object).fillna(ABSENT),
         "energy": answers[ENERGY].map(number),
         "constraints": answers[CONSTRAINT].map(number),
         "reason": answers["reason"].replace("", ABSENT),

@@ -38,19 +38,19 @@ _ENDED = {v.value: v for v in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict
 
 
 def answers(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the study's rows by the place of their cases in the gallery, with what is made of them.
+    """Return the study's rows by the place of their cases in the gallery, with what is columns of them.
 
     ``verdict`` is the ``Verdict``; ``as_wanted`` whether theory asks for no more than what came, the motion,
     or no motion where there is none; ``worst`` which of the numbers judged exceeds its bound most, None
     where there are none.
     """
     rows = with_columns(rows, *JUDGED, "judged").sort_values("place", kind="stable")
-    made: dict[str, Callable[[Row], object]] = {
+    columns: dict[str, Callable[[Row], object]] = {
         "verdict": verdict_on,
         "as_wanted": _as_wanted,
         "worst": _worst,
     }
-    for name, of in made.items():
+    for name, of in columns.items():
         rows[name] = pd.Series([of(row) for _, row in rows.iterrows()], rows.index)
     return rows
 

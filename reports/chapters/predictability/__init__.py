@@ -24,7 +24,7 @@ def sections(results: Results) -> list[Section]:
     return [
         *_horizons(results, data.horizons(rows)),
         *_exponents(data.exponents(rows)),
-        *(_ensembles(results, scene, found) for scene, found in data.ensembles(rows).items()),
+        *(_ensembles(results, scene, by_label) for scene, by_label in data.ensembles(rows).items()),
         *_pictures(results, rows),
         _failures(rows),
     ]
@@ -47,8 +47,8 @@ def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     yield Section.of("horizons", "Horizons", findings.horizons(rows), [figure], [tables.horizons(rows)])
 
 
-def _exponents(found: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
-    if not found:
+def _exponents(by_scene: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
+    if not by_scene:
         return
     method = (
         "Benettin's method: a companion 1e-12 m beside the run is put back along the same direction before "
@@ -61,26 +61,26 @@ def _exponents(found: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
         "Finite-time Lyapunov exponents",
         "Open markers are starts, filled ones with bars their mean and its 95 % interval. The intervals are "
         "Student's over starts, since growth within a run is correlated.",
-        f"A line per scene: {', '.join(found)}. Exponents per revolution of several starts.",
-        figures.exponents(found),
+        f"A line per scene: {', '.join(by_scene)}. Exponents per revolution of several starts.",
+        figures.exponents(by_scene),
     )
-    text = (method, *findings.exponents(found))
-    yield Section.of("exponents", "Lyapunov exponents", text, [figure], [tables.exponents(found)])
+    text = (method, *findings.exponents(by_scene))
+    yield Section.of("exponents", "Lyapunov exponents", text, [figure], [tables.exponents(by_scene)])
 
 
-def _ensembles(results: Results, scene: str, found: data.Ensembles) -> Section:
-    names = ", ".join(found)
+def _ensembles(results: Results, scene: str, by_label: data.Ensembles) -> Section:
+    names = ", ".join(by_label)
     drawn = [
         Figure(
             f"predictability-ensembles-{scene}",
             f"Past the horizon on {scene}",
             "Ticks are members, markers with bars their mean and its 95 % bootstrap interval over members. "
             "The reference's ensembles are repeats of one another, or another engine's model twin.",
-            f"{len(data.shown(found))} panels, one per quantity, a line for each of {names}.",
-            figures.distributions(found),
+            f"{len(data.shown(by_label))} panels, one per quantity, a line for each of {names}.",
+            figures.distributions(by_label),
         )
     ]
-    if data.compared(found):
+    if data.compared(by_label):
         drawn.append(
             Figure(
                 f"predictability-phases-{scene}",
@@ -88,18 +88,18 @@ def _ensembles(results: Results, scene: str, found: data.Ensembles) -> Section:
                 "Impacts per revolution by the crank angle at touch, each engine beside its model twin: "
                 "means over members with 95 % bootstrap intervals.",
                 f"A panel for each engine with its model twin over the crank angle: {names}.",
-                figures.phases(results, found),
+                figures.phases(results, by_label),
             )
         )
-    alarms = comparison.alarms(found)
+    alarms = comparison.alarms(by_label)
     return Section.of(
         f"ensembles-{scene}",
         f"Ensembles on {scene}",
-        findings.ensembles(found, scene, alarms),
+        findings.ensembles(by_label, scene, alarms),
         drawn,
         (
-            tables.means(found, scene),
-            comparison.compared(found, scene),
+            tables.means(by_label, scene),
+            comparison.compared(by_label, scene),
             comparison.false_alarm_table(alarms, scene) if alarms else None,
         ),
     )

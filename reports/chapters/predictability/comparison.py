@@ -18,11 +18,13 @@ FEWEST = 8
 _PERCENT = f"{100 * CONFIDENCE:.0f} %"
 
 
-def compared(found: data.Ensembles, scene: str) -> Table | None:
+def compared(by_label: data.Ensembles, scene: str) -> Table | None:
     """Return every engine against its model twin, quantity by quantity."""
-    quantities = data.shown(found)
+    quantities = data.shown(by_label)
     cells = [
-        cell for label, twin in data.compared(found) for cell in _comparison(found, label, twin, quantities)
+        cell
+        for label, twin in data.compared(by_label)
+        for cell in _comparison(by_label, label, twin, quantities)
     ]
     if not cells:
         return None
@@ -38,9 +40,9 @@ def compared(found: data.Ensembles, scene: str) -> Table | None:
 
 
 def _comparison(
-    found: data.Ensembles, label: str, twin: str, quantities: Sequence[str]
+    by_label: data.Ensembles, label: str, twin: str, quantities: Sequence[str]
 ) -> list[tuple[str, ...]]:
-    one, other = (data.matrix(found[each], quantities) for each in (label, twin))
+    one, other = (data.matrix(by_label[each], quantities) for each in (label, twin))
     p = statistics.permutation_p(one, other)
     shown = [
         [f"{each:.3f}" for each in row]
@@ -74,10 +76,10 @@ class Alarms:
     by_any: list[Rate]
 
 
-def alarms(found: data.Ensembles) -> Alarms | None:
+def alarms(by_label: data.Ensembles) -> Alarms | None:
     """Return how often the tests tell the reference from itself, None of few members."""
-    quantities = data.shown(found)
-    groups = _own(found, quantities)
+    quantities = data.shown(by_label)
+    groups = _own(by_label, quantities)
     if len(groups) < 2 or min(map(len, groups)) < FEWEST:
         return None
     pool = np.concatenate(groups)
@@ -85,9 +87,9 @@ def alarms(found: data.Ensembles) -> Alarms | None:
     return Alarms(quantities, pool, size, *statistics.false_alarms(pool, size, DRAWS))
 
 
-def _own(found: data.Ensembles, quantities: Sequence[str]) -> list[FloatArray]:
+def _own(by_label: data.Ensembles, quantities: Sequence[str]) -> list[FloatArray]:
     """Return the reference's ensembles of a scene's own law, (n, k) each."""
-    return [data.matrix(found[label], quantities) for label in data.OWN if label in found]
+    return [data.matrix(by_label[label], quantities) for label in data.OWN if label in by_label]
 
 
 def false_alarm_table(alarms: Alarms, scene: str) -> Table:
@@ -128,8 +130,8 @@ def _rate(rate: Rate) -> str:
     return f"{100 * rate.value:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
 
 
-def told_apart(found: data.Ensembles) -> Rate:
+def told_apart(by_label: data.Ensembles) -> Rate:
     """Return how many of the tests of means between the reference's own ensembles sound an alarm."""
-    samples = _own(found, data.shown(found))
+    samples = _own(by_label, data.shown(by_label))
     p = np.array([statistics.permutation_p(one, other) for one, other in combinations(samples, 2)])
     return Rate(int((p <= LEVEL).sum()), p.size)

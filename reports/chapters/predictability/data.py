@@ -80,22 +80,22 @@ def ensembles(rows: pd.DataFrame) -> dict[str, Ensembles]:
     }
 
 
-def compared(found: Ensembles) -> list[tuple[str, str]]:
+def compared(by_label: Ensembles) -> list[tuple[str, str]]:
     """Return the labels of every ensemble and of its model twin's; the reference's own repeats have none.
 
     The twin's has other starts than the engine's, so that the two are independent from the beginning.
     """
     pairs = []
-    for label in found:
-        twin = next((twin for twin in (f"{TWIN_OF}{label})", OWN[1]) if twin in found), None)
+    for label in by_label:
+        twin = next((twin for twin in (f"{TWIN_OF}{label})", OWN[1]) if twin in by_label), None)
         if twin and label not in OWN and not label.startswith(TWIN_OF):
             pairs.append((label, twin))
     return pairs
 
 
-def shown(found: Ensembles) -> list[str]:
+def shown(by_label: Ensembles) -> list[str]:
     """Return the quantities that every member of a scene has."""
-    return [name for name in QUANTITIES if all(members[name].notna().all() for members in found.values())]
+    return [name for name in QUANTITIES if all(members[name].notna().all() for members in by_label.values())]
 
 
 def matrix(members: pd.DataFrame, quantities: Sequence[str]) -> FloatArray:

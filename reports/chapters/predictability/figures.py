@@ -70,11 +70,11 @@ def _mark_horizon(ax: Axes, row: pd.Series, words: str, tolerance: float, unit: 
         ax.plot(median / unit, tolerance, marker="D", markersize=4, color=VERMILLION)
 
 
-def exponents(found: Mapping[str, pd.DataFrame]) -> Drawing:
+def exponents(by_scene: Mapping[str, pd.DataFrame]) -> Drawing:
     """Return the exponents of all starts, with mean and interval, a line per scene."""
-    drawing = Drawing(figsize=(WIDTH_IN, 0.34 * len(found) + 1.1))
+    drawing = Drawing(figsize=(WIDTH_IN, 0.34 * len(by_scene) + 1.1))
     ax = drawing.add_subplot()
-    for place, starts in enumerate(found.values()):
+    for place, starts in enumerate(by_scene.values()):
         values = data.measured(starts)
         ax.plot(values, [place] * len(values), marker="o", color=BLACK, fillstyle="none", **_SMALL)
         if len(values) > 1:
@@ -84,40 +84,40 @@ def exponents(found: Mapping[str, pd.DataFrame]) -> Drawing:
         if len(values) < len(starts):
             settled = f"{len(starts) - len(values)} of {len(starts)} starts settle: no exponent"
             ax.annotate(settled, (0.15, place), va="center", fontsize=8)
-    ax.set_yticks(range(len(found)), list(found))
+    ax.set_yticks(range(len(by_scene)), list(by_scene))
     ax.set_xlim(left=0)
-    ax.set_ylim(len(found) - 0.4, -0.6)
+    ax.set_ylim(len(by_scene) - 0.4, -0.6)
     ax.set_xlabel("Lyapunov exponent per revolution (open: a start; filled: mean and 95 % interval)")
     return drawing
 
 
-def distributions(found: data.Ensembles) -> Drawing:
+def distributions(by_label: data.Ensembles) -> Drawing:
     """Return every quantity's members and mean with its interval, one panel per quantity."""
-    quantities, members = data.shown(found), pd.concat(found.values())
+    quantities, members = data.shown(by_label), pd.concat(by_label.values())
     styles = line_styles(members)
-    drawing, axes = grid(len(quantities), height_in=0.5 + 0.24 * len(found))
+    drawing, axes = grid(len(quantities), height_in=0.5 + 0.24 * len(by_label))
     for ax, quantity in zip(axes, quantities, strict=True):
-        for place, label in enumerate(found):
-            style, values = styles[label], data.matrix(found[label], [quantity])[:, 0]
+        for place, label in enumerate(by_label):
+            style, values = styles[label], data.matrix(by_label[label], [quantity])[:, 0]
             mean = mean_interval(values)
             ax.plot(values, [place - 0.3] * len(values), marker="|", color=style["color"], **_SMALL)
             ax.plot([mean.low, mean.high], [place] * 2, color=style["color"], linewidth=2)
             ax.plot(mean.mean, place, **{**style, "linestyle": "", "markersize": 6})
-        ax.set(ylim=(len(found) - 0.4, -0.6), yticks=[], xlabel=data.QUANTITIES[quantity])
+        ax.set(ylim=(len(by_label) - 0.4, -0.6), yticks=[], xlabel=data.QUANTITIES[quantity])
     engine_legend(drawing, members, failures=False)
     return drawing
 
 
-def phases(results: Results, found: data.Ensembles) -> Drawing:
+def phases(results: Results, by_label: data.Ensembles) -> Drawing:
     """Return the impacts of a revolution by crank angle, each engine beside its model twin."""
-    pairs = data.compared(found)
+    pairs = data.compared(by_label)
     drawing, axes = grid(len(pairs), height_in=2.6)
     edges = np.arange(0, 361, BIN_DEG)
-    members = pd.concat([found[label] for label in found if any(label in pair for pair in pairs)])
+    members = pd.concat([by_label[label] for label in by_label if any(label in pair for pair in pairs)])
     styles = line_styles(members)
     for ax, pair in zip(axes, pairs, strict=True):
         for shift, label in zip((-0.18, 0.18), pair, strict=True):
-            counts = np.array([_counts(results, row, edges) for _, row in found[label].iterrows()])
+            counts = np.array([_counts(results, row, edges) for _, row in by_label[label].iterrows()])
             means = [mean_interval(column) for column in counts.T]
             at = (edges[:-1] + edges[1:]) / 2 + shift * BIN_DEG
             middle = np.array([mean.mean for mean in means])

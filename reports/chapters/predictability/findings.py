@@ -38,15 +38,15 @@ def horizons(rows: pd.DataFrame) -> Iterator[str]:
 
 def _parting(row: pd.Series) -> str:
     """Return after how long the twins of a scene that parts are off by each tolerance."""
-    told = []
+    parts = []
     for words, (tolerance, _) in data.TOLERANCES.items():
         first = row[[f"horizon_{words}_s", f"horizon_halved_{words}_s"]].min()
         if first == first:
-            told.append(f"{tolerance} after {_length(row, first)}")
-    if not told:
+            parts.append(f"{tolerance} after {_length(row, first)}")
+    if not parts:
         return "only some twins part before the end"
     moved = in_text(row["perturbation_rad"])
-    return f"a start moved by {moved} rad, or half the step, moves the slider by {listed(told)}"
+    return f"a start moved by {moved} rad, or half the step, moves the slider by {listed(parts)}"
 
 
 def _length(row: pd.Series, time_s: float) -> str:
@@ -54,10 +54,10 @@ def _length(row: pd.Series, time_s: float) -> str:
     return f"{turns * time_s / row['end_time_s']:.1f} revolutions" if turns > 0 else f"{time_s:.2g} s"
 
 
-def exponents(found: Mapping[str, pd.DataFrame]) -> Iterator[str]:
+def exponents(by_scene: Mapping[str, pd.DataFrame]) -> Iterator[str]:
     """Yield the exponents of the scenes that have one, and which have none."""
     settled = []
-    for scene, starts in found.items():
+    for scene, starts in by_scene.items():
         values = data.measured(starts)
         if len(values) > 1:
             yield _grows(scene, student_interval(values))
@@ -77,26 +77,26 @@ def _grows(scene: str, mean: Interval) -> str:
     return f"{sentence}, which these starts do not tell from zero."
 
 
-def ensembles(found: data.Ensembles, scene: str, alarms: Alarms | None) -> Iterator[str]:
+def ensembles(by_label: data.Ensembles, scene: str, alarms: Alarms | None) -> Iterator[str]:
     """Yield which engines differ from their model twins, and how far the test can be trusted."""
     if alarms is not None:
-        yield from _trusted(found, scene, alarms)
-    quantities = data.shown(found)
-    for label, twin in data.compared(found):
-        one, other = (data.matrix(found[each], quantities) for each in (label, twin))
+        yield from _trusted(by_label, scene, alarms)
+    quantities = data.shown(by_label)
+    for label, twin in data.compared(by_label):
+        one, other = (data.matrix(by_label[each], quantities) for each in (label, twin))
         raised = holm(permutation_p(one, other))
         differing = [
             data.QUANTITIES[q].split(" [")[0] for q, p in zip(quantities, raised, strict=True) if p <= LEVEL
         ]
-        told = (
+        sentence = (
             f"{label} differs from its model twin on {scene} in {listed(differing)}"
             if differing
             else f"{label} is not told from its model twin on {scene} by any of {len(quantities)} quantities"
         )
-        yield f"{told} ({len(one)} members each)."
+        yield f"{sentence} ({len(one)} members each)."
 
 
-def _trusted(found: data.Ensembles, scene: str, alarms: Alarms) -> Iterator[str]:
+def _trusted(by_label: data.Ensembles, scene: str, alarms: Alarms) -> Iterator[str]:
     """Yield, checked, how often the tests of means tell the reference from itself."""
     share = sum(rate.count for rate in alarms.by_means) / sum(rate.trials for rate in alarms.by_means)
     sentence = (
@@ -104,7 +104,7 @@ def _trusted(found: data.Ensembles, scene: str, alarms: Alarms) -> Iterator[str]
         f"draws, at a nominal {100 * LEVEL:.0f} %: its alarms mean what they should."
     )
     yield stated(sentence, share <= LEVEL + LEVEL_ROOM)
-    direct = told_apart(found)
+    direct = told_apart(by_label)
     yield (
         f"Taken as they are, the reference's ensembles on {scene} (same starts, others, half the step) "
         f"are told from one another in {direct.count} of {direct.trials} tests, where "

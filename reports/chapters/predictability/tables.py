@@ -45,10 +45,10 @@ def _milliseconds(time_s: float) -> str:
     return ABSENT if math.isnan(time_s) else f"{1e3 * time_s:.3g}"
 
 
-def exponents(found: Mapping[str, pd.DataFrame]) -> Table:
+def exponents(by_scene: Mapping[str, pd.DataFrame]) -> Table:
     """Return the exponent of each scene with its interval."""
     cells = []
-    for scene, starts in found.items():
+    for scene, starts in by_scene.items():
         values, shown = data.measured(starts), (ABSENT, ABSENT)
         if len(values) > 1:
             mean = student_interval(values)
@@ -64,11 +64,11 @@ def exponents(found: Mapping[str, pd.DataFrame]) -> Table:
     )
 
 
-def means(found: data.Ensembles, scene: str) -> Table:
+def means(by_label: data.Ensembles, scene: str) -> Table:
     """Return the mean of every quantity of every ensemble, with its interval."""
-    quantities = data.shown(found)
+    quantities = data.shown(by_label)
     cells = []
-    for label, members in found.items():
+    for label, members in by_label.items():
         intervals = map(mean_interval, data.matrix(members, quantities).T)
         shown = [f"{mean.mean:.3g} ± {(mean.high - mean.low) / 2:.1g}" for mean in intervals]
         cells.append((label, str(len(members)), *shown))

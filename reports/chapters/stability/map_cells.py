@@ -72,11 +72,11 @@ def map_rows(cells: pd.DataFrame, varied: str) -> pd.DataFrame:
     run is accurate, NaN if not even the shortest is.
     """
     cells = cells.assign(x=cells["step_s"] * cells["impact_frequency_rad_s"]).sort_values("x")
-    found = []
+    begins = []
     for _, row in cells.groupby(varied):
         accurate = row["x"][row["severity"].eq(0).cumprod().astype(bool)]
-        found.append((_begins(row, GROWING), _begins(row, DIVERGED), accurate.max()))
-    return pd.DataFrame(found, columns=["growth", "divergence", "accurate"])
+        begins.append((_begins(row, GROWING), _begins(row, DIVERGED), accurate.max()))
+    return pd.DataFrame(begins, columns=["growth", "divergence", "accurate"])
 
 
 def _begins(row: pd.DataFrame, worst: int) -> float:

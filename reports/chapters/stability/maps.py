@@ -42,11 +42,11 @@ def verdict_map(rows: pd.DataFrame, varied: str) -> Drawing:
     for place, (label, arm) in enumerate(arms):
         ax = drawing.add_subplot(down, ACROSS, place + 1)
         _cells(ax, arm, varied, steps, values)
-        limit, told = limit_of(arm), "no limit" if arm["engine"].iloc[0] in ENGINES else "limit unknown"
+        limit, theory = limit_of(arm), "no limit" if arm["engine"].iloc[0] in ENGINES else "limit unknown"
         if not math.isnan(limit):
             _theory(ax, arm, varied, limit)
-            told = f"limit ωh = {limit:.3g}"
-        ax.set_title(f"{label}\n{told}", fontsize=8)
+            theory = f"limit ωh = {limit:.3g}"
+        ax.set_title(f"{label}\n{theory}", fontsize=8)
         _axes(ax, varied, values, bottom=place + ACROSS >= len(arms), left=place % ACROSS == 0)
     _legend(drawing, sorted(rows["severity"].unique()))
     return drawing

@@ -21,7 +21,8 @@ POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    rows = with_columns(results.rows, "round", "compiled_anew", "compile_time_s", "build_time_s")
+    times = ("solve_time_s", "build_time_s", "compile_time_s")
+    rows = with_columns(results.rows, "steps", "round", "compiled_anew", *times)
     rows = with_largest(rows, FORCE, r"joint_\w_force_error_N")
     measured = finished(rows)
     loose = (

@@ -1,13 +1,16 @@
 """The tables of the work-precision study, and its sentences on the reference's place."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 
-from reports.equal_error import Duel, duel, ladders, levels, time_at
+from reports.equal_error import duel, ladders, levels, time_at
 from reports.parts import Table
 from reports.quantities import finished
+from reports.results import FloatArray
 from reports.shared_tables import failures_table, head
 from reports.style import words
 from reports.tables import ABSENT, in_text, number
@@ -45,17 +48,17 @@ def _times(rungs: pd.DataFrame, level: float) -> pd.Series:
     return pd.Series(times, dtype=float).dropna().sort_values()
 
 
-def _duel(rungs: pd.DataFrame, slow: str, fast: str, level: float) -> Duel | None:
+def _duel(rungs: pd.DataFrame, slow: str, fast: str, level: float) -> FloatArray:
     return duel(rungs[rungs["engine"] == slow], rungs[rungs["engine"] == fast], level)
 
 
 def _ratio(rungs: pd.DataFrame, level: float) -> tuple[str, str, str]:
     first, second, *_ = (*list(_times(rungs, level).index), ABSENT, ABSENT)
-    ratio = None if second == ABSENT else _duel(rungs, second, first, level)
-    if ratio is None:
+    ratios = np.array([math.nan]) if second == ABSENT else _duel(rungs, second, first, level)
+    if np.isnan(ratios).any():
         return first, second, ABSENT
-    text = f"{ratio.median:.2g} ({ratio.least:.2g} to {ratio.most:.2g})"
-    return first, second, text if ratio.decided else f"[{text}]"
+    text = f"{np.median(ratios):.2g} ({min(ratios):.2g} to {max(ratios):.2g})"
+    return first, second, text if (ratios > 1).all() or (ratios < 1).all() else f"[{text}]"
 
 
 def reference_against_rivals(rows: pd.DataFrame, column: str) -> Iterator[str]:
@@ -83,10 +86,10 @@ def _shares(rungs: pd.DataFrame, floor: float) -> pd.DataFrame:
     for level in levels(rungs, floor):
         times = _times(rungs, level)
         rivals = times.index.drop(REFERENCE, errors="ignore")
-        fought = _duel(rungs, REFERENCE, rivals[0], level) if REFERENCE in times and len(rivals) else None
-        if fought is not None:
-            shares.append({"level": level, "share": fought.median, "rival": rivals[0]})
-    return pd.DataFrame(shares)
+        if REFERENCE in times and len(rivals):
+            share = np.median(_duel(rungs, REFERENCE, rivals[0], level))
+            shares.append({"level": level, "share": share, "rival": rivals[0]})
+    return pd.DataFrame(shares, columns=["level", "share", "rival"]).dropna()
 
 
 def building(rows: pd.DataFrame) -> Table:
