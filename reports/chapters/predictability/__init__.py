@@ -70,33 +70,30 @@ def _exponents(by_scene: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
 
 def _ensembles(results: Results, scene: str, by_label: data.Ensembles) -> Section:
     names = ", ".join(by_label)
-    drawn = [
-        Figure(
-            f"predictability-ensembles-{scene}",
-            f"Past the horizon on {scene}",
-            "Ticks are members, markers with bars their mean and its 95 % bootstrap interval over members. "
-            "The reference's ensembles are repeats of one another, or another engine's model twin.",
-            f"{len(data.shown(by_label))} panels, one per quantity, a line for each of {names}.",
-            figures.distributions(by_label),
-        )
-    ]
+    members = Figure(
+        f"predictability-ensembles-{scene}",
+        f"Past the horizon on {scene}",
+        "Ticks are members, markers with bars their mean and its 95 % bootstrap interval over members. "
+        "The reference's ensembles are repeats of one another, or another engine's model twin.",
+        f"{len(data.shown(by_label))} panels, one per quantity, a line for each of {names}.",
+        figures.distributions(by_label),
+    )
+    phases = None
     if data.compared(by_label):
-        drawn.append(
-            Figure(
-                f"predictability-phases-{scene}",
-                f"Impacts by crank angle on {scene}",
-                "Impacts per revolution by the crank angle at touch, each engine beside its model twin: "
-                "means over members with 95 % bootstrap intervals.",
-                f"A panel for each engine with its model twin over the crank angle: {names}.",
-                figures.phases(results, by_label),
-            )
+        phases = Figure(
+            f"predictability-phases-{scene}",
+            f"Impacts by crank angle on {scene}",
+            "Impacts per revolution by the crank angle at touch, each engine beside its model twin: "
+            "means over members with 95 % bootstrap intervals.",
+            f"A panel for each engine with its model twin over the crank angle: {names}.",
+            figures.phases(results, by_label),
         )
     alarms = comparison.alarms(by_label)
     return Section.of(
         f"ensembles-{scene}",
         f"Ensembles on {scene}",
         findings.ensembles(by_label, scene, alarms),
-        drawn,
+        (members, phases),
         (
             tables.means(by_label, scene),
             comparison.compared(by_label, scene),

@@ -26,9 +26,7 @@ class Interval:
 
 def mean_interval(values: FloatArray) -> Interval:
     """Return the mean of independent values (n,) with its bootstrap interval (percentiles, Efron 1979)."""
-    rng = np.random.default_rng(SEED)
-    means = values[rng.integers(len(values), size=(RESAMPLES, len(values)))].mean(axis=1)
-    return Interval(float(values.mean()), *_ends(means))
+    return difference_interval(values, np.zeros(1))
 
 
 def student_interval(values: FloatArray) -> Interval:
@@ -47,12 +45,8 @@ def difference_interval(one: FloatArray, other: FloatArray) -> Interval:
         values[rng.integers(len(values), size=(RESAMPLES, len(values)))].mean(axis=1)
         for values in (one, other)
     ]
-    return Interval(float(one.mean() - other.mean()), *_ends(means[0] - means[1]))
-
-
-def _ends(draws: FloatArray) -> tuple[float, float]:
-    low, high = np.quantile(draws, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return float(low), float(high)
+    low, high = np.quantile(means[0] - means[1], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return Interval(float(one.mean() - other.mean()), float(low), float(high))
 
 
 def permutation_p(one: FloatArray, other: FloatArray) -> FloatArray:
