@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 
 #: An error counts when it is this many times a floor: the floor then moves the slope by at most 0.14.
 ABOVE_FLOOR = 10.0
@@ -93,14 +94,10 @@ def local_orders(h: np.ndarray, e: np.ndarray) -> np.ndarray:
 
 
 def _coarse_to_fine(steps: Sequence[float], errors: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-    h, e = np.asarray(steps, dtype=float), np.asarray(errors, dtype=float)
-    if h.shape != e.shape or h.ndim != 1:
-        raise ValueError(f"errors: expected one for each of {h.size} steps, got {e.size}")
-    good = np.isfinite(h) & np.isfinite(e) & (h > 0)
-    h, e = h[good], e[good]
-    order = np.lexsort((e, -h))  # of two runs at one mean step, the better
-    first = np.concatenate([[True], np.diff(h[order]) != 0]) if len(h) else np.zeros(0, dtype=bool)
-    return h[order][first], e[order][first]
+    points = pd.DataFrame({"h": np.asarray(steps, dtype=float), "e": np.asarray(errors, dtype=float)})
+    points = points[np.isfinite(points).all(axis=1) & (points["h"] > 0)]
+    points = points.sort_values(["h", "e"], ascending=[False, True]).drop_duplicates("h")
+    return points["h"].to_numpy(), points["e"].to_numpy()  # of two runs at one mean step, the better
 
 
 def _falling_stretch(local: np.ndarray) -> tuple[int, int]:

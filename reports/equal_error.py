@@ -1,113 +1,75 @@
-"""Run times at equal error: who is cheapest, and by what factor, round by round of the timed runs."""
+"""Run times at equal error: who is cheapest, and by what factor, round by round of the timed runs.
+
+The rungs of ladders are data frames, a row for each: ``engine``, ``label``, ``error``, ``steps``, the run
+times ``times_s`` of every round in s, and their median ``time_s``.
+"""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
-from reports.quantities import Quantity
-from reports.results import Run
-from reports.style import Name
-
-#: What tells a rung of a ladder: engine, arm, step and settings.
-Key = tuple[str, str, float, tuple[tuple[str, object], ...]]
+from reports.quantities import finished, floor, value
+from reports.results import FloatArray
 
 
-def key(run: Run) -> Key:
-    """Return what a recorded run and the timed runs of the same rung share."""
-    return run.engine, run.arm, run.step_s, tuple(sorted(run.settings.items()))
+def ladders(rows: pd.DataFrame, column: str) -> dict[str, tuple[pd.DataFrame, float]]:
+    """Return by scene the rungs that have errors of a column, and the truth's uncertainty of it."""
+    by_scene = {}
+    for scene, of_scene in rows.groupby("scene"):
+        doubt = floor(of_scene, column)
+        by_scene[scene] = rungs(of_scene, column, doubt), doubt
+    return {scene: (of_scene, doubt) for scene, (of_scene, doubt) in by_scene.items() if len(of_scene)}
 
 
-@dataclass(frozen=True)
-class Rung:
-    """A rung with its error and, for every round, the median of its run times in s."""
-
-    name: Name
-    error: float
-    steps: float
-    times_s: tuple[float, ...]
-
-    @property
-    def time_s(self) -> float:
-        """The median over the rounds."""
-        return float(np.median(self.times_s))
-
-
-def rungs(runs: Iterable[Run], scene: str, quantity: Quantity, floor: float) -> list[Rung]:
-    """Return a scene's rungs that have errors and times; errors are no less than ``floor``.
+def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
+    """Return the rungs of one scene's rows that have errors and times; errors are no less than ``floor``.
 
     A signal that is exactly zero throughout, as forces between impacts of rigid walls, has no rungs.
     """
-    here = [run for run in runs if run.scene == scene and run.ok]
-    times: dict[Key, list[float]] = {}
-    for run in sorted(here, key=lambda run: run.values.get("round", -1)):
-        if "round" in run.values:
-            times.setdefault(key(run), []).append(run.values["solve_time_s"])
-    out = []
-    for run in here:
-        error = quantity.value(run)
-        if "round" not in run.values and error is not None and max(error, floor) > 0 and key(run) in times:
-            out.append(Rung(run.name, max(error, floor), run.values["steps"], tuple(times[key(run)])))
-    return out
+    rows = finished(rows)
+    settings = [name for name in rows if name.startswith("setting_")]
+    rung = rows[["engine", "arm", "step_s", *settings]].map(str).agg(" ".join, axis=1)
+    timed = rows["round"].notna()
+    times = rows[timed].sort_values("round").groupby(rung)["solve_time_s"].agg(tuple)
+    recorded = rows[~timed].assign(error=value(rows, column).clip(lower=floor), times_s=rung.map(times))
+    recorded = recorded[["engine", "label", "error", "steps", "times_s"]].dropna().query("error > 0")
+    return recorded.assign(time_s=recorded["times_s"].map(np.median).astype(float))
 
 
-def front(of: Sequence[Rung]) -> list[Rung]:
+def front(rungs: pd.DataFrame) -> pd.DataFrame:
     """Return the rungs that no other beats in both error and time, from cheap to accurate."""
-    out: list[Rung] = []
-    for rung in sorted(of, key=lambda rung: (rung.time_s, rung.error)):
-        if not out or rung.error < out[-1].error:
-            out.append(rung)
-    return out
+    rungs = rungs.sort_values(["time_s", "error"])
+    return rungs[rungs["error"] < rungs["error"].cummin().shift(fill_value=math.inf)]
 
 
-def time_at(of: Sequence[Rung], error: float, at_round: int | None = None) -> float | None:
-    """Return the time in s at which the front of some rungs reaches an error, None if it does not.
+def time_at(rungs: pd.DataFrame, error: float, at_round: int | None = None) -> float:
+    """Return the time in s at which the front of some rungs reaches an error, NaN if it does not.
 
     Between two rungs it is interpolated log-log; one round's time, or else the median's.
     """
-    before: Rung | None = None
-    for rung in front(of):
-        time = rung.time_s if at_round is None else rung.times_s[at_round]
-        if rung.error <= error:
-            if before is None or rung.error == error:
-                return time
-            slow = before.time_s if at_round is None else before.times_s[at_round]
-            share = math.log(before.error / error) / math.log(before.error / rung.error)
-            return float(slow * (time / slow) ** share)
-        before = rung
-    return None
+    best = front(rungs)
+    times = list(best["time_s"] if at_round is None else best["times_s"].str[at_round])
+    errors = list(best["error"])
+    reached = sum(each > error for each in errors)
+    if reached == len(errors):
+        return math.nan
+    if reached == 0 or errors[reached] == error:
+        return float(times[reached])
+    (before, after), (slow, time) = errors[reached - 1 : reached + 1], times[reached - 1 : reached + 1]
+    share = math.log(before / error) / math.log(before / after)
+    return float(slow * (time / slow) ** share)
 
 
-@dataclass(frozen=True)
-class Duel:
-    """The run time of one engine in times another's, at equal error: median and range over the rounds."""
-
-    median: float
-    least: float
-    most: float
-
-    @property
-    def decided(self) -> bool:
-        """Whether the same one is cheaper in every round."""
-        return self.least > 1 or self.most < 1
+def duel(slow: pd.DataFrame, fast: pd.DataFrame, error: float) -> FloatArray:
+    """Return what ``slow`` takes in times of ``fast`` in each round, (n,), NaN if one does not."""
+    rounds = min(map(len, (*slow["times_s"], *fast["times_s"])))
+    return np.array([time_at(slow, error, k) / time_at(fast, error, k) for k in range(rounds)])
 
 
-def duel(slow: Sequence[Rung], fast: Sequence[Rung], error: float) -> Duel | None:
-    """Return what ``slow`` takes in times of ``fast``, None where one of them does not reach the error."""
-    rounds = min(len(rung.times_s) for rung in (*slow, *fast))
-    ratios = []
-    for k in range(rounds):
-        a, b = time_at(slow, error, k), time_at(fast, error, k)
-        if a is None or b is None:
-            return None
-        ratios.append(a / b)
-    return Duel(float(np.median(ratios)), min(ratios), max(ratios))
-
-
-def levels(of: Sequence[Rung], floor: float) -> list[float]:
+def levels(rungs: pd.DataFrame, floor: float) -> list[float]:
     """Return the powers of ten between the truth's uncertainty and the second largest rung's error."""
-    errors = sorted(rung.error for rung in of)
+    errors = sorted(rungs["error"])
     if len(errors) < 2:
         return []
     low, high = math.ceil(math.log10(max(floor, errors[0]) * (1 + 1e-9))), math.floor(math.log10(errors[-2]))

@@ -4,18 +4,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Protocol
+from typing import Protocol
 
 import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from reports.chapters.agreement import chapter as agreement
-from reports.chapters.clearance import chapter as clearance
-from reports.chapters.energy import chapter as energy
-from reports.chapters.extremes import chapter as extremes
-from reports.chapters.predictability import chapter as predictability
-from reports.chapters.stability import chapter as stability
-from reports.chapters.work_precision import chapter as work_precision
+from reports.chapters import (
+    agreement,
+    clearance,
+    energy,
+    extremes,
+    predictability,
+    stability,
+    work_precision,
+)
 from reports.parts import Contradiction, Section
 from reports.results import BrokenResults, NoResults, Results, read_results
 from reports.style import RC
@@ -28,8 +30,9 @@ GENERATOR = '<meta name="generator" content="crankslider">'
 
 
 class StudyReport(Protocol):
-    """What a study's module provides."""
+    """What a study's module provides; ``STUDY`` is the name of its folder."""
 
+    STUDY: str
     TITLE: str
     INTRODUCTION: str
 
@@ -38,29 +41,25 @@ class StudyReport(Protocol):
         ...
 
 
-#: The studies on the page, by the name of their folder. A new study is a new file and a line here.
-STUDIES: dict[str, StudyReport] = {
-    "agreement": agreement,
-    "clearance": clearance,
-    "work-precision": work_precision,
-    "energy": energy,
-    "predictability": predictability,
-    "stability": stability,
-    "extremes": extremes,
-}
+#: The studies on the page, in its order. A new study is a new module and a word here.
+STUDIES: tuple[StudyReport, ...] = (
+    agreement,
+    clearance,
+    work_precision,
+    energy,
+    predictability,
+    stability,
+    extremes,
+)
 
 
 @dataclass(frozen=True)
 class Chapter:
     """A study as the page shows it."""
 
-    name: str
-    title: str
-    introduction: str
+    study: StudyReport
+    results: Results
     sections: Sequence[Section]
-    sidecar: dict[str, Any] | None
-    runs: int
-    notes: Sequence[str]
 
 
 def write_report(results: Path, out: Path) -> list[str]:
@@ -91,22 +90,20 @@ def write_report(results: Path, out: Path) -> list[str]:
             if old.exists():
                 old.rename(out)
             raise
-    return [note for chapter in chapters for note in chapter.notes]
+    return [note for chapter in chapters for note in chapter.results.notes]
 
 
-def _chapters(results: Path) -> list[Chapter]:
+def _chapters(folder: Path) -> list[Chapter]:
     """Return the chapters of the studies that have results."""
     chapters, missing = [], []
     with mpl.rc_context(RC):
-        for name, study in STUDIES.items():
+        for study in STUDIES:
             try:
-                found = read_results(results / name)
+                results = read_results(folder / study.STUDY)
             except NoResults as reason:
                 missing.append(str(reason))
-                continue
-            sections = study.sections(found)
-            title, text, runs = study.TITLE, study.INTRODUCTION, len(found.runs)
-            chapters.append(Chapter(name, title, text, sections, found.sidecar, runs, found.notes))
+            else:
+                chapters.append(Chapter(study, results, study.sections(results)))
     if not chapters:
         raise NoResults("; ".join(missing))
     return chapters

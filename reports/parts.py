@@ -1,7 +1,9 @@
 """What a page is made of. A study's module gives sections; the page writes them."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 
@@ -41,6 +43,14 @@ class Table:
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
+    @classmethod
+    def of(
+        cls, name: str, title: str, reading: str, columns: Mapping[str, Iterable[str]] | pd.DataFrame
+    ) -> "Table":
+        """Return a table of columns, all of one length, by their headings."""
+        rows = zip(*(cells for _, cells in columns.items()), strict=True)
+        return cls(name, title, reading, tuple(columns), tuple(rows))
+
 
 @dataclass(frozen=True)
 class Section:
@@ -51,3 +61,15 @@ class Section:
     text: tuple[str, ...]
     figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        title: str,
+        text: Iterable[str],
+        figures: Iterable[Figure | None] = (),
+        tables: Iterable[Table | None] = (),
+    ) -> "Section":
+        """Return a section without the figures and tables that there are none of."""
+        return cls(name, title, tuple(text), tuple(filter(None, figures)), tuple(filter(None, tables)))

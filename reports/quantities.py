@@ -1,64 +1,48 @@
-"""What is compared: a measured column, or the largest of several, with the truth's uncertainty of it."""
+"""What is compared: the columns of measured errors, each with the truth's uncertainty of it."""
 
-import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+import math
 
-from reports.results import Run
+import pandas as pd
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """The largest of some columns of a row; ``name`` is a column's name, real or as if."""
-
-    name: str
-    columns: tuple[str, ...]
-
-    def value(self, run: Run) -> float | None:
-        """Return the quantity of a finished run, None if the run failed or the scene has no such thing."""
-        return self._largest(run, self.columns) if run.ok else None
-
-    def uncertainty(self, run: Run) -> float | None:
-        """Return the truth's uncertainty of the quantity, None if there is none."""
-        return self._largest(
-            run, [c.replace("_error_", "_uncertainty_") for c in self.columns if _is_error(c)]
-        )
-
-    def of_scene(self, runs: Iterable[Run], scene: str) -> bool:
-        """Return whether any run of the scene has the quantity."""
-        return any(run.scene == scene and self.value(run) is not None for run in runs)
-
-    def floor(self, runs: Iterable[Run], scene: str) -> float:
-        """Return the truth's uncertainty on a scene, 0 where there is none."""
-        found = [self.uncertainty(run) for run in runs if run.scene == scene]
-        return max((u for u in found if u is not None), default=0.0)
-
-    @staticmethod
-    def _largest(run: Run, columns: Iterable[str]) -> float | None:
-        found = [run.values[column] for column in columns if column in run.values]
-        return max(found) if found else None
+def finished(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of runs that the engine finished."""
+    return rows[rows["status"] == "ok"]
 
 
-def _is_error(column: str) -> bool:
-    return "_error_" in column
+def value(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Return a column, NaN where the run failed or the scene has no such thing."""
+    return _numbers(rows, column).where(rows["status"] == "ok")
 
 
-def column(name: str) -> Quantity:
-    """Return the quantity that is one column."""
-    return Quantity(name, (name,))
+def uncertainty(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Return the truth's uncertainty of a column, NaN where there is none."""
+    return _numbers(rows, column.replace("_error_", "_uncertainty_") if "_error_" in column else "")
 
 
-def signal_errors(runs: Iterable[Run]) -> list[Quantity]:
-    """Return the errors of all compared signals, in the order in which the rows have them."""
-    names = [name for run in runs for name in run.values if _is_error(name)]
-    return [column(name) for name in dict.fromkeys(names)]
+def floor(rows: pd.DataFrame, column: str) -> float:
+    """Return the truth's largest uncertainty of a column, 0 where there is none."""
+    largest = uncertainty(rows, column).max()
+    return 0.0 if math.isnan(largest) else float(largest)
 
 
-def largest_joint_force_error(runs: Iterable[Run]) -> Quantity:
-    """Return the largest force error of all joints."""
-    return largest("largest_joint_force_error_N", runs, r"joint_\w_force_error_N")
+def signal_errors(rows: pd.DataFrame) -> list[str]:
+    """Return the columns of errors of the signals that any of the rows has, in their order."""
+    others = ("setting_", "largest_")
+    errors = [name for name in rows if "_error_" in name and not name.startswith(others)]
+    return [name for name in errors if rows[name].notna().any()]
 
 
-def largest(name: str, runs: Iterable[Run], pattern: str) -> Quantity:
-    """Return the largest of the signal errors whose columns match a pattern."""
-    return Quantity(name, tuple(q.name for q in signal_errors(runs) if re.fullmatch(pattern, q.name)))
+def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
+    """Return the rows with a column ``name``: the largest of the signal errors whose columns match a pattern.
+
+    Its uncertainty is the largest of theirs.
+    """
+    errors = rows.filter(regex=f"^{pattern}$")
+    uncertainties = rows.filter(regex=f"^{pattern.replace('_error_', '_uncertainty_')}$")
+    largest = {name: errors.max(axis=1), name.replace("_error_", "_uncertainty_"): uncertainties.max(axis=1)}
+    return rows.assign(**largest)
+
+
+def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:
+    return rows[column] if column in rows else pd.Series(math.nan, rows.index)

@@ -2,13 +2,16 @@
 
 import hashlib
 import json
-import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+
+from reports.style import legend_place
 
 FloatArray = NDArray[np.float64]
 
@@ -19,6 +22,7 @@ HEAD: dict[str, type | tuple[type, ...]] = {
     "scene": str,
     "engine": str,
     "arm": str,
+    "label": str,
     "step_s": (int, float),
     "status": str,
     "reason": str,
@@ -36,63 +40,28 @@ class BrokenResults(Exception):
 
 
 @dataclass(frozen=True)
-class Run:
-    """One row: what was run, how it ended, and the measured numbers by column name.
-
-    ``values`` holds every finite number of the row but the settings, ``settings`` those without
-    their prefix.
-    """
-
-    case: str
-    fingerprint: str
-    scene: str
-    engine: str
-    arm: str
-    step_s: float
-    status: str
-    reason: str
-    values: dict[str, float]
-    settings: dict[str, Any]
-
-    @property
-    def ok(self) -> bool:
-        """Whether the engine finished the run."""
-        return self.status == "ok"
-
-    @property
-    def mean_step_s(self) -> float:
-        """The mean step where the engine chooses its own, else the step."""
-        return self.values.get("mean_step_s", self.step_s)
-
-    @property
-    def name(self) -> tuple[str, str]:
-        """Engine and arm."""
-        return self.engine, self.arm
-
-
-@dataclass(frozen=True)
 class Results:
-    """The results of one study, in an order that does not depend on when which case finished.
+    """The results of one study: ``rows`` as ``frame`` has them, a row per run.
 
     ``notes`` are what a reader should know of the files.
     """
 
     folder: Path
-    runs: tuple[Run, ...]
+    rows: pd.DataFrame
     sidecar: dict[str, Any] | None
     notes: tuple[str, ...] = ()
 
-    def curve(self, run: Run, column: str) -> FloatArray | None:
-        """Return a curve of a finished run, (n,), or None if it has no such curve.
+    def curve(self, case: str, column: str) -> FloatArray:
+        """Return a curve of a finished run, (n,).
 
         Raises:
-            BrokenResults: the run's file is missing or damaged.
+            BrokenResults: the run's file is missing or damaged, or lacks the curve.
         """
-        path = self.folder / "curves" / f"{run.case}.npz"
+        path = self.folder / "curves" / f"{case}.npz"
         try:
             with np.load(path, allow_pickle=False) as file:
-                return np.asarray(file[column], dtype=float) if column in file else None
-        except (OSError, ValueError, EOFError) as error:
+                return np.asarray(file[column], dtype=float)
+        except (OSError, ValueError, EOFError, KeyError) as error:
             raise BrokenResults(f"{path}: expected the curves of a finished run, got {error}") from error
 
 
@@ -101,29 +70,65 @@ def read_results(folder: Path) -> Results:
 
     Raises:
         NoResults: there are no rows.
-        BrokenResults: a line is not a row, or the rows were made by different code.
+        BrokenResults: a line is not a row, or one engine's rows were made by different code.
     """
     path = folder / "rows.jsonl"
     if not path.exists():
         raise NoResults(f"no results: {path} is missing; run `crankslider run`")
     *lines, _ = path.read_bytes().split(b"\n")  # a last line that a kill cut short is no row
-    rows: dict[str, dict[str, Any]] = {}
+    by_case: dict[str, dict[str, Any]] = {}
     for n, line in enumerate(lines, 1):
         row = _row(line, f"{path}:{n}")
-        if rows.setdefault(row["case"], row)["checksum"] != row["checksum"]:
+        if by_case.setdefault(row["case"], row)["checksum"] != row["checksum"]:
             raise BrokenResults(f"{path}:{n}: expected one row of each case, got another of {row['case']}")
-    runs = [_run(row) for row in rows.values() if row["status"] not in NO_RESULT]
-    if not runs:
+    ended = [row for row in by_case.values() if row["status"] not in NO_RESULT]
+    if not ended:
         raise NoResults(f"no results: {path} has no rows; run `crankslider run`")
-    if len({run.fingerprint for run in runs}) > 1:
+    rows = frame(ended)
+    codes = rows[["engine", "fingerprint"]].drop_duplicates()
+    if codes["engine"].duplicated().any():
         raise BrokenResults(f"{path}: rows made by different code; run `crankslider run` to renew them")
-    runs.sort(key=lambda run: (run.scene, run.engine, run.arm, -run.step_s, run.case))
     counts = {
-        "rows are there twice and count once": len(lines) - len(rows),
-        "cases were killed from outside and are left out; run `crankslider run`": len(rows) - len(runs),
+        "rows are there twice and count once": len(lines) - len(by_case),
+        "cases were killed from outside and are left out; run `crankslider run`": len(by_case) - len(ended),
     }
     notes = tuple(f"{path}: {count} {what}" for what, count in counts.items() if count)
-    return Results(folder, tuple(runs), _sidecar(folder / "sidecar.json", runs[0].fingerprint), notes)
+    fingerprints = dict(zip(codes["engine"], codes["fingerprint"], strict=True))
+    return Results(folder, rows, _sidecar(folder / "sidecar.json", fingerprints), notes)
+
+
+def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return rows as a data frame, in an order that does not depend on when which case finished.
+
+    They go by scene, by label in the order of legends, which is also that of the categories of ``label``, and
+    from long steps to short ones. Numbers are float64, NaN where a row has none or one that is not finite;
+    settings, text and flags are objects as they were written. Without a mean step of its own a run has its
+    step in ``mean_step_s``.
+    """
+    rows = sorted(rows, key=_place)
+    table = pd.DataFrame(rows, dtype=object)
+    measured = {
+        name: pd.to_numeric(table[name], errors="coerce").astype(float).replace([np.inf, -np.inf], np.nan)
+        for name in table
+        if not name.startswith("setting_") and table[name].map(_may_be_number).all()
+    }
+    measured["mean_step_s"] = measured.get("mean_step_s", measured["step_s"]).fillna(measured["step_s"])
+    labels = dict.fromkeys(row["label"] for row in sorted(rows, key=lambda row: _place(row)[1:]))
+    table = table.assign(**measured, label=pd.Categorical(table["label"], list(labels), ordered=True))
+    return table.copy()  # in one piece, which is quicker to select from
+
+
+def with_columns(rows: pd.DataFrame, *names: str) -> pd.DataFrame:
+    """Return the rows with these columns, NaN throughout where no row has one."""
+    return rows.reindex(columns=[*rows, *(name for name in names if name not in rows)])
+
+
+def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    return row["scene"], legend_place(row["engine"], row["arm"]), -row["step_s"], row["case"]
+
+
+def _may_be_number(value: object) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
 def _row(line: bytes, where: str) -> dict[str, Any]:
@@ -145,23 +150,11 @@ def _row(line: bytes, where: str) -> dict[str, Any]:
     return row
 
 
-def _run(row: dict[str, Any]) -> Run:
-    numbers = {
-        name: float(value)
-        for name, value in row.items()
-        if not name.startswith("setting_")
-        and isinstance(value, int | float)
-        and not isinstance(value, bool)
-        and math.isfinite(value)
-    }
-    settings = {
-        name.removeprefix("setting_"): row[name] for name in sorted(row) if name.startswith("setting_")
-    }
-    return Run(**{column: row[column] for column in HEAD}, values=numbers, settings=settings)
+def _sidecar(path: Path, fingerprints: Mapping[str, str]) -> dict[str, Any] | None:
+    """Return where the rows come from, or None if the run was not finished: then it is of other rows.
 
-
-def _sidecar(path: Path, fingerprint: str) -> dict[str, Any] | None:
-    """Return where the rows come from, or None if the run was not finished: then it is of other rows."""
+    ``fingerprints`` are those of the rows by engine. A sidecar with a single one has it for all engines.
+    """
     if not path.exists():
         return None
     try:
@@ -170,4 +163,5 @@ def _sidecar(path: Path, fingerprint: str) -> dict[str, Any] | None:
         raise BrokenResults(f"{path}: expected JSON, got {error}") from error
     if not isinstance(sidecar, dict):
         raise BrokenResults(f"{path}: expected a JSON object")
-    return sidecar if sidecar.get("fingerprint") == fingerprint else None
+    of_engines = sidecar.get("fingerprints", dict.fromkeys(fingerprints, sidecar.get("fingerprint")))
+    return sidecar if isinstance(of_engines, dict) and fingerprints.items() <= of_engines.items() else None

@@ -1,13 +1,14 @@
-"""How things look: colour and marker per engine, line style and fill per arm, labels from columns.
+"""How things look: colour and marker per engine, line style and fill per arm, names from columns.
 
 Colours are Okabe and Ito's (2008), told apart by the colour-blind. In greyscale the markers tell the engines
 apart, line style and fill the arms of one.
 """
 
 import re
-from collections.abc import Iterable
 from typing import Any
 from zlib import crc32
+
+import pandas as pd
 
 BLACK, VERMILLION, BLUE, GREY = "#000000", "#D55E00", "#0072B2", "#8C8C8C"
 
@@ -69,27 +70,30 @@ UNITS = {
     "s": "s",
 }
 
-Name = tuple[str, str]
 
-
-def ordered(names: Iterable[Name]) -> list[Name]:
-    """Return (engine, arm) pairs, each once, in the order of legends and tables."""
+def legend_place(engine: str, arm: str) -> tuple[int, str, int, int, str]:
+    """Return what sorts arms into the order of legends and tables."""
     engines = list(ENGINES)
-
-    def place(pair: Name) -> tuple[int, str, int, int, str]:
-        engine, arm = pair
-        number = re.match(r"\d+", arm)
-        known = ARMS.index(arm) if arm in ARMS else len(ARMS)
-        legend = engines.index(engine) if engine in engines else len(engines)
-        return legend, engine, known, int(number[0]) if number else 0, arm
-
-    return sorted(set(names), key=place)
+    number = re.match(r"\d+", arm)
+    known = ARMS.index(arm) if arm in ARMS else len(ARMS)
+    place = engines.index(engine) if engine in engines else len(engines)
+    return place, engine, known, int(number[0]) if number else 0, arm
 
 
-def line_style(name: Name, names: Iterable[Name]) -> dict[str, Any]:
-    """Return colour, marker, line style and fill of an arm among all arms shown, as Matplotlib takes them."""
-    place = [arm for engine, arm in ordered(names) if engine == name[0]].index(name[1])
-    return variant(name[0], place)
+def labels(rows: pd.DataFrame) -> list[str]:
+    """Return the labels among rows, each once, in the order of legends."""
+    return list(rows["label"].drop_duplicates().sort_values())
+
+
+def line_styles(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Return colour, marker, line style and fill of each label among rows, as Matplotlib takes them.
+
+    Labels are in the order of legends; an engine's first one has the engine's first line style, and so on.
+    """
+    arms = rows[["engine", "label"]].drop_duplicates("label").sort_values("label")
+    places = arms.groupby("engine").cumcount()
+    engines = zip(arms["label"], arms["engine"], places, strict=True)
+    return {label: variant(engine, place) for label, engine, place in engines}
 
 
 def variant(engine: str, place: int) -> dict[str, Any]:
@@ -105,11 +109,6 @@ def variant(engine: str, place: int) -> dict[str, Any]:
     }
 
 
-def title(name: Name) -> str:
-    """Return how an arm is named in text: reference (projection)."""
-    return f"{name[0]} ({name[1]})"
-
-
 def words(column: str) -> tuple[str, str]:
     """Return a column's name in words and its unit: slider_position_error_m is slider position error, m."""
     for ending, unit in UNITS.items():
@@ -118,7 +117,7 @@ def words(column: str) -> tuple[str, str]:
     return column.replace("_", " "), ""
 
 
-def label(column: str) -> str:
+def axis_label(column: str) -> str:
     """Return an axis label: slider_position_error_m is slider position error [m]."""
     name, unit = words(column)
     return f"{name} [{unit}]" if unit else name

@@ -1,9 +1,11 @@
 """Numbers as text, and a table as Markdown, LaTeX (booktabs) and CSV."""
 
-import csv
-import io
+import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
+
+import pandas as pd
 
 from reports.parts import Table
 
@@ -27,8 +29,8 @@ _LATEX = {
 
 
 def number(value: float) -> str:
-    """Return a number with two significant digits: 0.00123 is 1.2e-03."""
-    return f"{value:.1e}"
+    """Return a number with two significant digits, 0.00123 as 1.2e-03, and NaN as a dash."""
+    return ABSENT if math.isnan(value) else f"{value:.1e}"
 
 
 def in_text(value: float) -> str:
@@ -37,16 +39,18 @@ def in_text(value: float) -> str:
     return f"{digits}×10{str(int(power)).translate(_RAISED)}"
 
 
-def error(value: float | None, uncertainty: float | None = None) -> str:
+def error(value: float, uncertainty: float = math.nan) -> str:
     """Return an error with two significant digits, never with digits below the truth's uncertainty.
 
-    An error below the uncertainty u is shown as ``< u``; None as a dash.
+    An error below the uncertainty u is shown as ``< u``; NaN as a dash.
     """
-    if value is None:
-        return ABSENT
-    if uncertainty is not None and value < uncertainty:
-        return f"< {number(uncertainty)}"
-    return number(value)
+    return f"< {number(uncertainty)}" if value < uncertainty else number(value)
+
+
+def listed(parts: Iterable[str]) -> str:
+    """Return parts as a list in a sentence: a, b and c."""
+    *most, last = parts
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def markdown(table: Table) -> str:
@@ -67,7 +71,7 @@ def latex(table: Table) -> str:
         rf"\label{{tab:{table.name}}}",
         rf"\begin{{tabular}}{{{'l' * len(table.head)}}}",
         r"\toprule",
-        *(rf"{line} \\" for line in [head]),
+        rf"{head} \\",
         r"\midrule",
         *(rf"{line} \\" for line in rows),
         r"\bottomrule",
@@ -79,9 +83,7 @@ def latex(table: Table) -> str:
 
 def comma_separated(table: Table) -> str:
     """Return the table as CSV with a header."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([table.head, *table.rows])
-    return text.getvalue()
+    return str(pd.DataFrame(table.rows).to_csv(header=table.head, index=False, lineterminator="\n"))
 
 
 #: The formats by the end of the file's name.
@@ -95,10 +97,10 @@ def write_table(table: Table, folder: Path) -> None:
 
 
 def _latex_cell(cell: str) -> str:
-    found = _NUMBER.fullmatch(cell)
-    if not found:
+    match = _NUMBER.fullmatch(cell)
+    if not match:
         return _escaped(cell)
-    less, digits, power = found.groups()
+    less, digits, power = match.groups()
     return rf"${less or ''}{digits} \times 10^{{{int(power)}}}$"
 
 

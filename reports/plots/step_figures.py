@@ -5,49 +5,50 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 from matplotlib.transforms import ScaledTranslation
 
-from reports.quantities import Quantity
-from reports.results import Run
-from reports.style import GREY, WIDTH_IN, Name, label, line_style, ordered, title
+from reports.quantities import floor, value
+from reports.style import GREY, WIDTH_IN, axis_label, line_styles
 
-Panel = tuple[str, Quantity]
+#: A panel: its scene, and the column that it shows.
+Panel = tuple[str, str]
 ORDERS = (1, 2, 4)
 #: Height of a row of crossed-out markers.
 ROW_POINTS = 9
 
 
-def panels_of(runs: Sequence[Run], quantities: Sequence[Quantity]) -> list[Panel]:
-    """Return a panel for each quantity and each scene that has it."""
-    scenes = sorted({run.scene for run in runs})
-    return [(scene, q) for q in quantities for scene in scenes if q.of_scene(runs, scene)]
+def panels_of(rows: pd.DataFrame, columns: Sequence[str]) -> list[Panel]:
+    """Return a panel for each column and each scene that has it."""
+    scenes = list(rows.groupby("scene"))
+    return [(scene, name) for name in columns for scene, of in scenes if value(of, name).notna().any()]
 
 
-def against_step(runs: Sequence[Run], panels: Sequence[Panel], orders: Sequence[int] = ORDERS) -> Drawing:
-    """Return the figure: every arm a line, guides of the given orders, the truth's uncertainty shaded."""
+def against_step(rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[int] = ORDERS) -> Drawing:
+    """Return the figure: every label a line, guides of the given orders, the truth's uncertainty shaded."""
     drawing, axes = grid(len(panels))
-    names = ordered(run.name for run in runs)
-    failing = {scene: ordered(r.name for r in runs if r.scene == scene and not r.ok) for scene, _ in panels}
-    rows = max(map(len, failing.values()))
-    for ax, (scene, quantity) in zip(axes, panels, strict=True):
-        here = [run for run in runs if run.scene == scene]
-        ax.set_xlabel(label("step_s"))
-        ax.set_ylabel(label(quantity.name))
-        for name in names:
-            points = sorted((r.mean_step_s, quantity.value(r)) for r in here if r.name == name and r.ok)
-            shown = [(h, e) for h, e in points if e is not None and e > 0]
-            if shown:
-                ax.loglog(*zip(*shown, strict=True), **line_style(name, names))
-        _finish(ax, quantity.floor(here, scene), orders)
-        ax.set_title(scene, pad=6 + ROW_POINTS * rows)
-        for row, name in enumerate(failing[scene]):
-            at = [run.step_s for run in here if not run.ok and run.name == name]
-            mark_failures(ax, at, row, line_style(name, names))
-    engine_legend(drawing, names, failures=any(not run.ok for run in runs))
+    styles = line_styles(rows)
+    failed = rows[rows["status"] != "ok"]
+    missing = {
+        scene: failed[failed["scene"] == scene].groupby("label", observed=True)["step_s"]
+        for scene, _ in panels
+    }
+    rise = ROW_POINTS * max(map(len, missing.values()))
+    for ax, (scene, column) in zip(axes, panels, strict=True):
+        of_scene = rows[rows["scene"] == scene]
+        ax.set(xlabel=axis_label("step_s"), ylabel=axis_label(column))
+        points = of_scene.assign(error=value(of_scene, column)).query("error > 0")
+        for label, line in points.sort_values(["mean_step_s", "error"]).groupby("label", observed=True):
+            ax.loglog(line["mean_step_s"], line["error"], **styles[label])
+        _finish(ax, floor(of_scene, column), orders)
+        ax.set_title(scene, pad=6 + rise)
+        for row, (label, steps) in enumerate(missing[scene]):
+            mark_failures(ax, steps, row, styles[label])
+    engine_legend(drawing, rows, failures=not failed.empty)
     return drawing
 
 
@@ -60,7 +61,7 @@ def grid(count: int, height_in: float = 2.7) -> tuple[Drawing, list[Axes]]:
     return drawing, [drawing.add_subplot(down, across, place + 1) for place in range(count)]
 
 
-def mark_failures(ax: Axes, at: Sequence[float], row: int, style: Mapping[str, Any]) -> None:
+def mark_failures(ax: Axes, at: pd.Series, row: int, style: Mapping[str, Any]) -> None:
     """Put crossed-out markers above a panel where runs failed, in the row of their line."""
     drawing = ax.get_figure(root=True)
     assert drawing is not None, "the panel is on a figure"
@@ -75,15 +76,15 @@ def failed_entry() -> Line2D:
     return Line2D([], [], linestyle="", marker="x", markersize=7, color=GREY, label="failed")
 
 
-def engine_legend(drawing: Drawing, names: Sequence[Name], failures: bool) -> None:
-    """Put a legend below the figure, a column for each engine."""
-    engines = list(dict.fromkeys(engine for engine, _ in names))
-    longest = max(sum(engine == e for e, _ in names) for engine in engines)
+def engine_legend(drawing: Drawing, rows: pd.DataFrame, failures: bool) -> None:
+    """Put a legend of all labels among rows below the figure, a column for each engine."""
+    arms = rows.drop_duplicates("label").sort_values("label")
+    engines = [list(labels) for _, labels in arms.groupby("engine", sort=False)["label"]]
+    longest, styles = max(map(len, engines)), line_styles(rows)
     handles: list[Line2D] = []
-    for engine in engines:
-        arms = [name for name in names if name[0] == engine]
-        handles += [Line2D([], [], label=title(name), **line_style(name, names)) for name in arms]
-        handles += [Line2D([], [], linestyle="", label=" ") for _ in range(longest - len(arms))]
+    for labels in engines:
+        handles += [Line2D([], [], label=label, **styles[label]) for label in labels]
+        handles += [Line2D([], [], linestyle="", label=" ") for _ in range(longest - len(labels))]
     columns = len(engines)
     if failures:
         handles.append(failed_entry())
@@ -96,14 +97,10 @@ def engine_legend(drawing: Drawing, names: Sequence[Name], failures: bool) -> No
 
 def _finish(ax: Axes, uncertainty: float, orders: Sequence[int]) -> None:
     """Shade the truth's uncertainty and draw the guides down from the coarsest step."""
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log")
     if not ax.lines:
         return
-    h, e = (
-        np.concatenate([np.asarray(data, dtype=float) for data in each])
-        for each in ((line.get_xdata() for line in ax.lines), (line.get_ydata() for line in ax.lines))
-    )
+    h, e = np.concatenate([line.get_xydata() for line in ax.lines]).T
     low, high = min(e.min(), uncertainty or e.min()) / 4, e.max() * 6
     ax.set_ylim(low, high)
     ax.yaxis.set_minor_locator(NullLocator())

@@ -1,58 +1,41 @@
 """Curves over time at one step: one panel per scene."""
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import NullLocator
 
 from reports.plots.step_figures import engine_legend, grid
-from reports.results import FloatArray, Results, Run
-from reports.style import label, line_style, ordered
+from reports.results import FloatArray, Results
+from reports.style import axis_label, line_styles
 
-#: Markers on a curve; those of the next arm are moved so that they do not lie on each other.
+#: Markers on a curve; those of the next label are moved so that they do not lie on each other.
 MARKERS = 7
 
 
-def over_time(
-    results: Results,
-    runs: Sequence[Run],
-    column: str,
-    axis: str,
-    shown: Callable[[FloatArray, Run], FloatArray],
-) -> Drawing:
-    """Return the figure of a curve of the given runs on a logarithmic axis.
+def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per: str = "") -> Drawing:
+    """Return the figure of the largest size of a curve up to each time, on a logarithmic axis.
 
-    ``shown`` makes what is drawn, positive (n,), from the curve (n,) and its run.
+    ``axis`` is its label. The size is divided by the rows' column ``per`` if one is named. ``rows`` are of
+    finished runs; later ones lie on top.
     """
-    found = [
-        (run, time, curve)
-        for run in runs
-        if run.ok
-        and (time := results.curve(run, "time_s")) is not None
-        and (curve := results.curve(run, column)) is not None
-    ]
-    scenes = sorted({run.scene for run, *_ in found})
-    names = ordered(run.name for run, *_ in found)
+    scenes = list(rows.groupby("scene"))
+    styles = line_styles(rows)
     drawing, axes = grid(len(scenes))
-    for ax, scene in zip(axes, scenes, strict=True):
-        ax.set_title(scene)
-        ax.set_xlabel(label("time_s"))
-        ax.set_ylabel(axis)
-        ax.set_yscale("log")
-        for run, time, curve in found:
-            if run.scene == scene:
-                drawn = shown(curve, run)
-                every = max(1, len(drawn) // MARKERS)
-                start = every * names.index(run.name) // len(names)
-                ax.plot(
-                    time,
-                    np.where(drawn > 0, drawn, np.nan),
-                    markevery=(start, every),
-                    **line_style(run.name, names),
-                )
+    for ax, (scene, of_scene) in zip(axes, scenes, strict=True):
+        ax.set(title=scene, xlabel=axis_label("time_s"), ylabel=axis, yscale="log")
+        for _, row in of_scene.iterrows():
+            size = so_far(results.curve(row["case"], column)) / (row[per] if per else 1.0)
+            every = max(1, len(size) // MARKERS)
+            start = every * list(styles).index(row["label"]) // len(styles)
+            ax.plot(
+                results.curve(row["case"], "time_s"),
+                np.where(size > 0, size, np.nan),
+                markevery=(start, every),
+                **styles[row["label"]],
+            )
         ax.yaxis.set_minor_locator(NullLocator())
-    engine_legend(drawing, names, failures=False)
+    engine_legend(drawing, rows, failures=False)
     return drawing
 
 

@@ -104,18 +104,17 @@ def _ensembles(scene: Scene, names: tuple[str, ...], members: int) -> list[Case]
     """Return the reference and its repeats, then every engine's arm with its model twin if that differs."""
     starts, others = moves_rad(members), moves_rad(members, mirrored=True)
     reference = Rung(arms.REFERENCE, STEP_S)
-    out = _members(scene, "scene's law", reference, starts)
-    out += _members(scene, "other starts", reference, others)
-    out += _members(scene, "half the step", Rung(arms.REFERENCE, STEP_S / 2), starts)
-    new = {arm.engine: Rung(arm, STEP_S) for arm in arms.newcomers()}
-    for name, rung in {**{name: RUNGS[name] for name in names}, **new}.items():
-        out += _members(scene, name, rung, starts)
+    out = _members(scene, "reference (scene's law)", reference, starts)
+    out += _members(scene, "reference (other starts)", reference, others)
+    out += _members(scene, "reference (half the step)", Rung(arms.REFERENCE, STEP_S / 2), starts)
+    for rung in (*(RUNGS[name] for name in names), *(Rung(arm, STEP_S) for arm in arms.newcomers())):
+        out += _members(scene, rung.arm.label, rung, starts)
         try:
             own = make_engine(rung.arm.engine, **rung.arm.settings).twin(scene)
         except UnsupportedScene:
             continue  # the members say why
         if own != scene:
-            out += _members(own, f"twin of {rung.arm.engine} ({name})", reference, others)
+            out += _members(own, f"reference (twin of {rung.arm.label})", reference, others)
     return out
 
 

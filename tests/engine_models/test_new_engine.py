@@ -2,11 +2,12 @@
 
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from engine_models import engines
 from engine_models.arms import NAMED
-from reports.style import line_style, ordered
+from reports.style import legend_place, line_styles
 from studies.running.case import Case
 from studies.running.outcome import load_study, run_case
 from studies.running.registry import STUDIES
@@ -47,7 +48,7 @@ def test_the_studies_name_only_engines_that_exist() -> None:
 
 
 def test_a_new_engine_comes_last_in_legends_and_looks_like_no_other() -> None:
-    names = [(NAME, "default"), *((engine, "arm") for engine in NAMED)]
-    assert ordered(names)[-1] == (NAME, "default")
-    looks = {(line_style(name, names)["color"], line_style(name, names)["marker"]) for name in names}
-    assert len(looks) == len(names)
+    rows = pd.DataFrame({"engine": [NAME, *NAMED], "label": [NAME, *NAMED]})
+    assert max(rows["engine"], key=lambda engine: legend_place(engine, "default")) == NAME
+    looks = {(style["color"], style["marker"]) for style in line_styles(rows).values()}
+    assert len(looks) == len(rows)

@@ -1,15 +1,17 @@
 """The energy study's cases, and its chapter from a small run of all engines."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import matplotlib as mpl
+import pandas as pd
 import pytest
 
-from reports.chapters.energy import chapter
-from reports.chapters.energy.findings import drift, hidden_power
+from reports.chapters import energy as chapter
+from reports.chapters.energy import drift, hidden_power
+from reports.chapters.energy.rungs import prepared
 from reports.chapters.energy.tables import ledger_table, power_table
 from reports.parts import Contradiction, Section
+from reports.quantities import finished
 from reports.results import Results, read_results
 from reports.style import RC
 from studies import energy
@@ -86,47 +88,46 @@ def test_ledgers_have_no_column_that_their_scene_has_no_use_for(sections: list[S
     assert "contact B friction loss [J]" in heads["energy-ledger-clearance-driven-damped"]
 
 
-def test_the_tables_show_the_numbers_of_the_rows(results: Results) -> None:
-    run = next(r for r in results.runs if r.name == ("pymunk", "tuned") and r.scene == "ideal-driven")
-    rungs = {run.scene: 1.0}
-    shown = next(row for row in power_table(results.runs, rungs).rows if row[2:4] == run.name)
-    assert shown[4] == f"{run.values['hidden_power_W']:.1e}"
-    ledger = ledger_table(results.runs, run.scene, 1.0)
-    cells = dict(zip(ledger.head, next(r for r in ledger.rows if r[:2] == run.name), strict=True))
-    assert float(cells["driver work [J]"]) == pytest.approx(run.values["driver_work_J"], abs=1e-5)
+@pytest.fixture(scope="module")
+def rows(results: Results) -> pd.DataFrame:
+    return prepared(results.rows)
+
+
+def tuned(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return Pymunk's row on the driven scene."""
+    return rows[(rows["label"] == "pymunk (tuned)") & (rows["scene"] == "ideal-driven")]
+
+
+def test_the_tables_show_the_numbers_of_the_rows(rows: pd.DataFrame) -> None:
+    row = tuned(rows).iloc[0]
+    (shown,) = power_table(tuned(rows), rows).rows
+    assert shown[2:4] == ("pymunk", "tuned")
+    assert shown[4] == f"{row['hidden_power_W']:.1e}"
+    ledger = ledger_table(tuned(rows))
+    cells = dict(zip(ledger.head, ledger.rows[0], strict=True))
+    assert float(cells["driver work [J]"]) == pytest.approx(row["driver_work_J"], abs=1e-5)
     kept, spent = float(cells["kinetic change [J]"]), float(cells["driver work [J]"])
     assert kept - spent == pytest.approx(float(cells["residual [J]"]), abs=1e-2)
 
 
-def test_what_is_not_told_from_zero_is_shown_as_below(results: Results) -> None:
-    run = next(r for r in results.runs if r.name == ("pymunk", "tuned") and r.scene == "ideal-driven")
-    low, high = "hidden_power_low_W", "hidden_power_high_W"
-    doubtful = replace(run, values={**run.values, "hidden_power_W": 1e-3, low: -2e-3, high: 4e-3})
-    rungs = {run.scene: 1.0}
-    assert power_table([doubtful], rungs).rows[0][4] == "< 4.0e-03"
-    sentence = hidden_power([doubtful], run.scene, 1.0)
-    assert sentence is not None
+def test_what_is_not_told_from_zero_is_shown_as_below(rows: pd.DataFrame) -> None:
+    power = {"hidden_power_W": 1e-3, "hidden_power_low_W": -2e-3, "hidden_power_high_W": 4e-3}
+    doubtful = prepared(tuned(rows).assign(**power))
+    assert power_table(doubtful, doubtful).rows[0][4] == "< 4.0e-03"
+    (sentence,) = hidden_power(doubtful)
     assert "not told from zero with any arm" in sentence
 
 
-def test_drift_of_another_power_of_time_breaks_the_chapter(results: Results) -> None:
-    told = drift(results.runs)
-    assert "in proportion to time (exponents 1.00 in 6 runs)" in told[0]
+def test_drift_of_another_power_of_time_breaks_the_chapter(rows: pd.DataFrame) -> None:
+    assert "in proportion to time (exponents 1.00 in 6 runs)" in next(drift(rows))
+    free = (rows["label"] == "reference (none)") & (rows["scene"] == "ideal-free")
     for name, value in (("constraint_violation_exponent", 1.5), ("constraint_speed_exponent", 0.5)):
-        broken = [
-            replace(run, values={**run.values, name: value})
-            if (run.name, run.scene) == (("reference", "none"), "ideal-free")
-            else run
-            for run in results.runs
-        ]
         with pytest.raises(Contradiction, match="drift as theory has it for RK4"):
-            drift(broken)
+            list(drift(rows.assign(**{name: rows[name].mask(free, value)})))
 
 
 def test_curves_are_thin_and_intervals_have_their_ends_in_order(results: Results) -> None:
-    for run in results.runs:
-        if run.ok:
-            curve = results.curve(run, "numerical_gain_so_far_J")
-            assert curve is not None
-            assert len(curve) <= energy.KEPT + 1
-            assert run.values["hidden_power_low_W"] <= run.values["hidden_power_high_W"]
+    rows = finished(results.rows)
+    assert (rows["hidden_power_low_W"] <= rows["hidden_power_high_W"]).all()
+    for case in rows["case"]:
+        assert len(results.curve(case, "numerical_gain_so_far_J")) <= energy.KEPT + 1

@@ -1,21 +1,21 @@
 """Run times at equal error: interpolated between rungs, never beyond, and decided only where rounds agree."""
 
+import numpy as np
+import pandas as pd
 import pytest
 
-from reports.equal_error import Rung, duel, front, levels, rungs, time_at
-from reports.quantities import column
-from reports.results import Run
-from reports.style import Name
-
-FAST: Name = ("reference", "located")
-SLOW: Name = ("exudyn", "DOPRI5")
+from reports.chapters.work_precision.tables import _ratio
+from reports.equal_error import duel, front, levels, rungs, time_at
+from reports.results import frame
 
 
-def rung(name: Name, error: float, *times_s: float) -> Rung:
-    return Rung(name, error, 1.0, times_s)
+def ladder(*errors_and_times: tuple[float, tuple[float, ...]]) -> pd.DataFrame:
+    """Return rungs from their errors and the times of their rounds in s."""
+    rungs = pd.DataFrame(errors_and_times, columns=["error", "times_s"])
+    return rungs.assign(time_s=rungs["times_s"].map(np.median))
 
 
-LADDER = [rung(FAST, 1e-4, 1.0, 1.0, 1.0), rung(FAST, 1e-8, 10.0, 10.0, 10.0)]
+LADDER = ladder((1e-4, (1.0, 1.0, 1.0)), (1e-8, (10.0, 10.0, 10.0)))
 
 
 def test_the_time_at_an_error_lies_on_the_line_between_two_rungs_log_log() -> None:
@@ -25,41 +25,44 @@ def test_the_time_at_an_error_lies_on_the_line_between_two_rungs_log_log() -> No
 
 
 def test_an_error_that_no_rung_reaches_has_no_time_and_a_coarse_one_the_first_rungs() -> None:
-    assert time_at(LADDER, 1e-9) is None
+    assert np.isnan(time_at(LADDER, 1e-9))
     assert time_at(LADDER, 1e-2) == 1.0
 
 
 def test_a_rung_that_costs_more_and_errs_more_is_not_on_the_front() -> None:
-    worse = rung(FAST, 1e-3, 5.0, 5.0, 5.0)
-    assert front([*LADDER, worse]) == LADDER
+    worse = ladder((1e-3, (5.0, 5.0, 5.0)))
+    assert list(front(pd.concat([LADDER, worse]))["error"]) == [1e-4, 1e-8]
 
 
-def test_a_duel_is_the_median_ratio_with_its_range_and_decided_if_all_rounds_agree() -> None:
-    slow = [rung(SLOW, 1e-6, 6.0, 5.0, 9.0)]
-    fast = [rung(FAST, 1e-6, 1.0, 1.0, 1.0)]
-    found = duel(slow, fast, 1e-6)
-    assert found is not None
-    assert (found.median, found.least, found.most) == (6.0, 5.0, 9.0)
-    assert found.decided
-    close = duel([rung(SLOW, 1e-6, 0.9, 1.1, 1.0)], fast, 1e-6)
-    assert close is not None
-    assert not close.decided
-    assert duel(slow, fast, 1e-7) is None
+def test_a_duel_is_the_ratio_of_the_times_in_each_round() -> None:
+    slow, fast = ladder((1e-6, (6.0, 5.0, 9.0))), ladder((1e-6, (1.0, 2.0, 1.0)))
+    assert duel(slow, fast, 1e-6) == pytest.approx([6.0, 2.5, 9.0])
+    assert np.isnan(duel(slow, fast, 1e-7)).all()
+
+
+@pytest.mark.parametrize(
+    ("times", "shown"), [((6.0, 5.0, 9.0), "6 (5 to 9)"), ((1.1, 0.9, 1.2), "[1.1 (0.9 to 1.2)]")]
+)
+def test_a_ratio_is_in_brackets_unless_all_rounds_agree(times: tuple[float, ...], shown: str) -> None:
+    fast, slow = ladder((1e-6, (1.0, 1.0, 1.0))), ladder((1e-6, times))
+    rungs = pd.concat([fast.assign(engine="fast"), slow.assign(engine="slow")])
+    assert _ratio(rungs, 1e-6) == ("fast", "slow", shown)
+    assert _ratio(rungs, 1e-7) == ("–", "–", "–")
 
 
 def test_levels_are_powers_of_ten_that_at_least_two_rungs_bracket_above_the_floor() -> None:
-    of = [rung(FAST, e, 1.0) for e in (3e-4, 2e-5, 4e-8)]
+    of = ladder(*((error, (1.0,)) for error in (3e-4, 2e-5, 4e-8)))
     assert levels(of, 0.0) == pytest.approx([1e-5, 1e-6, 1e-7])
     assert levels(of, 2e-6) == pytest.approx([1e-5])
     assert levels(of[:1], 0.0) == []
 
 
 def test_a_signal_that_is_exactly_zero_has_no_rungs_and_one_below_the_floor_is_at_it() -> None:
-    def run(error: float, **values: float) -> Run:
-        values = {"joint_O_force_error_N": error, "steps": 9.0, "solve_time_s": 1.0, **values}
-        return Run("case", "fingerprint", "s", *FAST, 0.1, "ok", "", values, {})
-
-    force = column("joint_O_force_error_N")
-    timed = run(0.0, round=0.0)
-    assert rungs([run(0.0), timed], "s", force, 0.0) == []
-    assert [rung.error for rung in rungs([run(0.0), timed], "s", force, 1e-9)] == [1e-9]
+    arm = {"scene": "s", "engine": "reference", "arm": "located", "label": "reference (located)"}
+    case = {**arm, "case": "0", "fingerprint": "0", "step_s": 0.1, "status": "ok", "reason": ""}
+    recorded = {**case, "joint_O_force_error_N": 0.0, "steps": 9}
+    timed = [{**case, "round": k, "solve_time_s": 1.0 + k} for k in (1, 0)]
+    rows = frame([recorded, *timed])
+    assert rungs(rows, "joint_O_force_error_N", 0.0).empty
+    (rung,) = rungs(rows, "joint_O_force_error_N", 1e-9).to_dict("records")
+    assert (rung["error"], rung["times_s"], rung["time_s"]) == (1e-9, (1.0, 2.0), 1.5)

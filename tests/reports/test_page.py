@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -9,13 +10,14 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from reports.convergence import ABOVE_FLOOR, observed_order
 from reports.page import NoResults, write_report
 from reports.parts import Contradiction, Table, stated
-from reports.results import BrokenResults, read_results
-from reports.style import label, line_style, ordered
+from reports.results import BrokenResults, frame, read_results
+from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, in_text, latex, markdown
 from studies import agreement
 from studies.running.runner import run_study
@@ -201,14 +203,15 @@ def test_no_results_is_said_in_one_line_and_leaves_nothing(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("damage", ["line", "column", "code", "curves"])
+@pytest.mark.parametrize("damage", ["line", "column", "label", "code", "curves"])
 def test_broken_results_are_named_and_the_old_report_stays(broken: Path, tmp_path: Path, damage: str) -> None:
     rows = rows_of(broken)
     place = broken / "agreement"
     if damage == "line":
         (place / "rows.jsonl").write_text("{half a row\n", encoding="utf-8")
-    elif damage == "column":
-        write_rows(broken, [{name: row[name] for name in row if name != "arm"} for row in rows])
+    elif damage in ("column", "label"):
+        gone = "arm" if damage == "column" else damage
+        write_rows(broken, [{name: row[name] for name in row if name != gone} for row in rows])
     elif damage == "code":
         write_rows(broken, [rows[0] | {"fingerprint": "other"}, *rows[1:]])
     else:
@@ -236,24 +239,55 @@ def test_a_report_replaces_a_report_but_nothing_else(small: Path, report: Path, 
 
 
 def test_a_last_line_cut_short_by_a_kill_is_no_row(broken: Path) -> None:
-    whole = read_results(broken / "agreement").runs
+    whole = read_results(broken / "agreement").rows
     with (broken / "agreement/rows.jsonl").open("a", encoding="utf-8") as file:
         file.write('{"case": "0123')
-    assert read_results(broken / "agreement").runs == whole
+    pd.testing.assert_frame_equal(read_results(broken / "agreement").rows, whole)
 
 
-def test_provenance_of_other_rows_is_not_shown_as_theirs(broken: Path, tmp_path: Path) -> None:
-    sidecar = {"fingerprint": rows_of(broken)[0]["fingerprint"], "commit": "0123abc", "set": "quick"}
-    (broken / "agreement/sidecar.json").write_text(json.dumps(sidecar), encoding="utf-8")
-    write_report(broken, tmp_path / "report")
-    assert "0123abc" in (tmp_path / "report/index.html").read_text("utf-8")
-    (broken / "agreement/sidecar.json").write_text(
-        json.dumps(sidecar | {"fingerprint": "x"}), encoding="utf-8"
-    )
-    write_report(broken, tmp_path / "report")
-    page = (tmp_path / "report/index.html").read_text("utf-8")
-    assert "0123abc" not in page
-    assert "was not run to its end" in page
+def test_a_frame_has_numbers_or_nan_and_settings_as_they_were_written() -> None:
+    case = {"case": "0", "scene": "s", "engine": "pymunk", "arm": "tuned", "label": "pymunk (tuned)"}
+    first = {**case, "step_s": 2, "setting_iterations": 50, "error_m": math.inf, "method": None}
+    second = {**case, "case": "1", "step_s": 1, "mean_step_s": 0.5, "error_m": 1, "method": "a word"}
+    other = {**case, "engine": "reference", "arm": "none", "label": "reference (none)", "step_s": 3}
+    rows = frame([second, first, other])
+    pd.testing.assert_frame_equal(rows, frame([other, first, second]))
+    assert list(rows["label"]) == ["reference (none)", "pymunk (tuned)", "pymunk (tuned)"]
+    assert list(rows["mean_step_s"]) == [3.0, 2.0, 0.5]
+    assert [str(setting) for setting in rows["setting_iterations"]] == ["nan", "50", "nan"]
+    assert list(rows["error_m"].isna()) == [True, True, False]
+    assert rows["method"].iloc[2] == "a word"
+
+
+def test_engines_may_differ_in_their_code_but_not_the_rows_of_one(results: Path, tmp_path: Path) -> None:
+    rows = [row | {"fingerprint": row["engine"]} for row in rows_of(results)]
+    (tmp_path / "agreement").mkdir()
+    write_rows(tmp_path, rows)
+    assert set(read_results(tmp_path / "agreement").rows["fingerprint"]) == {row["engine"] for row in rows}
+    write_rows(tmp_path, [rows[0] | {"fingerprint": "other"}, *rows[1:]])
+    with pytest.raises(
+        BrokenResults, match="rows made by different code; run `crankslider run` to renew them"
+    ):
+        read_results(tmp_path / "agreement")
+
+
+@pytest.mark.parametrize("by_engine", [False, True])
+def test_provenance_of_other_rows_is_not_shown_as_theirs(
+    broken: Path, tmp_path: Path, by_engine: bool
+) -> None:
+    row = rows_of(broken)[0]
+    for fingerprint, is_theirs in ((row["fingerprint"], True), ("x", False)):
+        told = (
+            {"fingerprints": {row["engine"]: fingerprint, "other": "y"}}
+            if by_engine
+            else {"fingerprint": fingerprint}
+        )
+        sidecar = {**told, "commit": "0123abc", "set": "quick"}
+        (broken / "agreement/sidecar.json").write_text(json.dumps(sidecar), encoding="utf-8")
+        write_report(broken, tmp_path / "report")
+        page = (tmp_path / "report/index.html").read_text("utf-8")
+        assert ("0123abc" in page) == is_theirs
+        assert ("was not run to its end" in page) != is_theirs
 
 
 # Sentences
@@ -367,15 +401,15 @@ def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor:
     ("value", "uncertainty", "text"),
     [
         (1.2345e-6, 1e-13, "1.2e-06"),
-        (9.96e-4, None, "1.0e-03"),
+        (9.96e-4, math.nan, "1.0e-03"),
         (4.9e-14, 5.02e-14, "< 5.0e-14"),
         (0.0, 6e-16, "< 6.0e-16"),
-        (0.0, None, "0.0e+00"),
-        (None, 1e-13, "–"),
+        (0.0, math.nan, "0.0e+00"),
+        (math.nan, 1e-13, "–"),
     ],
 )
 def test_errors_have_two_digits_and_none_below_the_uncertainty(
-    value: float | None, uncertainty: float | None, text: str
+    value: float, uncertainty: float, text: str
 ) -> None:
     assert error(value, uncertainty) == text
 
@@ -405,15 +439,15 @@ def test_a_table_is_the_same_in_all_formats() -> None:
     ],
 )
 def test_labels_derive_from_column_names(column: str, text: str) -> None:
-    assert label(column) == text
+    assert axis_label(column) == text
 
 
 def test_an_engine_has_one_colour_and_marker_and_its_arms_differ() -> None:
-    names = ordered({(arm.engine, arm.name) for arm in agreement.ARMS})
-    styles = {name: line_style(name, names) for name in names}
-    engines = {engine for engine, _ in names}
-    for engine in engines:
-        own = [style for (of, _), style in styles.items() if of == engine]
-        assert len({(style["color"], style["marker"]) for style in own}) == 1
-        assert len({(style["linestyle"], style["fillstyle"]) for style in own}) == len(own)
-    assert len({style["marker"] for style in styles.values()}) == len(engines)
+    arms = [(arm.engine, arm.name, arm.label) for arm in agreement.ARMS]
+    rows = pd.DataFrame(arms, columns=["engine", "arm", "label"])
+    styles = line_styles(rows)
+    for engine, labels in rows.groupby("engine")["label"]:
+        of_engine = [styles[label] for label in labels]
+        assert len({(style["color"], style["marker"]) for style in of_engine}) == 1, engine
+        assert len({(style["linestyle"], style["fillstyle"]) for style in of_engine}) == len(of_engine)
+    assert len({style["marker"] for style in styles.values()}) == rows["engine"].nunique()

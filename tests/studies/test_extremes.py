@@ -8,13 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.special import lambertw
 
-from reports.chapters.extremes.matrix import LOOKS, lightness
-from reports.chapters.extremes.verdict import Answer, Verdict, answers, verdict_on
+from reports.chapters.extremes.matrix import LOOKS
+from reports.chapters.extremes.verdict import Verdict, answers, verdict_on
 from reports.page import write_report
-from reports.results import Run, read_results
+from reports.results import frame, read_results
 from studies.extremes import study as extremes
 from studies.extremes.scenes import CLEARANCE_M, GRAVITY_M_S2, WHEEL, wheel
 from studies.extremes.truth import dropped_wheel
@@ -31,20 +32,17 @@ def row(name: str, engine: str = "reference", arm: str = "default") -> Row:
     return run_case(CASES[name, engine, arm])[0]
 
 
-def judged(of: Mapping[str, object]) -> Answer:
+def judged(of: Mapping[str, object]) -> pd.Series:
     """Return a row as the report reads it."""
-    words = {name: value for name, value in of.items() if isinstance(value, str)}
-    numbers = {name: float(v) for name, v in of.items() if isinstance(v, int | float)}
-    head = {name: words[name] for name in ("scene", "engine", "arm", "status", "reason")}
-    return Answer(Run("0", "0", step_s=numbers["step_s"], values=numbers, settings={}, **head), words)
+    return answers(frame([{"case": "0", "place": 0, **of}])).iloc[0]
 
 
-def synthetic(wanted: str = "answer", **changes: object) -> Answer:
+def synthetic(wanted: str = "answer", **changes: object) -> pd.Series:
     bounds = {f"{name}_bound": bound for name, bound in extremes.RIGHT.items()}
-    head = {"scene": "s", "engine": "pymunk", "arm": "a", "status": "ok", "reason": "", "step_s": 1e-3}
-    rest = {"nonsense_factor": extremes.NONSENSE, "stop_s": 3e-3, "wanted": wanted}
+    arm = {"scene": "s", "engine": "pymunk", "arm": "a", "label": "pymunk (a)", "step_s": 1e-3}
+    head = {**arm, "status": "ok", "reason": "", "nonsense_factor": extremes.NONSENSE, "stop_s": 3e-3}
     numbers = RIGHT if changes.get("status", "ok") == "ok" else {}
-    given = {**head, **rest, **bounds, **numbers, **changes}
+    given = {**head, "wanted": wanted, **bounds, **numbers, **changes}
     return judged({name: value for name, value in given.items() if value is not None})
 
 
@@ -131,8 +129,8 @@ def test_the_verdict_follows_from_status_numbers_and_bounds(
     changes: dict[str, object], verdict: Verdict
 ) -> None:
     answer = synthetic(**changes)  # type: ignore[arg-type]
-    assert answer.verdict is verdict
-    assert verdict_on(answer.run, answer.words["wanted"]) is verdict
+    assert answer["verdict"] is verdict
+    assert verdict_on(answer) is verdict
 
 
 @pytest.mark.parametrize(
@@ -151,7 +149,14 @@ def test_the_verdict_follows_from_status_numbers_and_bounds(
 def test_what_theory_asks_for_depends_on_the_case(
     wanted: str, changes: dict[str, object], asked: bool
 ) -> None:
-    assert synthetic(wanted, **changes).as_wanted is asked
+    assert synthetic(wanted, **changes)["as_wanted"] == asked
+
+
+def lightness(colour: str) -> float:
+    """Return how light a colour is to the eye, CIE L* from 0 to 100."""
+    linear = [((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5)]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return float(116 * luminance ** (1 / 3) - 16)
 
 
 def test_the_worse_the_verdict_the_darker_its_colour() -> None:
@@ -166,9 +171,9 @@ def test_the_worse_the_verdict_the_darker_its_colour() -> None:
 
 @pytest.mark.parametrize("name", [name for name, extreme in extremes.gallery().items() if not extreme.long])
 def test_the_reference_does_what_theory_asks(name: str) -> None:
-    found = row(name)
-    answer = judged(found)
-    assert answer.as_wanted, f"{answer.verdict.value}: {found}"
+    measured = row(name)
+    answer = judged(measured)
+    assert answer["as_wanted"], f"{answer['verdict'].value}: {measured}"
 
 
 def test_the_reference_tells_rank_time_and_configuration_of_a_singularity() -> None:
@@ -192,9 +197,9 @@ def test_what_is_no_scene_no_engine_gets_to_see(name: str) -> None:
 
 def test_a_number_that_is_not_finite_never_gets_a_good_verdict() -> None:
     case = CASES["everyday driven (c = 0)", "reference", "default"]
-    found, _ = run_case(case)
+    measured, _ = run_case(case)
     for name in extremes.RIGHT:
-        assert judged({k: v for k, v in found.items() if k != name}).verdict is Verdict.NONSENSE
+        assert judged({k: v for k, v in measured.items() if k != name})["verdict"] is Verdict.NONSENSE
 
 
 # The chapter
@@ -233,12 +238,12 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_chapter_shows_every_case_with_its_verdict(results: Path, tmp_path: Path) -> None:
     write_report(results, tmp_path / "report")
     assert (tmp_path / "report/figures/extremes-matrix.svg").exists()
-    found = answers(read_results(results / "extremes"))
+    rows = answers(read_results(results / "extremes").rows)
     listed = (tmp_path / "report/tables/extremes-verdicts.csv").read_text("utf-8").splitlines()[1:]
-    assert len(listed) == len(found) == len(TINY) * len(extremes.ARMS) + 3
-    for answer in found:
-        begin = f"{answer.run.scene},{answer.run.engine},{answer.run.arm},"
-        assert any(begin in line.replace('"', "") and answer.verdict.value in line for line in listed)
+    assert len(listed) == len(rows) == len(TINY) * len(extremes.ARMS) + 3
+    for _, row in rows.iterrows():
+        begin = f"{row['scene']},{row['engine']},{row['arm']},"
+        assert any(begin in line.replace('"', "") and row["verdict"].value in line for line in listed)
     page = (tmp_path / "report/index.html").read_text("utf-8")
     assert "Contained: " in page
     assert "pymunk (tuned) does what theory asks in" in page

@@ -3,9 +3,9 @@
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from engine_models.engine import FloatArray, RunSettings
@@ -13,7 +13,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import clearance_driven_002, clearance_driven_05
 from engine_models.scene.scene import BodyState, Clearance, Clearances, FreeDrive, Link, Scene, Start
 from reports import page
-from reports.chapters.predictability import chapter as predictability
+from reports.chapters import predictability
 from reports.chapters.predictability import findings, statistics
 from reports.chapters.predictability.data import PER_REVOLUTION
 from reports.parts import Contradiction
@@ -268,8 +268,12 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *some(HORIZON, "0.02mm", 1),
         *some(EXPONENT, "driven-A", 2),
         *some(EXPONENT, "0.02mm", 1),
-        *(case for part in ("scene's law", "other starts") for case in some(part, "", 8)),
-        *some("as the scene", "", 4),
+        *(
+            case
+            for part in ("reference (scene's law)", "reference (other starts)")
+            for case in some(part, "", 8)
+        ),
+        *some("pymunk (as the scene)", "", 4),
         *some("against clearance", "", len(cases))[::48],
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
@@ -277,7 +281,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def built(results: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(page, "STUDIES", {"predictability": predictability})
+    monkeypatch.setattr(page, "STUDIES", (predictability,))
     page.write_report(results, out)
     return (out / "index.html").read_text("utf-8")
 
@@ -301,8 +305,8 @@ def test_the_chapter_says_what_the_rows_say(
     [((2.0, 2.1, 2.2), "which is chaos"), ((-1.0, 0.5, 2.0), "which these starts do not tell from zero")],
 )
 def test_chaos_is_an_exponent_whose_interval_is_above_zero(exponents: tuple[float, ...], said: str) -> None:
-    runs = [SimpleNamespace(values={PER_REVOLUTION: each}) for each in exponents]
-    (sentence,) = findings.exponents({"a scene": runs})  # type: ignore[dict-item]
+    starts = pd.DataFrame({PER_REVOLUTION: exponents})
+    (sentence,) = findings.exponents({"a scene": starts})
     assert said in sentence
 
 
@@ -313,7 +317,7 @@ def test_a_periodic_scene_whose_twins_part_contradicts_the_chapter(
     path = broken / "predictability/rows.jsonl"
     rows = read_rows(path)
     for row in rows:
-        if row["arm"] == HORIZON and row["scene"] == "clearance-driven-0.02mm":
+        if row["part"] == HORIZON and row["scene"] == "clearance-driven-0.02mm":
             row["largest_distance_halved_m"] = 1e-3
     write_rows(path, rows)
     with pytest.raises(Contradiction, match="Nothing parts"):

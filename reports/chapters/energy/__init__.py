@@ -1,1 +1,145 @@
-"""The chapter of the energy study."""
+"""The energy study on the page: hidden power, the ledger of every run, drift of the constraints."""
+
+from collections.abc import Iterable, Iterator
+
+import pandas as pd
+
+from reports.chapters.energy import figures, tables
+from reports.chapters.energy.rungs import at_rungs, middle_rungs, prepared, resolution
+from reports.parts import Section, stated
+from reports.quantities import finished
+from reports.results import Results
+from reports.shared_tables import failures_section, failures_table
+from reports.tables import in_text, listed
+
+STUDY = "energy"
+TITLE = "Energy over long runs"
+INTRODUCTION = (
+    "A method that makes or takes energy has a driver or a brake that no scene has. Every engine runs "
+    "scenes for many turns, and what its bodies and contacts store, what its driver gives and what its "
+    "contacts dissipate are added up from its own trajectory. What does not add up is the method's own: "
+    "energy gained if positive, lost if negative. Its rate is called hidden power: the slope over time, "
+    "the median over all pairs of block means (Theil and Sen), with Student's interval over five parts of "
+    "the run. It holds what stabilisation of the constraints removes, which is no physics either and which "
+    "only some engines tell."
+)
+PLAIN, BAUMGARTE, PROJECTED = "reference (none)", "reference (Baumgarte)", "reference (projection)"
+AS_IT_COMES = "pymunk (out of the box)"
+#: How far an exponent of time may be from the whole number that theory gives, and still be that.
+EXPONENT = 0.1
+
+
+def sections(results: Results) -> list[Section]:
+    """Return the sections of the study."""
+    rows = prepared(results.rows)
+    at_middle = at_rungs(rows, middle_rungs(rows))
+    by_scene = [of_scene for _, of_scene in at_middle.groupby("scene")]
+    return [
+        Section.of(
+            "hidden-power",
+            "Hidden power",
+            (*hidden_power(at_middle), *lost_as_it_comes(rows, "ideal-free")),
+            (figures.gain_over_time(results, at_middle), figures.by_step(rows)),
+            [tables.power_table(at_middle, rows)],
+        ),
+        Section.of(
+            "ledger",
+            "Where energy goes",
+            ledger_closes(at_middle),
+            [figures.driver_work(results, of_scene) for of_scene in by_scene],
+            map(tables.ledger_table, by_scene),
+        ),
+        Section.of(
+            "drift",
+            "Drift of the constraints",
+            drift(rows),
+            [figures.growth(results, at_middle)],
+            [tables.drift_table(at_middle, rows)],
+        ),
+        failures_section(rows, failures_table(rows, STUDY)),
+    ]
+
+
+def hidden_power(at_rung: pd.DataFrame) -> Iterator[str]:
+    """Yield the hidden power of every arm on each scene, smallest first, and what is not told from zero.
+
+    ``at_rung`` are the rows at one rung for each scene.
+    """
+    for scene, of_scene in finished(at_rung).groupby("scene"):
+        yield _hidden_power(of_scene, resolution(at_rung[at_rung["scene"] == scene]))
+
+
+def _hidden_power(rows: pd.DataFrame, resolution: str) -> str:
+    rows = rows.sort_values("hidden_power_W", key=abs)
+    sure, unsure = rows[rows["significant"]], rows[~rows["significant"]]
+    sizes = [
+        f"{_signed(power)} W with {label}"
+        for power, label in zip(sure["hidden_power_W"], sure["label"], strict=True)
+    ]
+    doubtful = [
+        f"{label} (± {in_text(half)} W)"
+        for label, half in zip(unsure["label"], unsure["half_width"], strict=True)
+    ]
+    sentence = f"On {rows['scene'].iloc[0]} at {resolution} the hidden power is "
+    sentence += listed(sizes) if sizes else "not told from zero with any arm"
+    if sizes and doubtful:
+        sentence += f"; it is not told from zero with {listed(doubtful)}"
+    if rows["has_clearance"].any():
+        dissipated = rows["dissipated_power_W"]
+        sentence += f". The contacts dissipate {_span(map(in_text, (dissipated.min(), dissipated.max())))} W"
+    return f"{sentence}."
+
+
+def lost_as_it_comes(rows: pd.DataFrame, scene: str) -> Iterator[str]:
+    """Yield how much of a scene's energy Pymunk with its own settings loses, by step."""
+    rows = finished(rows[(rows["label"] == AS_IT_COMES) & (rows["scene"] == scene)])
+    if len(rows):
+        parts = zip(
+            rows["largest_numerical_gain_J"] / rows["largest_kinetic_energy_J"], rows["step_s"], strict=True
+        )
+        lost = listed(f"{100 * part:.0f} % at a step of {in_text(step)} s" for part, step in parts)
+        yield f"On {scene} {AS_IT_COMES} loses {lost} of the largest kinetic energy by the end."
+
+
+def drift(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield, checked, how the reference's constraints drift with each stabilisation."""
+    rows = finished(rows[~rows["has_clearance"]])
+    plain, bounded, projected = (rows[rows["label"] == label] for label in (PLAIN, BAUMGARTE, PROJECTED))
+    grows, stays = (
+        of[["constraint_violation_exponent", "constraint_speed_exponent"]].dropna() for of in (plain, bounded)
+    )
+    if len(grows):
+        gaps, speeds = (_span(map("{:.2f}".format, (of.min(), of.max()))) for _, of in grows.items())
+        sentence = (
+            "Without stabilisation the reference's constraints drift as theory has it for RK4: the speeds at "
+            f"which gaps open grow in proportion to time (exponents {speeds} in "
+            f"{len(grows)} runs), the gaps with its square ({gaps})."
+        )
+        yield stated(sentence, bool(((grows - [2, 1]).abs() < EXPONENT).all(axis=None)))
+    if len(stays):
+        largest = stays.max(axis=None)
+        sentence = f"Baumgarte's stabilisation bounds them: exponents are at most {max(0.0, largest):.2f}."
+        yield stated(sentence, largest < EXPONENT)
+    if len(projected):
+        worst = in_text(projected["constraint_violation_m"].max())
+        sentence = f"Projection leaves round-off alone: gaps of at most {worst} m."
+        yield stated(sentence, bool(projected["constraint_violation_exponent"].isna().all()))
+
+
+def ledger_closes(at_rung: pd.DataFrame) -> Iterator[str]:
+    """Yield the largest part of what contacts dissipate that is missing or too much, by arm."""
+    rows = finished(at_rung[at_rung["dissipated_power_W"] > 0])
+    parts = rows["mean_hidden_power_W"].abs() / rows["dissipated_power_W"]
+    worst = parts.groupby(rows["label"], observed=True).max().sort_values()
+    if len(worst):
+        arms = listed(f"{in_text(part)} with {label}" for label, part in worst.items())
+        yield f"Of what contacts dissipate, the part that the ledger lacks or has too much is at most {arms}."
+
+
+def _signed(value: float) -> str:
+    return f"{'−' if value < 0 else '+'}{in_text(abs(value))}"
+
+
+def _span(ends: Iterable[str]) -> str:
+    """Return two ends as a range, or as one number if they read the same."""
+    return " to ".join(dict.fromkeys(ends))

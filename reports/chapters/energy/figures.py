@@ -1,124 +1,166 @@
 """Figures of the energy study."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
-from reports.chapters.energy.runs import (
-    GAIN,
-    LONG,
-    POWER,
-    at_rung,
-    has_clearance,
-    is_told,
-    longest,
-    resolution,
-    tolerance,
-)
+from reports.chapters.energy.rungs import LONG, longest, resolution
 from reports.parts import Figure
 from reports.plots.step_figures import against_step, engine_legend, grid, panels_of
 from reports.plots.time_figures import over_time
-from reports.quantities import column
-from reports.results import FloatArray, Results, Run
-from reports.style import label, line_style, ordered, title
+from reports.quantities import finished
+from reports.results import Results
+from reports.style import BLACK, GREY, WIDTH_IN, axis_label, labels, line_styles
 
 #: Points of a growing gap: evenly spaced on the logarithmic scale of time.
 GROWTH_POINTS = 14
+#: Grey and hatch of what a contact loses, and of what stabilisation removes, told apart without colour.
+WAYS = {
+    "normal": ("#BDBDBD", ""),
+    "friction": ("#E8E8E8", "////"),
+    "clipped": ("#F7F7F7", "xxxx"),
+    "stabilisation": ("#969696", "...."),
+}
+#: A loss below this part of the driver's work is too thin to draw; an arm that hides more than the other part
+#: of what contacts dissipate has a panel of its own.
+SEEN, MISSING = 1e-3, 1e-2
 
 
-def gain_over_time(results: Results, runs: Sequence[Run], rungs: Mapping[str, float]) -> list[Figure]:
-    """Return the energy that no physics accounts for, over time on each scene's middle rung."""
-    here = [run for run in longest(at_rung(runs, rungs)) if run.ok]
-    if not here:
-        return []
-    drawing = over_time(
-        results, here, "numerical_gain_so_far_J", "energy gained or lost\nso far [J]", _itself
+def gain_over_time(results: Results, at_rung: pd.DataFrame) -> Figure | None:
+    """Return the energy that no physics accounts for, over time; ``at_rung`` has one rung for each scene."""
+    rows = finished(longest(at_rung))
+    if rows.empty:
+        return None
+    return Figure(
+        "energy-gain-over-time",
+        "Energy that no physics accounts for",
+        f"At {_resolutions(rows)}. Shown is the largest size up to each time: a line that keeps rising "
+        "is power that the method makes or takes, a level one swings and comes back.",
+        f"Panels over time on {', '.join(rows['scene'].unique())}. Lines: {', '.join(labels(rows))}.",
+        over_time(results, rows, "numerical_gain_so_far_J", "energy gained or lost\nso far [J]"),
     )
-    return [
-        Figure(
-            "energy-gain-over-time",
-            "Energy that no physics accounts for",
-            f"At {_at(here, rungs)}. Shown is the largest size up to each time: a line that keeps rising "
-            "is power that the method makes or takes, a level one swings and comes back.",
-            f"Panels over time on {_scenes(here)}. Lines: {arms(here)}.",
-            drawing,
-        )
-    ]
 
 
-def by_step(runs: Sequence[Run]) -> list[Figure]:
+def by_step(rows: pd.DataFrame) -> Figure | None:
     """Return what is gained or lost, and without clearance its rate, against the mean step."""
     # A run that chooses its steps and did not finish has none to stand at.
-    told = [_sized(run) for run in runs if run.ok or tolerance(run) is None]
-    told = [run for run in told if not run.scene.endswith(LONG)]  # the short ones have every rung
-    ideal = [run for run in told if not has_clearance(run)]
-    panels = [*panels_of(told, [GAIN]), *panels_of(ideal, [column(POWER)])]
+    rows = rows[(rows["status"] == "ok") | rows["tolerance"].isna()]
+    rows = rows[~rows["scene"].str.endswith(LONG)]  # the short ones have every rung
+    rows = rows.assign(hidden_power_W=rows["hidden_power_W"].abs().where(rows["significant"]))
+    panels = [
+        *panels_of(rows, ["largest_numerical_gain_J"]),
+        *panels_of(rows[~rows["has_clearance"]], ["hidden_power_W"]),
+    ]
     if not panels:
-        return []
-    drawing = against_step(told, panels, orders=(1, 3, 5))
-    for ax, (_, quantity) in zip(drawing.axes, panels, strict=True):
+        return None
+    drawing = against_step(rows, panels, orders=(1, 3, 5))
+    for ax, (_, column) in zip(drawing.axes, panels, strict=True):
+        power = column == "hidden_power_W"
         ax.set_xlabel("mean step [s]")
-        power = quantity.name == POWER
         ax.set_ylabel("hidden power, size [W]" if power else "largest energy\ngained or lost [J]")
         _few_labels(ax)
-    return [
-        Figure(
-            "energy-by-step",
-            "Energy gained or lost, and its rate, against the step",
-            "Both axes are logarithmic; the step is the mean one where an engine chooses its own. What a run "
-            "gains or loses at most includes what swings and comes back; hidden power does not. It is shown "
-            "for scenes without clearance, at steps where it is told from zero. Grey lines have the slope of "
-            "the order written at their fine end.",
-            f"{len(panels)} log-log panels over the step on {_scenes(told)}. Lines: {arms(told)}.",
-            drawing,
-        )
-    ]
+    scenes = ", ".join(rows["scene"].unique())
+    return Figure(
+        "energy-by-step",
+        "Energy gained or lost, and its rate, against the step",
+        "Both axes are logarithmic; the step is the mean one where an engine chooses its own. What a run "
+        "gains or loses at most includes what swings and comes back; hidden power does not. It is shown "
+        "for scenes without clearance, at steps where it is told from zero. Grey lines have the slope of "
+        "the order written at their fine end.",
+        f"{len(panels)} log-log panels over the step on {scenes}. Lines: {', '.join(labels(rows))}.",
+        drawing,
+    )
 
 
-def growth(results: Results, runs: Sequence[Run], rungs: Mapping[str, float]) -> list[Figure]:
+def growth(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     """Return gap and gap speed of the constraints over time, on scenes without clearance."""
-    here = [run for run in longest(at_rung(runs, rungs)) if run.ok and not has_clearance(run)]
-    scenes = list(dict.fromkeys(run.scene for run in here))
-    if not scenes:
-        return []
-    names = ordered(run.name for run in here)
+    rows = finished(longest(at_rung[~at_rung["has_clearance"]]))
+    if rows.empty:
+        return None
+    scenes, styles = rows["scene"].unique().tolist(), line_styles(rows)
     drawing, axes = grid(2 * len(scenes))
-    wanted = [
-        (scene, name)
-        for name in ("constraint_violation_so_far_m", "constraint_speed_so_far_m_s")
-        for scene in scenes
-    ]
-    for ax, (scene, name) in zip(axes, wanted, strict=True):
-        ax.set_title(scene)
-        ax.set_xlabel(label("time_s"))
-        ax.set_ylabel("largest gap so far [m]" if name.endswith("_m") else "largest gap speed so far [m/s]")
-        for run in here:
-            time, curve = results.curve(run, "time_s"), results.curve(run, name)
-            if run.scene == scene and time is not None and curve is not None:
-                at = np.unique(np.geomspace(1, len(time) - 1, GROWTH_POINTS).round().astype(int))
-                shown = np.where(curve[at] > 0, curve[at], np.nan)
-                ax.loglog(time[at], shown, **line_style(run.name, names))
-    engine_legend(drawing, names, failures=False)
-    return [
-        Figure(
-            "energy-drift-over-time",
-            "Drift of the constraints",
-            f"At {_at(here, rungs)}. Both axes are logarithmic, so "
-            "that a power of time is a straight line: gaps above, the speeds at which they open below.",
-            f"{len(wanted)} log-log panels over time on {', '.join(scenes)}. Lines: {arms(here)}.",
-            drawing,
-        )
-    ]
+    curves = {
+        "constraint_violation_so_far_m": "largest gap so far [m]",
+        "constraint_speed_so_far_m_s": "largest gap speed so far [m/s]",
+    }
+    panels = [(scene, curve) for curve in curves for scene in scenes]
+    for ax, (scene, name) in zip(axes, panels, strict=True):
+        ax.set(title=scene, xlabel=axis_label("time_s"), ylabel=curves[name])
+        of_scene = rows[rows["scene"] == scene]
+        for case, label in zip(of_scene["case"], of_scene["label"], strict=True):
+            time, curve = results.curve(case, "time_s"), results.curve(case, name)
+            at = np.unique(np.geomspace(1, len(time) - 1, GROWTH_POINTS).round().astype(int))
+            ax.loglog(time[at], np.where(curve[at] > 0, curve[at], np.nan), **styles[label])
+    engine_legend(drawing, rows, failures=False)
+    return Figure(
+        "energy-drift-over-time",
+        "Drift of the constraints",
+        f"At {_resolutions(rows)}. Both axes are logarithmic, so "
+        "that a power of time is a straight line: gaps above, the speeds at which they open below.",
+        f"{len(panels)} log-log panels over time on {', '.join(scenes)}. Lines: {', '.join(labels(rows))}.",
+        drawing,
+    )
 
 
-def _sized(run: Run) -> Run:
-    """Return the run with the size of its hidden power in place of the power, without if it may be zero."""
-    others = {name: value for name, value in run.values.items() if name != POWER}
-    power = {POWER: abs(run.values[POWER])} if run.ok and is_told(run) else {}
-    return replace(run, values={**others, **power})
+def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
+    """Return where the work of a scene's driver goes, a panel for each arm: losses stacked below the work.
+
+    ``at_rung`` are the scene's rows at one rung.
+    """
+    rows = finished(at_rung)
+    rows = _worth_a_panel(rows[rows["has_clearance"] & rows["driver_work_J"].notna()])
+    if rows.empty:
+        return None
+    drawing, axes = grid(len(rows), height_in=1.9)
+    used: list[str] = []
+    for ax, (_, row) in zip(axes, rows.iterrows(), strict=True):
+        time, work = results.curve(row["case"], "time_s"), results.curve(row["case"], "driver_work_J")
+        base, present = np.zeros(len(time)), row.dropna().index
+        for name in (name for name in present if name.endswith("_loss_J")):
+            if abs(row[name]) < SEEN * np.abs(work).max():
+                continue
+            top = base + results.curve(row["case"], name)
+            face, hatch = _look(name)
+            ax.fill_between(time, base, top, facecolor=face, hatch=hatch, edgecolor="#5A5A5A", linewidth=0.3)
+            base, used = top, [*used, name]
+        stored = sum(results.curve(row["case"], name) for name in present if name.endswith("_change_J"))
+        ax.plot(time, work - stored, color=BLACK, linewidth=1.4)
+        ax.set(title=row["label"], xlabel=axis_label("time_s"), ylabel="energy [J]")
+    highest = max(ax.get_ylim()[1] for ax in axes)
+    for ax in axes:
+        ax.set_ylim(0, highest)
+    handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, label="driver's work less energy stored")]
+    for name in dict.fromkeys(used):
+        face, hatch = _look(name)
+        text = name.removesuffix("_J").replace("_", " ")
+        handles.append(Patch(facecolor=face, hatch=hatch, edgecolor=GREY, label=text))
+    drawing.set_size_inches(WIDTH_IN, drawing.get_size_inches()[1])
+    drawing.legend(handles=handles, loc="outside lower center", ncols=3)
+    scene = rows["scene"].iloc[0]
+    return Figure(
+        f"energy-driver-work-{scene}",
+        f"Where the driver's work goes on {scene}",
+        f"At {resolution(at_rung)}. Losses are stacked. The line is the work that is not "
+        "stored in motion, height or contacts: it ends on the top of the stack if the ledger closes, "
+        "above it if the method loses energy, below it if it makes some. Losses below a thousandth are "
+        "left out. Shown are the first arm of each engine, and those with more than a hundredth missing.",
+        f"{len(rows)} panels over time with stacked losses and a line. Panels: {', '.join(labels(rows))}.",
+        drawing,
+    )
+
+
+def _worth_a_panel(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the first arm of each engine and those whose ledger visibly does not close."""
+    open_by = rows["mean_hidden_power_W"].abs() / rows["dissipated_power_W"]
+    return rows[~rows["engine"].duplicated() | (open_by > MISSING)]
+
+
+def _look(name: str) -> tuple[str, str]:
+    """Return face and hatch of a loss by its column."""
+    return WAYS[next(way for way in WAYS if way in name)]
 
 
 def _few_labels(ax: Axes) -> None:
@@ -131,19 +173,5 @@ def _few_labels(ax: Axes) -> None:
     ax.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _itself(curve: FloatArray, _: Run) -> FloatArray:
-    return curve
-
-
-def _at(runs: Sequence[Run], rungs: Mapping[str, float]) -> str:
-    scenes = dict.fromkeys(run.scene for run in runs)
-    return "; ".join(f"{resolution(runs, scene, rungs[scene])} on {scene}" for scene in scenes)
-
-
-def _scenes(runs: Sequence[Run]) -> str:
-    return ", ".join(sorted({run.scene for run in runs}))
-
-
-def arms(runs: Sequence[Run]) -> str:
-    """Return the engines and arms of runs in words, in the order of legends."""
-    return ", ".join(title(name) for name in ordered(run.name for run in runs))
+def _resolutions(rows: pd.DataFrame) -> str:
+    return "; ".join(f"{resolution(of_scene)} on {scene}" for scene, of_scene in rows.groupby("scene"))

@@ -1,70 +1,37 @@
 """Tables of the energy study: hidden power, the ledger of every scene, and drift of the constraints."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from reports.chapters.agreement.tables import orders
-from reports.chapters.energy.runs import (
-    DISSIPATED,
-    GAIN,
-    GAP,
-    LARGEST_ENERGY,
-    MEAN_POWER,
-    OPENING,
-    POWER,
-    STABILISED,
-    at_rung,
-    half_width,
-    is_told,
-    resolution,
-    tolerance,
-)
-from reports.convergence import RULE, observed_order
+import pandas as pd
+
+from reports.chapters.energy.rungs import resolution
+from reports.convergence import RULE
 from reports.parts import Table
-from reports.results import Run
-from reports.style import words
+from reports.shared_tables import order_cells
+from reports.style import axis_label
 from reports.tables import ABSENT, number
 
 #: The ends of the columns that are lines of the ledger, in its order.
 LINES = ("_change_J", "driver_work_J", "_loss_J")
-RESIDUAL = "energy_balance_residual_J"
 
 
-def power_table(runs: Sequence[Run], rungs: Mapping[str, float]) -> Table:
-    """Return the hidden power of every arm, by itself and beside what it has to be compared with."""
-    head = (
-        "scene",
-        "mean step [s]",
-        "engine",
-        "arm",
-        "hidden power [W]",
-        "± [W]",
-        "per largest kinetic energy [1/s]",
-        "order of the power",
-        "mean over the run [W]",
-        "of it stabilisation [W]",
-        "mean per dissipated power",
-        "order of the largest gain",
-    )
-    rows = []
-    for run in at_rung(runs, rungs):
-        case = (run.scene, _step(run), *run.name)
-        if not run.ok:
-            rows.append((*case, *[run.status] * (len(head) - len(case))))
-            continue
-        mean, dissipated = run.values[MEAN_POWER], run.values.get(DISSIPATED)
-        rows.append(
-            (
-                *case,
-                _told(run, 1.0),
-                number(half_width(run)),
-                _told(run, run.values[LARGEST_ENERGY]),
-                _power_order(runs, run),
-                number(mean),
-                _cell(run, STABILISED),
-                number(mean / dissipated) if dissipated else ABSENT,
-                str(orders(runs, run.scene, GAIN)[run.name]),
-            )
-        )
+def power_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
+    """Return the hidden power of every arm, by itself and beside what it has to be compared with.
+
+    ``at_rung`` are the rows at one rung for each scene, ``rows`` the whole ladders.
+    """
+    sized = rows.assign(size=rows["hidden_power_W"].abs().where(rows["significant"]))
+    dissipated = at_rung["dissipated_power_W"].where(at_rung["dissipated_power_W"] > 0)
+    cells = {
+        "hidden power [W]": _power(at_rung, 1.0),
+        "± [W]": at_rung["half_width"].map(number),
+        "per largest kinetic energy [1/s]": _power(at_rung, at_rung["largest_kinetic_energy_J"]),
+        "order of the power": order_cells(at_rung, sized, "size", "too few points"),
+        "mean over the run [W]": at_rung["mean_hidden_power_W"].map(number),
+        "of it stabilisation [W]": at_rung["stabilisation_power_W"].map(number),
+        "mean per dissipated power": (at_rung["mean_hidden_power_W"] / dissipated).map(number),
+        "order of the largest gain": order_cells(at_rung, rows, "largest_numerical_gain_J"),
+    }
     reading = (
         "Positive where the method makes energy, negative where it loses it. The slope over time has the "
         "half-width of its 95 % confidence interval beside it; “< x” is not told from zero, and of a size "
@@ -73,95 +40,83 @@ def power_table(runs: Sequence[Run], rungs: Mapping[str, float]) -> Table:
         f"engine tells it removed ({ABSENT}: it tells none). Only slopes told from zero count for the order. "
         f"{RULE}"
     )
-    return Table("energy-hidden-power", "Hidden power on the middle rung", reading, head, tuple(rows))
+    return Table.of(
+        "energy-hidden-power",
+        "Hidden power on the middle rung",
+        reading,
+        pd.concat([_case(at_rung), _or_status(at_rung, cells)], axis=1),
+    )
 
 
-def ledger_table(runs: Sequence[Run], scene: str, rung: float) -> Table:
+def ledger_table(at_rung: pd.DataFrame) -> Table:
     """Return the ledger at the end of one scene's runs, a row for each arm; only its own lines are there."""
-    here = at_rung([run for run in runs if run.scene == scene], {scene: rung})
-    names = list(dict.fromkeys(name for run in here for name in run.values))
-    lines = [name for end in LINES for name in names if name.endswith(end)]
-    rows = []
-    for run in here:
-        cells = [_digits(run.values.get(name)) for name in lines] + [_cell(run, RESIDUAL)]
-        rows.append((*run.name, *(cells if run.ok else [run.status] * len(cells))))
-    head = ("engine", "arm", *map(_heading, lines), "residual [J]")
+    scene = at_rung["scene"].iloc[0]
+    present = at_rung.columns[at_rung.notna().any()]
+    lines = [name for end in LINES for name in present if name.endswith(end)]
+    cells = {axis_label(name): at_rung[name].map(_digits) for name in lines}
+    cells["residual [J]"] = at_rung["energy_balance_residual_J"].map(number)
     reading = (
         "Changes from start to end of the run. What is stored (changes) less what the driver gave plus "
         f"what was lost is the residual: zero if exact. {ABSENT}: the engine or its law has no such line."
     )
-    title = f"Energy ledger of {scene} at {resolution(runs, scene, rung)}"
-    return Table(f"energy-ledger-{scene}", title, reading, head, tuple(rows))
-
-
-def drift_table(runs: Sequence[Run], rungs: Mapping[str, float]) -> Table:
-    """Return the largest violation of the constraints, how it grows with time, and its order in the step."""
-    head = (
-        "scene",
-        "mean step [s]",
-        "engine",
-        "arm",
-        "largest gap [m]",
-        "exponent of time",
-        "order in the step",
-        "largest gap speed [m/s]",
-        "exponent of time",
-        "order in the step",
+    return Table.of(
+        f"energy-ledger-{scene}",
+        f"Energy ledger of {scene} at {resolution(at_rung)}",
+        reading,
+        pd.concat([at_rung[["engine", "arm"]], _or_status(at_rung, cells)], axis=1),
     )
-    rows = []
-    for run in at_rung(runs, rungs):
-        cells = []
-        for quantity, name in ((GAP, "constraint_violation"), (OPENING, "constraint_speed")):
-            value = quantity.value(run)
-            if value is None:
-                cells += [run.status if not run.ok else ABSENT] * 3
-                continue
-            grows = run.values.get(f"{name}_exponent")
-            told = (
-                (f"{abs(grows):.2f}", str(orders(runs, run.scene, quantity)[run.name]))
-                if grows is not None
-                else ()
-            )
-            cells += [number(value), *(told or (ABSENT, ABSENT))]
-        rows.append((run.scene, _step(run), *run.name, *cells))
+
+
+def drift_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
+    """Return the largest violation of the constraints, how it grows with time, and its order in the step.
+
+    ``at_rung`` are the rows at one rung for each scene, ``rows`` the whole ladders.
+    """
+    parts = [_case(at_rung)]
+    for what, column, exponent in (
+        ("gap [m]", "constraint_violation_m", "constraint_violation_exponent"),
+        ("gap speed [m/s]", "constraint_speed_m_s", "constraint_speed_exponent"),
+    ):
+        grows = at_rung[exponent].notna()
+        cells = {
+            f"largest {what}": at_rung[column].map(number),
+            "exponent of time": at_rung[exponent].abs().map("{:.2f}".format).where(grows, ABSENT),
+            "order in the step": order_cells(at_rung, rows, column).where(grows, ABSENT),
+        }
+        parts.append(_or_status(at_rung, cells))
     reading = (
         "A gap is the distance between the two sides of an ideal joint, or of the slider from its guide. The "
         "exponent is that of the power of time which the largest gap so far follows: 1 grows in proportion "
         f"to time, 2 with its square, 0 is bounded. {ABSENT}: round-off, or a scene with impacts, between "
         "which nothing grows steadily."
     )
-    return Table("energy-drift", "Drift of the constraints on the middle rung", reading, head, tuple(rows))
+    title = "Drift of the constraints on the middle rung"
+    return Table.of("energy-drift", title, reading, pd.concat(parts, axis=1))
 
 
-def _step(run: Run) -> str:
-    """Return the mean step, which a run that did not finish and chooses its own has not."""
-    return number(run.mean_step_s) if run.ok or tolerance(run) is None else ABSENT
+def _case(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return what was run, with the mean step, which an unfinished run that chooses its own has not."""
+    known = (rows["status"] == "ok") | rows["tolerance"].isna()
+    steps = rows["mean_step_s"].where(known).map(number)
+    return pd.DataFrame(
+        {"scene": rows["scene"], "mean step [s]": steps, "engine": rows["engine"], "arm": rows["arm"]}
+    )
 
 
-def _told(run: Run, per: float) -> str:
+def _or_status(rows: pd.DataFrame, cells: Mapping[str, pd.Series]) -> pd.DataFrame:
+    """Return columns of cells, with the status in those of runs that did not finish."""
+    ok = rows["status"] == "ok"
+    return pd.DataFrame({name: column.where(ok, rows["status"]) for name, column in cells.items()})
+
+
+def _power(rows: pd.DataFrame, per: pd.Series | float) -> pd.Series:
     """Return the hidden power divided by something, or below what it is if it is not told from zero."""
-    power = run.values[POWER]
-    return number(power / per) if is_told(run) else f"< {number((abs(power) + half_width(run)) / per)}"
+    below = (rows["hidden_power_W"].abs() + rows["half_width"]) / per
+    return (rows["hidden_power_W"] / per).map(number).where(rows["significant"], "< " + below.map(number))
 
 
-def _power_order(runs: Sequence[Run], run: Run) -> str:
-    ladder = [r for r in runs if (r.scene, r.name) == (run.scene, run.name) and r.ok and is_told(r)]
-    return str(observed_order([r.mean_step_s for r in ladder], [abs(r.values[POWER]) for r in ladder]))
-
-
-def _cell(run: Run, name: str) -> str:
-    return number(run.values[name]) if name in run.values else ABSENT
-
-
-def _digits(value: float | None) -> str:
+def _digits(value: float) -> str:
     """Return a line of the ledger with the digits that its sum needs; round-off with two."""
-    if value is None:
-        return ABSENT
     if value == 0:
         return "0"
     return f"{value:.5f}" if abs(value) >= 1e-3 else number(value)
-
-
-def _heading(name: str) -> str:
-    text, unit = words(name)
-    return f"{text} [{unit}]"

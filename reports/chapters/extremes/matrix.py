@@ -1,16 +1,16 @@
 """The gallery on one page: a matrix of cases and engines, with theory's expectation beside it."""
 
 import textwrap
-from collections.abc import Sequence
 from typing import Any
 
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.layout_engine import PlaceHolderLayoutEngine
 from matplotlib.patches import Rectangle
 
-from reports.chapters.extremes.verdict import CONSTRAINT, ENERGY, Answer, Verdict, cases
-from reports.style import BLACK, WIDTH_IN, Name, ordered
+from reports.chapters.extremes.verdict import CONSTRAINT, ENERGY, Row, Verdict
+from reports.style import BLACK, WIDTH_IN
 
 #: Symbol and colour of each verdict. Lightness falls from one to the next, so that greyscale keeps the order.
 LOOKS = {
@@ -35,54 +35,54 @@ ROW, HEAD, FOOT, NAMES, CELL = 0.2, 0.72, 0.42, 1.66, 0.44
 WRAP = 66
 
 
-def matrix(found: Sequence[Answer]) -> Drawing:
+def verdict_matrix(answers: pd.DataFrame) -> Drawing:
     """Return the matrix; a frame marks every verdict that is what theory asks for."""
-    rows = cases(found)
-    names = ordered(answer.run.name for answer in found)
-    height = HEAD + ROW * len(rows) + FOOT
+    arms = answers.drop_duplicates("label").sort_values("label")
+    lefts = {label: NAMES + CELL * place for place, label in enumerate(arms["label"])}
+    height = HEAD + ROW * answers["scene"].nunique() + FOOT
     drawing = Drawing(figsize=(WIDTH_IN, height), layout=PlaceHolderLayoutEngine(False, False))
     ax = drawing.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set(xlim=(0, WIDTH_IN), ylim=(height, 0))
     ax.axis("off")
-    theory = NAMES + CELL * len(names) + 0.36
-    _head(ax, names, theory)
+    theory = NAMES + CELL * len(lefts) + 0.36
+    _head(ax, arms, theory)
     group = ""
-    for place, (case, by_name) in enumerate(rows.items()):
+    for place, (case, of_case) in enumerate(answers.groupby("scene", sort=False)):
         top = HEAD + ROW * place
-        words = next(iter(by_name.values())).words
+        words = of_case.iloc[0]
         if words["group"] != group:
             group = words["group"]
             ax.plot([0.03, WIDTH_IN - 0.03], [top, top], color="#8C8C8C", linewidth=0.6)
             _text(ax, 0.03, top, group, size=5, ha="left", color="#595959")
         _text(ax, NAMES - 0.05, top, case, size=6, ha="right")
-        for column, name in enumerate(names):
-            if name in by_name:
-                _cell(ax, NAMES + CELL * column, top, by_name[name])
+        for _, answer in of_case.iterrows():
+            _cell(ax, lefts[answer["label"]], top, answer)
         _text(ax, theory - 0.2, top, WANTED[words["wanted"]], size=7)
         lines = "\n".join(textwrap.wrap(words["theory"], WRAP))
         _text(ax, theory, top, lines, size=4.9, ha="left")
-    _legend(ax, height - FOOT / 2, {answer.verdict for answer in found})
+    _legend(ax, height - FOOT / 2, set(answers["verdict"]))
     return drawing
 
 
-def _head(ax: Axes, names: Sequence[Name], theory: float) -> None:
-    for column, (engine, arm) in enumerate(names):
+def _head(ax: Axes, arms: pd.DataFrame, theory: float) -> None:
+    for column, (engine, arm) in enumerate(zip(arms["engine"], arms["arm"], strict=True)):
         x = NAMES + CELL * (column + 0.5)
         ax.text(x, HEAD - 0.06, f"{engine}\n{arm}", fontsize=5.8, rotation=40, ha="left", va="bottom")
     ax.text(theory - 0.28, HEAD - 0.06, "Theory", fontsize=6.5, ha="left", va="bottom", weight="bold")
     ax.text(NAMES - 0.05, HEAD - 0.06, "Case", fontsize=6.5, ha="right", va="bottom", weight="bold")
 
 
-def _cell(ax: Axes, left: float, top: float, answer: Answer) -> None:
-    verdict, (symbol, colour) = answer.verdict, LOOKS[answer.verdict]
+def _cell(ax: Axes, left: float, top: float, answer: Row) -> None:
+    verdict, worst = answer["verdict"], answer["worst"]
+    symbol, colour = LOOKS[verdict]
     patch = Rectangle((left + 0.015, top + 0.015), CELL - 0.03, ROW - 0.03, facecolor=colour, linewidth=0.7)
-    patch.set_edgecolor("#404040" if answer.as_wanted else "none")
+    patch.set_edgecolor("#404040" if answer["as_wanted"] else "none")
     ax.add_patch(patch)
     ink = "white" if verdict in _DARK else BLACK
-    if verdict is not Verdict.INACCURATE or answer.worst is None:
+    if verdict is not Verdict.INACCURATE:
         _text(ax, left + CELL / 2, top, symbol, size=7, color=ink)
         return
-    off = f"{OF_WHAT.get(answer.worst, '')}{answer.run.values[answer.worst]:.0e}"
+    off = f"{OF_WHAT.get(worst, '')}{answer[worst]:.0e}"
     _text(ax, left + 0.09, top, symbol, size=7, color=ink)
     _text(ax, left + 0.28, top, off, size=4.3, color=ink)
 
@@ -104,10 +104,3 @@ def _legend(ax: Axes, y: float, used: set[Verdict]) -> None:
 def _text(ax: Axes, x: float, top: float, text: str, size: float, **looks: Any) -> None:
     """Write in the middle of a row."""
     ax.text(x, top + ROW / 2, text, **{"fontsize": size, "ha": "center", "va": "center", **looks})
-
-
-def lightness(colour: str) -> float:
-    """Return how light a colour is to the eye, CIE L* from 0 to 100."""
-    linear = [((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5)]
-    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-    return float(116 * luminance ** (1 / 3) - 16)

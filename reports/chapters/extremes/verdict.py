@@ -1,13 +1,16 @@
 """The verdict on a run of the gallery, from its row alone."""
 
-import json
+import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from enum import Enum
+from typing import Any
 
-from reports.results import Results, Run
-from reports.style import Name
+import pandas as pd
+
+from reports.results import with_columns
+
+Row = Mapping[str, Any]
 
 
 class Verdict(Enum):
@@ -34,77 +37,59 @@ TOLD = 1e-2
 _ENDED = {v.value: v for v in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)}
 
 
-@dataclass(frozen=True)
-class Answer:
-    """A run of the gallery with the words of its row: ``group``, ``theory``, ``wanted``, ``judged``."""
+def answers(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the study's rows by the place of their cases in the gallery, with what is columns of them.
 
-    run: Run
-    words: Mapping[str, str]
-
-    @property
-    def verdict(self) -> Verdict:
-        """The verdict; see ``verdict_on``."""
-        return verdict_on(self.run, self.words["wanted"])
-
-    @property
-    def as_wanted(self) -> bool:
-        """Whether theory asks for no more than what came: the motion, or no motion where there is none."""
-        verdict, wanted = self.verdict, self.words["wanted"]
-        if wanted == "refusal":
-            return verdict in (Verdict.REFUSED, Verdict.FAILED)
-        if wanted == "stop" and verdict is Verdict.FAILED:
-            late = _told_time(self.run.reason) - self.run.values["stop_s"]
-            return abs(late) <= self.run.step_s * (1 + TOLD)
-        return verdict is Verdict.RIGHT or (wanted == "answer or word" and verdict is Verdict.FAILED)
-
-    @property
-    def worst(self) -> str | None:
-        """Which of the numbers exceeds its bound most, None where there are none."""
-        values = self.run.values
-        there = [name for name in JUDGED if name in values]
-        return max(there, key=lambda name: values[name] / values[f"{name}_bound"], default=None)
+    ``verdict`` is the ``Verdict``; ``as_wanted`` whether theory asks for no more than what came, the motion,
+    or no motion where there is none; ``worst`` which of the numbers judged exceeds its bound most, None
+    where there are none.
+    """
+    rows = with_columns(rows, *JUDGED, "judged").sort_values("place", kind="stable")
+    columns: dict[str, Callable[[Row], object]] = {
+        "verdict": verdict_on,
+        "as_wanted": _as_wanted,
+        "worst": _worst,
+    }
+    for name, of in columns.items():
+        rows[name] = pd.Series([of(row) for _, row in rows.iterrows()], rows.index)
+    return rows
 
 
-def _told_time(reason: str) -> float:
-    found = _TIME.search(reason)
-    return float(found[0].removeprefix("t = ").removesuffix(" s")) if found else float("inf")
-
-
-def verdict_on(run: Run, wanted: str) -> Verdict:
-    """Return the verdict on a run.
+def verdict_on(row: Row) -> Verdict:
+    """Return the verdict on a row.
 
     An answer is nonsense if a number is missing, for those that are not finite are no numbers, if energy or
     constraints are off by more than ``nonsense_factor`` times their bounds, or if theory knows of no answer.
     It is right if nothing exceeds its bound. A failure is clear if it tells when.
     """
-    if run.status in _ENDED:
-        return _ENDED[run.status]
-    if run.status == "unsupported":
+    if row["status"] in _ENDED:
+        return _ENDED[row["status"]]
+    if row["status"] == "unsupported":
         return Verdict.REFUSED
-    if not run.ok:
-        return Verdict.FAILED if _TIME.search(run.reason) else Verdict.FAILED_OBSCURELY
-    if wanted == "refusal" or any(name not in run.values for name in JUDGED):
+    if row["status"] != "ok":
+        return Verdict.FAILED if _TIME.search(row["reason"]) else Verdict.FAILED_OBSCURELY
+    excess = {name: row[name] / row[f"{name}_bound"] for name in JUDGED}
+    if row["wanted"] == "refusal" or any(map(math.isnan, excess.values())):
         return Verdict.NONSENSE
-    excess = {name: run.values[name] / run.values[f"{name}_bound"] for name in JUDGED}
-    if max(excess[ENERGY], excess[CONSTRAINT]) > run.values["nonsense_factor"]:
+    if max(excess[ENERGY], excess[CONSTRAINT]) > row["nonsense_factor"]:
         return Verdict.NONSENSE
     return Verdict.RIGHT if max(excess.values()) <= 1 else Verdict.INACCURATE
 
 
-def answers(results: Results) -> list[Answer]:
-    """Return the study's runs with their words, by the place of their cases in the gallery."""
-    text = (results.folder / "rows.jsonl").read_text(encoding="utf-8")
-    rows = [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
-    words = {
-        row["case"]: {name: value for name, value in row.items() if isinstance(value, str)} for row in rows
-    }
-    found = [Answer(run, words[run.case]) for run in results.runs]
-    return sorted(found, key=lambda answer: answer.run.values["place"])
+def _as_wanted(row: Row) -> bool:
+    verdict, wanted = row["verdict"], row["wanted"]
+    if wanted == "refusal":
+        return verdict in (Verdict.REFUSED, Verdict.FAILED)
+    if wanted == "stop" and verdict is Verdict.FAILED:
+        return bool(abs(_told_time(row["reason"]) - row["stop_s"]) <= row["step_s"] * (1 + TOLD))
+    return verdict is Verdict.RIGHT or (wanted == "answer or word" and verdict is Verdict.FAILED)
 
 
-def cases(found: Sequence[Answer]) -> dict[str, dict[Name, Answer]]:
-    """Return the answers by case, in the gallery's order, and by engine and arm."""
-    out: dict[str, dict[Name, Answer]] = {}
-    for answer in found:
-        out.setdefault(answer.run.scene, {})[answer.run.name] = answer
-    return out
+def _told_time(reason: str) -> float:
+    time = _TIME.search(reason)
+    return float(time[0].removeprefix("t = ").removesuffix(" s")) if time else math.inf
+
+
+def _worst(row: Row) -> str | None:
+    excess = {name: row[name] / row[f"{name}_bound"] for name in JUDGED if not math.isnan(row[name])}
+    return max(excess, key=excess.__getitem__, default=None)

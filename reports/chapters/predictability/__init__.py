@@ -1,1 +1,130 @@
-"""The chapter of the predictability study."""
+"""The predictability study on the page: horizons, exponents, ensembles past the horizon, pictures."""
+
+from collections.abc import Iterator, Mapping
+
+import pandas as pd
+
+from reports.chapters.predictability import comparison, data, figures, findings, tables
+from reports.parts import Figure, Section
+from reports.results import Results
+
+STUDY = "predictability"
+TITLE = "Predictability"
+INTRODUCTION = (
+    "A mechanism with clearance can be chaotic: what is too small to be measured at the start decides where "
+    "the slider is a few revolutions later. Up to a scene's horizon engines are compared moment by moment, "
+    "in the other chapters; past it only distributions can agree. They are compared here, over ensembles "
+    "whose starts differ by 1e-6 to 1e-4 rad."
+)
+
+
+def sections(results: Results) -> list[Section]:
+    """Return the sections of the study."""
+    rows = data.prepared(results.rows)
+    return [
+        *_horizons(results, data.horizons(rows)),
+        *_exponents(data.exponents(rows)),
+        *(_ensembles(results, scene, by_label) for scene, by_label in data.ensembles(rows).items()),
+        *_pictures(results, rows),
+        _failures(rows),
+    ]
+
+
+def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
+    if rows.empty:
+        return
+    figure = Figure(
+        "predictability-growth",
+        "How twins of the reference part from it",
+        "Distance of the slider from the reference's, the largest up to each time. Black: started at crank "
+        "angles moved by half to twice 1e-10 rad to either side (median, and all in grey); blue, dashed: the "
+        "same start at half of a fine step. Diamonds mark the median horizon of a tolerance (dotted lines), "
+        "bars reach from the first to the last twin; a bar without a diamond ends with the run.",
+        f"{len(rows)} logarithmic panels over time, one per scene: {', '.join(rows['scene'])}. "
+        "Distances of perturbed and step-halved twins, with horizons at 1 nm, 1 µm and 100 µm.",
+        figures.growth(results, rows),
+    )
+    yield Section.of("horizons", "Horizons", findings.horizons(rows), [figure], [tables.horizons(rows)])
+
+
+def _exponents(by_scene: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
+    if not by_scene:
+        return
+    method = (
+        "Benettin's method: a companion 1e-12 m beside the run is put back along the same direction before "
+        "it is a hundredth of the clearance away. Both go through their own impacts, and the companion is "
+        "put back at moments when all pins of both fly free, so that no impact lies between them and no "
+        "saltation matrix is needed."
+    )
+    figure = Figure(
+        "predictability-exponents",
+        "Finite-time Lyapunov exponents",
+        "Open markers are starts, filled ones with bars their mean and its 95 % interval. The intervals are "
+        "Student's over starts, since growth within a run is correlated.",
+        f"A line per scene: {', '.join(by_scene)}. Exponents per revolution of several starts.",
+        figures.exponents(by_scene),
+    )
+    text = (method, *findings.exponents(by_scene))
+    yield Section.of("exponents", "Lyapunov exponents", text, [figure], [tables.exponents(by_scene)])
+
+
+def _ensembles(results: Results, scene: str, by_label: data.Ensembles) -> Section:
+    names = ", ".join(by_label)
+    members = Figure(
+        f"predictability-ensembles-{scene}",
+        f"Past the horizon on {scene}",
+        "Ticks are members, markers with bars their mean and its 95 % bootstrap interval over members. "
+        "The reference's ensembles are repeats of one another, or another engine's model twin.",
+        f"{len(data.shown(by_label))} panels, one per quantity, a line for each of {names}.",
+        figures.distributions(by_label),
+    )
+    phases = None
+    if data.compared(by_label):
+        phases = Figure(
+            f"predictability-phases-{scene}",
+            f"Impacts by crank angle on {scene}",
+            "Impacts per revolution by the crank angle at touch, each engine beside its model twin: "
+            "means over members with 95 % bootstrap intervals.",
+            f"A panel for each engine with its model twin over the crank angle: {names}.",
+            figures.phases(results, by_label),
+        )
+    alarms = comparison.alarms(by_label)
+    return Section.of(
+        f"ensembles-{scene}",
+        f"Ensembles on {scene}",
+        findings.ensembles(by_label, scene, alarms),
+        (members, phases),
+        (
+            tables.means(by_label, scene),
+            comparison.compared(by_label, scene),
+            comparison.false_alarm_table(alarms, scene) if alarms else None,
+        ),
+    )
+
+
+def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
+    swept = {data.CLEARANCES: "the clearance", data.SPEEDS: "the speed of the crank"}
+    drawn = [
+        Figure(
+            f"predictability-{part.replace(' ', '-')}",
+            f"What the pin does {part}",
+            "Set R by the reference, after a transient: the pin's height in its bearing whenever "
+            "the crank is at 90°, one point per revolution, so that few points are a periodic motion "
+            "and a smear is chaos; and crank angle and speed of every impact. Where the pin stays in "
+            "contact there are no impacts. The clearance against the speed is 0.1 mm.",
+            f"Three panels of points over {words}: the pin's height at 90 degrees, the crank angle "
+            "at impact, the impact speed.",
+            figures.picture(results, points, part),
+        )
+        for part, words in swept.items()
+        if len(points := data.points(rows, part))
+    ]
+    if drawn:
+        text = findings.pictures(results, data.points(rows, data.CLEARANCES))
+        yield Section.of("pictures", "From periodic to chaotic", text, drawn)
+
+
+def _failures(rows: pd.DataFrame) -> Section:
+    table = tables.failures(rows)
+    text = f"{(rows['status'] != 'ok').sum()} of {len(rows)} runs did not finish."
+    return Section.of("failures", "Runs that did not finish", [text], tables=[table])

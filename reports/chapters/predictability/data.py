@@ -3,16 +3,20 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
-from reports.results import FloatArray, Run
-from reports.style import Name, ordered
+from reports.quantities import finished
+from reports.results import FloatArray, with_columns
+from reports.style import legend_place
 
-#: The arms that are no ensembles, as the study names them.
+#: The parts that are no ensembles, as the study names them.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
 CLEARANCES, SPEEDS = "against clearance", "against crank speed"
+NO_ENSEMBLES = (HORIZON, EXPONENT, CLEARANCES, SPEEDS)
 #: The reference's ensembles of a scene's own law; the first has the engines' starts.
-OWN = ("scene's law", "other starts", "half the step")
-REFERENCE = "reference"
+OWN = ("reference (scene's law)", "reference (other starts)", "reference (half the step)")
+#: How the labels of its ensembles of another engine's law begin; that engine's label follows.
+TWIN_OF = "reference (twin of "
 PER_REVOLUTION = "lyapunov_exponent_per_revolution"
 
 #: Tolerances in the names of columns, and in m.
@@ -32,80 +36,83 @@ QUANTITIES = {
 FACTORS = {"slider_deviation_m": 1e3}
 ABSOLUTE = ("impact_phase_cosine", "impact_phase_sine")
 
-
-def horizons(runs: Sequence[Run]) -> list[Run]:
-    """Return the finished run of each scene that followed it the longest."""
-    longest: dict[str, Run] = {}
-    for run in runs:
-        if run.ok and run.arm == HORIZON:
-            known = longest.get(run.scene)
-            if known is None or run.values["end_time_s"] > known.values["end_time_s"]:
-                longest[run.scene] = run
-    return [longest[scene] for scene in sorted(longest)]
+#: The members of each label on one scene, in the order of legends.
+Ensembles = dict[str, pd.DataFrame]
 
 
-def exponents(runs: Sequence[Run]) -> dict[str, list[Run]]:
+def prepared(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows labelled by their part, with every column that the chapter looks for.
+
+    Labels are in the order of legends.
+    """
+    plain = rows["part"].isin(NO_ENSEMBLES)
+    label = rows["part"].where(~plain, rows["engine"] + " (" + rows["part"] + ")")
+    places = {of: legend_place(engine, of) for engine, of in zip(rows["engine"], label, strict=True)}
+    rows = rows.assign(label=pd.Categorical(label, sorted(places, key=places.__getitem__), ordered=True))
+    kinds = ("{}", "{}_least", "{}_largest", "halved_{}")
+    horizons = [f"horizon_{kind.format(tolerance)}_s" for tolerance in TOLERANCES for kind in kinds]
+    return with_columns(
+        rows,
+        *("start_moved_rad", "revolutions", "radial_clearance_m", "crank_speed_rad_s", PER_REVOLUTION),
+        *QUANTITIES,
+        *horizons,
+    )
+
+
+def horizons(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the finished row of each scene that followed it the longest."""
+    rows = finished(rows[rows["part"] == HORIZON])
+    longest = rows.sort_values("end_time_s", ascending=False, kind="stable").drop_duplicates("scene")
+    return longest.sort_values("scene")
+
+
+def exponents(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the finished starts of each scene."""
-    found = [run for run in runs if run.ok and run.arm == EXPONENT]
-    return {scene: [run for run in found if run.scene == scene] for scene in sorted({r.scene for r in found})}
+    return dict(iter(finished(rows[rows["part"] == EXPONENT]).groupby("scene")))
 
 
-def measured(starts: Sequence[Run]) -> FloatArray:
+def measured(starts: pd.DataFrame) -> FloatArray:
     """Return the exponents per revolution of the starts that have one, (n,)."""
-    return np.array([run.values[PER_REVOLUTION] for run in starts if PER_REVOLUTION in run.values])
+    return np.asarray(starts[PER_REVOLUTION].dropna())
 
 
-Ensembles = dict[Name, list[Run]]
-
-
-def ensembles(runs: Sequence[Run]) -> dict[str, Ensembles]:
-    """Return the finished members of each engine and arm on each scene, in the order of their starts.
+def ensembles(rows: pd.DataFrame) -> dict[str, Ensembles]:
+    """Return the finished members of each label on each scene, in the order of their starts.
 
     That order decides which members a resample picks, so it must not depend on keys of cases.
     """
-    members = [run for run in runs if run.ok and run.arm not in (HORIZON, EXPONENT, CLEARANCES, SPEEDS)]
-    members.sort(key=lambda run: run.values["start_moved_rad"])
+    members = finished(rows[~rows["part"].isin(NO_ENSEMBLES)])
+    members = members.sort_values("start_moved_rad", kind="stable")
     return {
-        scene: {
-            name: [run for run in members if (run.scene, run.name) == (scene, name)]
-            for name in ordered(run.name for run in members if run.scene == scene)
-        }
-        for scene in sorted({run.scene for run in members})
+        scene: dict(iter(of_scene.groupby("label", observed=True)))
+        for scene, of_scene in members.groupby("scene")
     }
 
 
-def twin_of(name: Name, found: Ensembles) -> Name | None:
-    """Return the ensemble of an engine's model twin, None if there is none.
+def compared(by_label: Ensembles) -> list[tuple[str, str]]:
+    """Return the labels of every ensemble and of its model twin's; the reference's own repeats have none.
 
-    It has other starts than the engine's, so that the two are independent from the beginning.
+    The twin's has other starts than the engine's, so that the two are independent from the beginning.
     """
-    own, same_law = (REFERENCE, f"twin of {name[0]} ({name[1]})"), (REFERENCE, OWN[1])
-    return next((twin for twin in (own, same_law) if twin in found), None)
+    pairs = []
+    for label in by_label:
+        twin = next((twin for twin in (f"{TWIN_OF}{label})", OWN[1]) if twin in by_label), None)
+        if twin and label not in OWN and not label.startswith(TWIN_OF):
+            pairs.append((label, twin))
+    return pairs
 
 
-def compared(found: Ensembles) -> list[tuple[Name, Name]]:
-    """Return every arm's ensemble with that of its model twin; the reference's own repeats are no arms."""
-    arms = [(engine, arm) for engine, arm in found if engine != REFERENCE or not _own(arm)]
-    pairs = [(name, twin_of(name, found)) for name in arms]
-    return [(name, twin) for name, twin in pairs if twin is not None]
-
-
-def _own(arm: str) -> bool:
-    return arm in OWN or arm.startswith("twin of ")
-
-
-def shown(found: Ensembles) -> list[str]:
+def shown(by_label: Ensembles) -> list[str]:
     """Return the quantities that every member of a scene has."""
-    members = [run for runs in found.values() for run in runs]
-    return [name for name in QUANTITIES if all(name in run.values for run in members)]
+    return [name for name in QUANTITIES if all(members[name].notna().all() for members in by_label.values())]
 
 
-def matrix(members: Sequence[Run], quantities: Sequence[str]) -> FloatArray:
+def matrix(members: pd.DataFrame, quantities: Sequence[str]) -> FloatArray:
     """Return the quantities of members in the units of their words, (n, k)."""
-    return np.array([[run.values[name] * FACTORS.get(name, 1.0) for name in quantities] for run in members])
+    factors = [FACTORS.get(name, 1.0) for name in quantities]
+    return np.ascontiguousarray(members[list(quantities)].to_numpy() * factors)
 
 
-def points(runs: Sequence[Run], arm: str) -> list[Run]:
+def points(rows: pd.DataFrame, part: str) -> pd.DataFrame:
     """Return the finished points of a picture, by clearance and speed."""
-    found = [run for run in runs if run.ok and run.arm == arm]
-    return sorted(found, key=lambda r: (r.values["radial_clearance_m"], r.values["crank_speed_rad_s"]))
+    return finished(rows[rows["part"] == part]).sort_values(["radial_clearance_m", "crank_speed_rad_s"])

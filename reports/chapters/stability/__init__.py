@@ -1,1 +1,140 @@
-"""The chapter of the stability study."""
+"""The stability study on the page: maps of verdicts, and the scalar problem held against theory."""
+
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+from reports.chapters.stability import map_cells, tables
+from reports.chapters.stability.map_cells import VARIED, cells, dampings_of, limits_of, map_rows
+from reports.chapters.stability.maps import verdict_map
+from reports.chapters.stability.tables import span
+from reports.parts import Figure, Section, stated
+from reports.results import Results
+from reports.shared_tables import settings_table
+from reports.style import ENGINES, labels
+from reports.tables import in_text
+
+STUDY = "stability"
+TITLE = "Stability"
+INTRODUCTION = (
+    "Where does each solver stop being trustworthy? The literature's crank-slider with clearance at the "
+    "rod-slider pin and a lossless Hertz contact is run through its first impacts at steps from harmless to "
+    "absurd, while contact stiffness, clearance or crank speed varies, and every run gets a verdict from its "
+    "trajectory alone. Theory knows a limit for a fixed explicit step h on a contact of frequency ω: "
+    "ωh = 2.828 for RK4, h = 0.702 durations of the contact, and ωh = 2 for semi-implicit Euler, 0.496 "
+    "durations. Implicit methods, and those that choose their steps, have none. A mass on a contact's "
+    "spring shows whether the engines' methods are what theory takes them for."
+)
+#: What the scalar problem must recover of theory.
+WITHIN = 0.01
+
+
+def sections(results: Results) -> list[Section]:
+    """Return the sections of the study."""
+    rows = map_cells.prepared(results.rows)
+    maps = [varied for varied in VARIED if len(cells(rows, varied))]
+    return [*_scalar(rows), *(_map(rows, varied) for varied in maps), *_boundaries(rows, maps)]
+
+
+def _scalar(rows: pd.DataFrame) -> Iterator[Section]:
+    shown = (tables.limits(limits_of(rows)), tables.dampings(dampings_of(rows)))
+    if any(shown):
+        yield Section.of("scalar", "A mass on a contact", recovered(rows), tables=shown)
+
+
+def _map(rows: pd.DataFrame, varied: str) -> Section:
+    rows = cells(rows, varied)
+    what = VARIED[varied][0]
+    name = what.replace(" ", "-")
+    figure = Figure(
+        f"stability-{name}",
+        f"Verdicts over the step and the {what}",
+        "A cell is a run, dark is bad. Right of the black line the step is beyond the limit of theory at the "
+        "deepest point of the first impact. G: the energy balance gains more than its bound; I: any bound is "
+        "exceeded otherwise; D: the engine gave up, a number is not finite or the mechanism came apart.",
+        f"Maps of verdicts over the step and the {what}, logarithmic, one panel each for "
+        f"{', '.join(labels(rows))}.",
+        verdict_map(rows, varied),
+    )
+    return Section.of(name, f"Step and {what}", begun(rows, varied), [figure])
+
+
+def _boundaries(rows: pd.DataFrame, maps: Sequence[str]) -> Iterator[Section]:
+    if maps:
+        shown = (tables.boundaries(rows), settings_table(rows, STUDY))
+        yield Section.of("boundaries", "The boundaries", verdicts(rows), tables=shown)
+
+
+def recovered(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield the sentences on the scalar problem."""
+    limits, dampings = limits_of(rows), dampings_of(rows)
+    known = limits["limit_frequency_step"].notna()
+    leading = dampings["leading_energy_loss_per_step"].notna()
+    for what, of in (
+        ("limits of stability", limits[known]),
+        ("losses of energy per step", dampings[leading]),
+    ):
+        if len(of):
+            worst = of["relative_difference"].fillna(1.0).abs().max()
+            off = f"the worst off by {in_text(worst)} of its value"
+            yield stated(f"All {len(of)} {what} that theory knows are recovered, {off}.", worst <= WITHIN)
+    unlimited = limits[~known & limits["engine"].isin(ENGINES)]  # theory was not asked about others
+    if len(unlimited):
+        text = f"Where theory knows no limit none was found up to ωh = 64: {', '.join(labels(unlimited))}."
+        yield stated(text, bool(unlimited["measured_limit_frequency_step"].isna().all()))
+
+
+def begun(rows: pd.DataFrame, varied: str) -> Iterator[str]:
+    """Yield the sentences on a map: who never grows, and where others begin to grow and to diverge."""
+    grows = rows.groupby("label", observed=True)["grows"].any()
+    if not grows.all():
+        calm = ", ".join(grows.index[~grows])
+        yield f"No run of {calm} gains energy beyond its bound or diverges, at any step."
+    for label, arm in rows.groupby("label", observed=True):
+        multiples = map_rows(arm, varied) / map_cells.limit_of(arm)
+        growth, divergence = multiples["growth"].dropna(), multiples["divergence"].dropna()
+        if len(growth):
+            text = f"{label}: energy grows from {span(growth)} times theory's limit on"
+            yield text + (f", runs diverge from {span(divergence)} times it on." if len(divergence) else ".")
+
+
+def verdicts(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield the sentences on all maps: what accurate means, and that no limit is no promise."""
+    in_maps = pd.concat([cells(rows, varied) for varied in VARIED])
+    yield _honest(in_maps)
+    # Methods of fixed step that have no limit on a spring, and gain energy here.
+    fixed = in_maps[in_maps["label"].isin(dampings_of(rows)["label"])]
+    free = fixed[fixed["limit_frequency_step"].isna()]
+    if free["grows"].any():
+        yield (
+            f"Theory knows no limit for {', '.join(labels(free))}, yet {free['grows'].sum()} of their "
+            f"{len(free)} runs gain energy beyond its bound or diverge: stable on a spring is not stable "
+            "on a contact that begins and ends."
+        )
+
+
+def _honest(rows: pd.DataFrame) -> str:
+    """Return what accurate means, checked on every cell that is called so."""
+    called, bounds = rows[rows["severity"] == 0], rows.iloc[0]
+    energy, gap, place = (
+        bounds[f"{what}_bound_per_{of}"]
+        for what, of in (("energy", "impact"), ("constraint", "clearance"), ("position", "clearance"))
+    )
+    within = {
+        "energy_gain_per_impact": energy,
+        "energy_loss_per_impact": energy,
+        "constraint_violation_per_clearance": gap,
+        "position_error_per_clearance": place,
+    }
+    # A number that is missing, for it was not finite, is within no bound.
+    held = (
+        called.reindex(columns=list(within)).le(pd.Series(within)).all(axis=None)
+        and (called["status"] == "ok").all()
+    )
+    return stated(
+        f"{len(called)} of {len(rows)} runs are called accurate: in each of them all numbers are finite, the "
+        f"energy balance holds within {energy:.0%} of the first impact's energy, the ideal joints within "
+        f"{gap:.0%} of the clearance and, through {bounds['compared_impacts']:.0f} impacts, the slider's "
+        f"position within {place:.0%} of it.",
+        bool(held),
+    )

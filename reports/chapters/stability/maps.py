@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure as Drawing
@@ -13,9 +14,9 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import NullLocator
 
-from reports.chapters.stability.cells import REFUSED, VARIED, VERDICTS, arms, cells, limit_of, severity
-from reports.results import FloatArray, Run
-from reports.style import BLACK, ENGINES, WIDTH_IN, label, title
+from reports.chapters.stability.map_cells import REFUSED, VARIED, VERDICTS, limit_of
+from reports.results import FloatArray
+from reports.style import BLACK, ENGINES, WIDTH_IN, axis_label
 
 #: Colour and letter of each verdict. Lightness falls with severity, so that greyscale keeps the order; what
 #: was refused is no worse than anything, so white and hatched.
@@ -32,36 +33,31 @@ DARK = 3
 ACROSS = 3
 
 
-def verdict_map(runs: Sequence[Run], varied: str) -> Drawing:
-    """Return the figure of one map, with theory's limit where the arm has one."""
-    here = cells(runs, varied)
-    names = arms(here)
-    down = math.ceil(len(names) / ACROSS)
+def verdict_map(rows: pd.DataFrame, varied: str) -> Drawing:
+    """Return the figure of one map from its cells, with theory's limit where the arm has one."""
+    arms = list(rows.groupby("label", observed=True))
+    down = math.ceil(len(arms) / ACROSS)
     drawing = Drawing(figsize=(WIDTH_IN, 1.95 * down + 0.8))
-    steps = np.array(sorted({run.step_s for run in here}))
-    values = np.array(sorted({run.values[varied] for run in here}))
-    for place, name in enumerate(names):
+    steps, values = (np.unique(rows[name]) for name in ("step_s", varied))
+    for place, (label, arm) in enumerate(arms):
         ax = drawing.add_subplot(down, ACROSS, place + 1)
-        mine = [run for run in here if run.name == name]
-        _cells(ax, mine, varied, steps, values)
-        limit = limit_of(mine)
-        if limit is not None:
-            _theory(ax, mine, varied, limit)
-        unlimited = "no limit" if name[0] in ENGINES else "limit unknown"
-        ax.set_title(f"{title(name)}\n" + (f"limit ωh = {limit:.3g}" if limit else unlimited), fontsize=8)
-        _axes(ax, varied, values, bottom=place + ACROSS >= len(names), left=place % ACROSS == 0)
-    _legend(drawing, sorted({severity(run) for run in here}))
+        _cells(ax, arm, varied, steps, values)
+        limit, theory = limit_of(arm), "no limit" if arm["engine"].iloc[0] in ENGINES else "limit unknown"
+        if not math.isnan(limit):
+            _theory(ax, arm, varied, limit)
+            theory = f"limit ωh = {limit:.3g}"
+        ax.set_title(f"{label}\n{theory}", fontsize=8)
+        _axes(ax, varied, values, bottom=place + ACROSS >= len(arms), left=place % ACROSS == 0)
+    _legend(drawing, sorted(rows["severity"].unique()))
     return drawing
 
 
-def _cells(ax: Axes, runs: Sequence[Run], varied: str, steps: FloatArray, values: FloatArray) -> None:
-    grid = np.full((len(values), len(steps)), np.nan)
-    for run in runs:
-        row, column = np.searchsorted(values, run.values[varied]), np.searchsorted(steps, run.step_s)
-        grid[row, column] = severity(run)
+def _cells(ax: Axes, arm: pd.DataFrame, varied: str, steps: FloatArray, values: FloatArray) -> None:
+    """Draw an arm's cells: ``steps`` (n,) across and ``values`` (m,) of what varies up."""
+    grid = arm.pivot_table(index=varied, columns="step_s", values="severity", aggfunc="last")
+    grid = grid.reindex(index=values, columns=steps).to_numpy(dtype=float)
     colours = ListedColormap([colour for colour, _ in LOOKS])
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log")
     ax.grid(False)
     ax.pcolormesh(
         _edges(steps),
@@ -74,12 +70,12 @@ def _cells(ax: Axes, runs: Sequence[Run], varied: str, steps: FloatArray, values
         linewidth=0.4,
     )
     size = 7.0 if len(steps) <= 8 else 4.5
-    for (row, column), found in np.ndenumerate(grid):
-        if math.isnan(found):
+    for (row, column), severity in np.ndenumerate(grid):
+        if math.isnan(severity):
             continue
-        colour = "white" if DARK <= found < REFUSED else BLACK
+        colour = "white" if DARK <= severity < REFUSED else BLACK
         place: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size, "color": colour}
-        ax.text(steps[column], values[row], LOOKS[int(found)][1], **place)
+        ax.text(steps[column], values[row], LOOKS[int(severity)][1], **place)
 
 
 def _edges(centres: FloatArray) -> FloatArray:
@@ -90,19 +86,18 @@ def _edges(centres: FloatArray) -> FloatArray:
     return np.asarray(np.exp(np.concatenate([[logs[0] - gaps[0] / 2], inner, [logs[-1] + gaps[-1] / 2]])))
 
 
-def _theory(ax: Axes, runs: Sequence[Run], varied: str, limit: float) -> None:
+def _theory(ax: Axes, arm: pd.DataFrame, varied: str, limit: float) -> None:
     """Draw the step at which omega h is the limit, omega the first impact's, across all rows."""
-    frequency = {run.values[varied]: run.values["impact_frequency_rad_s"] for run in runs}
-    values = np.array(sorted(frequency))
-    logs = np.log([limit / frequency[value] for value in values])
+    frequency = arm.groupby(varied)["impact_frequency_rad_s"].last()
+    values = frequency.index.to_numpy()
+    logs = np.log(limit / frequency.to_numpy())
     ends = _edges(values)[[0, -1]]
     slope = np.gradient(logs, np.log(values)) if len(values) > 1 else np.zeros(1)
     first = logs[0] + slope[0] * np.log(ends[0] / values[0])
     last = logs[-1] + slope[-1] * np.log(ends[1] / values[-1])
     bounds = ax.get_xlim(), ax.get_ylim()
     ax.plot(np.exp([first, *logs, last]), [ends[0], *values, ends[1]], **_LINE)
-    ax.set_xlim(bounds[0])
-    ax.set_ylim(bounds[1])
+    ax.set(xlim=bounds[0], ylim=bounds[1])
 
 
 #: Theory's line, seen on light cells and dark ones.
@@ -123,7 +118,7 @@ def _axes(ax: Axes, varied: str, values: FloatArray, *, bottom: bool, left: bool
     if left:
         ax.set_ylabel(f"{name} [{unit}]", fontsize=8)
     if bottom:
-        ax.set_xlabel(label("step_s"))
+        ax.set_xlabel(axis_label("step_s"))
     else:
         ax.set_xticklabels([])
 
@@ -136,12 +131,12 @@ def _short(value: float) -> str:
     return f"${digits}\\cdot 10^{{{int(power)}}}$"
 
 
-def _legend(drawing: Drawing, found: Sequence[int]) -> None:
+def _legend(drawing: Drawing, severities: Sequence[int]) -> None:
     handles: list[Patch | Line2D] = [
         Patch(
             facecolor=LOOKS[k][0], edgecolor="#595959", linewidth=0.5, label=f"{LOOKS[k][1]}  {VERDICTS[k]}"
         )
-        for k in found
+        for k in severities
     ]
     handles.append(Line2D([], [], label="theory: the limit at the first impact", **_LINE))
     drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=7.5)

@@ -1,84 +1,76 @@
 """The figures of the work-precision study."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
+from typing import Any
 
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from reports.equal_error import Rung, front, rungs
+from reports.equal_error import front, ladders
 from reports.parts import Figure
 from reports.plots.step_figures import engine_legend, grid
-from reports.quantities import Quantity
-from reports.results import Run
-from reports.style import GREY, label, line_style, ordered, words
+from reports.style import GREY, axis_label, line_styles, words
 
 
-def figures(kind: str, runs: Sequence[Run], scenes: Sequence[str], quantity: Quantity) -> list[Figure]:
-    """Return errors of a quantity against run time and against steps, a panel per scene that has any."""
-    scenes = [scene for scene in scenes if rungs(runs, scene, quantity, quantity.floor(runs, scene))]
-    if not scenes:
-        return []
-    name, unit = words(quantity.name)
-    file = quantity.name.removesuffix(f"_{quantity.name.split('_')[-1]}").replace("_", "-")
-    time = Figure(
+def figures(kind: str, rows: pd.DataFrame, column: str) -> Iterator[Figure]:
+    """Yield errors of a column against run time and against steps, a panel per scene that has any."""
+    if not ladders(rows, column):
+        return
+    name, unit = words(column)
+    file = column.removesuffix(f"_{column.split('_')[-1]}").replace("_", "-")
+    yield Figure(
         f"work-precision-{kind}-{file}-time",
         f"{name.capitalize()} against run time",
         "Down and to the left is better. The grey line is the front: what no engine beats in both error and "
         "time. The band is the truth's own uncertainty. Bars are the range of the rounds.",
         f"{name} in {unit} against run time in s, log-log, one panel per scene, one line per engine and arm",
-        drawing(runs, scenes, quantity, against_time=True),
+        drawing(rows, column, against_time=True),
     )
-    steps = Figure(
+    yield Figure(
         f"work-precision-{kind}-{file}-steps",
         f"{name.capitalize()} against steps",
         "The same errors against the number of steps, whatever a step costs.",
         f"{name} in {unit} against steps, log-log, one panel per scene, one line per engine and arm",
-        drawing(runs, scenes, quantity, against_time=False),
+        drawing(rows, column, against_time=False),
     )
-    return [time, steps]
 
 
-def drawing(runs: Sequence[Run], scenes: Sequence[str], quantity: Quantity, against_time: bool) -> Drawing:
-    """Return the figure of one quantity."""
-    figure, axes = grid(len(scenes), height_in=3.0)
-    names = ordered(run.name for run in runs)
-    for ax, scene in zip(axes, scenes, strict=True):
-        floor = quantity.floor(runs, scene)
-        found = rungs(runs, scene, quantity, floor)
-        for name in names:
-            _line(ax, [rung for rung in found if rung.name == name], against_time, line_style(name, names))
-        if against_time and found:
-            best = front(found)
+def drawing(rows: pd.DataFrame, column: str, against_time: bool) -> Drawing:
+    """Return the figure of one column of errors."""
+    by_scene = ladders(rows, column)
+    figure, axes = grid(len(by_scene), height_in=3.0)
+    styles = line_styles(rows)
+    for ax, (scene, (rungs, floor)) in zip(axes, by_scene.items(), strict=True):
+        for label, ladder in rungs.groupby("label", observed=True):
+            _line(ax, ladder, against_time, styles[label])
+        if against_time:
+            best = front(rungs)
             ax.plot(
-                [rung.time_s for rung in best],
-                [rung.error for rung in best],
+                best["time_s"],
+                best["error"],
                 color=GREY,
                 linewidth=5,
                 alpha=0.35,
                 zorder=0.7,
                 drawstyle="steps-post",
             )
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        if floor and found:
-            ax.axhspan(min(rung.error for rung in found) / 3, floor, color=GREY, alpha=0.3, linewidth=0)
-            ax.set_ylim(bottom=min(rung.error for rung in found) / 3)
-        ax.set_xlabel(label("solve_time_s") if against_time else "steps")
-        ax.set_ylabel(label(quantity.name))
-        ax.set_title(scene)
-    engine_legend(figure, names, failures=False)
+        ax.set(xscale="log", yscale="log")
+        if floor:
+            bottom = rungs["error"].min() / 3
+            ax.axhspan(bottom, floor, color=GREY, alpha=0.3, linewidth=0)
+            ax.set_ylim(bottom=bottom)
+        work = axis_label("solve_time_s") if against_time else "steps"
+        ax.set(xlabel=work, ylabel=axis_label(column), title=scene)
+    engine_legend(figure, rows, failures=False)
     return figure
 
 
-def _line(ax: Axes, of: Sequence[Rung], against_time: bool, style: dict[str, object]) -> None:
-    if not of:
-        return
-    of = sorted(of, key=lambda rung: rung.time_s if against_time else rung.steps)
-    errors = [rung.error for rung in of]
+def _line(ax: Axes, ladder: pd.DataFrame, against_time: bool, style: dict[str, Any]) -> None:
+    ladder = ladder.sort_values("time_s" if against_time else "steps", kind="stable")
     if not against_time:
-        ax.plot([rung.steps for rung in of], errors, **style)  # type: ignore[arg-type]
+        ax.plot(ladder["steps"], ladder["error"], **style)
         return
-    times = [rung.time_s for rung in of]
-    below = [rung.time_s - min(rung.times_s) for rung in of]
-    above = [max(rung.times_s) - rung.time_s for rung in of]
-    ax.errorbar(times, errors, xerr=[below, above], elinewidth=0.7, **style)  # type: ignore[arg-type]
+    below = ladder["time_s"] - ladder["times_s"].map(min)
+    above = ladder["times_s"].map(max) - ladder["time_s"]
+    ax.errorbar(ladder["time_s"], ladder["error"], xerr=[below, above], elinewidth=0.7, **style)

@@ -1,14 +1,18 @@
 """The tables of the work-precision study, and its sentences on the reference's place."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
-from reports.equal_error import Rung, duel, levels, rungs, time_at
+from reports.equal_error import duel, ladders, levels, time_at
 from reports.parts import Table
-from reports.quantities import Quantity
-from reports.results import Run
-from reports.style import ordered, words
+from reports.quantities import finished
+from reports.results import FloatArray
+from reports.shared_tables import failures_table, head
+from reports.style import words
 from reports.tables import ABSENT, in_text, number
 
 REFERENCE = "reference"
@@ -16,126 +20,113 @@ REFERENCE = "reference"
 AIM = 0.1
 
 
-def cheapest(kind: str, runs: Sequence[Run], scenes: Sequence[str], quantity: Quantity) -> Table:
+def cheapest(kind: str, rows: pd.DataFrame, column: str) -> Table:
     """Return the run time of every engine's best arm at equal errors, and the ratio of the two cheapest."""
-    name, unit = words(quantity.name)
-    engines = list(dict.fromkeys(engine for engine, _ in ordered(run.name for run in runs)))
-    rows = []
-    for scene in scenes:
-        floor = quantity.floor(runs, scene)
-        found = rungs(runs, scene, quantity, floor)
-        of = {engine: [rung for rung in found if rung.name[0] == engine] for engine in engines}
-        for level in levels(found, floor):
-            rows.append((scene, number(level), *_times(of, level), *_ratio(of, level)))
+    name, unit = words(column)
+    engines = rows.sort_values("label")["engine"].unique().tolist()
+    cells = []
+    for scene, (rungs, floor) in ladders(rows, column).items():
+        for level in levels(rungs, floor):
+            times = _times(rungs, level)
+            shown = [f"{1e3 * times[engine]:.2g}" if engine in times else ABSENT for engine in engines]
+            cells.append((scene, number(level), *shown, *_ratio(rungs, level)))
     return Table(
-        f"work-precision-{kind}-{quantity.name.rpartition('_error')[0].replace('_', '-')}",
+        f"work-precision-{kind}-{column.rpartition('_error')[0].replace('_', '-')}",
         f"Run time at equal {name}",
         f"Run time in ms of each engine's cheapest arm at an error in {unit}, interpolated between the rungs "
         "of its ladder; a dash where it does not get there. The ratio is the second cheapest engine's time "
         "in times the cheapest's: median over the rounds, and their range. In brackets where the rounds do "
         "not agree who is cheaper.",
         ("scene", f"error [{unit}]", *engines, "cheapest", "second", "ratio"),
-        tuple(rows),
+        tuple(cells),
     )
 
 
-def _times(of: dict[str, list[Rung]], level: float) -> list[str]:
-    times = [time_at(found, level) if found else None for found in of.values()]
-    return [ABSENT if time is None else f"{1e3 * time:.2g}" for time in times]
+def _times(rungs: pd.DataFrame, level: float) -> pd.Series:
+    """Return the times in s of the engines that reach an error, cheapest first."""
+    times = {engine: time_at(ladder, level) for engine, ladder in rungs.groupby("engine")}
+    return pd.Series(times, dtype=float).dropna().sort_values()
 
 
-def _ranked(of: dict[str, list[Rung]], level: float) -> list[str]:
-    """Return the engines that reach an error, cheapest first."""
-    times = {engine: time_at(found, level) for engine, found in of.items() if found}
-    reached = {engine: time for engine, time in times.items() if time is not None}
-    return sorted(reached, key=lambda engine: reached[engine])
+def _duel(rungs: pd.DataFrame, slow: str, fast: str, level: float) -> FloatArray:
+    return duel(rungs[rungs["engine"] == slow], rungs[rungs["engine"] == fast], level)
 
 
-def _ratio(of: dict[str, list[Rung]], level: float) -> tuple[str, str, str]:
-    engines = _ranked(of, level)
-    if len(engines) < 2:
-        return engines[0] if engines else ABSENT, ABSENT, ABSENT
-    first, second = engines[:2]
-    found = duel(of[second], of[first], level)
-    if found is None:
+def _ratio(rungs: pd.DataFrame, level: float) -> tuple[str, str, str]:
+    first, second, *_ = (*list(_times(rungs, level).index), ABSENT, ABSENT)
+    ratios = np.array([math.nan]) if second == ABSENT else _duel(rungs, second, first, level)
+    if np.isnan(ratios).any():
         return first, second, ABSENT
-    text = f"{found.median:.2g} ({found.least:.2g} to {found.most:.2g})"
-    return first, second, text if found.decided else f"[{text}]"
+    text = f"{np.median(ratios):.2g} ({min(ratios):.2g} to {max(ratios):.2g})"
+    return first, second, text if (ratios > 1).all() or (ratios < 1).all() else f"[{text}]"
 
 
-def reference_against_rivals(runs: Sequence[Run], scene: str, quantity: Quantity) -> str | None:
-    """Return the reference's place on a scene in a sentence; None without a rival."""
-    floor = quantity.floor(runs, scene)
-    found = rungs(runs, scene, quantity, floor)
-    engines = {rung.name[0] for rung in found}
-    of = {engine: [rung for rung in found if rung.name[0] == engine] for engine in engines}
-    shares: list[tuple[float, float, str]] = []
-    for level in levels(found, floor):
-        rivals = [engine for engine in _ranked(of, level) if engine != REFERENCE]
-        fought = duel(of[REFERENCE], of[rivals[0]], level) if rivals and REFERENCE in of else None
-        if fought is not None:
-            shares.append((level, fought.median, rivals[0]))
-    if not shares:
-        return None
-    level, worst, rival = max(shares, key=lambda share: share[1])
-    best_level, best, best_rival = min(shares, key=lambda share: share[1])
-    name, unit = words(quantity.name)
-    wins = worst < 1
-    met = sum(share <= AIM for _, share, _ in shares)
-    return (
-        f"{scene}: at equal {name} the reference needs between {best:.2g} (at {in_text(best_level)} {unit}, "
-        f"against {best_rival}) and {worst:.2g} (at {in_text(level)} {unit}, against {rival}) of the best "
-        f"rival's run time, at most a tenth at {met} of {len(shares)} errors"
-        + (
-            "."
-            if wins
-            else f"; it is not the cheapest at {sum(share >= 1 for _, share, _ in shares)} of them."
+def reference_against_rivals(rows: pd.DataFrame, column: str) -> Iterator[str]:
+    """Yield the reference's place on each scene in a sentence, none where it has no rival."""
+    name, unit = words(column)
+    for scene, (rungs, floor) in ladders(rows, column).items():
+        shares = _shares(rungs, floor)
+        if shares.empty:
+            continue
+        best, worst = (
+            f"{row['share']:.2g} (at {in_text(row['level'])} {unit}, against {row['rival']})"
+            for row in (shares.loc[shares["share"].idxmin()], shares.loc[shares["share"].idxmax()])
         )
-    )
+        met, dearer = (shares["share"] <= AIM).sum(), (shares["share"] >= 1).sum()
+        yield (
+            f"{scene}: at equal {name} the reference needs between {best} and {worst} of the best rival's "
+            f"run time, at most a tenth at {met} of {len(shares)} errors"
+            + (f"; it is not the cheapest at {dearer} of them." if dearer else ".")
+        )
 
 
-def building(runs: Sequence[Run]) -> Table:
+def _shares(rungs: pd.DataFrame, floor: float) -> pd.DataFrame:
+    """Return the reference's run time as a share of its best rival's at each level that both reach."""
+    shares = []
+    for level in levels(rungs, floor):
+        times = _times(rungs, level)
+        rivals = times.index.drop(REFERENCE, errors="ignore")
+        if REFERENCE in times and len(rivals):
+            share = np.median(_duel(rungs, REFERENCE, rivals[0], level))
+            shares.append({"level": level, "share": share, "rival": rivals[0]})
+    return pd.DataFrame(shares, columns=["level", "share", "rival"]).dropna()
+
+
+def building(rows: pd.DataFrame) -> Table:
     """Return what building the model and reading out take, by engine and arm, over the timed runs."""
-    rows = []
-    timed = [run for run in runs if "build_time_s" in run.values]
-    for name in ordered(run.name for run in timed):
-        times = 1e3 * np.array([run.values["build_time_s"] for run in timed if run.name == name])
-        rows.append((*name, f"{np.median(times):.2g}", f"{times.min():.2g}", f"{times.max():.2g}"))
-    return Table(
+    times = 1e3 * rows["build_time_s"].dropna()
+    by_arm = times.groupby(rows["label"], observed=True).agg(["median", "min", "max"])
+    arms = rows.drop_duplicates("label").set_index("label").loc[by_arm.index]
+    return Table.of(
         "work-precision-building",
         "Building and reading out",
         "Wall time of a bare run besides the native solve, in ms, over all scenes and rungs.",
-        ("engine", "arm", "median [ms]", "least [ms]", "most [ms]"),
-        tuple(rows),
+        {
+            **head(arms, "engine", "arm"),
+            **{
+                f"{what} [ms]": by_arm[name].map("{:.2g}".format)
+                for name, what in (("median", "median"), ("min", "least"), ("max", "most"))
+            },
+        },
     )
 
 
-def compiling(runs: Sequence[Run]) -> Table | None:
+def compiling(rows: pd.DataFrame) -> Table | None:
     """Return what compiling takes, by scene and engine; None if nothing was compiled anew."""
-    timed = [run for run in runs if run.ok and "compile_time_s" in run.values]
-    rows = sorted((run.scene, run.engine, f"{run.values['compile_time_s']:.2g}") for run in timed)
-    if not rows:
+    rows = finished(rows).dropna(subset="compile_time_s").sort_values(["scene", "engine"])
+    if rows.empty:
         return None
-    return Table(
+    return Table.of(
         "work-precision-compiling",
         "Compiling",
         "Wall time in s of compiling a scene's kernels on a machine that has none; they are kept from then "
         "on. Engines that are not here bring their code compiled.",
-        ("scene", "engine", "time [s]"),
-        tuple(rows),
+        {**head(rows, "scene", "engine"), "time [s]": rows["compile_time_s"].map("{:.2g}".format)},
     )
 
 
-def failures(runs: Sequence[Run]) -> Table | None:
+def failures(rows: pd.DataFrame) -> Table | None:
     """Return the recorded runs that did not finish, with the reason; None if all did."""
-    failed = [run for run in runs if not run.ok and not run.values.keys() & {"round", "compiled_anew"}]
-    if not failed:
-        return None
-    rows = tuple((run.scene, *run.name, number(run.step_s), run.status, run.reason) for run in failed)
-    return Table(
-        "work-precision-failures",
-        "Runs that did not finish",
-        "Recorded runs of a rung that ended early, and why.",
-        ("scene", "engine", "arm", "step [s]", "status", "reason"),
-        rows,
-    )
+    recorded = rows[rows["round"].isna() & rows["compiled_anew"].isna()]
+    table = failures_table(recorded, "work-precision")
+    return table and replace(table, reading="Recorded runs of a rung that ended early, and why.")

@@ -21,7 +21,8 @@ from tests.helpers.row_files import read_rows, write_rows
 
 #: Two fingerprints.
 NEW, OLD = "0123456789abcdef", "f" * 16
-HEAD: Row = {"scene": "s", "engine": "e", "arm": "a", "step_s": 1.0, "status": "ok", "reason": ""}
+ARM: Row = {"scene": "s", "engine": "e", "arm": "a", "label": "e (a)"}
+HEAD: Row = {**ARM, "step_s": 1.0, "status": "ok", "reason": ""}
 
 
 def keep(folder: Path, *keys: str, code: str = NEW, status: str = "ok") -> None:
@@ -183,7 +184,7 @@ def test_a_row_that_is_there_twice_counts_once_and_is_told(
     file.write_bytes(once * 3)
     found = read_results(tmp_path)
     note = f"{file}: 4 rows are there twice and count once"
-    assert (len(found.runs), found.notes) == (2, (note,))
+    assert (len(found.rows), found.notes) == (2, (note,))
     assert cases_in(tmp_path) == ["a", "b"]
     assert capsys.readouterr().err == f"note: {note}\n"
     assert file.read_bytes() == once
@@ -203,7 +204,7 @@ def test_a_report_leaves_out_what_was_killed_from_outside(tmp_path: Path) -> Non
     keep(tmp_path, "a")
     keep(tmp_path, "b", status="killed from outside")
     found = read_results(tmp_path)
-    assert [run.case for run in found.runs] == ["a"]
+    assert list(found.rows["case"]) == ["a"]
     assert "1 cases were killed from outside" in found.notes[0]
 
 

@@ -1,0 +1,189 @@
+"""The clearance study on the page: every engine against its own law's solution, and the laws side by side."""
+
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+from reports.parts import Figure, Section, Table
+from reports.plots.step_figures import against_step, panels_of
+from reports.quantities import uncertainty, value, with_largest
+from reports.results import Results, with_columns
+from reports.shared_tables import (
+    CASE,
+    failures_section,
+    failures_table,
+    head,
+    orders,
+    settings_table,
+    smallest_errors,
+)
+from reports.tables import error, in_text, number
+
+STUDY = "clearance"
+TITLE = "Agreement on joints with clearance"
+INTRODUCTION = (
+    "Two engines may differ because they solve different contact laws, or because one solves its law badly. "
+    "The reference solves every engine's own law to convergence, as that engine's model twin: an engine's "
+    "distance from its twin is numerical error, its twin's distance from the scene's own law is the form of "
+    "the model. The twin is solved by DOP853 near round-off, with ten times that tolerance, by RK4, and from "
+    "starts moved by a hair; errors are the largest up to the time at which these part, past which no "
+    "pointwise error means anything. A local error is what an engine misses over one impact "
+    "when begun from the twin's state, so that one unlucky impact decides nothing."
+)
+SLIDER, MODEL_FORM = "slider_position_error_m", "slider_position_model_difference_m"
+LOCAL, CONTACT_FORCE = "local_position_error_m", "largest_contact_force_error_N"
+_GUIDES = "Both axes are logarithmic. Grey lines have the slope of the order written at their fine end"
+#: The numbers of impacts of a run, and the errors of those that have a partner, with their headings.
+IMPACT_COUNTS = ("impacts_matched", "impacts_unmatched", "impacts_missed")
+IMPACT_ERRORS = {
+    "impact_time_error_s": "time [s]",
+    "impact_speed_relative_error": "speed, relative",
+    "impact_impulse_relative_error": "impulse, relative",
+    "impact_loss_relative_error": "energy lost, relative",
+}
+IMPACT_COLUMNS = (*IMPACT_COUNTS, *IMPACT_ERRORS)
+
+
+def sections(results: Results) -> list[Section]:
+    """Return the sections of the study."""
+    rows = with_columns(results.rows, "compared_until_s", MODEL_FORM, *IMPACT_COLUMNS)
+    rows = with_largest(rows, CONTACT_FORCE, r"contact_\w_normal_force_error_N")
+    return [
+        Section.of(
+            "clearance-errors",
+            "Numerical error",
+            orders_found(rows, LOCAL),
+            (
+                _figure(rows, "slider-position", "Slider position error", SLIDER),
+                _figure(rows, "local-error", "Local error of the bodies' positions", LOCAL),
+                _figure(rows, "contact-force", "Contact force error", CONTACT_FORCE),
+            ),
+            (settings_table(rows, STUDY), smallest_table(rows, [SLIDER, LOCAL, CONTACT_FORCE])),
+        ),
+        Section.of(
+            "clearance-impacts",
+            "Impacts one by one",
+            impacts_found(rows),
+            (
+                _figure(rows, "impact-times", "Error of the times of impact", "impact_time_error_s"),
+                _figure(
+                    rows,
+                    "impact-impulses",
+                    "Error of the impulse of an impact",
+                    "impact_impulse_relative_error",
+                ),
+            ),
+            [impacts(rows)],
+        ),
+        Section.of(
+            "clearance-laws",
+            "Model form and numerical error",
+            laws_found(rows),
+            tables=[laws(rows)],
+        ),
+        failures_section(rows, failures_table(rows, STUDY), "clearance-failures"),
+    ]
+
+
+def _figure(rows: pd.DataFrame, name: str, title: str, column: str) -> Figure:
+    return Figure(
+        f"clearance-{name}",
+        title,
+        f"Against the model twin. {_GUIDES}; the grey area is the twin's own uncertainty. Of an engine that "
+        "chooses its steps it is the mean one.",
+        f"{title} against the step, log-log, one panel per scene, one line per engine and arm",
+        against_step(rows, panels_of(rows, [column])),
+    )
+
+
+def finest(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return of each arm on each scene the run with the smallest slider position error."""
+    return (
+        rows.assign(size=value(rows, SLIDER))
+        .dropna(subset="size")
+        .sort_values("size")
+        .drop_duplicates(CASE)
+        .sort_index()
+    )
+
+
+def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
+    """Return the smallest error that each arm reaches on each scene, of those that the engine can run."""
+    # Between rigid walls an error that is zero compares nothing.
+    rows = rows[rows["status"] != "unsupported"]
+    cells = smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
+    until = value(rows, "compared_until_s").groupby([rows[name] for name in CASE], sort=False).max()
+    cells.insert(len(CASE), "compared until [s]", list(until.map(number)))
+    reading = (
+        "The smallest error over the arm's ladder, against its model twin. A dash where no sample has "
+        "anything to compare: between rigid walls the contact force is an impulse, and zero "
+        "at the samples in flight."
+    )
+    return Table.of("clearance-smallest-errors", "Smallest errors", reading, cells)
+
+
+def impacts(rows: pd.DataFrame) -> Table:
+    """Return how the impacts of each arm's finest finished run match its twin's."""
+    rows = finest(rows).dropna(subset="impacts_matched")
+    return Table.of(
+        "clearance-impacts",
+        "Impacts matched one to one",
+        "The arm's most accurate run against its model twin: impacts of both that are nearest to each other, "
+        "those of the engine without a partner (unmatched), those of the twin without (missed); and the "
+        "largest errors of the matched ones, relative to the largest value.",
+        {
+            **head(rows, *CASE, "step_s"),
+            **{name.removeprefix("impacts_"): rows[name].map("{:.0f}".format) for name in IMPACT_COUNTS},
+            **{heading: rows[name].map(error) for name, heading in IMPACT_ERRORS.items()},
+        },
+    )
+
+
+def laws(rows: pd.DataFrame) -> Table:
+    """Return the distance of each arm's own law from the scene's beside its smallest numerical error."""
+    rows = finest(rows)
+    doubt = uncertainty(rows, SLIDER)
+    form = pd.Series(map(error, rows[MODEL_FORM], doubt), rows.index)
+    return Table.of(
+        "clearance-laws",
+        "Model form and numerical error",
+        "Slider position: how far the converged solution of the law that the engine solves is from that of "
+        "the scene's law, and how far the engine's most accurate run is from its own law's.",
+        {
+            **head(rows, *CASE),
+            "model form [m]": form.where(rows[MODEL_FORM].notna(), "the scene's own"),
+            "numerical error [m]": map(error, rows[SLIDER], doubt),
+        },
+    )
+
+
+def orders_found(rows: pd.DataFrame, column: str) -> Iterator[str]:
+    """Yield the observed orders of the local error in a sentence per arm."""
+    for label, by_scene in orders(rows, column).items():
+        claimed = [f"{order} on {scene}" for scene, order in by_scene.items() if order.slope]
+        if claimed:
+            yield f"{label}: local position error of order {', '.join(claimed)}."
+
+
+def impacts_found(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield which arms find every impact at their most accurate settings."""
+    rows = finest(rows).dropna(subset="impacts_matched")
+    complete = (rows["impacts_unmatched"] + rows["impacts_missed"]) == 0
+    for label, scenes in complete.groupby(rows["label"], observed=True):
+        yield (
+            f"{label}: every impact of the model twin is found, and no other, on {scenes.sum()} of "
+            f"{len(scenes)} scenes."
+        )
+
+
+def laws_found(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield, for each arm with a law of its own, which of the two differences is the larger."""
+    for label, arm in finest(rows).dropna(subset=MODEL_FORM).groupby("label", observed=True):
+        larger, most = (arm[MODEL_FORM] > arm[SLIDER]).sum(), arm[MODEL_FORM].max()
+        if most == 0:
+            yield f"{label} solves a law of its own, with the same motion on all scenes here."
+        else:
+            yield (
+                f"{label} solves a law of its own, up to {in_text(most)} m from the scene's; that "
+                f"is more than its smallest numerical error on {larger} of {len(arm)} scenes."
+            )

@@ -1,0 +1,59 @@
+"""Rows of the energy study: which are shown, how to name their steps, what is told from zero."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from reports.results import with_columns
+from reports.tables import in_text
+
+#: The end of a scene's name whose runs are longer than those under the plain name.
+LONG = "-long"
+
+
+def prepared(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with what the chapter asks of them.
+
+    ``tolerance`` is that of a method that chooses its steps, NaN of others; ``half_width`` half of the
+    confidence interval of the hidden power in W, and ``significant`` whether that leaves zero out;
+    ``has_clearance`` whether the scene has contacts, which dissipate.
+    """
+    rows = with_columns(
+        rows,
+        *("hidden_power_W", "hidden_power_low_W", "hidden_power_high_W", "mean_hidden_power_W"),
+        *("dissipated_power_W", "stabilisation_power_W", "largest_kinetic_energy_J", "driver_work_J"),
+        *("largest_numerical_gain_J", "energy_balance_residual_J", "setting_rtol", "setting_tolerance"),
+        *("constraint_violation_m", "constraint_violation_exponent"),
+        *("constraint_speed_m_s", "constraint_speed_exponent"),
+    )
+    half_width = (rows["hidden_power_high_W"] - rows["hidden_power_low_W"]) / 2
+    return rows.assign(
+        tolerance=rows["setting_rtol"].astype(float).fillna(rows["setting_tolerance"].astype(float)),
+        half_width=half_width,
+        significant=rows["hidden_power_W"].abs() > half_width,
+        has_clearance=rows["dissipated_power_W"].notna(),
+    )
+
+
+def middle_rungs(rows: pd.DataFrame) -> dict[str, float]:
+    """Return the middle one of each scene's rungs: steps or tolerances numbered from coarse to fine."""
+    rungs = rows.groupby("scene")["rung"].unique()
+    return {scene: sorted(each)[len(each) // 2] for scene, each in rungs.items()}
+
+
+def longest(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of scenes that have no longer ones beside them."""
+    return rows[~(rows["scene"] + LONG).isin(rows["scene"])]
+
+
+def at_rungs(rows: pd.DataFrame, rungs: Mapping[str, float]) -> pd.DataFrame:
+    """Return the rows at their scene's rung."""
+    return rows[rows["rung"] == rows["scene"].map(rungs)]
+
+
+def resolution(rows: pd.DataFrame) -> str:
+    """Return in words the step that engines take on a rung, and the tolerance of those that choose it."""
+    step, tolerance = rows["step_s"][rows["tolerance"].isna()].min(), rows["tolerance"].min()
+    parts = [f"a step of {in_text(step)} s"] if step == step else []
+    parts += [f"a tolerance of {in_text(tolerance)}"] if tolerance == tolerance else []
+    return " or ".join(parts)

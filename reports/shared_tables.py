@@ -1,0 +1,99 @@
+"""What several chapters show: settings, observed orders, smallest errors, and runs that did not finish."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from reports.convergence import Order, observed_order
+from reports.parts import Section, Table
+from reports.quantities import uncertainty, value
+from reports.style import axis_label, labels
+from reports.tables import ABSENT, error, number
+
+CASE = ("scene", "engine", "arm")
+
+
+def head(rows: pd.DataFrame, *columns: str) -> dict[str, pd.Series]:
+    """Return the columns that say what was run as a table has them, steps in two digits."""
+    steps = {"step_s": ("step [s]", rows["step_s"].map(number))}
+    return dict(steps.get(name, (name, rows[name])) for name in columns)
+
+
+def heading(column: str) -> str:
+    """Return the heading of a column of errors: slider position [m]."""
+    return axis_label(column).replace(" error", "")
+
+
+def orders(rows: pd.DataFrame, column: str) -> dict[str, dict[str, Order]]:
+    """Return the observed order of a column by label and scene, where a finished run has it."""
+    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column))
+    floors = rows.groupby("scene")["doubt"].max().fillna(0.0)
+    by_label: dict[str, dict[str, Order]] = {label: {} for label in labels(rows)}
+    for (label, scene), points in rows.dropna(subset="error").groupby(["label", "scene"], observed=True):
+        by_label[label][scene] = observed_order(points["mean_step_s"], points["error"], floors[scene])
+    return by_label
+
+
+def order_cells(shown: pd.DataFrame, rows: pd.DataFrame, column: str, absent: str = ABSENT) -> pd.Series:
+    """Return for each row shown the observed order of its arm on its scene over all ``rows``, as text."""
+    by_label = orders(rows, column)
+    cases = zip(shown["label"], shown["scene"], strict=True)
+    return pd.Series(
+        [str(by_label[label].get(scene, absent)) for label, scene in cases], shown.index, dtype=object
+    )
+
+
+def smallest_errors(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+    """Return the smallest error of each arm on each scene as a table has it, an arm a row."""
+    arms = rows.groupby(list(CASE), sort=False)
+    cells = [(*case, *(_smallest(arm, column) for column in columns)) for case, arm in arms]
+    return pd.DataFrame(cells, columns=[*CASE, *map(heading, columns)])
+
+
+def _smallest(rows: pd.DataFrame, column: str) -> str:
+    errors = value(rows, column).dropna()
+    return error(errors.min(), uncertainty(rows, column)[errors.idxmin()]) if len(errors) else ABSENT
+
+
+def settings_table(rows: pd.DataFrame, study: str) -> Table:
+    """Return what each arm sets; what it does not is the default of the engine's model here."""
+    names = sorted(name for name in rows if name.startswith("setting_"))
+    arms = rows.drop_duplicates("label").sort_values("label")
+    return Table.of(
+        f"{study}-settings",
+        "Engines and arms",
+        "What is not set has the default of the engine's model here, which is meant as its best practice.",
+        {
+            **head(arms, "engine", "arm"),
+            "settings": [_settings(arm.dropna()) or "the defaults" for _, arm in arms[names].iterrows()],
+        },
+    )
+
+
+def failures_table(rows: pd.DataFrame, study: str) -> Table | None:
+    """Return the runs that did not finish, with the reason; None if all did."""
+    failed = rows[rows["status"] != "ok"]
+    if failed.empty:
+        return None
+    return Table.of(
+        f"{study}-failures",
+        "Runs that did not finish",
+        "The reason is the engine's own message.",
+        head(failed, *CASE, "step_s", "status", "reason"),
+    )
+
+
+def failures_section(rows: pd.DataFrame, table: Table | None, name: str = "failures") -> Section:
+    """Return the section on runs that did not finish, with the table of them if there are any."""
+    count = (rows["status"] != "ok").sum()
+    text = f"{count} of {len(rows)} runs did not finish." if table else f"All {len(rows)} runs finished."
+    return Section.of(name, "Runs that did not finish", [text], (), [table])
+
+
+def _settings(settings: pd.Series) -> str:
+    names = settings.index.str.removeprefix("setting_")
+    return ", ".join(f"{name} = {_setting(of)}" for name, of in zip(names, settings, strict=True))
+
+
+def _setting(of: object) -> str:
+    return f"{of:.4g}" if isinstance(of, float) else str(of)
