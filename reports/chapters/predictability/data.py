@@ -7,6 +7,7 @@ import pandas as pd
 
 from reports.quantities import finished
 from reports.results import FloatArray, with_columns
+from reports.style import in_legend_order
 
 #: The arms that are no ensembles, as the study names them.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
@@ -39,7 +40,13 @@ Ensembles = dict[str, pd.DataFrame]
 
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with every column that the chapter looks for, some of which few runs have."""
+    """Return the rows with every column that the chapter looks for, some of which few runs have.
+
+    ``arm`` and ``label`` name the part that a run has in the study, where a column ``part`` tells it.
+    """
+    if "part" in rows:
+        rows = rows.assign(arm=rows["part"], label=rows["engine"] + " (" + rows["part"] + ")")
+        rows = rows.assign(label=in_legend_order(rows))
     kinds = ("{}", "{}_least", "{}_largest", "halved_{}")
     horizons = [f"horizon_{kind.format(tolerance)}_s" for tolerance in TOLERANCES for kind in kinds]
     return with_columns(
