@@ -182,19 +182,6 @@ class Engine(Protocol):
         ...
 
 
-def require_ideal(scene: Scene, engine: str) -> None:
-    """Refuse a scene with clearance, and a pendulum.
-
-    Raises:
-        UnsupportedScene: naming the joints with clearance.
-    """
-    if not scene.is_crank_slider:
-        raise UnsupportedScene(f"{engine} runs crank-sliders only, not a pendulum")
-    if scene.joints_with_clearance:
-        joints = ", ".join(scene.joints_with_clearance)
-        raise UnsupportedScene(f"{engine} has no joints with clearance yet (clearance at {joints})")
-
-
 def require_finite(trajectory: Trajectory) -> Trajectory:
     """Return the trajectory, or raise SimulationFailed naming the first time with a non-finite number."""
     n = len(trajectory.time_s)

@@ -15,6 +15,15 @@ _CLASSES = {
 ENGINES = tuple(_CLASSES)
 
 
+def engine_module(name: str) -> str:
+    """Return the import path of the module that an engine's class is in; nothing is imported.
+
+    Raises:
+        KeyError: no engine has this name.
+    """
+    return _CLASSES[name][0]
+
+
 def engine_class(name: str) -> Any:
     """Return the settings class of an engine.
 

@@ -6,26 +6,34 @@ import sys
 import numpy as np
 
 from engine_models.engine import SimulationFailed
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
+from engine_models.mechanics.joints import clearances
+from engine_models.scene.scene import Scene
 
 #: A run that needs more steps than this would take hours or more.
 MOST_STEPS = 1e10
 
 
-def require_pace(
-    scene: Scene, reached_s: float, passed_s: float, steps: int, most_steps: float = MOST_STEPS
-) -> None:
-    """Check that a run that passed so much time in its last steps comes to its end.
+class Pace:
+    """Judges every so many steps, enough to outlast any one contact, whether a run comes to its end."""
 
-    ``steps`` are to be enough of them to outlast any one contact.
+    def __init__(self, scene: Scene, outlasting: int, most_steps: float = MOST_STEPS) -> None:
+        self._scene, self._outlasting, self._most_steps = scene, outlasting, most_steps
+        self._judged, self._judged_s = 0, 0.0
 
-    Raises:
-        SimulationFailed: at this pace the run would need more than ``most_steps``; the message names the
-            field of the scene that forces it.
-    """
-    if passed_s * most_steps < steps * scene.end_time_s:
-        raise too_slow(scene, f"steps of {passed_s / steps:.3g} s at t = {reached_s:.6g} s")
+    def judge(self, reached_s: float, steps: int) -> None:
+        """Judge the time passed since the last time by the steps done since then, if they are enough.
+
+        Raises:
+            SimulationFailed: at this pace the run would need more than ``most_steps``; the message names the
+                field of the scene that forces it.
+        """
+        passed_s, since = reached_s - self._judged_s, steps - self._judged
+        if since < self._outlasting:
+            return
+        if passed_s * self._most_steps < since * self._scene.end_time_s:
+            raise too_slow(self._scene, f"steps of {passed_s / since:.3g} s at t = {reached_s:.6g} s")
+        self._judged, self._judged_s = steps, reached_s
 
 
 def too_slow(scene: Scene, steps: str) -> SimulationFailed:
@@ -47,8 +55,7 @@ def forcing_field(scene: Scene) -> tuple[str, float]:
     mass, speed = min(body.mass_kg for body in scene.bodies), np.float64(max(pin_m_s, tiny))
     times = {("end_time_s", scene.end_time_s): scene.end_time_s}
     with np.errstate(all="ignore"):
-        for joint in scene.joints_with_clearance:
-            clearance: Clearance = getattr(scene.clearance, joint)
+        for joint, clearance in clearances(scene).items():
             field, c = f"clearance.{joint}", clearance.radial_clearance_m
             times[f"{field}.radial_clearance_m", c] = float(c / speed)
             force = np.float64(mass * speed**2 / r)

@@ -31,6 +31,6 @@ def listener() -> Listener | None:
 
 def tell(time_s: float) -> None:
     """Tell the listener, if there is one."""
-    found = _LISTENER.get()
-    if found is not None:
-        found(time_s)
+    listening = listener()
+    if listening is not None:
+        listening(time_s)

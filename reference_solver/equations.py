@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.contact.force import contact_force, elastic_force, rates_of
 from reference_solver.contact.types import FLIGHT
@@ -25,9 +24,8 @@ from reference_solver.mechanism.loads import LOADS, Forces
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
-from reference_solver.tape import Array, Scalar, array, both, named
+from reference_solver.tape import Array, FloatArray, Scalar, array, both, named
 
-FloatArray = NDArray[np.float64]
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from reference_solver.contact.types import FLIGHT, Impact
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import FloatArray, RecordArray
 
 #: What a contact dissipates by (see ``contact.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
@@ -52,7 +51,7 @@ class Solution:
     normal_force_N: FloatArray
     friction_force_N: FloatArray
     sums: dict[str, FloatArray]
-    events: NDArray[np.void]
+    events: RecordArray
     impacts: tuple[Impact, ...]
     mode_changes: tuple[ModeChange, ...]
     steps: int
@@ -101,9 +100,7 @@ class Solution:
         return np.sum(lost, axis=0) if lost else np.zeros(len(self.time_s))
 
 
-def contact_impacts(
-    events: NDArray[np.void], sums: FloatArray, names: list[str], contact: int
-) -> list[Impact]:
+def contact_impacts(events: RecordArray, sums: FloatArray, names: list[str], contact: int) -> list[Impact]:
     """Return a compliant contact's ends from the log (E,) and what had been added up by then, (E, names)."""
     ends = np.flatnonzero((events["contact"] == contact) & (np.abs(events["what"]) == 1))
     touches, releases = ends[: len(ends) // 2 * 2].reshape(-1, 2).T

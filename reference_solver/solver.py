@@ -3,13 +3,11 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.contact.types import (
-    CLOCK_RECORD,
     CONTACT,
     CONTACT_RECORD,
     DONE,
@@ -19,14 +17,9 @@ from reference_solver.contact.types import (
     FULL,
     SETTLE,
     SPENT,
-    Control,
-    Impact,
-    Motion,
-    Records,
-    Work,
-    new_control,
-    new_motion,
-    new_work,
+    START,
+    Run,
+    new_run,
 )
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
@@ -43,17 +36,15 @@ from reference_solver.mechanism.scales import scales_of
 from reference_solver.methods import RK4, dop853
 from reference_solver.rigid.settling import Settling
 from reference_solver.solution import ModeChange, Solution, contact_impacts
+from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
     from reference_solver.compiled.faces import CompiledFace, ReadableFace
     from reference_solver.compiled.kernel import Topology
 
-FloatArray = NDArray[np.float64]
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
-#: Contacts, motion, clock, records, what a loop works on, and error control if there is any.
-State = tuple[Any, ...]
 #: Takes the time in s that a run has reached.
 Tell = Callable[[float], None]
 
@@ -174,9 +165,9 @@ class Solver:
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
         self.steps = self.settled = 0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it
-            state = self._new(self._q_start, np.zeros_like(self._q_start), 0.0, np.zeros(1))
-            self._gaps((), state[0], 0.0, state[1])
-            self._face(()).advance(*state)
+            run = self._new(self._q_start, np.zeros_like(self._q_start), 0.0, np.zeros(1))
+            self._gaps((), run)
+            self._face(()).advance(run)
 
     def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
         from reference_solver.compiled.faces import CompiledFace, ReadableFace
@@ -191,57 +182,50 @@ class Solver:
 
         return Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
 
-    def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> State:
-        """Return a run's state: contacts in flight, the motion at t = 0, room for samples at times."""
+    def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> Run:
+        """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
+        from reference_solver.compiled.faces import loop_of
+
         contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
-        motion = new_motion(len(q), len(self._names), len(contacts))
-        motion.q[:], motion.v[:] = q, v
-        clock, choice = np.zeros(1, CLOCK_RECORD), self._choice
-        clock["longest"], clock["end"], clock["rigid"] = choice.longest_s, end_time_s, -1
-        if isinstance(choice, StepChoice):
-            located = bool(contacts.size) and choice.locate_events
-            clock["per_contact"], clock["located"] = choice.steps_per_contact, located
-            if len(times) > 1 and not located:
-                interval = times[1]
-                clock["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
-        sums, states, rows = len(self._names), 2 * len(contacts), len(self._equations.C)
-        log = np.zeros(LOG_ROWS, EVENT_RECORD), np.zeros((LOG_ROWS, sums))
-        sizes = (len(q), len(q), sums, states, rows, states)
-        records = Records(*log, times, *(np.zeros((len(times), size)) for size in sizes))
-        work = new_work(len(q), sums, len(contacts), rows)
-        state = contacts, motion, clock, records, work
+        sizes, rows = (len(q), len(self._names), len(self._equations.C)), loop_of(self._topology(())).ROWS
+        run, choice = new_run(contacts, sizes, times, rows, LOG_ROWS), self._choice
+        run.old.q[:], run.old.v[:] = q, v
+        (now,) = run.clock
+        now["longest"], now["end"], now["rigid"] = choice.longest_s, end_time_s, -1
         if isinstance(choice, ErrorControl):
-            return *state, self._control(choice, contacts, motion, work, end_time_s)
-        return state
+            self._set_control(choice, run)
+            return run
+        now["per_contact"], now["located"] = choice.steps_per_contact, contacts.size and choice.locate_events
+        if len(times) > 1 and not now["located"]:
+            interval = times[1]
+            now["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
+        return run
 
-    def _control(
-        self, choice: ErrorControl, contacts: NDArray[np.void], motion: Motion, work: Work, end_time_s: float
-    ) -> Control:
-        """Return error control by the mechanism's scales at a motion at t = 0."""
-        face, (q, v, *_), a = self._face(()), motion, work.rates.a
-        face.kernel.slopes(face.parameters, contacts, 0.0, motion, work.rates)
-        scales = scales_of(self._mechanism, q, v, a, end_time_s)
-        tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], len(q) // 3)
+    def _set_control(self, choice: ErrorControl, run: Run) -> None:
+        """Set error control by the mechanism's scales at a run's start."""
+        from reference_solver.contact.adaptive_loop import WEIGHT
+
+        face, (n, y, _) = self._face(()), run.old
+        face.kernel.slopes(face.parameters, run.contacts, 0.0, START, 1.0, y, run.slopes)
+        a = run.slopes[START, n : 2 * n]
+        scales = scales_of(self._mechanism, run.old.q, run.old.v, a, run.clock["end"][0])
+        tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
         first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
-        embedded = dop853().embedded
-        assert embedded is not None
-        control = new_control(motion, work.new, embedded.slopes, 3 + len(embedded.dense))
-        control.weights[: 2 * len(q)] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
-        control.record[0] = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part, 1.0, 0, -1)
-        return control
+        run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
+        run.control[0] = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part, 1.0, 0, -1)
 
-    def _shortest_flight_s(self, state: State) -> float:
+    def _shortest_flight_s(self, run: Run) -> float:
         """Return the flight between rigid walls that is not followed any more."""
         if isinstance(self._choice, StepChoice):
-            return self._choice.closing_flight_fraction * float(state[2]["longest"][0])
+            return self._choice.closing_flight_fraction * float(run.clock["longest"][0])
         # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
-        return float(np.sqrt(8.0 * self._choice.tolerance) * state[-1].record["step"][0] / FIRST_STEP)
+        return float(np.sqrt(8.0 * self._choice.tolerance) * run.control["step"][0] / FIRST_STEP)
 
-    def _gaps(self, following: tuple[int, ...], contacts: NDArray[np.void], t: float, motion: Motion) -> None:
-        """Set the contacts' gaps of a motion."""
+    def _gaps(self, following: tuple[int, ...], run: Run) -> None:
+        """Set the contacts' gaps of a run's motion."""
         if self._joints:
             face = self._face(following)
-            face.kernel.gaps(face.parameters, contacts, t, motion)
+            face.kernel.gaps(face.parameters, run.contacts, float(run.clock["time"][0]), run.old)
 
     def run(
         self, q: FloatArray, v: FloatArray, end_time_s: float, samples: int, tell: Tell = nobody
@@ -250,79 +234,63 @@ class Solver:
 
         ``tell`` is called now and then with the time reached.
         """
-        state = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
-        contacts, motion, clock, records, *_ = state
-        now = clock[0]
+        run = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
+        motion, records, now = run.old, run.records, run.clock[0]
         self.steps = self.settled = at_once = 0
         events, sums = [np.zeros(0, EVENT_RECORD)], [np.zeros((0, len(self._names)))]
 
         def add(name: str, value: float) -> None:
             motion.sums[self._names.index(name)] += value
 
-        settling = Settling(self._equations, self._shortest_flight_s(state), add)
-        changes: list[ModeChange] = []
+        settling = Settling(self._equations, self._shortest_flight_s(run), add)
         status, started = SPENT, time.perf_counter()
-        following = self._settle_first(settling, changes, contacts, motion, now) if self._rigid else ()
-        self._gaps(following, contacts, 0.0, motion)
+        following = self._settle_first(settling, run) if self._rigid else ()
+        self._gaps(following, run)
         while status != DONE:
             face = self._face(following)
             begin, chunk = float(now["time"]), 1 + face.chunk // (len(q) * len(self._method.weights))
             now["events"], now["budget"] = 0, now["steps"] + chunk
-            status = face.advance(*state)
+            status = face.advance(run)
             self.steps = int(now["steps"])
             tell(float(now["time"]))
             events.append(records.events[: now["events"]].copy())
             sums.append(records.event_sums[: now["events"]].copy())
             if status == FAILED:
-                self._refuse(following, contacts, motion, now)
+                self._refuse(following, run)
             if status in (SPENT, FULL) and now["time"] == begin:
                 raise Stalled(begin, chunk)
             if status == SETTLE:
                 self.settled += 1
                 at_once = at_once + 1 if now["time"] == begin else 1
-                if at_once > EVENTS_AT_ONCE * len(contacts):
+                if at_once > EVENTS_AT_ONCE * len(self._joints):
                     raise UnsettledEvents(begin, int(now["rigid"]))
-                following = self._settle(settling, changes, following, contacts, motion, now)
-                self._gaps(following, contacts, float(now["time"]), motion)
+                following = self._settle(settling, following, run)
+                self._gaps(following, run)
         took = time.perf_counter() - started
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise NonFiniteState(end_time_s, float(now["longest"]))
-        log = np.concatenate(events), np.concatenate(sums)
-        return self._solution(records, *log, settling.impacts, changes, took)
+        return self._solution(run, np.concatenate(events), np.concatenate(sums), settling, took)
 
-    def _settle_first(
-        self,
-        settling: Settling,
-        changes: list[ModeChange],
-        contacts: NDArray[np.void],
-        motion: Motion,
-        now: np.void,
-    ) -> tuple[int, ...]:
+    def _settle_first(self, settling: Settling, run: Run) -> tuple[int, ...]:
         """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""
-        self._gaps((), contacts, 0.0, motion)
-        closed = (contacts["rigid"] == 0) & (motion.gaps["g"] > 0)
-        speed = np.maximum(motion.gaps["rate"], contacts["slowest"])[closed]
+        self._gaps((), run)
+        contacts, gaps = run.contacts, run.old.gaps
+        closed = (contacts["rigid"] == 0) & (gaps["g"] > 0)
+        speed = np.maximum(gaps["rate"], contacts["slowest"])[closed]
         contacts["phase"][closed], contacts["memory"][closed] = CONTACT, contacts["factor"][closed] / speed
-        following = self._settle(settling, changes, (), contacts, motion, now)
+        following = self._settle(settling, (), run)
         contacts["phase"][closed], contacts["memory"][closed] = FLIGHT, 0.0
         return following
 
-    def _settle(
-        self,
-        settling: Settling,
-        changes: list[ModeChange],
-        following: tuple[int, ...],
-        contacts: NDArray[np.void],
-        motion: Motion,
-        now: np.void,
-    ) -> tuple[int, ...]:
+    def _settle(self, settling: Settling, following: tuple[int, ...], run: Run) -> tuple[int, ...]:
         """Let the pins that touch rigid walls hit, follow or leave; return those that follow from now on."""
+        contacts, motion, (now,) = run.contacts, run.old, run.clock
         touched, phases = int(now["rigid"]), np.column_stack([contacts["phase"], contacts["memory"]])
         released = touched if touched in following else None
-        found = settling(float(now["time"]), motion.q, motion.v, phases, following, released)
-        motion.v[:], new, hit = found
+        v, new, hit = settling(float(now["time"]), motion.q, motion.v, phases, following, released)
+        motion.v[:] = v
         if new != following:
-            changes.append(ModeChange(float(now["time"]), new))
+            settling.changes.append(ModeChange(float(now["time"]), new))
         where, rigid = settling.where(motion.q, motion.v), settling.numbers
         contacts["phase"][rigid] = np.where(np.isin(rigid, new), CONTACT, FLIGHT)
         contacts["noise"][rigid], contacts["rate_noise"][rigid] = where.round_off.T
@@ -330,46 +298,41 @@ class Solver:
             contacts["ignored"][touched] = 1.0
         return new
 
-    def _refuse(
-        self, following: tuple[int, ...], contacts: NDArray[np.void], motion: Motion, now: np.void
-    ) -> None:
+    def _refuse(self, following: tuple[int, ...], run: Run) -> None:
         """Say why the step tried last could not be taken."""
         from reference_solver.compiled.faces import ReadableFace, phases_of
 
-        t, h = float(now["time"]), float(now["tried"])
+        motion, t, h = run.old, float(run.clock["time"][0]), float(run.clock["tried"][0])
         readable = ReadableFace(self._topology(following), self._q_start)
         with np.errstate(all="ignore"):
-            if self._controlled:
-                readable.equations.required(t, motion.q, motion.v, phases_of(contacts))
+            if isinstance(self._choice, ErrorControl):
+                readable.equations.required(t, motion.q, motion.v, phases_of(run.contacts))
                 raise StepsCollapsed(t, h)
-            end = new_motion(len(motion.q), len(motion.sums), len(motion.gaps))
-            readable.step(None, contacts, t, h, motion, end)
+            readable.step(None, run.contacts, t, h, motion, run.new)
         raise NonFiniteState(t + h, h)
 
     def _solution(
-        self,
-        run: Records,
-        events: NDArray[np.void],
-        event_sums: FloatArray,
-        impulses: list[Impact],
-        changes: list[ModeChange],
-        took_s: float,
+        self, run: Run, events: RecordArray, event_sums: FloatArray, settling: Settling, took_s: float
     ) -> Solution:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
-        found = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
+        ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
+        n, (time_s, samples) = run.old.n, run.records[2:]
+        sizes = (n, n, len(self._names), len(self._equations.C), 2 * len(self._joints))
+        columns = np.split(samples, np.cumsum(sizes), axis=1)
+        q, v, sums, multipliers, forces, phases = (np.ascontiguousarray(part) for part in columns)
         return Solution(
             mechanism=self._mechanism,
-            time_s=run.time,
-            q=run.q,
-            v=run.v,
-            multipliers=run.multipliers,
-            phases=run.phases.reshape(len(run.time), -1, 2),
-            normal_force_N=run.forces[:, ::2],
-            friction_force_N=run.forces[:, 1::2],
-            sums=dict(zip(self._names, run.sums.T, strict=True)),
+            time_s=time_s,
+            q=q,
+            v=v,
+            multipliers=multipliers,
+            phases=phases.reshape(len(time_s), -1, 2),
+            normal_force_N=forces[:, ::2],
+            friction_force_N=forces[:, 1::2],
+            sums=dict(zip(self._names, sums.T, strict=True)),
             events=events,
-            impacts=tuple(sorted([*impulses, *found], key=lambda i: i.time_s + i.duration_s)),
-            mode_changes=tuple(changes),
+            impacts=tuple(sorted([*settling.impacts, *ended], key=lambda i: i.time_s + i.duration_s)),
+            mode_changes=tuple(settling.changes),
             steps=self.steps,
             solve_time_s=took_s,
         )

@@ -12,15 +12,19 @@ a mechanism, and the code knows them as p0, p1, ... (see ``Parameters``).
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-#: A number or a value; an array of either.
+#: A number or a value; an array of either, of numbers, and of records.
 Scalar = Any
 Array = Any
+FloatArray = NDArray[np.float64]
+RecordArray = NDArray[np.void]
 
 #: An operation: how it is written, and how tightly it binds. A looser operand gets brackets.
 OPERATIONS = {
@@ -218,61 +222,38 @@ def named(name: str, values: Array, equation: str = "") -> Array:
     return values
 
 
-def cos(x: Scalar) -> Scalar:
-    """Return the cosine."""
-    return _function("cos", np.cos, x)
+def _of_numbers_or_values(name: str, of_numbers: Callable[..., Any], doc: str) -> Callable[..., Scalar]:
+    def function(*operands: Scalar) -> Scalar:
+        tapes = [operand.tape for operand in operands if isinstance(operand, Value)]
+        return tapes[0].keep(name, *operands) if tapes else of_numbers(*operands)
+
+    function.__doc__ = doc
+    return function
 
 
-def sin(x: Scalar) -> Scalar:
-    """Return the sine."""
-    return _function("sin", np.sin, x)
-
-
-def sqrt(x: Scalar) -> Scalar:
-    """Return the square root."""
-    return _function("sqrt", np.sqrt, x)
-
-
-def tanh(x: Scalar) -> Scalar:
-    """Return the hyperbolic tangent."""
-    return _function("tanh", np.tanh, x)
-
-
-def size(x: Scalar) -> Scalar:
-    """Return the absolute value."""
-    return _function("abs", abs, x)
-
-
-def larger(x: Scalar, y: Scalar) -> Scalar:
-    """Return the larger of two."""
-    return _function("max", max, x, y)
-
-
-def smaller(x: Scalar, y: Scalar) -> Scalar:
-    """Return the smaller of two."""
-    return _function("min", min, x, y)
-
-
-def signed(x: Scalar, sign: Scalar) -> Scalar:
-    """Return |x| with the sign of another."""
-    return _function("copysign", np.copysign, x, sign)
-
-
-def equal(x: Scalar, y: Scalar) -> Scalar:
-    """Return whether two are equal."""
-    return _function("==", lambda x, y: x == y, x, y)
+cos = _of_numbers_or_values("cos", np.cos, "Return the cosine.")
+sin = _of_numbers_or_values("sin", np.sin, "Return the sine.")
+sqrt = _of_numbers_or_values("sqrt", np.sqrt, "Return the square root.")
+tanh = _of_numbers_or_values("tanh", np.tanh, "Return the hyperbolic tangent.")
+size = _of_numbers_or_values("abs", abs, "Return the absolute value.")
+larger = _of_numbers_or_values("max", max, "Return the larger of two.")
+smaller = _of_numbers_or_values("min", min, "Return the smaller of two.")
+signed = _of_numbers_or_values("copysign", np.copysign, "Return |x| with the sign of another.")
+equal = _of_numbers_or_values("==", operator.eq, "Return whether two are equal.")
+_both = _of_numbers_or_values("&", lambda x, y: bool(x) and bool(y), "Return whether both hold.")
+_choose = _of_numbers_or_values("if", lambda x, condition, y: x if condition else y, "Return x or y.")
 
 
 def both(x: Scalar, y: Scalar) -> Scalar:
     """Return whether both conditions hold."""
     if x is True or y is True:
         return y if x is True else x
-    return _function("&", lambda x, y: bool(x) and bool(y), x, y)
+    return _both(x, y)
 
 
 def choose(condition: Scalar, x: Scalar, y: Scalar) -> Scalar:
     """Return x where a condition holds, else y."""
-    return _function("if", lambda x, condition, y: x if condition else y, x, condition, y)
+    return _choose(x, condition, y)
 
 
 def when(condition: Scalar, body: Callable[[], tuple[Scalar, ...]], outputs: int) -> tuple[Scalar, ...]:
@@ -287,11 +268,6 @@ def power(x: Scalar, exponent: Scalar) -> Scalar:
     if _is(exponent, 1.0):
         return x
     return x * sqrt(x) if _is(exponent, 1.5) else x**exponent
-
-
-def _function(name: str, of_numbers: Callable[..., Any], *operands: Scalar) -> Scalar:
-    tapes = [operand.tape for operand in operands if isinstance(operand, Value)]
-    return tapes[0].keep(name, *operands) if tapes else of_numbers(*operands)
 
 
 # ------------------------------------------------------------------------------- writing

@@ -1,23 +1,15 @@
 """Clearance: every engine on every scene with clearance, against the converged solution of its own law."""
 
-import numpy as np
-
-from engine_models.engine import FloatArray, RunSettings, Trajectory
+from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
+from studies.judges.comparison import compared, conserved
 from studies.judges.converged import converged, followed
 from studies.judges.impact_matching import impact_errors
 from studies.judges.local_error import local_errors
-from studies.judges.metrics import (
-    constraint_violation_m,
-    energy_balance_residual_J,
-    errors,
-    kinetic_energy_J,
-    uncertainties,
-    with_suffix,
-)
+from studies.judges.metrics import errors, with_suffix
 from studies.ladders import Rung, clearance_ladder
 from studies.running.case import Case, Curves, Row
 
@@ -57,14 +49,14 @@ def scenes(full: bool) -> list[Scene]:
 
 def cases(full: bool) -> list[Case]:
     """Return a ladder of every engine's own best settings for every scene."""
-    made = [case(scene, rung) for scene in scenes(full) for rung in clearance_ladder(scene, full, fast=False)]
-    return list({str(one.head()): one for one in made}.values())  # samples may cut two rungs to one step
+    out = [case(scene, rung) for scene in scenes(full) for rung in clearance_ladder(scene, full, fast=False)]
+    return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
 def case(scene: Scene, rung: Rung) -> Case:
     """Return the recorded run of a rung of a ladder."""
     run = RunSettings(rung.step_s, SAMPLES)
-    return Case("clearance", scene, rung.engine, rung.arm, run, dict(rung.settings))
+    return Case("clearance", scene, rung.arm, run, rung.added)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:
@@ -76,31 +68,29 @@ def measure(case: Case) -> tuple[Row, Curves]:
     own = engine.twin(case.scene)
     truth, twins = converged(own, case.run.samples)
     run = engine.simulate(case.scene, case.run)
-    until = followed(own, case.run.samples)
-    first = slice(None, until)
-    end = float(truth.time_s[until - 1])
-    row: Row = {"steps": run.steps, "mean_step_s": case.scene.end_time_s / run.steps, "compared_until_s": end}
-    curves = errors(own, selected(run, first), selected(truth, first))
-    row |= {name: float(curve.max()) for name, curve in curves.items()}
-    row |= uncertainties(own, selected(truth, first), [selected(twin, first) for twin in twins])
-    if own != case.scene:
-        row |= _model_differences(case, own)
-    row |= _impacts(run, truth, twins, end)
-    row |= local_errors(engine, case.scene, truth, case.run, until)
-    curves["energy_balance_residual_J"] = energy_balance_residual_J(case.scene, run)
-    curves["constraint_violation_m"] = constraint_violation_m(case.scene, run)
-    row |= _ledger(case.scene, run, curves)
-    curves["time_s"] = run.time_s
-    return row, curves
+    worst, error_curves = compared(own, run)
+    ledger, curves = conserved(case.scene, run)
+    assert run.dissipated_energy_J is not None
+    row: Row = {
+        "steps": run.steps,
+        "mean_step_s": case.scene.end_time_s / run.steps,
+        **worst,
+        **(_model_differences(case, own) if own != case.scene else {}),
+        **_impacts(run, truth, twins, float(str(worst["compared_until_s"]))),
+        **local_errors(engine, case.scene, truth, case.run, followed(own, case.run.samples)),
+        **ledger,
+        "dissipated_energy_J": float(run.dissipated_energy_J[-1]),
+    }
+    return row, {**error_curves, **curves, "time_s": run.time_s}
 
 
 def _model_differences(case: Case, own: Scene) -> Row:
     """Return how far the converged solution of the engine's own law is from that of the scene's."""
     truth, other = (converged(scene, case.run.samples)[0] for scene in (case.scene, own))
     both = slice(None, min(followed(scene, case.run.samples) for scene in (case.scene, own)))
-    found = errors(own, selected(other, both), selected(truth, both))
+    apart = errors(own, selected(other, both), selected(truth, both))
     return {
-        name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in found.items()
+        name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in apart.items()
     }
 
 
@@ -108,8 +98,8 @@ def _impacts(run: Trajectory, truth: Trajectory, twins: tuple[Trajectory, ...], 
     """Return what all joints' impacts miss: counts summed, the largest errors; and the truth's doubt."""
     row: Row = {}
     for joint, contact in run.contacts.items():
-        found = impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
-        for name, value in found.items():
+        missed = impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
+        for name, value in missed.items():
             so_far = row.get(name, 0)
             assert isinstance(value, (int, float))
             assert isinstance(so_far, (int, float))
@@ -121,13 +111,3 @@ def _impacts(run: Trajectory, truth: Trajectory, twins: tuple[Trajectory, ...], 
     ]
     row[with_suffix("impact_time_s", "uncertainty")] = max(float(d) for d in doubts if isinstance(d, float))
     return row
-
-
-def _ledger(scene: Scene, run: Trajectory, curves: dict[str, FloatArray]) -> Row:
-    assert run.dissipated_energy_J is not None
-    return {
-        "energy_balance_residual_J": float(np.abs(curves["energy_balance_residual_J"]).max()),
-        "constraint_violation_m": float(curves["constraint_violation_m"].max()),
-        "largest_kinetic_energy_J": float(kinetic_energy_J(scene, run).max()),
-        "dissipated_energy_J": float(run.dissipated_energy_J[-1]),
-    }

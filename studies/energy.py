@@ -1,22 +1,20 @@
 """Energy: what every engine makes or loses over long runs, where it goes, and how constraints drift."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
+from engine_models import arms
+from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges import energy_ledger as ledger
 from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
-from studies.ladders import AS_IT_COMES, CONTROLLED, SCIPY, newcomers
-from studies.running.case import Case, Curves, Row, Value
-
-Settings = dict[str, Value]
+from studies.running.case import Case, Curves, Row
 
 
 @dataclass(frozen=True)
@@ -57,35 +55,19 @@ LONG = (
     Length("rigid-free-0.5mm", 10.0, 2000, (125,), "rigid-free-0.5mm-long"),
 )
 
-#: Methods that choose their steps have a tolerance on each rung in place of the step, by its settings' names.
+#: Methods that choose their steps have a tolerance on each rung in place of the step.
 TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8, 1e-10), (1e-5, 1e-7, 1e-9)
-ADAPTIVE = {
-    ("reference", "DOP853"): ("tolerance",),
-    ("exudyn", "DOPRI5"): ("tolerance",),
-    ("scipy", "DOP853"): SCIPY,
-}
-IDEAL_ARMS: dict[tuple[str, str], Settings] = {
-    ("reference", "projection"): {"stabilisation": "projection"},
-    ("reference", "Baumgarte"): {"stabilisation": "baumgarte"},
-    ("reference", "none"): {"stabilisation": "none"},
-    ("reference", "DOP853"): dict(CONTROLLED),
-    ("exudyn", "trapezoidal"): {"solver": "TrapezoidalIndex2"},
-    ("exudyn", "generalized-alpha"): {"solver": "GeneralizedAlpha"},
-    ("pymunk", "tuned"): {},
-    ("pymunk", "out of the box"): asdict(PymunkEngine.out_of_the_box()),
-    ("scipy", "DOP853"): {"method": "DOP853"},
-}
-#: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel. Of an
-#: engine without rigid contact one arm tells that it has none.
-CLEARANCE_ARMS: dict[tuple[str, str], Settings] = {
-    ("exudyn", "DOPRI5"): {"solver": "DOPRI5"},
-    **{name: settings for name, settings in IDEAL_ARMS.items() if name[1] != "Baumgarte"},
-}
-RIGID_ARMS = {
-    name: settings
-    for name, settings in CLEARANCE_ARMS.items()
-    if name[1] not in ("none", "trapezoidal", "generalized-alpha")
-}
+RIGID_ARMS = (
+    arms.DOPRI5,  # of an engine without rigid contact one arm tells that it has none
+    arms.PROJECTION,
+    arms.REFERENCE_DOP853,
+    arms.TUNED,
+    arms.OUT_OF_THE_BOX,
+    arms.SCIPY_DOP853,
+)
+#: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
+CLEARANCE_ARMS = (*RIGID_ARMS, arms.NO_STABILISATION, arms.TRAPEZOIDAL, arms.GENERALIZED_ALPHA)
+IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
 #: Samples of a curve that are kept.
 KEPT = 240
 #: Round-off of a constraint in places of the largest coordinate or speed, below which no growth is told: so
@@ -98,28 +80,28 @@ def cases(full: bool) -> list[Case]:
 
     The full set adds long runs, and with clearance those without stabilisation: each needs a kernel more.
     """
-    made = [case for length in SHORT + (LONG if full else ()) for case in _ladder(length)]
-    return [case for case in made if full or case.arm != "none" or not case.scene.joints_with_clearance]
+    every = [case for length in SHORT + (LONG if full else ()) for case in _ladder(length)]
+    return [
+        case
+        for case in every
+        if full or case.arm is not arms.NO_STABILISATION or not case.scene.joints_with_clearance
+    ]
 
 
 def _ladder(length: Length) -> list[Case]:
     scene, out = length.scene_cut(), []
-    for (engine, arm), settings in _arms(scene).items():
-        tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
+    tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
+    for arm in (*_arms(scene), *arms.newcomers()):
         for rung, count in enumerate(length.steps_per_sample):
-            names = ADAPTIVE.get((engine, arm), ())
-            step = scene.end_time_s / (1 if names else length.intervals * count)
-            run = RunSettings(step, length.intervals)
-            own = dict.fromkeys(names, tolerances[rung])
-            out.append(Case("energy", scene, engine, arm, run, {**settings, **own}, columns={"rung": rung}))
+            step = scene.end_time_s / (1 if arm.tolerances else length.intervals * count)
+            run, added = RunSettings(step, length.intervals), dict.fromkeys(arm.tolerances, tolerances[rung])
+            out.append(Case("energy", scene, arm, run, added, columns={"rung": rung}))
     return out
 
 
-def _arms(scene: Scene) -> dict[tuple[str, str], Settings]:
-    joints = [getattr(scene.clearance, name) for name in scene.joints_with_clearance]
-    rigid = bool(joints) and all(joint.law == "rigid" for joint in joints)
-    arms = RIGID_ARMS if rigid else CLEARANCE_ARMS if joints else IDEAL_ARMS
-    return {**arms, **{(name, AS_IT_COMES): {} for name in newcomers()}}
+def _arms(scene: Scene) -> tuple[Arm, ...]:
+    laws = {getattr(scene.clearance, name).law for name in scene.joints_with_clearance}
+    return RIGID_ARMS if laws == {"rigid"} else CLEARANCE_ARMS if laws else IDEAL_ARMS
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

@@ -73,8 +73,14 @@ def explained(error: Exception) -> tuple[str, int]:
         return "the run needs more memory than there is", 1
     if isinstance(error, OSError):
         return f"{error.filename or 'output'}: {error.strerror or error}", 2
+    return bug(error), 1
+
+
+def bug(error: Exception) -> str:
+    """Return in one line what went wrong where: the file with its folder, since many files share a name."""
     place = traceback.extract_tb(error.__traceback__)[-1]
-    return f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}", 1
+    file = "/".join(Path(place.filename).parts[-2:])
+    return f"bug at {file}:{place.lineno}: {type(error).__name__}: {error}"
 
 
 def _usage(error: typer.TyperException) -> str:

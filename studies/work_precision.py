@@ -12,12 +12,10 @@ import numpy as np
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import engine_class, make_engine
-from engine_models.mechanics.samples import selected
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
-from studies.judges.converged import converged, followed
-from studies.judges.metrics import errors, uncertainties
+from studies.judges.comparison import compared
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 
@@ -49,13 +47,14 @@ def scenes(full: bool) -> list[Scene]:
 def cases(full: bool) -> list[Case]:
     """Return the recorded run of every rung, then rounds of bare runs of all, then compilations."""
     rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
-    made = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
+    out = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
-        made += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
-    anew = {(scene.name, rung.engine): (scene, rung) for scene, rung in reversed(rungs) if _compiles(rung)}
+        out += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
     compiled = COMPILED + (MORE_COMPILED if full else ())
-    made += [_case(*of, 1, {"compiled_anew": 1}) for (name, _), of in anew.items() if name in compiled]
-    return list({str(one.head()): one for one in made}.values())  # samples may cut two rungs to one step
+    anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
+    coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
+    out += [_case(scene, rung, 1, {"compiled_anew": 1}) for scene, rung in coarsest.values()]
+    return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
 def ladder(scene: Scene, full: bool) -> list[Rung]:
@@ -64,7 +63,7 @@ def ladder(scene: Scene, full: bool) -> list[Rung]:
 
 
 def _compiles(rung: Rung) -> bool:
-    return hasattr(engine_class(rung.engine), "compile_time_s")
+    return hasattr(engine_class(rung.arm.engine), "compile_time_s")
 
 
 def _case(scene: Scene, rung: Rung, samples: int, timed: dict[str, Value] | None = None) -> Case:
@@ -73,10 +72,9 @@ def _case(scene: Scene, rung: Rung, samples: int, timed: dict[str, Value] | None
     return Case(
         "work-precision",
         scene,
-        rung.engine,
         rung.arm,
         run,
-        dict(rung.settings),
+        rung.added,
         timed=timed is not None,
         columns=timed or {},
     )
@@ -92,14 +90,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 def _errors(case: Case) -> Row:
     engine = make_engine(case.engine, **case.settings)
-    own = engine.twin(case.scene)
     run = engine.simulate(case.scene, case.run)
-    truth, twins = converged(own, case.run.samples)
-    first = slice(None, followed(own, case.run.samples))
-    judged = selected(truth, first)
-    row: Row = {"steps": run.steps, "compared_until_s": float(judged.time_s[-1])}
-    row |= {name: float(curve.max()) for name, curve in errors(own, selected(run, first), judged).items()}
-    return row | uncertainties(own, judged, [selected(twin, first) for twin in twins])
+    return {"steps": run.steps, **compared(engine.twin(case.scene), run)[0]}
 
 
 def _solve_time_s(engine: Engine, case: Case) -> float:

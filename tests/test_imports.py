@@ -21,11 +21,12 @@ ALLOWED = {
     "reports": set(),
 }
 FILES = sorted(path.relative_to(ROOT).as_posix() for p in PACKAGES for path in (ROOT / p).rglob("*.py"))
+TESTS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("*.py"))
 MOST_ENTRIES = 16
 
 
-def imported(file: str) -> Iterator[str]:
-    """Yield the dotted names of the project that a file imports, anywhere in it."""
+def imported(file: str, packages: tuple[str, ...] = PACKAGES) -> Iterator[str]:
+    """Yield the dotted names of these packages that a file imports, anywhere in it."""
     for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -34,7 +35,7 @@ def imported(file: str) -> Iterator[str]:
             names = [f"{node.module}.{alias.name}" for alias in node.names]
         else:
             continue
-        yield from (name for name in names if name.split(".")[0] in PACKAGES)
+        yield from (name for name in names if name.split(".")[0] in packages)
 
 
 def file_of(name: str) -> str:
@@ -68,6 +69,13 @@ def test_imports_between_rooms_go_one_way() -> None:
         rooms.setdefault(room_of(file), set()).update(targets - {room_of(file)})
     assert len(rooms) > len(PACKAGES)
     TopologicalSorter(rooms).prepare()  # raises CycleError with the rooms of a cycle
+
+
+@pytest.mark.parametrize("file", TESTS)
+def test_no_file_imports_a_test_file(file: str) -> None:
+    parts = {part for name in imported(file, ("tests",)) for part in file_of(name).split("/")}
+    shared = {part for part in parts if part.startswith("test_")}
+    assert not shared, f"{file} imports {shared}: what tests share belongs in tests/helpers"
 
 
 def test_no_room_is_crowded() -> None:

@@ -1,31 +1,17 @@
 """Exudyn on the crank-slider: settings, what they can and cannot express, and the choice of model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-import numpy as np
 import pydantic
 from pydantic import Field
 
-from engine_models.engine import (
-    SETTINGS_CONFIG,
-    RunSettings,
-    Trajectory,
-    UnsupportedScene,
-    require_finite,
-)
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
 from engine_models.exudyn.build import load_build, require_build
-from engine_models.exudyn.laws import native_twin
+from engine_models.exudyn.contact import native_twin
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.scene.scene import Scene
-
-if TYPE_CHECKING:  # its build is chosen when an engine runs
-    import exudyn as exu
-
-    from engine_models.exudyn.model import Model
 
 IMPLICIT, ADAPTIVE = ("TrapezoidalIndex2", "GeneralizedAlpha"), ("DOPRI5", "ODE23")
 
@@ -79,7 +65,7 @@ class ExudynEngine:
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
         native_twin(scene)
-        if self._solver(scene) not in IMPLICIT:
+        if self.solver_of(scene) not in IMPLICIT:
             reason = _no_tree(scene)
             if reason:
                 raise UnsupportedScene(f"exudyn's solver {self.solver} cannot run this scene: {reason}")
@@ -93,7 +79,7 @@ class ExudynEngine:
         self.check(scene)
         return native_twin(scene)
 
-    def sharper(self) -> ExudynEngine:
+    def sharper(self) -> "ExudynEngine":
         """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""
         return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
 
@@ -105,12 +91,9 @@ class ExudynEngine:
         """
         self.check(scene)
         load_build(self.fast)
-        from engine_models.exudyn.solver import silence, solve
+        from engine_models.exudyn.run import bare_run  # which imports Exudyn, in the build of the first run
 
-        with silence(), np.errstate(all="ignore"):
-            model, chosen = self._model(wound(scene)), self._simulation_settings(scene, settings)
-            chosen.solution.sensors.writePeriod = scene.end_time_s
-            return solve(scene, model, chosen, self.timeout_s)
+        return bare_run(self, wound(scene), settings)
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run a scene.
@@ -122,14 +105,15 @@ class ExudynEngine:
         self.check(scene)
         require_memory(scene, settings, *self._recorded(scene, settings))
         load_build(self.fast)
-        from engine_models.exudyn.run import clearance_run, ideal_run
-        from engine_models.exudyn.solver import silence
+        from engine_models.exudyn.run import exudyn_run
 
-        with silence(), np.errstate(all="ignore"):  # require_finite is the judge
-            model = self._model(wound(scene))
-            run = clearance_run if scene.joints_with_clearance else ideal_run
-            chosen = self._simulation_settings(scene, settings)
-            return unwound(scene, require_finite(run(wound(scene), settings, model, chosen, self.timeout_s)))
+        return unwound(scene, require_finite(exudyn_run(self, wound(scene), settings)))
+
+    def solver_of(self, scene: Scene) -> str:
+        """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""
+        if self.solver != "auto":
+            return self.solver
+        return "TrapezoidalIndex2" if _no_tree(scene) else "DOPRI5"
 
     def _recorded(self, scene: Scene, run: RunSettings) -> tuple[int, int]:
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""
@@ -137,40 +121,6 @@ class ExudynEngine:
             return run.samples * run.steps_per_sample(scene.end_time_s), BYTES_PER_STEP_WITH_CONTACT
         driven = scene.drive.kind == "constant-speed"
         return driven * run.samples * run.steps_per_sample(scene.end_time_s), BYTES_PER_STEP
-
-    def _model(self, scene: Scene) -> Model:
-        from engine_models.exudyn.model import build_model, build_tree_model
-
-        return build_model(scene) if self._solver(scene) in IMPLICIT else build_tree_model(scene)
-
-    def _solver(self, scene: Scene) -> str:
-        if self.solver != "auto":
-            return self.solver
-        return "TrapezoidalIndex2" if _no_tree(scene) else "DOPRI5"
-
-    def _simulation_settings(self, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
-        from engine_models.exudyn.run import record_every
-        from engine_models.exudyn.solver import (
-            set_adaptive,
-            set_events,
-            set_explicit,
-            set_implicit,
-            simulation_settings,
-        )
-
-        solver, steps = self._solver(scene), run.samples * run.steps_per_sample(scene.end_time_s)
-        kind: Literal["implicit", "explicit"] = "implicit" if solver in IMPLICIT else "explicit"
-        every = 0 if scene.joints_with_clearance else record_every(scene, run)
-        settings = simulation_settings(scene, solver, steps, every)
-        if scene.joints_with_clearance:
-            set_events(settings, scene, kind, self.locate_events)
-        if solver in IMPLICIT:
-            set_implicit(settings, self.spectral_radius, self.newton_tolerance, self.modified_newton)
-        else:
-            set_explicit(settings)
-        if solver in ADAPTIVE:
-            set_adaptive(settings, self.tolerance)
-        return settings
 
 
 def _no_tree(scene: Scene) -> str:

@@ -1,23 +1,37 @@
 """The motion between the steps that an Exudyn solver took, from what it recorded at them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.exudyn.bodies import Part
-from engine_models.exudyn.model import Model
-from engine_models.exudyn.solver import stored
-from engine_models.exudyn.tree import States, tree_states
-from engine_models.scene.scene import Scene
+from engine_models.engine import FloatArray
+from engine_models.exudyn.tree import States, TreeLink, tree_states
 
 #: In shorter steps differences of coordinates are round-off to their rates: these are taken as linear.
 SHORTEST_FOR_DIFFERENCES_S = 1e-8
+#: Gauss's points and weights on (0, 1): of order 6, above the order of the motion between the steps.
+POINTS = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
+WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
 
 #: Columns of a contact's history.
 GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A node with its coordinates at the start (c,), and its one body or the links of its tree.
+
+    ``sensors`` measure its coordinates, their rates and, in a tree model, their accelerations.
+    """
+
+    node: Any
+    start: FloatArray
+    sensors: tuple[int, ...]
+    body: int = -1
+    links: tuple[TreeLink, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -27,7 +41,7 @@ class Record:
     part: Part
     coordinates: FloatArray
     rates: FloatArray
-    accelerations: FloatArray | None
+    accelerations: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -89,47 +103,9 @@ class Motion:
         return q, np.where(short, v0 + s * (v1 - v0), v), np.where(short, a0 + s * (a1 - a0), a)
 
 
-def recorded_motion(scene: Scene, model: Model) -> Motion:
-    """Return what the model's sensors recorded.
-
-    Raises:
-        SimulationFailed: the run broke off or is not finite.
-    """
-    coordinates, rates, accelerations = (
-        [stored(model, sensor) for sensor in sensors]
-        for sensors in (model.coordinates, model.speeds, model.accelerations)
-    )
-    time = coordinates[0][:, 0]
-    for record in (*coordinates, *rates, *accelerations):
-        if len(record) != len(time):
-            raise SimulationFailed(f"Exudyn recorded nothing at t = {time[-1]:.6g} s")
-        finite = np.isfinite(record).all(axis=1)
-        if not finite.all():
-            when = time[max(0, int(np.argmin(finite)))]
-            raise SimulationFailed(f"non-finite state at t = {when:.6g} s")
-    if time[-1] < scene.end_time_s:
-        raise SimulationFailed(f"Exudyn stopped short of the end at t = {time[-1]:.6g} s")
-    histories = {joint: stored(model, sensor)[:, 1:] for joint, sensor in model.histories.items()}
-    switched = np.append(True, np.zeros(len(time) - 1, dtype=bool))
-    for joint, history in histories.items():
-        friction = getattr(scene.clearance, joint).friction
-        branches = [history[:, GAP] < 0]
-        if friction is not None:
-            branches.append(history[:, SLIDING_SPEED] < friction.regularisation_speed_m_s)
-        for branch in branches:
-            switched[1:] |= np.diff(branch)
-    return Motion(
-        time_s=time,
-        bodies=len(model.reference),
-        records=tuple(
-            Record(
-                part,
-                coordinates[k][:, 1:],
-                rates[k][:, 1:],
-                accelerations[k][:, 1:] if accelerations else None,
-            )
-            for k, part in enumerate(model.parts)
-        ),
-        histories=histories,
-        switched=switched,
-    )
+def integral(grid: FloatArray, integrands: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the integrals of functions (m, n) of time (n,) from a grid's start to its times (g,), (m, g)."""
+    width = np.diff(grid)
+    values = integrands((grid[:-1, None] + width[:, None] * POINTS).ravel())
+    pieces = values.reshape(len(values), -1, len(POINTS)) @ WEIGHTS * width
+    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(pieces, axis=1)], axis=1)

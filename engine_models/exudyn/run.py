@@ -1,89 +1,111 @@
 """Exudyn's runs as trajectories: of ideal joints on the steps' grid, of clearance at steps as they came."""
 
-import exudyn as exu
+from itertools import chain
+
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from engine_models.engine import JOINTS, Contact, FloatArray, RunSettings, SimulationFailed, Trajectory
-from engine_models.exudyn.contact_record import contact_record, contact_states, integral
-from engine_models.exudyn.forces import driver_torque, joint_forces
-from engine_models.exudyn.model import Model
-from engine_models.exudyn.motion import Motion, recorded_motion
-from engine_models.exudyn.solver import solve, stored
-from engine_models.exudyn.tree import CRANK
+from engine_models.engine import JOINTS, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.exudyn.contact import contact_record, contact_states
+from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
+from engine_models.exudyn.model import Model, build_model
+from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral
+from engine_models.exudyn.solver import record_every, silence, simulation_settings, solve
+from engine_models.mechanics.joints import CRANK, clearances
+from engine_models.mechanics.reactions import contact_force, guide_force, reactions
+from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.scene.scene import Scene
 
 #: A recorded time may differ from its place on the grid by rounding, never by this part of an interval.
 TIME_TOLERANCE = 1e-6
 
 
-def record_every(scene: Scene, run: RunSettings) -> int:
-    """Return 1 where the driver's work has to be integrated over every step, else samples are enough."""
-    return 1 if scene.drive.kind == "constant-speed" else run.steps_per_sample(scene.end_time_s)
+def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajectory:
+    """Run a scene that the engine supports; numbers may come out that are not finite.
+
+    Raises:
+        SimulationFailed: Exudyn gave up, stopped short or ran out of time.
+    """
+    with silence(), np.errstate(all="ignore"):  # require_finite is the judge
+        model, settings = _model(engine, scene), simulation_settings(engine, scene, run)
+        solve_time = solve(scene, model, settings, engine.timeout_s)
+        read_out = _with_clearance if scene.joints_with_clearance else _ideal
+        return read_out(scene, run, model, solve_time)
 
 
-def ideal_run(
-    scene: Scene, run: RunSettings, model: Model, settings: exu.SimulationSettings, timeout_s: float
-) -> Trajectory:
-    """Run a model of ideal joints whose sensors record every ``record_every`` steps."""
-    solve_time = solve(scene, model, settings, timeout_s)
+def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> float:
+    """Return the wall time in s of the same solve with nothing recorded but its ends.
+
+    Raises:
+        SimulationFailed: Exudyn gave up or ran out of time.
+    """
+    with silence(), np.errstate(all="ignore"):
+        model, settings = _model(engine, scene), simulation_settings(engine, scene, run)
+        settings.solution.sensors.writePeriod = scene.end_time_s
+        return solve(scene, model, settings, engine.timeout_s)
+
+
+def _model(engine: ExudynEngine, scene: Scene) -> Model:
+    return build_model(scene, tree=engine.solver_of(scene) not in IMPLICIT)
+
+
+def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
+    """Return the run of a model of ideal joints whose sensors record every ``record_every`` steps."""
     per_sample, step = run.steps_per_sample(scene.end_time_s), run.step_used_s(scene.end_time_s)
     per_record = record_every(scene, run)
     grid = np.linspace(0.0, scene.end_time_s, run.samples * per_sample // per_record + 1)
     samples = slice(None, None, per_sample // per_record)
-    coordinates, speeds, forces = (
-        [_read(model, sensor, grid) for sensor in sensors]
-        for sensors in (model.coordinates, model.speeds, model.joint_forces.values())
-    )
-    position, velocity = np.zeros((2, run.samples + 1, *model.reference.shape))
-    for body, (at, rate) in enumerate(zip(coordinates, speeds, strict=True)):  # the slider has x alone
-        position[:, body, : at.shape[1]] = at[samples]
-        velocity[:, body, : rate.shape[1]] = rate[samples]
+    states = np.zeros((2, len(grid), *model.reference.shape))
+    for part in model.parts:  # the slider has x alone
+        for state, sensor in zip(states, part.sensors, strict=True):
+            state[:, part.body, : len(part.start)] = _read(model, sensor, grid)
+    forces = [_read(model, sensor, grid)[samples, :2] for sensor in model.joint_forces.values()]
     torque: FloatArray | None = None
     work: FloatArray | None = None
     if model.driver is not None:
         torque = -_read(model, model.driver, grid)[:, 0]
-        work = cumulative_trapezoid(torque * speeds[CRANK][:, 2], dx=step, initial=0.0)[samples]
+        work = cumulative_trapezoid(torque * states[1, :, CRANK, 2], dx=step, initial=0.0)[samples]
         torque = torque[samples]
-    return _trajectory(
+    force = np.stack(forces, axis=1)
+    position, velocity = states[:, samples].copy()  # not a view, which would keep all steps
+    return trajectory_of(
         scene,
-        run,
         position=position + model.reference,
         velocity=velocity,
-        joint_force=np.stack([force[samples, :2] for force in forces], axis=1),
-        torque=torque,
-        work=work,
+        joint_force_N=force,
+        guide_normal_force_N=guide_force(scene, force),
+        driver_torque_N_m=torque,
+        driver_work_J=work,
+        step_s=step,
         steps=run.samples * per_sample,
-        solve_time_s=solve_time,
+        solve_time_s=solve_time_s,
     )
 
 
-def clearance_run(
-    scene: Scene, run: RunSettings, model: Model, settings: exu.SimulationSettings, timeout_s: float
-) -> Trajectory:
-    """Run a model with clearance whose sensors record every step; samples lie between steps.
+def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
+    """Return the run of a model with clearance whose sensors record every step; samples lie between steps.
 
     The motion is interpolated as ``Motion`` says. Forces of constraints are Exudyn's multipliers, linear
     between steps; without constraints they follow from the accelerations.
     """
-    solve_time = solve(scene, model, settings, timeout_s)
-    motion = recorded_motion(scene, model)
+    motion = _recorded_motion(scene, model)
     time = np.linspace(0.0, scene.end_time_s, run.samples + 1)
     position, velocity, _ = motion.at(time)
-    if model.accelerations:
+    if model.tree:
         force, torque, work = _balances(scene, motion, time)
     else:
         force, torque, work = _multipliers(scene, model, motion, time)
-    return _trajectory(
+    return trajectory_of(
         scene,
-        run,
         position=position,
         velocity=velocity,
-        joint_force=force,
-        torque=torque,
-        work=work,
+        joint_force_N=force,
+        guide_normal_force_N=guide_force(scene, force),
+        driver_torque_N_m=torque,
+        driver_work_J=work,
+        step_s=run.step_used_s(scene.end_time_s),
         steps=len(motion.time_s) - 1,
-        solve_time_s=solve_time,
+        solve_time_s=solve_time_s,
         contacts={name: contact_record(scene, name, motion, time) for name in scene.joints_with_clearance},
     )
 
@@ -100,13 +122,13 @@ def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray)
 
     force = np.zeros((len(time_s), len(scene.joints), 2))
     for name, sensor in model.joint_forces.items():
-        force[:, JOINTS.index(name)] = at_samples(stored(model, sensor)[:, 1:3])
+        force[:, JOINTS.index(name)] = at_samples(_stored(model, sensor)[:, 1:3])
     for name in scene.joints_with_clearance:
-        force[:, JOINTS.index(name)] = contact_states(scene, name, motion, time_s).force_on_pin_N
+        force[:, JOINTS.index(name)] = contact_force(contact_states(scene, name, motion, time_s))
     if model.driver is None:
         return force, None, None
     grid = np.union1d(motion.time_s, time_s)
-    torque = at_samples(-stored(model, model.driver)[:, 1:2], grid)[:, 0]
+    torque = at_samples(-_stored(model, model.driver)[:, 1:2], grid)[:, 0]
     work = cumulative_trapezoid(torque * scene.start.crank_speed_rad_s, grid, initial=0.0)
     sampled = np.searchsorted(grid, time_s)
     return force, torque[sampled], work[sampled]
@@ -118,8 +140,8 @@ def _balances(scene: Scene, motion: Motion, time_s: FloatArray) -> Forces:
     def at(time: FloatArray) -> tuple[FloatArray, FloatArray]:
         position, _, acceleration = motion.at(time)
         contacts = {name: contact_states(scene, name, motion, time) for name in scene.joints_with_clearance}
-        force = joint_forces(scene, acceleration, contacts)
-        return force, driver_torque(scene, position, acceleration, force, contacts)
+        force, _, torque = reactions(scene, position, acceleration, contacts)
+        return force, torque
 
     force, torque = at(time_s)
     if scene.drive.kind != "constant-speed":
@@ -129,49 +151,56 @@ def _balances(scene: Scene, motion: Motion, time_s: FloatArray) -> Forces:
     return force, torque, work[np.searchsorted(grid, time_s)]
 
 
-def _trajectory(
-    scene: Scene,
-    run: RunSettings,
-    *,
-    position: FloatArray,
-    velocity: FloatArray,
-    joint_force: FloatArray,
-    torque: FloatArray | None,
-    work: FloatArray | None,
-    steps: int,
-    solve_time_s: float,
-    contacts: dict[str, Contact] | None = None,
-) -> Trajectory:
-    if scene.drive.kind == "torque":
-        torque = np.full(len(position), scene.drive.torque_N_m)
-        work = scene.drive.torque_N_m * (position[:, CRANK, 2] - position[0, CRANK, 2])
-    guide: FloatArray | None = None
-    if scene.is_crank_slider:  # the slider does not accelerate along y: N + F_B,y - m g = 0
-        weight = scene.bodies[-1].mass_kg * scene.gravity_m_s2
-        guide = weight - joint_force[:, JOINTS.index("B"), 1]
-    return Trajectory(
-        time_s=np.linspace(0.0, scene.end_time_s, run.samples + 1),
-        position=position,
-        velocity=velocity,
-        joint_force_N=joint_force,
-        guide_normal_force_N=guide,
-        driver_torque_N_m=torque,
-        driver_work_J=work,
-        step_s=run.step_used_s(scene.end_time_s),
-        steps=steps,
-        solve_time_s=solve_time_s,
-        contacts=contacts or {},
+def _recorded_motion(scene: Scene, model: Model) -> Motion:
+    """Return what the model's sensors recorded.
+
+    Raises:
+        SimulationFailed: the run broke off or is not finite.
+    """
+    records = [[_stored(model, sensor) for sensor in part.sensors] for part in model.parts]
+    time = records[0][0][:, 0]
+    for record in chain(*records):
+        if len(record) != len(time):
+            raise SimulationFailed(f"Exudyn recorded nothing at t = {time[-1]:.6g} s")
+        finite = np.isfinite(record).all(axis=1)
+        if not finite.all():
+            when = time[max(0, int(np.argmin(finite)))]
+            raise SimulationFailed(f"non-finite state at t = {when:.6g} s")
+    if time[-1] < scene.end_time_s:
+        raise SimulationFailed(f"Exudyn stopped short of the end at t = {time[-1]:.6g} s")
+    histories = {joint: _stored(model, sensor)[:, 1:] for joint, sensor in model.histories.items()}
+    switched = np.append(True, np.zeros(len(time) - 1, dtype=bool))
+    for joint, history in histories.items():
+        friction = clearances(scene)[joint].friction
+        branches = [history[:, GAP] < 0]
+        if friction is not None:
+            branches.append(history[:, SLIDING_SPEED] < friction.regularisation_speed_m_s)
+        for branch in branches:
+            switched[1:] |= np.diff(branch)
+    return Motion(
+        time_s=time,
+        bodies=len(model.reference),
+        records=tuple(
+            Record(part, *(quantity[:, 1:] for quantity in record))
+            for part, record in zip(model.parts, records, strict=True)
+        ),
+        histories=histories,
+        switched=switched,
     )
+
+
+def _stored(model: Model, sensor: int) -> FloatArray:
+    """Return all that a sensor recorded, (k, 1 + components), time first, each time once."""
+    record = np.asarray(model.mbs.GetSensorStoredData(sensor), dtype=np.float64)
+    return np.asarray(record[np.append(np.diff(record[:, 0]) > 0, True)])
 
 
 def _read(model: Model, sensor: int, grid_s: FloatArray) -> FloatArray:
     """Return what a sensor recorded at the grid's times, (n, components); one missing is a failed run."""
     record = np.asarray(model.mbs.GetSensorStoredData(sensor), dtype=np.float64)
-    tolerance = TIME_TOLERANCE * (grid_s[1] - grid_s[0])
     common = min(len(record), len(grid_s))
-    right = np.abs(record[:common, 0] - grid_s[:common]) <= tolerance
+    right = np.abs(record[:common, 0] - grid_s[:common]) <= TIME_TOLERANCE * (grid_s[1] - grid_s[0])
     if not right.all() or len(record) != len(grid_s):
         missed = common if right.all() else int(np.argmin(right))
-        when = grid_s[min(missed, len(grid_s) - 1)]
-        raise SimulationFailed(f"Exudyn recorded nothing at t = {when:.6g} s")
+        raise SimulationFailed(f"Exudyn recorded nothing at t = {grid_s[min(missed, len(grid_s) - 1)]:.6g} s")
     return record[:, 1:]

@@ -7,13 +7,14 @@ from itertools import count
 from typing import Literal
 
 import exudyn as exu
-import numpy as np
 
 from engine_models import progress
-from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.engine import RunSettings, SimulationFailed
+from engine_models.exudyn.engine import ADAPTIVE, IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
-from engine_models.mechanics.contact_stiffness import stiffness_of
-from engine_models.pace import require_pace
+from engine_models.mechanics.contact_law import stiffness_of
+from engine_models.mechanics.joints import clearances
+from engine_models.pace import Pace
 from engine_models.scene.scene import Scene
 
 #: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
@@ -42,14 +43,24 @@ def silence() -> Iterator[None]:
         exu.config.printToConsole, exu.config.suppressWarnings = before
 
 
-def simulation_settings(scene: Scene, solver: str, steps: int, record_every: int) -> exu.SimulationSettings:
-    """Return what all solvers share: ``steps`` equal steps to the end, every so manieth recorded.
+def record_every(scene: Scene, run: RunSettings) -> int:
+    """Return how many steps of a run of ideal joints go by between two that are recorded.
 
-    With ``record_every`` 0 every step is, however short.
+    It is 1 where the driver's work has to be integrated over every step, else samples are enough.
     """
+    return 1 if scene.drive.kind == "constant-speed" else run.steps_per_sample(scene.end_time_s)
+
+
+def simulation_settings(engine: ExudynEngine, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
+    """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
+
+    Of ideal joints every so manieth step is recorded, with clearance every one, however short.
+    """
+    solver, steps = engine.solver_of(scene), run.samples * run.steps_per_sample(scene.end_time_s)
+    every = 0 if scene.joints_with_clearance else record_every(scene, run)
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = (scene.end_time_s / steps) * record_every
+    settings.solution.sensors.writePeriod = (scene.end_time_s / steps) * every
     settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
     settings.parallel.numberOfThreads = 1
     integration = settings.timeIntegration
@@ -57,21 +68,28 @@ def simulation_settings(scene: Scene, solver: str, steps: int, record_every: int
     integration.startTime, integration.endTime = 0.0, scene.end_time_s
     integration.numberOfSteps = steps
     integration.adaptiveStep = integration.automaticStepSize = False
+    if scene.joints_with_clearance:
+        _set_events(
+            integration, scene, "implicit" if solver in IMPLICIT else "explicit", engine.locate_events
+        )
+    if solver in IMPLICIT:
+        _set_implicit(integration, engine)
+    else:
+        _set_explicit(integration)
+    if solver in ADAPTIVE:
+        _set_adaptive(integration, engine.tolerance)
     return settings
 
 
-def set_implicit(
-    settings: exu.SimulationSettings, spectral_radius: float, newton_tolerance: float, modified: bool
-) -> None:
+def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynEngine) -> None:
     """Set up the implicit methods and their Newton iteration."""
-    integration = settings.timeIntegration
-    integration.generalizedAlpha.spectralRadius = spectral_radius
+    integration.generalizedAlpha.spectralRadius = engine.spectral_radius
     integration.generalizedAlpha.computeInitialAccelerations = True
     newton = integration.newton
-    newton.useModifiedNewton = modified
+    newton.useModifiedNewton = engine.modified_newton
     newton.modifiedNewtonJacUpdatePerStep = True
     newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
-    newton.relativeTolerance = newton.absoluteTolerance = newton_tolerance
+    newton.relativeTolerance = newton.absoluteTolerance = engine.newton_tolerance
     newton.maxIterations = 25
     # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
     # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
@@ -79,42 +97,43 @@ def set_implicit(
     newton.numericalDifferentiation.minimumCoordinateSize = 1.0
 
 
-def set_explicit(settings: exu.SimulationSettings) -> None:
+def _set_explicit(integration: exu.TimeIntegrationSettings) -> None:
     """Set up the explicit methods: no Lie group among planar coordinates, each step's last acceleration."""
-    explicit = settings.timeIntegration.explicit
+    explicit = integration.explicit
     explicit.useLieGroupIntegration, explicit.computeEndOfStepAccelerations = False, True
     explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
 
 
-def set_adaptive(settings: exu.SimulationSettings, tolerance: float) -> None:
+def _set_adaptive(integration: exu.TimeIntegrationSettings, tolerance: float) -> None:
     """Let an embedded Runge-Kutta pair choose its steps, up to the longest one.
 
     The tolerance is absolute, in m, rad, m/s and rad/s. A relative one counts the sign of the coordinate:
     it makes the error's scale zero at a negative value.
     """
-    integration = settings.timeIntegration
     integration.automaticStepSize = True
     integration.absoluteTolerance, integration.relativeTolerance = tolerance, 0.0
     integration.initialStepSize = 0.0  # begin with the longest
     integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, 0.9
 
 
-def set_events(
-    settings: exu.SimulationSettings, scene: Scene, kind: Literal["explicit", "implicit"], locate: bool
+def _set_events(
+    integration: exu.TimeIntegrationSettings,
+    scene: Scene,
+    kind: Literal["explicit", "implicit"],
+    locate: bool,
 ) -> None:
     """Set up how a contact's switching is treated: steps that end on it, or steps as they come."""
-    integration, switching = settings.timeIntegration, settings.timeIntegration.discontinuous
     integration.endTime = scene.end_time_s + OVERRUN_S
     integration.minimumStepSize = SHORTEST_STEP_S[kind]
     integration.adaptiveStep = locate
     integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
     # Steps grow again at once, however many iterations the last one took.
     integration.adaptiveStepRecoverySteps, integration.adaptiveStepRecoveryIterations = 1, 1000
+    switching = integration.discontinuous
     switching.useRecommendedStepSize = locate
     switching.maxIterations, switching.ignoreMaxIterations = 5, not locate
-    clearances = [getattr(scene.clearance, name) for name in scene.joints_with_clearance]
     # The switching error is the gap times the stiffness.
-    softest = min(stiffness_of(clearance) for clearance in clearances)
+    softest = min(stiffness_of(clearance) for clearance in clearances(scene).values())
     switching.iterationTolerance = softest * EVENT_GAP_M[kind] if locate else 1.0
 
 
@@ -127,15 +146,12 @@ def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
     if listener is None:
         return raised
 
-    steps, judged_s = count(1), 0.0
+    steps, pace = count(1), Pace(scene, OUTLASTING)
 
     def before_step(_: exu.MainSystem, time_s: float) -> bool:
-        nonlocal judged_s
         try:
             listener(time_s)
-            if next(steps) % OUTLASTING == 0:
-                require_pace(scene, time_s, time_s - judged_s, OUTLASTING)
-                judged_s = time_s
+            pace.judge(time_s, next(steps))
         except BaseException as error:
             raised.append(error)
             return False
@@ -169,9 +185,3 @@ def solve(scene: Scene, model: Model, settings: exu.SimulationSettings, timeout_
         when = solver.it.currentTime
         raise SimulationFailed(f"Exudyn failed at t = {when:.6g} s: {' '.join(reason.split())}")
     return solve_time
-
-
-def stored(model: Model, sensor: int) -> FloatArray:
-    """Return all that a sensor recorded, (k, 1 + components), time first, each time once."""
-    record = np.asarray(model.mbs.GetSensorStoredData(sensor), dtype=np.float64)
-    return np.asarray(record[np.append(np.diff(record[:, 0]) > 0, True)])

@@ -13,12 +13,14 @@ from typing import Literal
 import numpy as np
 
 from engine_models.engine import FloatArray
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.scene import Scene
-
-CRANK, ROD, SLIDER = range(3)
 
 #: Position, velocity, acceleration of all bodies, each (n, bodies, 3) as in ``Trajectory``.
 States = tuple[FloatArray, FloatArray, FloatArray]
+
+#: What a joint's coordinate moves of its link's frame: x, y or the angle.
+AXES = {"x": 0, "y": 1, "turn": 2}
 
 
 @dataclass(frozen=True)
@@ -67,19 +69,14 @@ def tree_start(
     """Return the tree's coordinates and their rates, each (links,), from the bodies', each (bodies, 3)."""
     q, v = np.zeros((2, len(links)))
     for k, link in enumerate(links):
-        if link.body is None:  # afloat: the place of the joint of the first body
-            first = next(other for other in links if other.body is not None)
-            state = np.stack([position[first.body], velocity[first.body], velocity[first.body]])[:, None]
-            joint = state[:, 0, :2] + _along(-first.centre_m, state)[:, 0]
-            axis = {"x": 0, "y": 1}[link.joint]
-            q[k], v[k] = joint[0, axis], joint[1, axis]
-        elif link.joint == "turn":
-            parent = links[link.parent].body if link.parent >= 0 else None
-            q[k], v[k] = position[link.body, 2], velocity[link.body, 2]
-            if parent is not None:
-                q[k], v[k] = q[k] - position[parent, 2], v[k] - velocity[parent, 2]
-        else:
-            q[k], v[k] = position[link.body, 0], velocity[link.body, 0]
+        # A link without mass moves the next one that has a body.
+        carried = next(other for other in links[k:] if other.body is not None)
+        frame = np.stack([position[carried.body], velocity[carried.body], np.zeros(3)])[:, None]
+        frame[:, :, :2] += _along(-carried.centre_m, frame)
+        q[k], v[k], _ = frame[:, 0, AXES[link.joint]]
+        parent = links[link.parent].body if link.parent >= 0 and link.joint == "turn" else None
+        if parent is not None:
+            q[k], v[k] = q[k] - position[parent, 2], v[k] - velocity[parent, 2]
     return q, v
 
 
@@ -94,7 +91,7 @@ def tree_states(
         if link.parent >= 0:
             frame += frames[link.parent]
             frame[:, :, :2] += _along(link.offset_m, frames[link.parent])
-        frame[:, :, {"x": 0, "y": 1, "turn": 2}[link.joint]] += np.stack([q[:, k], v[:, k], a[:, k]])
+        frame[:, :, AXES[link.joint]] += np.stack([q[:, k], v[:, k], a[:, k]])
         frames.append(frame)
         if link.body is not None:
             centre = frame.copy()

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from engine_models.engine import FloatArray
+from engine_models.engine import BODIES, FloatArray
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.scene import BodyState, Scene
 
 
@@ -16,16 +17,12 @@ def start_state(scene: Scene) -> tuple[FloatArray, FloatArray]:
 
 def started_from(scene: Scene, position: FloatArray, velocity: FloatArray) -> Scene:
     """Return the scene begun at other positions and velocities, each (bodies, 3)."""
-    names = ("crank", "rod", "slider")
-    states = {
-        name: BodyState(
-            **dict(zip(BodyState.model_fields, [float(number) for number in (*x, *v)], strict=True))
-        )
-        for name, x, v in zip(names, position, velocity, strict=False)
-    }
-    start = scene.start.model_copy(update={"crank_angle_rad": float(position[0, 2]), **states})
+    states = {}
+    for name, x, v in zip(BODIES, position.tolist(), velocity.tolist(), strict=False):
+        states[name] = BodyState(**dict(zip(BodyState.model_fields, [*x, *v], strict=True)))
+    start = scene.start.model_copy(update={"crank_angle_rad": float(position[CRANK, 2]), **states})
     if scene.drive.kind != "constant-speed":
-        start = start.model_copy(update={"crank_speed_rad_s": float(velocity[0, 2])})
+        start = start.model_copy(update={"crank_speed_rad_s": float(velocity[CRANK, 2])})
     return scene.model_copy(update={"start": start})
 
 
@@ -36,28 +33,24 @@ def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[Float
     The rod is on the side of its acute angle: the slider lies to the right of pin A.
     """
     theta, omega = angle_rad, speed_rad_s
+    state = np.zeros((2, len(scene.bodies), 3))
+    state[:, CRANK, :2] = _along(scene.crank.centre_of_mass_m, theta, omega)
+    state[:, CRANK, 2] = theta, omega
+    if scene.is_crank_slider:
+        crank, rod, _ = scene.crank_slider()
+        r, length = crank.length_m, rod.length_m
+        phi = np.arcsin(-r / length * np.sin(theta))
+        phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
+        pin = _along(r, theta, omega)
+        state[:, ROD, :2] = pin + _along(rod.centre_of_mass_m, phi, phi_rate)
+        state[:, ROD, 2] = phi, phi_rate
+        state[:, SLIDER, 0] = (pin + _along(length, phi, phi_rate))[:, 0]
+    return state[0], state[1]
 
-    def along(distance: float, angle: float) -> FloatArray:
-        return distance * np.array([np.cos(angle), np.sin(angle)])
 
-    def rate(distance: float, angle: float, angle_rate: float) -> FloatArray:
-        return distance * angle_rate * np.array([-np.sin(angle), np.cos(angle)])
-
-    s = scene.crank.centre_of_mass_m
-    if not scene.is_crank_slider:
-        return np.array([[*along(s, theta), theta]]), np.array([[*rate(s, theta, omega), omega]])
-    crank, rod, _ = scene.crank_slider()
-    r, length, d = crank.length_m, rod.length_m, rod.centre_of_mass_m
-    phi = np.arcsin(-r / length * np.sin(theta))
-    phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
-    pin, pin_rate = along(r, theta), rate(r, theta, omega)
-    slider, slider_rate = pin + along(length, phi), pin_rate + rate(length, phi, phi_rate)
-    position = np.array([[*along(s, theta), theta], [*(pin + along(d, phi)), phi], [slider[0], 0.0, 0.0]])
-    velocity = np.array(
-        [
-            [*rate(s, theta, omega), omega],
-            [*(pin_rate + rate(d, phi, phi_rate)), phi_rate],
-            [slider_rate[0], 0.0, 0.0],
-        ]
+def _along(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatArray:
+    """Return the vector of a distance along a turning axis, and its derivative, (2, 2)."""
+    x, y = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array(
+        [[distance_m * x, distance_m * y], [-distance_m * rate_rad_s * y, distance_m * rate_rad_s * x]]
     )
-    return position, velocity

@@ -1,14 +1,30 @@
-"""The energy ledger of a trajectory, computed from the scene and the trajectory alone."""
+"""Energies: what a contact stores, a torque's work, and the ledger of a trajectory from it and its scene."""
 
 import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
-from engine_models.scene.scene import Scene
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
+from engine_models.mechanics.joints import CRANK
+from engine_models.scene.scene import Clearance, Scene
 
 #: A run with a larger part of its energy unexplained has gone wrong.
 LARGEST_RESIDUAL = 0.1
 #: What lies below these, in parts of weight times crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9
+
+
+def elastic_energy_J(clearance: Clearance, penetration: FloatArray) -> FloatArray:
+    """Return K delta^(n+1)/(n+1) where delta is positive, else 0, in its shape; 0 between rigid walls."""
+    if clearance.law == "rigid":
+        return np.zeros_like(penetration)
+    n = exponent_of(clearance)
+    return np.asarray(stiffness_of(clearance) * np.maximum(penetration, 0.0) ** (n + 1) / (n + 1))
+
+
+def work_of_torque_J(torque_N_m: float, position: FloatArray) -> FloatArray:
+    """Return the work of a constant torque on the crank since the first of positions (n, bodies, 3), (n,)."""
+    angle = position[:, CRANK, 2]
+    return np.asarray(torque_N_m * (angle - angle[0]))
 
 
 def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:

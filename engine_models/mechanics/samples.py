@@ -14,13 +14,13 @@ Record = TypeVar("Record", Trajectory, Contact)
 
 def selected(record: Record, which: slice | NDArray[np.bool_]) -> Record:
     """Return a trajectory, or a contact within it, with some of its samples; impacts all stay."""
-    kept: dict[str, Any] = {}
+    changed: dict[str, Any] = {}
     for name, value in vars(record).items():
         if isinstance(value, np.ndarray):
-            kept[name] = value[which]
+            changed[name] = value[which]
         elif isinstance(value, Mapping):
-            kept[name] = {joint: selected(contact, which) for joint, contact in value.items()}
-    return replace(record, **kept)
+            changed[name] = {joint: selected(contact, which) for joint, contact in value.items()}
+    return replace(record, **changed)
 
 
 def joined(parts: Sequence[Contact]) -> Contact:

@@ -1,63 +1,17 @@
-"""Where the two sides of a joint are, and the start of a run, checked: engines take any without a word."""
+"""The start of a run: checked, as engines take any without a word, and with its whole turns put away."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.joints import CRANK, SLIDER, joint_gap
 from engine_models.scene.scene import Scene
-
-CRANK, ROD, SLIDER = range(3)
 
 #: An ideal joint may be open by this many metres at the start, and its sides drift apart by so many m/s for
 #: every m/s (and one more) at which the bodies move.
 START_TOLERANCE = 1e-9
-
-#: A body, None for the ground, and a place on it along its axis from its centre of mass.
-End = tuple[int | None, float]
-
-
-@dataclass(frozen=True)
-class JointGap:
-    """``gap_m`` (n, 2) is from the bearing's centre to the pin's; spins (n,) are those of the two bodies."""
-
-    gap_m: FloatArray
-    rate_m_s: FloatArray
-    pin_spin_rad_s: FloatArray
-    bearing_spin_rad_s: FloatArray
-
-
-def ends(scene: Scene) -> dict[str, tuple[End, End]]:
-    """Return pin and bearing of every joint; the bearing is on the body nearer the crank pivot."""
-    crank, rod = scene.crank, scene.rod
-    s = crank.centre_of_mass_m
-    found: dict[str, tuple[End, End]] = {"O": ((CRANK, -s), (None, 0.0))}
-    if rod is not None:
-        d = rod.centre_of_mass_m
-        found["A"] = (ROD, -d), (CRANK, crank.length_m - s)
-        found["B"] = (SLIDER, 0.0), (ROD, rod.length_m - d)
-    return found
-
-
-def joint_gap(scene: Scene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
-    """Return a joint's gap in states (n, bodies, 3)."""
-    (pin, pin_rate, pin_spin), (bearing, bearing_rate, bearing_spin) = (
-        _point(end, position, velocity) for end in ends(scene)[joint]
-    )
-    return JointGap(pin - bearing, pin_rate - bearing_rate, pin_spin, bearing_spin)
-
-
-def _point(end: End, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    body, place_m = end
-    if body is None:
-        nowhere = np.zeros((len(position), 2))
-        return nowhere, nowhere, nowhere[:, 0]
-    angle, spin = position[:, body, 2], velocity[:, body, 2]
-    x, y = place_m * np.cos(angle), place_m * np.sin(angle)
-    at = position[:, body, :2] + np.stack([x, y], axis=-1)
-    return at, velocity[:, body, :2] + spin[:, None] * np.stack([-y, x], axis=-1), spin
 
 
 def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:

@@ -14,11 +14,9 @@ from pydantic.dataclasses import dataclass
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
-from engine_models.pymunk.compliant import CompliantContact
-from engine_models.pymunk.model import build, pins
-from engine_models.pymunk.rigid import RigidContact, Sweeps
-from engine_models.pymunk.run import Model, trajectory_of
-from engine_models.pymunk.twin import rigid_twin
+from engine_models.pymunk.contact import CompliantContact, RigidContact, Sweeps, rigid_twin
+from engine_models.pymunk.model import Model, build, pins
+from engine_models.pymunk.run import pymunk_run
 from engine_models.scene.scene import Scene
 
 #: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
@@ -118,7 +116,7 @@ class PymunkEngine:
         require_memory(scene, settings)
         model = self._model(wound(self.twin(scene)))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            return unwound(scene, trajectory_of(model, settings, self.half_kick_start))
+            return unwound(scene, pymunk_run(model, settings, self.half_kick_start))
 
     def _model(self, scene: Scene) -> Model:
         space, bodies = build(scene, self.iterations, self.error_bias)
@@ -128,7 +126,7 @@ class PymunkEngine:
         sweeps = Sweeps(space, self.iterations, self.contact_iterations)
         contacts = {
             pin.name: RigidContact(pin, number, sweeps, first_step)
-            if pin.room.law == "rigid"
+            if pin.clearance.law == "rigid"
             else CompliantContact(space, pin, first_step)
             for number, pin in enumerate(pins(scene, space, bodies))
         }

@@ -1,14 +1,31 @@
 """The scene as bodies and ideal joints of a Pymunk space, and the pins that have room in their bearings."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import pymunk
 
+from engine_models.mechanics.joints import End, clearances, ends
 from engine_models.mechanics.start_check import checked_start
+from engine_models.pymunk.contact import PinContact
 from engine_models.pymunk.pin import PinInBearing
 from engine_models.scene.scene import Scene
 
 Bodies = tuple[pymunk.Body, ...]
+
+#: A body and a place on its x axis, in m from its origin.
+Place = tuple[pymunk.Body, float]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene in Pymunk at t = 0: its space, bodies and contacts by joint, O to B."""
+
+    scene: Scene
+    space: pymunk.Space
+    bodies: Bodies
+    contacts: Mapping[str, PinContact]
 
 
 def crank_is_kinematic(scene: Scene) -> bool:
@@ -49,8 +66,8 @@ def build(scene: Scene, iterations: int, error_bias: float) -> tuple[pymunk.Spac
     space.damping = 1.0
     space.sleep_time_threshold = math.inf
     joints: list[pymunk.Constraint] = [
-        pymunk.PivotJoint(a, b, (a_x, 0.0), (b_x, 0.0))
-        for name, ((a, a_x), (b, b_x)) in _ends(scene, space, bodies).items()
+        pymunk.PivotJoint(bearing, pin, (bearing_x, 0.0), (pin_x, 0.0))
+        for name, ((bearing, bearing_x), (pin, pin_x)) in _sides(scene, space, bodies).items()
         if name not in scene.joints_with_clearance and not (name == "O" and crank_is_kinematic(scene))
     ]
     if scene.is_crank_slider:
@@ -67,27 +84,18 @@ def build(scene: Scene, iterations: int, error_bias: float) -> tuple[pymunk.Spac
 
 def pins(scene: Scene, space: pymunk.Space, bodies: Bodies) -> list[PinInBearing]:
     """Return the pins of the joints with clearance, in the order O, A, B."""
-    ends = _ends(scene, space, bodies)
-    return [
-        PinInBearing(name, *ends[name], getattr(scene.clearance, name))
-        for name in scene.joints_with_clearance
-    ]
+    sides = _sides(scene, space, bodies)
+    return [PinInBearing(name, *sides[name], clearance) for name, clearance in clearances(scene).items()]
 
 
-def _ends(
-    scene: Scene, space: pymunk.Space, bodies: Bodies
-) -> dict[str, tuple[tuple[pymunk.Body, float], tuple[pymunk.Body, float]]]:
-    """Return where each joint is on its two bodies, the one nearer the crank pivot first: x along the link.
+def _sides(scene: Scene, space: pymunk.Space, bodies: Bodies) -> dict[str, tuple[Place, Place]]:
+    """Return where the bearing and the pin of each joint are on its two bodies."""
 
-    All joints lie on the lines of their links.
-    """
-    s = 0.0 if crank_is_kinematic(scene) else scene.crank.centre_of_mass_m
-    crank = bodies[0]
-    ends = {"O": ((space.static_body, 0.0), (crank, -s))}
-    if scene.is_crank_slider:
-        _, rod, slider = bodies
-        _, link, _ = scene.crank_slider()
-        d = link.centre_of_mass_m
-        ends["A"] = ((crank, scene.crank.length_m - s), (rod, -d))
-        ends["B"] = ((rod, link.length_m - d), (slider, 0.0))
-    return ends
+    def place(end: End) -> Place:
+        body, distance = end
+        return (space.static_body if body is None else bodies[body]), distance
+
+    if crank_is_kinematic(scene):
+        crank = scene.crank.model_copy(update={"centre_of_mass_m": 0.0})
+        scene = scene.model_copy(update={"crank": crank})
+    return {name: (place(bearing), place(pin)) for name, (pin, bearing) in ends(scene).items()}

@@ -1,80 +1,42 @@
-"""One run of a Pymunk model: which steps to read, and what their states and contacts say at the samples."""
+"""One run of a Pymunk model: what the states and contacts of its steps say at the samples."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pymunk
 from numpy.typing import NDArray
 
-from engine_models.engine import Contact, FloatArray, RunSettings, Trajectory, require_finite
+from engine_models.engine import (
+    Contact,
+    FloatArray,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+    require_finite,
+)
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, gaps
+from engine_models.mechanics.reactions import reactions
 from engine_models.mechanics.samples import joined, selected
-from engine_models.pymunk.checks import require_the_mechanism
-from engine_models.pymunk.compliant import CompliantContact
-from engine_models.pymunk.contact import ContactLog
-from engine_models.pymunk.forces import gaps, reactions
-from engine_models.pymunk.model import Bodies, crank_is_kinematic
-from engine_models.pymunk.rigid import RigidContact
-from engine_models.pymunk.stepping import Block, run
+from engine_models.mechanics.trajectory import trajectory_of
+from engine_models.pymunk.contact_log import ContactLog
+from engine_models.pymunk.model import Model, crank_is_kinematic
+from engine_models.pymunk.stepping import Block, Timing, run
 from engine_models.scene.scene import Scene
 
-#: Steps that are worked off at once.
-BLOCK_STEPS = 16_384
+#: With a joint this many crank lengths apart the bodies are no mechanism any more, and the run has failed.
+LOST_GAP = 0.1
 
 
-@dataclass(frozen=True)
-class Model:
-    """A scene in Pymunk at t = 0: its space, bodies and contacts by joint, O to B."""
-
-    scene: Scene
-    space: pymunk.Space
-    bodies: Bodies
-    contacts: Mapping[str, CompliantContact | RigidContact]
-
-
-class Timing:
-    """The steps of a run, in blocks: which of them are wanted, and which of those are samples."""
-
-    def __init__(self, scene: Scene, settings: RunSettings) -> None:
-        self.per_sample = settings.steps_per_sample(scene.end_time_s)
-        self.dt, self.steps = settings.step_used_s(scene.end_time_s), settings.samples * self.per_sample
-        # The driver's work needs the torque at every step, all else is asked for at the samples alone.
-        self._every = 1 if scene.drive.kind == "constant-speed" else self.per_sample
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the blocks, in order; memory holds no more of a run than one of them, and the samples."""
-        for first in range(0, self.steps + 1, BLOCK_STEPS):
-            last = min(first + BLOCK_STEPS - 1, self.steps)
-            wanted, ahead = self._wanted(first, last), self._wanted(first + 1, last + 1)
-            # The step before a wanted one tells the kick, the first few what kicks 0 and 1 should have been.
-            read = np.concatenate([wanted, ahead[ahead <= self.steps] - 1, np.arange(0 if first else 5)])
-            yield Block(last, wanted, np.unique(read))
-
-    def _wanted(self, first: int, last: int) -> NDArray[np.int64]:
-        every = self._every
-        return np.arange(-(-first // every) * every, last + 1, every)
-
-
-def trajectory_of(model: Model, settings: RunSettings, half_kick_start: bool) -> Trajectory:
+def pymunk_run(model: Model, settings: RunSettings, half_kick_start: bool) -> Trajectory:
     """Run the model with fixed steps; see ``PymunkEngine`` for what is reported.
 
     Raises:
         SimulationFailed: a joint came apart, a pin went through a wall, the rod turned over, or the numbers
             overflowed.
     """
-    scene, samples = model.scene, Samples(model, settings, half_kick_start)
-    solve_time = run(
-        model.space,
-        model.bodies,
-        samples.timing.dt,
-        crank_torque_N_m=scene.drive.torque_N_m if scene.drive.kind == "torque" else None,
-        half_kick_start=half_kick_start,
-        blocks=samples.timing.blocks(),
-        work_off=samples.take,
-    )
-    return require_finite(samples.trajectory(solve_time))
+    samples = Samples(model, settings, half_kick_start)
+    return require_finite(samples.trajectory(run(model, samples.timing, half_kick_start, samples.take)))
 
 
 class Samples:
@@ -82,9 +44,9 @@ class Samples:
 
     def __init__(self, model: Model, settings: RunSettings, half_kick_start: bool) -> None:
         self.timing, self._scene, self._contacts = Timing(model.scene, settings), model.scene, model.contacts
-        self._count, self._half_kick_start = settings.samples, half_kick_start
-        self._logs = {name: ContactLog(contact.clips) for name, contact in model.contacts.items()}
-        self._parts: list[dict[str, FloatArray | None]] = []
+        self._clearances, self._half_kick_start = clearances(model.scene), half_kick_start
+        self._logs = {name: ContactLog() for name in model.contacts}
+        self._parts: list[dict[str, FloatArray]] = []
         self._contact_parts: dict[str, list[Contact]] = {name: [] for name in self._logs}
         self._last_v: FloatArray | None = None
         self._work = 0.0
@@ -99,7 +61,7 @@ class Samples:
         rigid = []
         for name, log in self._logs.items():
             log.add(self._contacts[name].taken())
-            if getattr(scene.clearance, name).law == "rigid":
+            if self._clearances[name].law == "rigid":
                 rigid.append(log.touches)
         before = self._last_v
         if len(v):
@@ -108,51 +70,46 @@ class Samples:
             return
         struck = np.isin(wanted, np.concatenate(rigid)) if rigid else np.zeros(len(wanted), dtype=bool)
         position, velocity, acceleration = self._motion(block, x, v, before, struck)
-        require_the_mechanism(scene, position, np.asarray(dt * wanted, dtype=np.float64))
+        gap = gaps(scene, position)
+        require_the_mechanism(scene, position, gap, np.asarray(dt * wanted, dtype=np.float64))
         # A kick's work is half done at its own time, unless it strikes: then all is to come (or all over).
         share = np.where(struck, 0.0 if self._half_kick_start else 1.0, 0.5)
-        gap = gaps(scene, position)
         contacts = {
-            name: log.contact(getattr(scene.clearance, name), gap[name], wanted, share, dt)
+            name: log.contact(self._clearances[name], gap[name], wanted, share, dt)
             for name, log in self._logs.items()
         }
         force, guide, torque = reactions(scene, position, acceleration, contacts)
-        parts: dict[str, FloatArray | None] = {
+        driven = scene.drive.kind == "constant-speed"
+        sampled = wanted % self.timing.per_sample == 0
+        arrays = {
             "position": position,
             "velocity": velocity,
             "joint_force_N": force,
             "guide_normal_force_N": guide,
-            "driver_torque_N_m": None,
-            "driver_work_J": None,
+            "driver_torque_N_m": torque,
+            "driver_work_J": self._driver_work(torque, share, wanted) if driven else None,
         }
-        if scene.drive.kind == "constant-speed":
-            parts["driver_torque_N_m"] = torque
-            parts["driver_work_J"] = self._driver_work(torque, share, wanted)
-        sampled = wanted % self.timing.per_sample == 0
-        self._parts.append({name: None if part is None else part[sampled] for name, part in parts.items()})
+        self._parts.append({name: array[sampled] for name, array in arrays.items() if array is not None})
         for name, contact in contacts.items():
             self._contact_parts[name].append(selected(contact, sampled))
 
     def trajectory(self, solve_time_s: float) -> Trajectory:
         """Return the trajectory at all samples."""
-        scene, timing = self._scene, self.timing
-        names = [name for name, part in self._parts[0].items() if part is not None]
-        arrays: dict[str, Any] = dict.fromkeys(self._parts[0])
-        arrays |= {name: np.concatenate([part[name] for part in self._parts]) for name in names}
-        if scene.drive.kind == "torque":
-            angle = arrays["position"][:, 0, 2]
-            arrays["driver_torque_N_m"] = np.full_like(angle, scene.drive.torque_N_m)
-            arrays["driver_work_J"] = scene.drive.torque_N_m * (angle - angle[0])
-        return Trajectory(
-            time_s=np.linspace(0.0, scene.end_time_s, self._count + 1),
+        dt, steps = self.timing.dt, self.timing.steps
+        arrays: dict[str, Any] = {
+            name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]
+        }
+        contacts = {
+            name: replace(joined(self._contact_parts[name]), impacts=log.impacts(dt, steps))
+            for name, log in self._logs.items()
+        }
+        return trajectory_of(
+            self._scene,
             **arrays,
-            step_s=timing.dt,
-            steps=timing.steps,
+            step_s=dt,
+            steps=steps,
             solve_time_s=solve_time_s,
-            contacts={
-                name: replace(joined(self._contact_parts[name]), impacts=log.impacts(timing.dt, timing.steps))
-                for name, log in self._logs.items()
-            },
+            contacts=contacts,
         )
 
     def _motion(
@@ -207,9 +164,42 @@ def _place_driven_crank(
     scene: Scene, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> None:
     """Fill in the motion of the crank's centre of mass, which circles about the kinematic body's origin O."""
-    theta, omega, s = position[:, 0, 2], scene.start.crank_speed_rad_s, scene.crank.centre_of_mass_m
-    radial = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
-    tangential = np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
-    position[:, 0, :2] = s * radial
-    velocity[:, 0, :2], velocity[:, 0, 2] = s * omega * tangential, omega
-    acceleration[:, 0, :2], acceleration[:, 0, 2] = -s * omega * omega * radial, 0.0
+    omega, s = scene.start.crank_speed_rad_s, scene.crank.centre_of_mass_m
+    radial = axis(position[:, CRANK, 2])
+    tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=-1)
+    position[:, CRANK, :2] = s * radial
+    velocity[:, CRANK, :2], velocity[:, CRANK, 2] = s * omega * tangential, omega
+    acceleration[:, CRANK, :2], acceleration[:, CRANK, 2] = -s * omega * omega * radial, 0.0
+
+
+def require_the_mechanism(
+    scene: Scene, position: FloatArray, gap_m: dict[str, FloatArray], time_s: FloatArray
+) -> None:
+    """Check that positions (n, bodies, 3) at times (n,), with the joints' gaps (n, 2), are the scene's still.
+
+    Raises:
+        SimulationFailed: at the first time when an ideal joint is too far apart or not finite, or a pin is
+            through the wall of its bearing, or when the rod has gone over the vertical, which one that is
+            longer than the crank and the clearances never does.
+    """
+    distance = {name: np.hypot(gap[:, 0], gap[:, 1]) for name, gap in gap_m.items()}
+    clearance_of = clearances(scene)
+    checks = [
+        (distance[name] <= clearance.bearing_radius_m, f"pin through the wall of its bearing at joint {name}")
+        for name, clearance in clearance_of.items()
+    ]
+    apart = [np.zeros(len(position)), *(distance[name] for name in scene.joints if name not in clearance_of)]
+    if scene.is_crank_slider:
+        apart.append(np.abs(position[:, SLIDER, 1]))
+        crank, rod, _ = scene.crank_slider()
+        reach = crank.length_m + sum(clearance.radial_clearance_m for clearance in clearance_of.values())
+        if rod.length_m >= reach:
+            checks.append((~(np.cos(position[:, ROD, 2]) <= 0), "rod turned over"))
+    worst = np.max(apart, axis=0)
+    checks.append(
+        (worst <= LOST_GAP * scene.crank.length_m, "constraints lost, a joint is {gap:.3g} m apart,")
+    )
+    failures = [(int(np.argmin(holds)), what) for holds, what in checks if not holds.all()]
+    if failures:
+        first, what = min(failures)
+        raise SimulationFailed(f"{what.format(gap=worst[first])} at t = {time_s[first]:.6g} s")

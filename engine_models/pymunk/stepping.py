@@ -1,7 +1,7 @@
-"""The loop that steps a Pymunk space and reads it, and that lets no exception of a callback get lost."""
+"""The loop that steps a Pymunk space block by block and reads it; no exception of a callback gets lost."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
@@ -11,11 +11,14 @@ import pymunk
 from numpy.typing import NDArray
 from pymunk import batch
 
-from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed
 from engine_models.progress import tell
-from engine_models.pymunk.model import Bodies
+from engine_models.pymunk.model import Bodies, Model
 from engine_models.pymunk.pin import PinLost
+from engine_models.scene.scene import Scene
 
+#: Steps that are worked off at once.
+BLOCK_STEPS = 16_384
 #: Sweeps in the first kicks of a half-kick start. They have no impulses of a like step to start from: kick 0
 #: none at all, kicks 1 and 2 those of an unlike one; 3 and 4 share in telling the force at t = 0 (see
 #: PymunkEngine). 100 sweeps are enough. The change to fewer leaves a ripple of some 1e-4 of the force at
@@ -42,23 +45,39 @@ class Block:
     read: NDArray[np.int64]
 
 
-#: Works off a block from its states as Pymunk stores them, each (reads, bodies, 3): positions, velocities.
-Work = Callable[[Block, FloatArray, FloatArray], None]
+class Timing:
+    """The steps of a run, in blocks: which of them are wanted, and which of those are samples."""
+
+    def __init__(self, scene: Scene, settings: RunSettings) -> None:
+        self.per_sample = settings.steps_per_sample(scene.end_time_s)
+        self.dt, self.steps = settings.step_used_s(scene.end_time_s), settings.samples * self.per_sample
+        # The driver's work needs the torque at every step, all else is asked for at the samples alone.
+        self._every = 1 if scene.drive.kind == "constant-speed" else self.per_sample
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the blocks, in order; memory holds no more of a run than one of them, and the samples."""
+        for first in range(0, self.steps + 1, BLOCK_STEPS):
+            last = min(first + BLOCK_STEPS - 1, self.steps)
+            wanted, ahead = self._wanted(first, last), self._wanted(first + 1, last + 1)
+            # The step before a wanted one tells the kick, the first few what kicks 0 and 1 should have been.
+            read = np.concatenate([wanted, ahead[ahead <= self.steps] - 1, np.arange(0 if first else 5)])
+            yield Block(last, wanted, np.unique(read))
+
+    def _wanted(self, first: int, last: int) -> NDArray[np.int64]:
+        every = self._every
+        return np.arange(-(-first // every) * every, last + 1, every)
 
 
 def run(
-    space: pymunk.Space,
-    bodies: Bodies,
-    dt: float,
-    *,
-    crank_torque_N_m: float | None,
+    model: Model,
+    timing: Timing,
     half_kick_start: bool,
-    blocks: Iterable[Block],
-    work_off: Work,
+    work_off: Callable[[Block, FloatArray, FloatArray], None],
 ) -> float:
     """Step the space through the blocks, the first of which reads step 0 (before the first step) to step 4.
 
-    Work gets positions and velocities of crank, rod, slider by (x, y, phi) of the body's origin.
+    ``work_off`` gets a block with its states as Pymunk stores them, each (reads, bodies, 3): positions and
+    velocities of crank, rod, slider by (x, y, phi) of the body's origin.
 
     Returns:
         The wall time in s of the calls of ``space.step`` and what must go with each (the loop, a torque that
@@ -68,6 +87,7 @@ def run(
         SimulationFailed: a pin went through the wall of its bearing, or a contact's numbers overflowed.
         BaseException: whatever else a callback raised, or a signal's handler while one ran.
     """
+    space, bodies, dt, drive = model.space, model.bodies, timing.dt, model.scene.drive
     log, (listed, order) = batch.Buffer(), _order_of_reading(space, bodies)
     iterations, done, solve_time = space.iterations, 0, 0.0
     with _exceptions_of_callbacks() as raised:
@@ -76,8 +96,8 @@ def run(
             step, crank = space.step, bodies[0]
             started = perf_counter()
             for k in range(first, last + 1):
-                if crank_torque_N_m is not None:
-                    crank.torque = crank_torque_N_m  # every step ends by clearing the loads
+                if drive.kind == "torque":
+                    crank.torque = drive.torque_N_m  # every step ends by clearing the loads
                 step(step_s)
                 if raised:
                     _raise(raised, k * dt)
@@ -90,7 +110,7 @@ def run(
             solve_time += advance(dt / 2, 0, 0)
             for body in bodies:
                 body.position_func = pymunk.Body.update_position
-        for block in blocks:
+        for block in timing.blocks():
             log.clear()
             reads = block.read.tolist()
             for number, target in enumerate([*reads, block.last]):

@@ -16,9 +16,10 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.energy import require_energy
+from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
-from engine_models.reference.compilation import compile_time_s
+from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.run import reference_run
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Baumgarte
@@ -28,7 +29,7 @@ from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, ErrorControl, Stab
 #: The smallest tolerance, some times round-off, and one to begin with.
 SHARPEST, LOOSE = 1e-14, 1e-6
 #: The step at which a contact takes ``steps_per_contact`` steps.
-STEP_OF_RATES_S = 1e-5
+STEP_OF_CONTACT_STEPS_S = 1e-5
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -43,7 +44,7 @@ class ReferenceEngine:
     both. Without ``locate_events`` every step has the run's length, as in the paper.
 
     ``method = dop853`` takes steps up to the run's longest that are in error by the ``tolerance``: a part of
-    the mechanism's longest arm, a radian, and both times the rate of its start (see ``ErrorControl``).
+    the mechanism's longest lever, a radian, and both times the rate of its start (see ``ErrorControl``).
     """
 
     method: Literal["rk4", "dop853"] = "rk4"
@@ -59,7 +60,7 @@ class ReferenceEngine:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
         if self.method == "dop853" and not self.locate_events:
             raise UnsupportedScene("reference needs locate_events with method = dop853")
-        rigid = any(getattr(scene.clearance, name).law == "rigid" for name in scene.joints_with_clearance)
+        rigid = any(clearance.law == "rigid" for clearance in clearances(scene).values())
         if rigid and not (self.stabilisation == "projection" and self.locate_events):
             raise UnsupportedScene(
                 "reference runs rigid contact with stabilisation = projection and locate_events only"
@@ -108,7 +109,7 @@ class ReferenceEngine:
         return compile_time_s(self, scene, settings)
 
     def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        choice, compiled = self._rates(scene, settings), self.kernel == "compiled"
+        choice, compiled = self._step_choice(scene, settings), self.kernel == "compiled"
         return reference_run(scene, settings, choice, self._stabilisation(), compiled)
 
     def _stabilisation(self) -> Stabilisation:
@@ -116,9 +117,9 @@ class ReferenceEngine:
             return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
         return self.stabilisation
 
-    def _rates(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
+    def _step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
         if self.method == "dop853":
             return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s))
         step = settings.step_used_s(scene.end_time_s)
-        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * STEP_OF_RATES_S / step)
+        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * STEP_OF_CONTACT_STEPS_S / step)
         return StepChoice(step, per_contact, self.locate_events)

@@ -1,6 +1,28 @@
-"""The folder that keeps the reference's compiled kernels, for whoever runs the reference."""
+"""The reference's compiled kernels, for whoever runs it: the folder that keeps them, what compiling takes."""
 
+import time
+
+from engine_models.engine import Engine, RunSettings
+from engine_models.scene.scene import Scene
 from reference_solver.compiled.checked_files import read_checked, write_checked
 from reference_solver.compiled.folder import FolderRefused, writable_folder
+from reference_solver.compiled.store import compiled_anew
 
-__all__ = ["FolderRefused", "read_checked", "writable_folder", "write_checked"]
+__all__ = ["FolderRefused", "compile_time_s", "read_checked", "writable_folder", "write_checked"]
+
+
+def compile_time_s(engine: Engine, scene: Scene, settings: RunSettings) -> float:
+    """Return how much longer a run takes without kernels than with them, in s.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: as ``simulate`` does.
+    """
+    with compiled_anew():
+        without, again = (_elapsed_s(engine, scene, settings) for _ in range(2))
+    return without - again
+
+
+def _elapsed_s(engine: Engine, scene: Scene, settings: RunSettings) -> float:
+    started = time.perf_counter()
+    engine.simulate(scene, settings)
+    return time.perf_counter() - started

@@ -1,6 +1,7 @@
 """The scene as a mechanism of the reference solver: joints O, A, B, then the guide, then a driver."""
 
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
+from engine_models.mechanics.contact_law import exponent_of, minimum_impact_speed_of, stiffness_of
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.scene import Clearance, Friction, Link, Scene
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import (
@@ -14,11 +15,6 @@ from reference_solver.mechanism.mechanism import (
     StraightGuide,
     Torque,
 )
-
-CRANK, ROD, SLIDER = range(3)
-
-#: Floor of the approach speed in laws that divide by it, where the scene gives none.
-MINIMUM_IMPACT_SPEED_M_S = 1e-6
 
 
 def mechanism_of(scene: Scene) -> Mechanism:
@@ -79,7 +75,7 @@ def _law(clearance: Clearance) -> ContactLaw | RigidWall:
         exponent_of(clearance),
         0.0 if factor is None or clearance.restitution is None else factor(clearance.restitution),
         clearance.damping_N_s_m or 0.0,
-        clearance.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S,
+        minimum_impact_speed_of(clearance),
         clearance.may_pull,
     )
 

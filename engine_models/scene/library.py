@@ -8,6 +8,7 @@ from engine_models.scene.scene import (
     Clearances,
     ConstantSpeedDrive,
     ContactLaw,
+    Drive,
     FreeDrive,
     Friction,
     Link,
@@ -18,58 +19,43 @@ from engine_models.scene.scene import (
 )
 
 SLIDER = Slider(mass_kg=0.14, inertia_kg_m2=1e-4)
+#: The sets' inertias of crank and rod about their centres of mass, in kg m^2.
+SET_F, SET_R = (1e-5, 2.5e-5), (1e-4, 2.5e-4)
 
 
-def crank(inertia_kg_m2: float) -> Link:
-    """Return the crank both sets share, with the set's own inertia."""
-    return Link(length_m=0.05, mass_kg=0.30, inertia_kg_m2=inertia_kg_m2, centre_of_mass_m=0.025)
-
-
-def rod(inertia_kg_m2: float) -> Link:
-    """Return the rod both sets share, with the set's own inertia."""
-    return Link(length_m=0.12, mass_kg=0.21, inertia_kg_m2=inertia_kg_m2, centre_of_mass_m=0.06)
+def _crank_slider(
+    name: str, end_time_s: float, inertias_kg_m2: tuple[float, float], start: Start, drive: Drive
+) -> Scene:
+    """Return a crank-slider of the bodies that both sets share, with inertias of its own."""
+    crank, rod = inertias_kg_m2
+    return Scene(
+        name=name,
+        end_time_s=end_time_s,
+        gravity_m_s2=9.81,
+        crank=Link(length_m=0.05, mass_kg=0.30, inertia_kg_m2=crank, centre_of_mass_m=0.025),
+        rod=Link(length_m=0.12, mass_kg=0.21, inertia_kg_m2=rod, centre_of_mass_m=0.06),
+        slider=SLIDER,
+        start=start,
+        drive=drive,
+    )
 
 
 def ideal_free() -> Scene:
     """Set F: ten turns a second to start with, then on its own under gravity."""
-    return Scene(
-        name="ideal-free",
-        end_time_s=1.0,
-        gravity_m_s2=9.81,
-        crank=crank(1e-5),
-        rod=rod(2.5e-5),
-        slider=SLIDER,
-        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=2 * math.pi * 10),
-        drive=FreeDrive(kind="free"),
-    )
+    start = Start(crank_angle_rad=0.0, crank_speed_rad_s=2 * math.pi * 10)
+    return _crank_slider("ideal-free", 1.0, SET_F, start, FreeDrive(kind="free"))
 
 
 def ideal_driven() -> Scene:
     """Set R: two revolutions at constant 5000 rpm."""
-    return Scene(
-        name="ideal-driven",
-        end_time_s=0.024,
-        gravity_m_s2=9.81,
-        crank=crank(1e-4),
-        rod=rod(2.5e-4),
-        slider=SLIDER,
-        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=2 * math.pi * 5000 / 60),
-        drive=ConstantSpeedDrive(kind="constant-speed"),
-    )
+    start = Start(crank_angle_rad=0.0, crank_speed_rad_s=2 * math.pi * 5000 / 60)
+    return _crank_slider("ideal-driven", 0.024, SET_R, start, ConstantSpeedDrive(kind="constant-speed"))
 
 
 def ideal_torque() -> Scene:
     """Set F's bodies, started from rest by a constant torque that lifts them over the top."""
-    return Scene(
-        name="ideal-torque",
-        end_time_s=0.3,
-        gravity_m_s2=9.81,
-        crank=crank(1e-5),
-        rod=rod(2.5e-5),
-        slider=SLIDER,
-        start=Start(crank_angle_rad=0.5, crank_speed_rad_s=0.0),
-        drive=TorqueDrive(kind="torque", torque_N_m=0.3),
-    )
+    start = Start(crank_angle_rad=0.5, crank_speed_rad_s=0.0)
+    return _crank_slider("ideal-torque", 0.3, SET_F, start, TorqueDrive(kind="torque", torque_N_m=0.3))
 
 
 #: The literature's bearing: steel on steel, 10 mm, restitution 0.9.
@@ -148,7 +134,7 @@ def clearance_pendulum() -> Scene:
         name="clearance-pendulum",
         end_time_s=0.3,
         gravity_m_s2=9.81,
-        crank=rod(2.5e-4),
+        crank=ideal_driven().crank_slider()[1],
         start=Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0),
         drive=FreeDrive(kind="free"),
         clearance=Clearances(O=clearance(5e-4)),
@@ -173,30 +159,22 @@ CLEARANCE_SCENES: dict[str, Callable[[], Scene]] = {
 }
 
 
-def _rigid_twin(make: Callable[[], Scene]) -> Callable[[], Scene]:
+def _rigid(make: Callable[[], Scene]) -> Callable[[], Scene]:
     """Return what makes the same scene with rigid contact of the same nominal restitution and friction."""
 
-    def twin() -> Scene:
+    def rigid_scene() -> Scene:
         scene = make()
+        unset = {"law": "rigid", "young_modulus_Pa": None, "poisson_ratio": None}
         joints = {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
-        rigid = {
-            name: Clearance(
-                radial_clearance_m=joint.radial_clearance_m,
-                bearing_radius_m=joint.bearing_radius_m,
-                law="rigid",
-                restitution=joint.restitution,
-                friction=joint.friction,
-            )
-            for name, joint in joints.items()
-        }
+        rigid = {name: joint.model_copy(update=unset) for name, joint in joints.items()}
         return _named(scene.name.replace("clearance", "rigid"), scene, **rigid)
 
-    twin.__doc__ = f"{(make.__doc__ or '').rstrip('.')}; rigid contact."
-    return twin
+    rigid_scene.__doc__ = f"{(make.__doc__ or '').rstrip('.')}; rigid contact."
+    return rigid_scene
 
 
 RIGID_SCENES: dict[str, Callable[[], Scene]] = {
-    name.replace("clearance", "rigid"): _rigid_twin(make) for name, make in CLEARANCE_SCENES.items()
+    name.replace("clearance", "rigid"): _rigid(make) for name, make in CLEARANCE_SCENES.items()
 }
 
 SCENES = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}

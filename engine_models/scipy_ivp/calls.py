@@ -9,10 +9,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.pace import require_pace
+from engine_models.pace import Pace
 from engine_models.progress import tell
 from engine_models.scene.scene import Scene
-from engine_models.scipy_ivp.contact import Steps, Watch
+from engine_models.scipy_ivp.contact import Watch
 from engine_models.scipy_ivp.model import Derivative
 
 #: Absolute tolerance of the sums in y, which takes them out of the error control. It is finite because Radau
@@ -47,24 +47,21 @@ class Calls:
     def __init__(
         self, scene: Scene, derivative: Derivative, choice: Choice, memory: FloatArray | None = None
     ) -> None:
-        self._scene = scene
         self._derivative, self._choice, self._memory = derivative, choice, memory
         self._atol = np.full(len(derivative.start), choice.atol)
         self._atol[2 * derivative.n :] = UNCONTROLLED
-        self._steps = Steps(derivative, memory)
+        #: Accepted steps so far, the end of the last, the memories with the times from which on they hold.
+        self.steps, self._last_time_s = 0, 0.0
+        self._times: list[float] = []
+        self._memories: list[FloatArray] = []
         #: Evaluations of the right-hand side so far, and at which to look up again.
         self.evaluations, self._pause = 0, 0
-        self._judged, self._judged_s = 0, 0.0
+        self._pace = Pace(scene, OUTLASTING)
         solve_ivp(lambda _, y: -y, (0.0, 1.0), [1.0], choice.method)  # loads the method, out of any timing
-
-    @property
-    def steps(self) -> int:
-        """Accepted steps so far."""
-        return self._steps.accepted
 
     def memory_at(self, t: float) -> FloatArray:
         """Return the memory (K,) that was valid in the step that t is in."""
-        return self._steps.memory_at(t)
+        return self._memories[max(int(np.searchsorted(self._times, t)) - 1, 0)]
 
     def solve(
         self, t: float, y: FloatArray, times: FloatArray, watched: Sequence[Watch]
@@ -96,7 +93,7 @@ class Calls:
             raise self._failure(str(trouble)) from trouble
         if not solution.success:
             raise self._failure(solution.message)
-        self._steps.accepted -= 1  # the call at the start
+        self.steps -= 1  # the call at the start
         return list(np.transpose(solution.y)), list(
             _roots(watched, solution.t_events[1:], solution.y_events[1:])
         )
@@ -108,10 +105,19 @@ class Calls:
         return self._derivative(t, y)
 
     def _step_taken(self, t: float, y: FloatArray) -> float:
-        """Look up now and then: not in the right-hand side, whose exceptions Fortran prints."""
+        """Return 1, as an event that never happens, which is called at the start and after accepted steps.
+
+        It looks up now and then: not in the right-hand side, whose exceptions Fortran prints.
+        """
         if self.evaluations > self._pause:
             self._look_up(t)
-        return self._steps(t, y)
+        self.steps, self._last_time_s = self.steps + 1, t
+        if self._memory is not None:
+            self._memory[:] = self._derivative.remember(y, self._memory)
+            if not (self._memories and np.array_equal(self._memory, self._memories[-1], equal_nan=True)):
+                self._times.append(t)
+                self._memories.append(self._memory.copy())
+        return 1.0
 
     def _look_up(self, t: float) -> None:
         """Tell how far the run has come, and end one that does not get on."""
@@ -121,13 +127,11 @@ class Calls:
                 "loosen rtol and atol, or raise max_evaluations"
             )
         tell(t)
-        if self.evaluations - self._judged >= OUTLASTING:
-            require_pace(self._scene, t, t - self._judged_s, OUTLASTING)
-            self._judged, self._judged_s = self.evaluations, t
+        self._pace.judge(t, self.evaluations)
         self._pause = min(self.evaluations + PAUSE, self._choice.max_evaluations)
 
     def _failure(self, message: str) -> SimulationFailed:
-        reached = self._steps.last_time_s
+        reached = self._last_time_s
         reason = self._derivative.diagnosis(reached) or message.rstrip(".")
         return SimulationFailed(f"{self._choice.method} stopped at t = {reached:.6g} s: {reason}")
 

@@ -1,8 +1,7 @@
 """Events of contacts as ``solve_ivp`` takes them: functions of t and y, called at every step."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.scipy_ivp.model import Derivative
@@ -14,93 +13,49 @@ NUDGE = 1e-16
 #: that starts from the middle of its bearing, where the sign would be lost in rounding.
 PARTING_M_S = -1e-9
 
-
-@dataclass(frozen=True)
-class Alarm:
-    """Stops the integration where an alarm of ``Derivative`` rises above ``level``."""
-
-    derivative: Derivative
-    contact: int
-    kind: int
-    level: float = 0.0
-    terminal: bool = True
-    direction: float = 1.0
-
-    def __call__(self, _: float, y: FloatArray) -> float:
-        """Return how far the alarm is above its level."""
-        return self.derivative.alarm(self.contact, self.kind, y) - self.level
+#: A contact and the kind of its alarm.
+Event = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Nearest:
-    """Marks where a pin in flight is nearest to the wall: it may have touched and left within the step."""
+class Watch:
+    """Where a value of y passes zero in a direction; with an ``event`` the integration stops there."""
 
-    derivative: Derivative
     contact: int
-    terminal: bool = False
-    direction: float = -1.0
+    value: Callable[[FloatArray], float]
+    direction: float
+    event: Event | None = None
+
+    @property
+    def terminal(self) -> bool:
+        """Whether the integration is to stop."""
+        return self.event is not None
 
     def __call__(self, _: float, y: FloatArray) -> float:
-        """Return how far the rate of the gap, in m/s, is from that of parting."""
-        return float(self.derivative.gaps(y)["rate"][self.contact]) - PARTING_M_S
+        """Return the value."""
+        return self.value(y)
 
 
-@dataclass(frozen=True)
-class Crossing:
-    """Marks where a pin passes the wall of its bearing, either way."""
-
-    derivative: Derivative
-    contact: int
-    terminal: bool = False
-    direction: float = 0.0
-
-    def __call__(self, _: float, y: FloatArray) -> float:
-        """Return the gap in m, positive inside the wall."""
-        return float(self.derivative.gaps(y)["g"][self.contact])
-
-
-@dataclass
-class Steps:
-    """Counts accepted steps: ``solve_ivp`` calls every event once at the start and once after each of them.
-
-    With ``memory`` (K,) given, each call also keeps it up to date (``Derivative.remember``).
-    """
-
-    derivative: Derivative
-    memory: FloatArray | None = None
-    accepted: int = 0
-    last_time_s: float = 0.0
-    terminal: bool = False
-    direction: float = 0.0
-
-    def __post_init__(self) -> None:
-        self._times: list[float] = []
-        self._memories: list[FloatArray] = []
-
-    def __call__(self, t: float, y: FloatArray) -> float:
-        """Return 1: this event never happens."""
-        self.accepted, self.last_time_s = self.accepted + 1, t
-        if self.memory is not None:
-            self.memory[:] = self.derivative.remember(y, self.memory)
-            if not (self._memories and np.array_equal(self.memory, self._memories[-1], equal_nan=True)):
-                self._times.append(t)
-                self._memories.append(self.memory.copy())
-        return 1.0
-
-    def memory_at(self, t: float) -> FloatArray:
-        """Return the memory (K,) that was valid in the step that t is in."""
-        return self._memories[max(int(np.searchsorted(self._times, t)) - 1, 0)]
-
-
-Watch = Alarm | Nearest | Crossing
-
-
-def alarms(derivative: Derivative, y: FloatArray, answered: set[tuple[int, int]]) -> list[Alarm]:
+def alarms(derivative: Derivative, y: FloatArray, answered: set[Event]) -> list[Watch]:
     """Return every event that can end a segment begun at y; those answered there ended the one before."""
-    out = []
+    watches = []
     for contact, kind in derivative.events:
         level = 0.0
         if (contact, kind) in answered:
             level = 2 * max(derivative.alarm(contact, kind, y), 0.0) + NUDGE
-        out.append(Alarm(derivative, contact, kind, level))
-    return out
+        watches.append(_alarm(derivative, (contact, kind), level))
+    return watches
+
+
+def _alarm(derivative: Derivative, event: Event, level: float) -> Watch:
+    return Watch(event[0], lambda y: derivative.alarm(*event, y) - level, 1.0, event)
+
+
+def nearest(derivative: Derivative, contact: int) -> Watch:
+    """Watch where a pin in flight is nearest to the wall: it may have touched and left within the step."""
+    return Watch(contact, lambda y: float(derivative.gaps(y)["rate"][contact]) - PARTING_M_S, -1.0)
+
+
+def crossing(derivative: Derivative, contact: int) -> Watch:
+    """Watch where a pin passes the wall of its bearing, either way."""
+    return Watch(contact, lambda y: float(derivative.gaps(y)["g"][contact]), 0.0)

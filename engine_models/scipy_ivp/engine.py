@@ -8,17 +8,12 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import (
-    SETTINGS_CONFIG,
-    RunSettings,
-    Trajectory,
-    UnsupportedScene,
-    require_finite,
-)
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
+from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
-from engine_models.reference.compilation import compile_time_s
-from engine_models.reference.trajectory import trajectory_of
+from engine_models.reference.kernels import compile_time_s
+from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp.calls import Calls, Choice
 from engine_models.scipy_ivp.model import Derivative
@@ -65,9 +60,7 @@ class ScipyEngine:
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where a contact is rigid: its impulses and rows are no part of an ODE."""
-        joints = [
-            name for name in scene.joints_with_clearance if getattr(scene.clearance, name).law == "rigid"
-        ]
+        joints = [name for name, clearance in clearances(scene).items() if clearance.law == "rigid"]
         if joints:
             raise UnsupportedScene(
                 "scipy integrates smooth right-hand sides: it has no impacts and no rows that come and go "
@@ -114,5 +107,5 @@ class ScipyEngine:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
         solution = derivative.solution(scene.end_time_s, record.y, record.phases, record.ends, calls.steps)
-        run = trajectory_of(scene, solution, longest, solve_time, stabilised=False)
+        run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))

@@ -15,7 +15,7 @@ from engine_models.engine import FloatArray
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.model import mechanism_of
 from engine_models.scene.scene import Scene
-from reference_solver.compiled.kernel import Kernel, Topology
+from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact.types import (
     CLIPPED,
@@ -26,7 +26,6 @@ from reference_solver.contact.types import (
     GAP_RECORD,
     Impact,
     Motion,
-    Rates,
 )
 from reference_solver.equations import Equations
 from reference_solver.errors import SolverError
@@ -40,22 +39,20 @@ ContactEnd = tuple[float, int, float, float, float, float]
 def derivative_source(topology: Topology) -> str:
     """Return a module with ``evaluate`` and, for contacts, ``gaps`` (see ``kernel.Kernel.gaps``).
 
-    ``evaluate(p, contacts, t, y, rate, rates)`` writes y', and {lambda} and the contacts' forces in ``rates``
-    (see ``contact.types.Rates``), and tells whether it could.
+    ``evaluate(p, contacts, t, y, rate, forces)`` writes y', and in ``forces`` {lambda} and the contacts'
+    forces, and tells whether it could.
     """
     kernel = Kernel(topology)
-    unpack = [f"q{c}, v{c} = y[{c}], y[{kernel.n + c}]" for c in range(kernel.n)]
     draft = kernel.begin()
     found = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
     powers = [found.powers[name] for name in _integrated(draft.equations)]
-    rates = [*draft.v, *found.accelerations, *powers]
-    stores = [(f"rate[{k}]", value) for k, value in enumerate(rates)]
-    stores += [(f"rates.multipliers[{r}]", value) for r, value in enumerate(found.multipliers)]
+    stores = places("rate[{}]", [*draft.v, *found.accelerations, *powers])
+    forces = list(found.multipliers)
     for k, friction in enumerate(found.friction_N):
-        stores += [(f"rates.forces[{2 * k}]", found.powers[f"normal{k}"])]
-        stores += [(f"rates.forces[{2 * k + 1}]", friction)]
-    arguments = ["p", "contacts", "t", "y", "rate", "rates"]
-    kernel.entry("evaluate", arguments, draft, found.ok, stores, unpack)
+        forces += [found.powers[f"normal{k}"], friction]
+    stores += places("forces[{}]", forces)
+    arguments = ["p", "contacts", "t", "y", "rate", "forces"]
+    kernel.entry("evaluate", arguments, draft, found.ok, stores, "y")
     if topology.mechanism.contacts:
         kernel.gaps()
     return kernel.source()
@@ -84,8 +81,7 @@ class Derivative:
         self._parameters = topology.parameters(self._kernel, q.ravel())
         self._readable = Equations(mechanism, q.ravel())
         self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self._readable.C)
-        unused = np.empty(0)
-        self._rates = Rates(unused, unused, np.empty(self._rows), np.empty(2 * len(self._joints)))
+        self._forces = np.empty(self._rows + 2 * len(self._joints))
         self._contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
         self.n = self._readable.n
         self.sums = tuple(_integrated(self._readable))
@@ -103,7 +99,7 @@ class Derivative:
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
         """Return y' in the present phases, NaN where [B] has lost rank: an integrator rejects such a step."""
         rate = np.empty_like(y)
-        if not self._kernel.evaluate(self._parameters, self._contacts, t, y, rate, self._rates):
+        if not self._kernel.evaluate(self._parameters, self._contacts, t, y, rate, self._forces):
             rate[:] = np.nan
             self._refused = (t, y.copy())
         return rate
@@ -122,7 +118,7 @@ class Derivative:
     def forces(self, t: float, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return {lambda} (m,), and every contact's normal force and friction (2K,), in its present phase."""
         self(t, y)
-        return self._rates.multipliers.copy(), self._rates.forces.copy()
+        return self._forces[: self._rows].copy(), self._forces[self._rows :].copy()
 
     def solution(
         self,
@@ -166,8 +162,7 @@ class Derivative:
     def gaps(self, y: FloatArray) -> NDArray[np.void]:
         """Return every contact's gap (K,), records of ``GAP_RECORD``."""
         gaps = np.zeros(len(self._joints), GAP_RECORD)
-        motion = Motion(y[: self.n], y[self.n : 2 * self.n], y[2 * self.n :], gaps)
-        self._kernel.gaps(self._parameters, self._contacts, 0.0, motion)
+        self._kernel.gaps(self._parameters, self._contacts, 0.0, Motion(self.n, y, gaps))
         return gaps
 
     def phases(self) -> FloatArray:

@@ -1,15 +1,44 @@
 """A run by ``solve_ivp``: from event to event, or in one go over a right-hand side that switches."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.scipy_ivp.calls import Calls
-from engine_models.scipy_ivp.contact import Alarm, Crossing, Nearest, alarms
-from engine_models.scipy_ivp.model import Derivative
-from engine_models.scipy_ivp.record import Record
+from engine_models.scipy_ivp.contact import Event, alarms, crossing, nearest
+from engine_models.scipy_ivp.model import ContactEnd, Derivative
 
-#: A contact and the kind of its alarm.
-Event = tuple[int, int]
+
+class Record:
+    """One run: ``y`` and ``phases`` have a row for every sample, ``ends`` the contacts that are over."""
+
+    def __init__(self, derivative: Derivative) -> None:
+        self._derivative = derivative
+        self._touches: dict[int, tuple[float, FloatArray]] = {}
+        self.y: list[FloatArray] = []
+        self.phases: list[FloatArray] = []
+        self.ends: list[ContactEnd] = []
+
+    def sample(self, rows: Sequence[FloatArray]) -> None:
+        """Record samples, each (size of y,), in the present phases."""
+        self.y.extend(rows)
+        self.phases.extend(self._derivative.phases() for _ in rows)
+
+    def touch(self, contact: int, t: float, y: FloatArray) -> None:
+        """Begin a contact."""
+        self._touches[contact] = (t, y)
+
+    def release(self, contact: int, t: float, y: FloatArray) -> None:
+        """End a contact, if it has begun."""
+        if contact not in self._touches:
+            return
+        begin, before = self._touches.pop(contact)
+        speed = float(self._derivative.gaps(before)["rate"][contact])
+        change = self._derivative.named_sums(y - before)
+        impulse = float(change[f"normal{contact}"])
+        lost = sum(float(change.get(f"{part}{contact}", 0.0)) for part in ("loss", "clip", "slide"))
+        self.ends.append((begin, contact, t - begin, speed, impulse, lost))
 
 
 class LocatedRun:
@@ -53,18 +82,19 @@ class LocatedRun:
         """Go to the next event or to the end, and record the samples on the way."""
         derivative, times = self._derivative, self._times[len(self.record.y) :]
         watched = alarms(derivative, y, answered)
-        nearest = [Nearest(derivative, k) for k in range(derivative.contact_count) if derivative.flying(k)]
-        states, roots = self._calls.solve(t, y, times, [*watched, *nearest])
+        in_flight = [k for k in range(derivative.contact_count) if derivative.flying(k)]
+        marks = [nearest(derivative, k) for k in in_flight]
+        states, roots = self._calls.solve(t, y, times, [*watched, *marks])
         stop = float(times[-1])
-        marks = [root for root in roots if isinstance(root.watch, Nearest) and root.t > t]
-        missed = [root.t for root in marks if derivative.gaps(root.y)["g"][root.watch.contact] > 0]
+        parting = [root for root in roots if root.watch.event is None and root.t > t]
+        missed = [root.t for root in parting if derivative.gaps(root.y)["g"][root.watch.contact] > 0]
         if missed:  # a step that ends where the pin is nearest to the wall shows its touch
             stop, times = min(missed), times[times < min(missed)]
             states, roots = self._calls.solve(t, y, np.append(times, stop), watched)
         self.record.sample(states[: len(times)])
         for root in roots:
-            if isinstance(root.watch, Alarm):
-                return root.t, root.y, (root.watch.contact, root.watch.kind)
+            if root.watch.event is not None:
+                return root.t, root.y, root.watch.event
         return stop, states[-1], None
 
 
@@ -75,7 +105,7 @@ def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Re
         SimulationFailed: see ``Calls.solve``.
     """
     record = Record(derivative)
-    crossings = [Crossing(derivative, k) for k in range(derivative.contact_count)]
+    crossings = [crossing(derivative, k) for k in range(derivative.contact_count)]
     states, roots = calls.solve(float(times[0]), derivative.start, times[1:], crossings)
     for t, y in zip(times, (derivative.start, *states), strict=True):
         derivative.sense(y, calls.memory_at(t))

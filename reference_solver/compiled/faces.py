@@ -1,27 +1,22 @@
 """The two faces of the algorithm: kernels compiled for a topology, or the equations as they stand.
 
-Both take a state, arrays of contacts, a motion, a clock, records, what a loop works on, and error control if
-there is any (see ``contact.types``), and change it in place.
+Both advance a run (see ``contact.types.Run``), and change it in place.
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reference_solver.compiled.kernel import Topology, source_of
+from reference_solver.compiled.kernel import Topology, slopes_of, source_of
 from reference_solver.compiled.store import callee, compiled, load_kernel
 from reference_solver.contact import loop as contact_loop
 from reference_solver.contact.force import gap
-from reference_solver.contact.types import DONE, FAILED, SPENT, Motion, Rates, Records, Work
+from reference_solver.contact.types import DONE, FAILED, SAMPLE, SPENT, Motion, Run
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State
 from reference_solver.methods import step
-
-FloatArray = NDArray[np.float64]
-RecordArray = NDArray[np.void]
+from reference_solver.tape import FloatArray, RecordArray
 
 
 class CompiledFace:
@@ -33,39 +28,36 @@ class CompiledFace:
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
         self.kernel = load_kernel(source_of(topology.marked()))
         self.parameters = topology.parameters(self.kernel, q_start)
-        self._advance: Callable[..., int] = self._from_sample_to_sample
+        self._advance: Callable[[Run], int] = from_sample_to_sample
+        self._of: Any = self.kernel
         if topology.method.embedded or topology.mechanism.contacts:
             loop = loop_of(topology)
             functions = zip(loop.Kernel._fields, loop.KERNEL, strict=True)
-            of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
-            self._advance = partial(compiled(loop.advance, loop.ADVANCE), of, self.parameters)
+            self._of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
+            self._advance = compiled(loop.advance, loop.ADVANCE)
 
-    def advance(self, *state: Any) -> int:
-        """Advance a motion by the loop that suits; without contacts and control, from sample to sample."""
-        return int(self._advance(*state))
+    def advance(self, run: Run) -> int:
+        """Advance a run by the loop that suits; without contacts and control, from sample to sample."""
+        return int(self._advance(run._replace(kernel=self._of, p=self.parameters)))
 
-    def _from_sample_to_sample(
-        self, contacts: RecordArray, motion: Motion, clock: RecordArray, records: Records, work: Work
-    ) -> int:
-        """Advance a motion without contacts; its steps have one length, of which samples are multiples."""
-        kernel, p, rates = self.kernel, self.parameters, work.rates
-        (now,) = clock
-        h, steps, taken, most = (now[name].item() for name in ("longest", "steps", "taken", "budget"))
-        status, times = DONE, records.time.tolist()
-        for time in times[taken:]:
-            due = round(time / h) - steps
-            count = min(due, most - steps)
-            done = kernel.advance(p, motion.q, motion.v, motion.sums, h, steps, count)
-            steps += done
-            held = done == due and kernel.slopes(p, contacts, time, motion, rates)
-            if not held:
-                status = SPENT if done == count < due else FAILED
-                break
-            records.q[taken], records.v[taken], records.sums[taken] = motion.q, motion.v, motion.sums
-            records.multipliers[taken] = rates.multipliers
-            taken += 1
-        now["steps"], now["taken"], now["time"], now["tried"] = steps, taken, steps * h, h
-        return status
+
+def from_sample_to_sample(run: Run) -> int:
+    """Advance a run without contacts; its steps have one length, of which samples are multiples."""
+    motion, samples, (now,) = run.old, run.records.samples, run.clock
+    h, steps, taken, most = (now[name].item() for name in ("longest", "steps", "taken", "budget"))
+    status, times, size = DONE, run.records.time.tolist(), len(motion.y)
+    for time in times[taken:]:
+        due = round(time / h) - steps
+        count = min(due, most - steps)
+        done = run.kernel.advance(run.p, motion.y, h, steps, count)
+        steps += done
+        if done < due or not run.kernel.slopes(run.p, run.contacts, time, SAMPLE, 1.0, motion.y, run.slopes):
+            status = SPENT if done == count < due else FAILED
+            break
+        samples[taken, :size], samples[taken, size:] = motion.y, run.slopes[SAMPLE, size:]
+        taken += 1
+    now["steps"], now["taken"], now["time"], now["tried"] = steps, taken, steps * h, h
+    return status
 
 
 class ReadableFace:
@@ -82,12 +74,12 @@ class ReadableFace:
         mechanism = topology.mechanism
         self.equations = Equations(mechanism, q_start, topology.baumgarte, topology.following)
 
-    def advance(self, *state: Any) -> int:
-        """Advance a motion by the loop that suits, run as it stands."""
+    def advance(self, run: Run) -> int:
+        """Advance a run by the loop that suits, which runs as it stands."""
         loop = loop_of(self._topology)
         of = loop.Kernel(*(getattr(self, name) for name in loop.Kernel._fields))
         with np.errstate(all="ignore"):
-            return int(loop.advance(of, None, *(with_fields(part) for part in state)))
+            return int(loop.advance(with_fields(run._replace(kernel=of))))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> bool:
         """Set ``new`` to the state after a step, with the sums of the step alone.
@@ -107,13 +99,13 @@ class ReadableFace:
             return (*found, ok)
 
         found = step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
-        new.q[:], new.v[:], new.sums[:] = found.q, found.v, [*found.sums.values(), found.removed]
+        new.y[:] = [*found.q, *found.v, *found.sums.values(), found.removed]
         finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
         if finite:
             self.gaps(None, contacts, t + h, new)
         return finite
 
-    def right_hand_side(
+    def slopes(
         self,
         _: object,
         contacts: RecordArray,
@@ -121,15 +113,13 @@ class ReadableFace:
         row: int,
         rate: float,
         y: FloatArray,
-        K: FloatArray,
+        slopes: FloatArray,
     ) -> bool:
-        """Set a row of K to the rates of coordinates and velocities y, and the powers, times a rate."""
+        """Set a row of slopes at coordinates and velocities y (see ``slopes_of``)."""
         n = self.equations.n
-        found = self.equations.answer(t, y[:n], y[n : 2 * n], phases_of(contacts))
-        K[row] = rate * np.array(
-            [*y[n : 2 * n], *found.accelerations, *found.powers.values(), found.removed_W]
-        )
-        return bool(found.ok)
+        answer = self.equations.answer(t, y[:n], y[n : 2 * n], phases_of(contacts))
+        slopes[row] = slopes_of(answer, y[n : 2 * n], rate, self.equations.own_rows)
+        return bool(answer.ok)
 
     def move(self, _: object, contacts: RecordArray, t: float, motion: Motion) -> bool:
         """Move a motion onto the constraints; what that removes is added to its last sum."""
@@ -155,18 +145,10 @@ class ReadableFace:
             motion.gaps[k] = tuple(fields.values())
         return True
 
-    def slopes(self, _: object, contacts: RecordArray, t: float, motion: Motion, rates: Rates) -> bool:
-        """Set the rates at a state."""
-        found = self.equations.required(t, motion.q, motion.v, phases_of(contacts))
-        rates.a[:], rates.powers[:] = found.accelerations, [*found.powers.values(), found.removed_W]
-        rates.multipliers[:] = found.multipliers[: self.equations.own_rows]
-        rates.forces[::2] = [found.powers[f"normal{k}"] for k in range(len(contacts))]
-        rates.forces[1::2] = found.friction_N
-        return True
-
-    def mobilities(self, _: object, motion: Motion, out: FloatArray) -> bool:
-        """Set ``out`` (K,) to the contacts' mobilities."""
-        out[:] = self.equations.mobilities(motion.q)
+    def mobilities(self, _: object, y: FloatArray, row: int, out: FloatArray) -> bool:
+        """Set a row of ``out`` to the contacts' mobilities."""
+        mobilities = self.equations.mobilities(y[: self.equations.n])
+        out[row, : len(mobilities)] = mobilities
         return True
 
 
@@ -183,7 +165,7 @@ def with_fields(part: Any) -> Any:
     """Return an array of records, or a tuple with some in it, with fields as attributes, as compiled."""
     if isinstance(part, tuple):
         return type(part)(*map(with_fields, part))
-    return part.view(np.recarray) if part.dtype.names else part
+    return part.view(np.recarray) if isinstance(part, np.ndarray) and part.dtype.names else part
 
 
 def phases_of(contacts: RecordArray) -> FloatArray:

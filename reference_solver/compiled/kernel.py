@@ -14,7 +14,6 @@ from itertools import count, pairwise
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.contact.force import gap
 from reference_solver.equations import Answer, Baumgarte, Equations
@@ -22,9 +21,18 @@ from reference_solver.lifting import lifted
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, Step, step
-from reference_solver.tape import Array, Parameters, Scalar, Tape, Value, Writer, array, both, named
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import (
+    Array,
+    FloatArray,
+    Parameters,
+    Scalar,
+    Tape,
+    Value,
+    Writer,
+    array,
+    both,
+    named,
+)
 
 HEADER = '''"""Generated from a mechanism's topology by reference_solver.compiled.kernel."""
 
@@ -153,23 +161,21 @@ class Kernel:
         draft: Draft,
         ok: Scalar,
         stores: Iterable[tuple[str, Scalar]],
-        before: Sequence[str] | str,
+        state: str,
     ) -> None:
         """Write a function that stores values in arrays, by their places, and returns whether it could.
 
-        It begins with lines ``before`` all else, or with the names of coordinates and velocities of a state.
+        It begins with the coordinates and velocities of a state, an array of this name.
         """
         stores, writer = [*stores], self._writer(arguments)
         *texts, returned = writer.write(draft.tape, [*(value for _, value in stores), ok])
-        lines = [*(self.unpack(before) if isinstance(before, str) else before), *writer.lines]
+        lines = [*self._reading(writer, arguments), *self.unpack(state), *writer.lines]
         lines += [f"{place} = {text}" for (place, _), text in zip(stores, texts, strict=True)]
-        self._define(
-            ENTRY, name, arguments, [*self._reading(writer, arguments), *lines, f"return {returned}"]
-        )
+        self._define(ENTRY, name, arguments, [*lines, f"return {returned}"])
 
-    def unpack(self, of: str) -> list[str]:
-        """Return lines that name the coordinates and velocities of a state, its name with a point behind."""
-        return [f"{name} = {of}{name[0]}[{name[1:]}]" for name in self._state]
+    def unpack(self, state: str) -> list[str]:
+        """Return lines that name the coordinates and velocities in a state, an array of this name."""
+        return [f"{name} = {state}[{c}]" for c, name in enumerate(self._state)]
 
     def _writer(self, names: Iterable[str] = ()) -> Writer:
         return Writer(self._parameters, [*names, "t", *self._phases, *self._state])
@@ -235,32 +241,15 @@ class Kernel:
         return step(self.topology.method, answer, projected, draft.t, draft.q, draft.v, h, lost)
 
     def slopes(self) -> None:
-        """Write ``slopes(p, contacts, t, motion, rates)``: the rates at a state; False on failure.
+        """Write ``slopes(p, contacts, t, row, rate, y, slopes)``; False on failure.
 
-        A projection acts between steps: the rate of what it removes is zero.
+        The row of slopes gets those of ``slopes_of`` at coordinates and velocities y.
         """
         draft = self.begin()
         found = self.call_answer(draft, draft.t, draft.q, draft.v)
-        powers = [*found.powers.values(), found.removed_W]
-        forces = [force for k, x in enumerate(found.friction_N) for force in (found.powers[f"normal{k}"], x)]
-        own = found.multipliers[: self.equations.own_rows]
-        parts = {"a": found.accelerations, "powers": powers, "multipliers": own}
-        parts |= {"forces": forces}
-        stores = [(f"rates.{name}[{c}]", x) for name, values in parts.items() for c, x in enumerate(values)]
-        self.entry("slopes", ["p", "contacts", "t", "motion", "rates"], draft, found.ok, stores, "motion.")
-
-    def right_hand_side(self) -> None:
-        """Write ``right_hand_side(p, contacts, t, row, rate, y, K)`` for ``adaptive_loop``; False on failure.
-
-        y has coordinates and velocities, row of K gets their rates and the powers, all times ``rate``.
-        """
-        draft = self.begin()
-        found, rate = self.call_answer(draft, draft.t, draft.q, draft.v), draft.tape.input("rate")
-        changes = [*draft.v, *found.accelerations, *found.powers.values(), found.removed_W]
-        stores = [(f"K[row, {c}]", rate * x) for c, x in enumerate(changes)]
-        arguments = ["p", "contacts", "t", "row", "rate", "y", "K"]
-        before = [f"{name} = y[{c}]" for c, name in enumerate(self._state)]
-        self.entry("right_hand_side", arguments, draft, found.ok, stores, before)
+        values = slopes_of(found, draft.v, draft.tape.input("rate"), self.equations.own_rows)
+        arguments = ["p", "contacts", "t", "row", "rate", "y", "slopes"]
+        self.entry("slopes", arguments, draft, found.ok, places("slopes[row, {}]", values), "y")
 
     def move(self) -> None:
         """Write ``move(p, contacts, t, motion)``: a motion onto the constraints; False on failure.
@@ -270,17 +259,15 @@ class Kernel:
         draft, stores, ok = self.begin(), list[tuple[str, Scalar]](), True
         if self.topology.projected:
             q, v, removed, ok = self.call_project(draft, draft.t, draft.q, draft.v)
-            parts = {"q": q, "v": v}
-            stores = [(f"motion.{of}[{c}]", x) for of, values in parts.items() for c, x in enumerate(values)]
-            place = f"motion.sums[{len(self.powers)}]"
-            stores += [(place, draft.tape.input(place) + removed)]
-        self.entry("move", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.")
+            last = f"motion.y[{2 * self.n + len(self.powers)}]"
+            stores = [*places("motion.y[{}]", [*q, *v]), (last, draft.tape.input(last) + removed)]
+        self.entry("move", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.y")
 
     def gaps(self) -> None:
         """Write ``gaps(p, contacts, t, motion)``, which sets the gaps of a state; False on failure."""
         draft = self.begin()
         stores, ok = self._gaps(draft, draft.t, draft.q, draft.v, "motion")
-        self.entry("gaps", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.")
+        self.entry("gaps", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.y")
 
     def _gaps(
         self, draft: Draft, t: Scalar, q: Array, v: Array, motion: str
@@ -309,30 +296,28 @@ class Kernel:
         h = draft.tape.input("h")
         found = self.step(draft, h)
         stores, ok = self._gaps(draft, draft.t + h, found.q, found.v, "new")
-        parts = {"q": found.q, "v": found.v, "sums": [*found.sums.values(), found.removed]}
-        stores += [(f"new.{name}[{c}]", x) for name, values in parts.items() for c, x in enumerate(values)]
+        stores += places("new.y[{}]", [*found.q, *found.v, *found.sums.values(), found.removed])
         arguments = ["p", "contacts", "t", "h", "old", "new"]
-        self.entry("step", arguments, draft, both(found.ok, ok), stores, "old.")
+        self.entry("step", arguments, draft, both(found.ok, ok), stores, "old.y")
 
     def mobilities(self) -> None:
-        """Write ``mobilities(p, motion, out)`` (see ``Equations.mobilities``)."""
+        """Write ``mobilities(p, y, row, out)``: a row of those of ``Equations.mobilities``."""
         draft = self.begin()
-        found = draft.equations.mobilities(draft.q)
-        stores = [(f"out[{k}]", value) for k, value in enumerate(found)]
-        self.entry("mobilities", ["p", "motion", "out"], draft, True, stores, "motion.")
+        stores = places("out[row, {}]", draft.equations.mobilities(draft.q))
+        self.entry("mobilities", ["p", "y", "row", "out"], draft, True, stores, "y")
 
     def advance(self) -> None:
-        """Write ``advance(p, q, v, sums, h, first, count)``: steps first to first + count - 1, in place.
+        """Write ``advance(p, y, h, first, count)``: steps first to first + count - 1 of a state, in place.
 
         It returns the number of steps done, and adds to the sums; fewer than ``count`` steps mean that the
-        step begun from the state left in q and v met a singular configuration or overflowed.
+        step begun from the state left in y met a singular configuration or overflowed.
         """
         draft = self.begin()
         own = [f"lost{c}" for c in range(2 * self.n)]
         found = self.step(draft, draft.tape.input("h"), draft.tape.inputs("lost", 2 * self.n))
         sums = [*found.sums.values(), found.removed]
         added = [f"added{k}" for k in range(len(sums))]
-        arguments, carried = ["p", "q", "v", "sums", "h", "first", "count"], [*self._state, *own]
+        arguments, carried = ["p", "y", "h", "first", "count"], [*self._state, *own]
         writer = self._writer([*arguments, *own, *added, "done"])
         state = [*found.q, *found.v, *named("less", found.lost)]
         ok, *texts = writer.write(draft.tape, [found.ok, *state, *sums])
@@ -341,13 +326,29 @@ class Kernel:
         inside += [f"{name} += {text}" for name, text in zip(added, texts[len(carried) :], strict=True)]
         lines = [
             *self._reading(writer, arguments),
-            *self.unpack(""),
+            *self.unpack("y"),
             *(f"{name} = 0.0" for name in [*own, *added]),
         ]
         lines += ["done = 0", "while done < count:", *(f"    {line}" for line in [*inside, "done += 1"])]
-        lines += [f"{name[0]}[{name[1:]}] = {name}" for name in self._state]
-        lines += [f"sums[{k}] += {name}" for k, name in enumerate(added)]
+        lines += [f"{place} = {name}" for place, name in places("y[{}]", self._state)]
+        lines += [f"y[{2 * self.n + k}] += {name}" for k, name in enumerate(added)]
         self._define(ENTRY, "advance", arguments, [*lines, "return done"])
+
+
+def slopes_of(answer: Answer, v: Array, rate: Scalar, own_rows: int) -> list[Scalar]:
+    """Return a row of slopes: rates of q, q' and sums, times ``rate``; {lambda} of own rows; contact forces.
+
+    A projection acts between steps: the rate of what it removes is zero.
+    """
+    changes = [*v, *answer.accelerations, *answer.powers.values(), answer.removed_W]
+    normal = [answer.powers[f"normal{k}"] for k in range(len(answer.friction_N))]
+    forces = [force for pair in zip(normal, answer.friction_N, strict=True) for force in pair]
+    return [*(rate * change for change in changes), *answer.multipliers[:own_rows], *forces]
+
+
+def places(pattern: str, values: Iterable[Scalar]) -> list[tuple[str, Scalar]]:
+    """Return values with the places where they go: their number in a pattern."""
+    return [(pattern.format(number), value) for number, value in enumerate(values)]
 
 
 @cache
@@ -363,7 +364,6 @@ def source_of(topology: Topology) -> str:
         kernel.projection()
     kernel.slopes()
     if topology.method.embedded:
-        kernel.right_hand_side()
         kernel.move()
         kernel.gaps()
         kernel.mobilities()

@@ -15,42 +15,17 @@ smooth in s.
 from typing import NamedTuple
 
 import numpy as np
-from numba import from_dtype
 from numba.extending import register_jitable
-from numba.types import FunctionType, boolean, float64, int64
+from numba.types import FunctionType, boolean, float64
 from numba.types import NamedTuple as NumbaTuple
-from numpy.typing import NDArray
 
 from reference_solver import methods
 from reference_solver.contact import loop, types
-from reference_solver.contact.loop import (
-    ARRAY,
-    CLOCK,
-    CONTACTS,
-    INNER,
-    MOBILITIES,
-    MOTION,
-    OPTIONS,
-    RECORDS,
-    SLOPES,
-    TABLE,
-    WORK,
-    alarm,
-    close_at_start,
-    due,
-    gone_off,
-    note,
-    quintic,
-    settled,
-    turned_back,
-    write,
-)
-from reference_solver.contact.types import CONTROL_RECORD, FAILED, FLIGHT, GO, SETTLE, Control, Motion, Work
+from reference_solver.contact.loop import ARRAY, CONTACTS, INNER, MOBILITIES, MOTION, OPTIONS, SLOPES
+from reference_solver.contact.types import END, FAILED, FLIGHT, GO, SETTLE, START
 from reference_solver.methods import dop853
 
-__all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "Kernel", "advance"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "WEIGHT", "Kernel", "advance"]
 
 #: Modules whose functions and constants the machine code has taken over.
 COMPILED_WITH = (types, loop, methods)
@@ -61,10 +36,13 @@ NODES, WEIGHTS = np.array(METHOD.nodes), np.array(METHOD.weights)
 MATRIX = np.array([(*row, *[0.0] * (STAGES - len(row))) for row in METHOD.matrix])
 ESTIMATES, DENSE = np.array(METHOD.embedded.estimates), np.array(METHOD.embedded.dense)
 EXTRA_NODES, EXTRA_MATRIX = np.array(METHOD.embedded.nodes), np.array(METHOD.embedded.matrix)
-#: Slopes of a step: its stages, that at its end, and those that dense output takes beside them.
-SLOPE_ROWS = METHOD.embedded.slopes
 #: Coefficients of dense output: the step's change, its two slopes, and what the method adds.
 DENSE_ROWS = 3 + len(DENSE)
+#: Rows of slopes: of stages, at the step's end, and those that dense output takes beside them; then 1 over
+#: the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
+WEIGHT = METHOD.embedded.slopes
+DENSE_ROW = WEIGHT + 1
+ROWS = DENSE_ROW + DENSE_ROWS + 4
 
 #: Step control: safety factor, bounds of what a step changes by, and the weight of the error before.
 SAFETY, LEAST, MOST, BETA = 0.8, 0.2, 8.0, 0.04
@@ -82,23 +60,20 @@ PAST = 1e-10
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
 
-RIGHT_HAND_SIDE = FunctionType(boolean(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
 AT_STATE = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION))
 
 
 class Kernel(NamedTuple):
     """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
 
-    right_hand_side: object
     slopes: object
     gaps: object
     move: object
     mobilities: object
 
 
-KERNEL = NumbaTuple((RIGHT_HAND_SIDE, SLOPES, AT_STATE, AT_STATE, MOBILITIES), Kernel)
-CONTROL = NumbaTuple((from_dtype(CONTROL_RECORD)[::1], *(ARRAY,) * 7, TABLE, TABLE), Control)
-ADVANCE = int64(KERNEL, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS, WORK, CONTROL)
+KERNEL = NumbaTuple((SLOPES, AT_STATE, AT_STATE, MOBILITIES), Kernel)
+ADVANCE = loop.advance_type(KERNEL)
 
 
 class Course(NamedTuple):
@@ -109,15 +84,12 @@ class Course(NamedTuple):
     begin: float
 
 
-class Run(NamedTuple):
-    """What a run works on: the mechanism, the state at both ends of a step and in it, and error control."""
+class Step(NamedTuple):
+    """A step: how time goes over it, its length in s, and the time at its end."""
 
-    kernel: Kernel
-    p: FloatArray
-    contacts: NDArray[np.void]
-    old: Motion
-    work: Work
-    control: Control
+    course: Course
+    H: float
+    end: float
 
 
 # ------------------------------------------------------------------------------------------ time
@@ -188,65 +160,56 @@ def course_of(contacts, gaps, t, h, careful):
 
 
 @register_jitable(**INNER)
-def weigh(out, base, scale, weights, rows, K):
-    """Set ``out`` to a base and ``scale`` times the sum of the first rows of slopes by weights."""
-    for c in range(len(out)):
-        out[c] = base[c]
+def add(out, scale, weights, rows, slopes):
+    """Add ``scale`` times the sum of the first rows of slopes by weights."""
     for j in range(rows):
         weight = scale * weights[j]
         if weight != 0.0:
             for c in range(len(out)):
-                out[c] += weight * K[j, c]
+                out[c] += weight * slopes[j, c]
 
 
 @register_jitable(**INNER)
-def norm(out, estimate, control):
+def norm(out, estimate, slopes):
     """Return the sum of squares of an estimate of the error per unit of s, over the tolerance."""
-    weigh(out, control.zeros, 1.0, estimate, STAGES, control.K)
+    for c in range(len(out)):
+        out[c] = 0.0
+    add(out, 1.0, estimate, STAGES, slopes)
     total = 0.0
     for c in range(len(out)):
-        total += (out[c] * control.weights[c]) ** 2
+        total += (out[c] * slopes[WEIGHT, c]) ** 2
     return total
 
 
 @register_jitable(**INNER)
 def trial(run, course, H):
     """Take a step of H in s; return its error over the tolerance, infinite on failure."""
-    control = run.control
-    y, new_y, stage, K = control.y, control.new_y, control.stage, control.K
+    y, new_y, stage, slopes = run.old.y, run.new.y, run.at.y, run.slopes
     _, rate = time_at(course, course.begin)
     for c in range(len(y)):
-        K[0, c] = rate * control.slope[c]
+        slopes[0, c], new_y[c] = rate * slopes[START, c], 0.0
     for i in range(1, STAGES):
-        weigh(stage, y, H, MATRIX[i], i, K)
+        for c in range(len(y)):
+            stage[c] = y[c]
+        add(stage, H, MATRIX[i], i, slopes)
         t, rate = time_at(course, course.begin + NODES[i] * H)
-        if not run.kernel.right_hand_side(run.p, run.contacts, t, i, rate, stage, K):
+        if not run.kernel.slopes(run.p, run.contacts, t, i, rate, stage, slopes):
             return np.inf
-    weigh(new_y, control.zeros, 1.0, WEIGHTS, STAGES, K)
+    add(new_y, 1.0, WEIGHTS, STAGES, slopes)
     for c in range(len(y)):  # the sum first, then y, for the sake of rounding
         new_y[c] = y[c] + H * new_y[c]
-    fifth, third = norm(stage, ESTIMATES[0], control), norm(stage, ESTIMATES[1], control)
-    error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * len(run.old.q) + 1e-300)
+    fifth, third = norm(stage, ESTIMATES[0], slopes), norm(stage, ESTIMATES[1], slopes)
+    error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * run.old.n + 1e-300)
     return error if np.isfinite(error + third) else np.inf
 
 
 @register_jitable(**INNER)
 def finish(run, t):
     """Move the new state onto its constraints, and set its gaps and slope; return whether it could."""
-    kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.work.new
+    kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.new
     if not kernel.move(p, contacts, t, new) or not kernel.gaps(p, contacts, t, new):
         return False
-    return rates(run, t, run.control.new_y, run.control.new_slope)
-
-
-@register_jitable(**INNER)
-def rates(run, t, y, slope):
-    """Set ``slope`` to the rates at a state; return whether it could."""
-    K = run.control.K
-    ok = run.kernel.right_hand_side(run.p, run.contacts, t, STAGES, 1.0, y, K)
-    for c in range(len(slope)):
-        slope[c] = K[STAGES, c]
-    return ok
+    return kernel.slopes(p, contacts, t, END, 1.0, new.y, run.slopes)
 
 
 @register_jitable(**INNER)
@@ -266,27 +229,21 @@ def changed(error, before, rejected):
 @register_jitable(**INNER)
 def round_off(run):
     """Return the round-off of a gap at the end of a step."""
-    far, q = run.control.record[0].length, run.work.new.q
-    for c in range(len(q)):
+    far = run.control[0].length
+    for c in range(run.new.n):
         if c % 3 != 2:
-            far = max(far, abs(q[c]))
+            far = max(far, abs(run.new.y[c]))
     return ROUND_OFF * far
 
 
 @register_jitable(**INNER)
 def value_on(run, t, h, x, event):
     """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
-    old, new, at, n = run.old, run.work.new, run.work.at, len(run.old.q)
+    at, n = run.at, run.old.n
     for c in range(n):
-        start, curve = h * old.v[c], 0.5 * h * h * run.control.slope[n + c]
-        stop, new_curve = h * new.v[c], 0.5 * h * h * run.control.new_slope[n + c]
-        rise = new.q[c] - old.q[c] - start - curve
-        third, fourth, fifth = quintic(rise, start, stop, curve, new_curve)
-        at.q[c] = old.q[c] + x * (start + x * (curve + x * (third + x * (fourth + x * fifth))))
-        slope = 2.0 * curve + x * (3.0 * third + x * (4.0 * fourth + x * 5.0 * fifth))
-        at.v[c] = (start + x * slope) / h
+        at.y[c], at.y[n + c] = loop.on_quintic(run, h, c, x)
     run.kernel.gaps(run.p, run.contacts, t + x * h, at)
-    return alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
+    return loop.alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
 
 
 @register_jitable(**INNER)
@@ -301,7 +258,7 @@ def turning(run, t, h, k, rising):
         value = value_on(run, t, h, x, 2 * k)
         if rising and run.contacts[k].phase == FLIGHT and value > 0.0:
             return x
-        if (run.work.at.gaps[k].rate > 0.0) == rising:
+        if (run.at.gaps[k].rate > 0.0) == rising:
             low = x
         else:
             high = x
@@ -332,7 +289,7 @@ def root(run, t, h, event, low, high):
 def passed(contact, gap, new_gap, kind):
     """Return whether an event lies within a step, by both its ends."""
     if kind == 1 or contact.rigid != 0.0:
-        return gone_off(contact, new_gap, kind)
+        return loop.gone_off(contact, new_gap, kind)
     outwards = 1.0 if contact.phase == FLIGHT else -1.0
     begin, end = outwards * gap.g, outwards * new_gap.g
     # What begins past its wall by round-off, on its way back, is past it still while it comes nearer.
@@ -357,7 +314,7 @@ def first_event(run, t, h, noise, skip):
     """Return the first event but ``skip`` within a step and its place in it, or -1 and 1."""
     event, place = -1, 1.0
     for k in range(len(run.contacts)):
-        contact, gap, new_gap = run.contacts[k], run.old.gaps[k], run.work.new.gaps[k]
+        contact, gap, new_gap = run.contacts[k], run.old.gaps[k], run.new.gaps[k]
         rising = gap.rate > 0.0
         for kind in range(2):
             low, high = 0.0, -1.0
@@ -367,9 +324,9 @@ def first_event(run, t, h, noise, skip):
                 high = 1.0
                 if kind == 0 and rising != (contact.phase == FLIGHT):
                     low = turning(run, t, h, k, rising)
-            elif kind == 0 and turned_back(contact, gap, new_gap):
+            elif kind == 0 and loop.turned_back(contact, gap, new_gap):
                 high = turning(run, t, h, k, rising)
-                if run.work.at.gaps[k].g <= max(noise, contact.noise):
+                if run.at.gaps[k].g <= max(noise, contact.noise):
                     continue
             if high > 0.0:
                 x = root(run, t, h, 2 * k + kind, low, high)
@@ -379,83 +336,77 @@ def first_event(run, t, h, noise, skip):
 
 
 @register_jitable(**INNER)
-def land(run, course, H, t, end, event, held):
-    """End the step from t on an event near a time; return its course, length in s and end, NaN if it cannot.
+def land(run, step, t, end, event, taken):
+    """End the step from t on an event near a time; return it, with NaN for its end if it cannot.
 
     By Newton's method on the gap, of which a step from the same start is a smooth function of its end; a
-    change of the force's sign has to be past. H is that of the step which has been taken, NaN if another is
-    to be.
+    change of the force's sign has to be past. ``taken`` is whether the step has been taken already.
     """
-    k, exact, begin, latest = event // 2, event % 2 == 0, course.begin, t + 1.5 * (end - t)
-    contact, least = run.contacts[k], round_off(run)
+    k, exact, latest, (course, H, _) = event // 2, event % 2 == 0, t + 1.5 * (end - t), step
+    contact, gap, control, least = run.contacts[k], run.new.gaps[k], run.control[0], round_off(run)
     if contact.rigid == 0.0:
-        close = min(LANDING * held.tolerance * held.length, LANDING_CLEARANCE * contact.clearance)
+        close = min(LANDING * control.tolerance * control.length, LANDING_CLEARANCE * contact.clearance)
         least = max(least, close)
     for trials in range(LANDINGS):
-        if trials > 0 or np.isnan(H):
+        if trials > 0 or not taken:
             if course.sign < 0.0 and exact:
-                begin = np.sqrt(end - t)
-                course, H = Course(end, -1.0, begin), -begin
+                course = Course(end, -1.0, np.sqrt(end - t))
+                H = -course.begin
             else:
-                H = place_at(course, end) - begin
+                H = place_at(course, end) - course.begin
             if not trial(run, course, H) < 10.0 or not finish(run, end):
                 break
-        gap = run.work.new.gaps[k]
         if exact:
             more = -gap.g / gap.rate
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
-                return course, H, end
+                return Step(course, H, end)
             if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
                 break
         else:
             more = PAST * (end - t) * 100.0**trials
-            if alarm(contact, gap, 1) > 0.0:
-                return course, H, end
+            if loop.alarm(contact, gap, 1) > 0.0:
+                return Step(course, H, end)
         end += more
-    return course, 0.0, np.nan
+    return Step(course, 0.0, np.nan)
 
 
 # -------------------------------------------------------------------------------- dense output
 
 
 @register_jitable(**INNER)
-def within(run, course, H, end, now, records):
+def within(run, step):
     """Write the samples before the end of a step by the method's own interpolant, of order 7 in s."""
-    control, at, n, ok = run.control, run.work.at, len(run.old.q), True
-    K, F, y, new_y = control.K, control.dense, control.y, control.new_y
+    y, new_y, at_y, slopes = run.old.y, run.new.y, run.at.y, run.slopes
+    now, times, ok, (course, H, end) = run.clock[0], run.records.time, True, step
     _, first = time_at(course, course.begin)
     _, last = time_at(course, course.begin + H)
     for c in range(len(y)):
-        K[0, c], K[STAGES, c] = first * control.slope[c], last * control.new_slope[c]
+        slopes[0, c], slopes[STAGES, c] = first * slopes[START, c], last * slopes[END, c]
     for e in range(len(EXTRA_NODES)):
         row = STAGES + 1 + e
-        weigh(control.stage, y, H, EXTRA_MATRIX[e], row, K)
+        for c in range(len(y)):
+            at_y[c] = y[c]
+        add(at_y, H, EXTRA_MATRIX[e], row, slopes)
         t, rate = time_at(course, course.begin + EXTRA_NODES[e] * H)
-        ok = run.kernel.right_hand_side(run.p, run.contacts, t, row, rate, control.stage, K) and ok
+        ok = run.kernel.slopes(run.p, run.contacts, t, row, rate, at_y, slopes) and ok
     for c in range(len(y)):
-        change, start, stop = new_y[c] - y[c], H * K[0, c], H * K[STAGES, c]
-        F[0, c], F[1, c], F[2, c] = change, start - change, 2.0 * change - start - stop
+        change, start, stop = new_y[c] - y[c], H * slopes[0, c], H * slopes[STAGES, c]
+        slopes[DENSE_ROW, c], slopes[DENSE_ROW + 1, c] = change, start - change
+        slopes[DENSE_ROW + 2, c] = 2.0 * change - start - stop
         for i in range(len(DENSE)):
             total = 0.0
-            for j in range(SLOPE_ROWS):
-                total += DENSE[i, j] * K[j, c]
-            F[3 + i, c] = H * total
-    while now.taken < len(records.time) and records.time[now.taken] < end:
-        time = records.time[now.taken]
+            for j in range(WEIGHT):
+                total += DENSE[i, j] * slopes[j, c]
+            slopes[DENSE_ROW + 3 + i, c] = H * total
+    while now.taken < len(times) and times[now.taken] < end:
+        time = times[now.taken]
         x = (place_at(course, time) - course.begin) / H
         for c in range(len(y)):
             change = 0.0
             for i in range(DENSE_ROWS - 1, -1, -1):
-                change = (change + F[i, c]) * (x if i % 2 == 0 else 1.0 - x)
-            control.stage[c] = y[c] + change
-        for c in range(n):
-            at.q[c], at.v[c] = control.stage[c], control.stage[n + c]
-        for c in range(len(at.sums)):
-            at.sums[c] = control.stage[2 * n + c]
-        ok = (
-            write(run.kernel.slopes, run.p, run.contacts, time, at, now, records, run.work.sample_rates)
-            and ok
-        )
+                change = (change + slopes[DENSE_ROW + i, c]) * (x if i % 2 == 0 else 1.0 - x)
+            at_y[c] = y[c] + change
+        ok = loop.write(run, time, run.at) and ok
     return ok
 
 
@@ -463,87 +414,86 @@ def within(run, course, H, end, now, records):
 
 
 @register_jitable(**INNER)
-def longest(contacts, gaps, h):
-    """Return a step in which no pin flies further than a part of its clearance at its present speed."""
-    for k in range(len(contacts)):
-        far = FLIGHT_PART * contacts[k].clearance
-        if (contacts[k].phase == FLIGHT or contacts[k].rigid != 0.0) and gaps[k].speed * h > far:
-            h = far / gaps[k].speed
-    return h
+def chosen(run):
+    """Return the step to try, and the contact that is released at its end, or -1."""
+    contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
+    h = loop.in_flight(contacts, gaps, min(control.step, now.longest), FLIGHT_PART)
+    course, H, releasing = course_of(contacts, gaps, now.time, h, control.rejected != 0)
+    end, _ = time_at(course, course.begin + H)
+    if end >= now.end - 1e-9 * (now.end - now.time):
+        end, releasing = now.end, -1
+        H = place_at(course, end) - course.begin
+    now.tried = end - now.time
+    return Step(course, H, end), releasing
 
 
 @register_jitable(**INNER)
-def follow(run, clock, records):
-    """Take a step, to the first event at most, or find that it has to be shorter; return how that ended."""
-    contacts, old, new, control = run.contacts, run.old, run.work.new, run.control
-    now, held = clock[0], control.record[0]
-    t, careful = now.time, held.rejected != 0
-    h = longest(contacts, old.gaps, min(held.step, now.longest))
-    course, H, releasing = course_of(contacts, old.gaps, t, h, careful)
-    end, _ = time_at(course, course.begin + H)
-    last = end >= now.end - 1e-9 * (now.end - t)
-    if last:
-        end, releasing = now.end, -1
-        H = place_at(course, end) - course.begin
-    duration = end - t
-    now.tried = duration
-    error = trial(run, course, H) / max(1.0, noise(contacts, old.gaps, held, duration))
-    if error <= 1.0 and not finish(run, end):
+def tried(run, step):
+    """Take a step; return its error over the tolerance, and the factor by which it changes."""
+    contacts, control, duration = run.contacts, run.control[0], run.clock[0].tried
+    error = trial(run, step.course, step.H) / max(1.0, noise(contacts, run.old.gaps, control, duration))
+    if error <= 1.0 and not finish(run, step.end):
         error = np.inf
-    if error <= 1.0 and longest(contacts, new.gaps, duration) < 0.5 * duration:
+    if error <= 1.0 and loop.in_flight(contacts, run.new.gaps, duration, FLIGHT_PART) < 0.5 * duration:
         error = np.inf
-    factor = changed(error, held.error, careful)
-    if not error <= 1.0:
-        return again(held, t, lasting(course, H * factor))
-    event, place = first_event(run, t, duration, round_off(run), -1)
+    return error, changed(error, control.error, control.rejected != 0)
+
+
+@register_jitable(**INNER)
+def cut(run, step, releasing):
+    """Return a step that has been taken, or the one to the first event in it, the event, and its place.
+
+    Without an event that is -1; the end is NaN where the step is to be tried again, and a place of 0 says
+    that the event has been passed by the round-off of one that came with it.
+    """
+    contacts, gaps, t = run.contacts, run.new.gaps, run.clock[0].time
+    event, place = first_event(run, t, step.end - t, round_off(run), -1)
     if releasing >= 0 and event < 0:
-        gap = new.gaps[releasing]
-        if gap.rate < 0.0 and gap.g < -0.2 * duration * gap.rate:
+        gap = gaps[releasing]
+        if gap.rate < 0.0 and gap.g < -0.2 * (step.end - t) * gap.rate:
             event = 2 * releasing
     for _ in range(2 * len(contacts)):  # another event may turn out to come before, if they are close
         if event < 0 or place <= 0.0:
             break
-        if place < 1.0:
-            course, H, end = land(run, course, np.nan, t, t + place * (end - t), event, held)
-        else:
-            course, H, end = land(run, course, H, t, end, event, held)
-        if not end >= t:
-            return again(held, t, 0.5 * duration)
-        other, place = first_event(run, t, end - t, round_off(run), event)
+        step = land(run, step, t, t + place * (step.end - t), event, place >= 1.0)
+        if np.isnan(step.end):
+            return step, event, place
+        other, place = first_event(run, t, step.end - t, round_off(run), event)
         if other < 0:
             break
         event = other
-    if event < 0 and unseen(contacts, new.gaps):
-        return again(held, t, 0.5 * duration)
-    if event >= 0 and place <= 0.0:  # it has been passed by the round-off of one that came with it
-        now.steps += 1
-        return meet(run, event, clock, records)
-    inside = now.taken < len(records.time) and records.time[now.taken] < end
-    if inside and not within(run, course, H, end, now, records):
-        return FAILED
-    for c in range(len(control.y)):
-        control.y[c], control.slope[c] = control.new_y[c], control.new_slope[c]
-    for k in range(len(contacts)):
-        old.gaps[k] = new.gaps[k]
-    now.time = end
-    now.steps += 1
-    settled(now, contacts, end > t)
-    held.error, held.rejected = max(error, 1e-4), 0
-    if event < 0 and not last:
-        held.step = next_step(course, H, factor)
-        if held.fresh >= 0:
-            part = lasting(course, H * factor) / contacts[held.fresh].duration_s
-            held.first_part, held.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
-    if event < 0:
-        return GO
-    return meet(run, event, clock, records)
+    if event < 0 and unseen(contacts, gaps):
+        step = Step(step.course, step.H, np.nan)
+    return step, event, place
 
 
 @register_jitable(**INNER)
-def again(held, t, h):
+def accept(run, step, event, error, factor):
+    """Move on to the end of a step; return how it ended."""
+    contacts, old, new = run.contacts, run.old, run.new
+    now, control, times = run.clock[0], run.control[0], run.records.time
+    if now.taken < len(times) and times[now.taken] < step.end and not within(run, step):
+        return FAILED
+    for c in range(len(old.y)):
+        old.y[c], run.slopes[START, c] = new.y[c], run.slopes[END, c]
+    for k in range(len(contacts)):
+        old.gaps[k] = new.gaps[k]
+    loop.settled(now, contacts, step.end > now.time)
+    now.time = step.end
+    control.error, control.rejected = max(error, 1e-4), 0
+    if event < 0 and step.end < now.end:
+        control.step = next_step(step.course, step.H, factor)
+        if control.fresh >= 0:
+            part = lasting(step.course, step.H * factor) / contacts[control.fresh].duration_s
+            control.first_part, control.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
+    return GO
+
+
+@register_jitable(**INNER)
+def again(control, t, h):
     """Have a step tried again at a length; return GO, or FAILED where there is no length left."""
-    held.step, held.rejected = h, held.rejected + 1
-    return GO if t + h > t and held.rejected < MOST_REJECTIONS else FAILED
+    control.step, control.rejected = h, control.rejected + 1
+    return GO if t + h > t and control.rejected < MOST_REJECTIONS else FAILED
 
 
 @register_jitable(**INNER)
@@ -558,32 +508,33 @@ def next_step(course, H, factor):
 
 
 @register_jitable(**INNER)
-def meet(run, event, clock, records):
-    """Change a contact's phase at an event, and choose the step after it; return how that ended.
-
-    An event on a rigid wall is left to the caller.
-    """
-    held, contacts, k = run.control.record[0], run.contacts, event // 2
-    if contacts[k].rigid != 0.0:
-        clock[0].rigid = k
-        return SETTLE
-    closed = 0
+def go_on(run, event):
+    """Change a contact's phase at an event, and choose the step after it; return how that ended."""
+    control, contacts, k, closed = run.control[0], run.contacts, event // 2, 0
     for i in range(len(contacts)):
         closed += contacts[i].phase != FLIGHT and contacts[i].rigid == 0.0
-    note(run.kernel.mobilities, run.p, contacts, run.old, event, run.work.spare, clock, records)
+    if loop.meet(run, event) == SETTLE:
+        return SETTLE
     if event % 2 == 0 and contacts[k].phase != FLIGHT:
         if closed == 0:
-            held.flight_step = held.step
-        first = held.first_part * contacts[k].duration_s
+            control.flight_step = control.step
+        first = control.first_part * contacts[k].duration_s
         if 0.0 < first < np.inf:
-            held.step, held.fresh = first, k
+            control.step, control.fresh = first, k
     elif event % 2 == 0:
-        held.step, held.fresh = held.flight_step, -1
-    return GO if rates(run, clock[0].time, run.control.y, run.control.slope) else FAILED
+        control.step, control.fresh = control.flight_step, -1
+    return set_out(run)
 
 
 @register_jitable(**INNER)
-def noise(contacts, gaps, held, h):
+def set_out(run):
+    """Set the slope at the start of a step; return GO, or FAILED where there is none."""
+    ok = run.kernel.slopes(run.p, run.contacts, run.clock[0].time, START, 1.0, run.old.y, run.slopes)
+    return GO if ok else FAILED
+
+
+@register_jitable(**INNER)
+def noise(contacts, gaps, control, h):
     """Return what round-off of positions alone makes of a step's error over the tolerance.
 
     It changes forces by the slope of the stiffest contact, and speeds by that for as long as the step lasts:
@@ -594,16 +545,38 @@ def noise(contacts, gaps, held, h):
         if contacts[k].phase != FLIGHT and contacts[k].rigid == 0.0 and gaps[k].depth > 0.0:
             slope = contacts[k].exponent * gaps[k].elastic / gaps[k].depth
             steepest = max(steepest, slope * contacts[k].mobility)
-    return steepest * ROUND_OFF * h / (held.tolerance * held.rate)
+    return steepest * ROUND_OFF * h / (control.tolerance * control.rate)
 
 
-def advance(kernel, p, contacts, motion, clock, records, work, control):
+@register_jitable(**INNER)
+def begin(run):
+    """Set out from where a run begins or goes on; return GO, or FAILED where there is no slope."""
+    loop.close_at_start(run)
+    return set_out(run)
+
+
+def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
-    run = Run(kernel, p, contacts, motion, work, control)
-    close_at_start(kernel.mobilities, p, contacts, motion, work.spare, clock, records)
-    status = GO if rates(run, clock[0].time, control.y, control.slope) else FAILED
+    now, control = run.clock[0], run.control[0]
+    status = begin(run)
     while status == GO:
-        status = due(kernel.slopes, p, contacts, motion, clock[0], records, work.sample_rates)
-        if status == GO:
-            status = follow(run, clock, records)
+        if not loop.write_due(run):
+            return FAILED
+        status = loop.due(now, len(run.records.events))
+        if status != GO:
+            return status
+        first, releasing = chosen(run)
+        error, factor = tried(run, first)
+        if not error <= 1.0:
+            status = again(control, now.time, lasting(first.course, first.H * factor))
+            continue
+        step, event, place = cut(run, first, releasing)
+        if np.isnan(step.end):
+            status = again(control, now.time, 0.5 * now.tried)
+            continue
+        now.steps += 1
+        if event < 0 or place > 0.0:
+            status = accept(run, step, event, error, factor)
+        if status == GO and event >= 0:
+            status = go_on(run, event)
     return status

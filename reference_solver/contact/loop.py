@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import from_dtype
 from numba.extending import register_jitable
-from numba.types import FunctionType, NamedUniTuple, boolean, float64, int64
+from numba.types import FunctionType, boolean, float64, int64
 from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver.contact import types
@@ -20,19 +20,23 @@ from reference_solver.contact.types import (
     CLOCK_RECORD,
     CONTACT,
     CONTACT_RECORD,
+    CONTROL_RECORD,
     DONE,
+    END,
     EVENT_RECORD,
     FAILED,
     FLIGHT,
     FULL,
     GAP_RECORD,
     GO,
+    SAMPLE,
     SETTLE,
+    SPARE,
     SPENT,
+    START,
     Motion,
-    Rates,
     Records,
-    Work,
+    Run,
 )
 
 #: Modules whose constants the machine code has taken over.
@@ -43,16 +47,15 @@ OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 ARRAY, TABLE = float64[::1], float64[:, ::1]
-CONTACTS, GAPS, EVENTS, CLOCK = (
-    from_dtype(dtype)[::1] for dtype in (CONTACT_RECORD, GAP_RECORD, EVENT_RECORD, CLOCK_RECORD)
+CONTACTS, GAPS, EVENTS, CLOCK, CONTROL = (
+    from_dtype(dtype)[::1]
+    for dtype in (CONTACT_RECORD, GAP_RECORD, EVENT_RECORD, CLOCK_RECORD, CONTROL_RECORD)
 )
-MOTION = NumbaTuple((ARRAY, ARRAY, ARRAY, GAPS), Motion)
-RATES = NamedUniTuple(ARRAY, 4, Rates)
-RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE, TABLE, TABLE, TABLE, TABLE, TABLE), Records)
+MOTION = NumbaTuple((int64, ARRAY, GAPS), Motion)
+RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), Records)
 STEP = FunctionType(boolean(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
-SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION, RATES))
-MOBILITIES = FunctionType(boolean(ARRAY, MOTION, ARRAY))
-WORK = NumbaTuple((MOTION, MOTION, RATES, RATES, RATES, RATES, ARRAY), Work)
+SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
+MOBILITIES = FunctionType(boolean(ARRAY, ARRAY, int64, TABLE))
 
 
 class Kernel(NamedTuple):
@@ -63,10 +66,17 @@ class Kernel(NamedTuple):
     mobilities: object
 
 
+def advance_type(kernel):
+    """Return the signature of a loop by the types of a kernel's functions."""
+    parts = (kernel, ARRAY, CONTACTS, MOTION, MOTION, MOTION, TABLE, CONTROL, CLOCK, RECORDS)
+    return int64(NumbaTuple(parts, Run))
+
+
 KERNEL = NumbaTuple((STEP, SLOPES, MOBILITIES), Kernel)
-ADVANCE = int64(KERNEL, ARRAY, CONTACTS, MOTION, CLOCK, RECORDS, WORK)
+ADVANCE = advance_type(KERNEL)
 
-
+#: The slope that makes dense output a quartic; rows of slopes in all.
+BUMP, ROWS = 0, 5
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
 #: share it.
 INSIDE = 1.0 / 3.0
@@ -116,26 +126,27 @@ def first_alarm(contacts, gaps, skip):
 
 
 @register_jitable(**INNER)
-def value_at(step, p, contacts, t, h, old, new, event):
+def value_at(run, h, event):
     """Return the alarm of an event after a step of length h, left in ``new``."""
-    if not step(p, contacts, t, h, old, new):
+    if not run.kernel.step(run.p, run.contacts, run.clock[0].time, h, run.old, run.new):
         return np.nan
-    return alarm(contacts[event // 2], new.gaps[event // 2], event % 2)
+    return alarm(run.contacts[event // 2], run.new.gaps[event // 2], event % 2)
 
 
 @register_jitable(**INNER)
-def locate(step, p, contacts, t, h, old, new, event):
+def locate(run, h, event):
     """Return the step that ends on an event known to lie within h, or beyond it by rounding.
 
     Touch and release by Newton's method, since the gap's rate is known, the law's change of sign by the
     Illinois method; both within a bracket. The state after that step is left in ``new``.
     """
-    k, gone = event // 2, event % 2 == 0
-    high, high_value = h, value_at(step, p, contacts, t, h, old, new, event)
+    k, gone, t = event // 2, event % 2 == 0, run.clock[0].time
+    contact, gap = run.contacts[k], run.new.gaps[k]
+    high, high_value = h, value_at(run, h, event)
     low, low_value = 0.0, 0.0
     trial, value = high, high_value
     if not gone:
-        low_value = value_at(step, p, contacts, t, 0.0, old, new, event)
+        low_value = value_at(run, 0.0, event)
         if low_value > 0.0:
             return 0.0
     for _ in range(100):
@@ -143,20 +154,20 @@ def locate(step, p, contacts, t, h, old, new, event):
         if high - low <= resolution:
             break
         if gone:  # aimed past the event by rounding, so as to end on its far side
-            rate = new.gaps[k].rate if contacts[k].phase == FLIGHT else -new.gaps[k].rate
+            rate = gap.rate if contact.phase == FLIGHT else -gap.rate
             trial = trial - value / rate + resolution if rate > 0.0 else low
         else:
             trial = high - high_value * (high - low) / (high_value - low_value)
         if not low < trial < high:
             trial = 0.5 * (low + high)
-        value = value_at(step, p, contacts, t, trial, old, new, event)
-        if value == 0.0 or (gone and 0.0 < value <= 4.0 * resolution * abs(new.gaps[k].rate)):
+        value = value_at(run, trial, event)
+        if value == 0.0 or (gone and 0.0 < value <= 4.0 * resolution * abs(gap.rate)):
             return trial
         if value > 0.0:
             high, high_value, low_value = trial, value, 0.5 * low_value
         else:
             low, low_value, high_value = trial, value, 0.5 * high_value
-    value_at(step, p, contacts, t, high, old, new, event)
+    value_at(run, high, event)
     return high
 
 
@@ -179,13 +190,14 @@ def turned_back(contact, gap, new_gap):
 
 
 @register_jitable(**INNER)
-def approach(step, p, contacts, t, h, old, new, skip):
+def approach(run, h, skip):
     """Look for a pin that touches and leaves within the step: return its event and a step ending inside.
 
     Without one but ``skip``, return -1 and the whole step. The state after the returned step is left in
     ``new``. The peak is sought by cubics through ever nearer ends, as long as it may be past the wall: it is
     higher than a trial by rate^2/(2 |g''|), of which twice is allowed for.
     """
+    contacts, old, new = run.contacts, run.old, run.new
     for k in range(len(contacts)):
         if 2 * k != skip and turned_back(contacts[k], old.gaps[k], new.gaps[k]):
             low, g, rise = 0.0, old.gaps[k].g, old.gaps[k].rate
@@ -193,7 +205,7 @@ def approach(step, p, contacts, t, h, old, new, skip):
             bend = (rise - fall) / h
             for _ in range(20):
                 nearest = low + peak(g, rise, new_g, fall, high - low)
-                value = value_at(step, p, contacts, t, nearest, old, new, 2 * k)
+                value = value_at(run, nearest, 2 * k)
                 if value > contacts[k].noise:
                     return 2 * k, nearest
                 rate = new.gaps[k].rate
@@ -203,15 +215,15 @@ def approach(step, p, contacts, t, h, old, new, skip):
                     low, g, rise = nearest, value, rate
                 else:
                     high, new_g, fall = nearest, value, rate
-            value_at(step, p, contacts, t, h, old, new, 2 * k)
+            value_at(run, h, 2 * k)
     return -1, h
 
 
 @register_jitable(**INNER)
-def switch(mobilities, p, contacts, t, motion, event, spare):
+def switch(run, event):
     """Change a contact's phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume."""
     k, kind = event // 2, event % 2
-    contact = contacts[k]
+    contact, gap, n = run.contacts[k], run.old.gaps[k], run.contacts[k].exponent
     if kind == 1:
         contact.phase = CLIPPED if contact.phase == CONTACT else CONTACT
         return 2 if contact.phase == CLIPPED else 3
@@ -219,26 +231,26 @@ def switch(mobilities, p, contacts, t, motion, event, spare):
         contact.phase = FLIGHT
         return -1
     # The mobility tells how long the contact will take.
-    mobilities(p, motion, spare)
-    contact.phase, contact.mobility = CONTACT, spare[k]
-    gap, n = motion.gaps[k], contact.exponent
+    run.kernel.mobilities(run.p, run.old.y, SPARE, run.slopes)
+    contact.phase, contact.mobility = CONTACT, run.slopes[SPARE, k]
     speed = max(gap.rate, contact.slowest)
     energy = (n + 1.0) * speed * speed / (2.0 * contact.stiffness * contact.mobility)
     contact.memory = contact.factor / speed
-    contact.began_s, contact.duration_s = t, 3.0 * energy ** (1.0 / (n + 1.0)) / speed
+    contact.began_s = run.clock[0].time
+    contact.duration_s = 3.0 * energy ** (1.0 / (n + 1.0)) / speed
     return 1
 
 
 @register_jitable(**INNER)
-def note(mobilities, p, contacts, motion, event, spare, clock, records):
+def note(run, event):
     """Change a contact's phase at an event and write the event into the log."""
-    now = clock[0]
-    entry, k = records.events[now.events], event // 2
+    now, k = run.clock[0], event // 2
+    entry, gap, sums = run.records.events[now.events], run.old.gaps[k], run.records.event_sums
     entry.time_s, entry.contact = now.time, k
-    entry.what = switch(mobilities, p, contacts, now.time, motion, event, spare)
-    entry.rate, entry.depth = motion.gaps[k].rate, motion.gaps[k].depth
-    for c in range(len(motion.sums)):
-        records.event_sums[now.events, c] = motion.sums[c]
+    entry.what = switch(run, event)
+    entry.rate, entry.depth = gap.rate, gap.depth
+    for c in range(sums.shape[1]):
+        sums[now.events, c] = run.old.y[2 * run.old.n + c]
     now.events += 1
 
 
@@ -252,14 +264,22 @@ def graded(h, duration, distance):
 
 
 @register_jitable(**INNER)
+def in_flight(contacts, gaps, h, part):
+    """Return a step, h at most, in which pins fly no further than a part of the clearance, or of a radian."""
+    for k in range(len(contacts)):
+        far = part * contacts[k].clearance
+        if (contacts[k].phase == FLIGHT or contacts[k].rigid != 0.0) and gaps[k].speed * h > far:
+            h = far / gaps[k].speed
+    return h
+
+
+@register_jitable(**INNER)
 def step_length(contacts, gaps, now):
     """Return the longest step that the phases allow."""
-    h = now.longest
+    h = in_flight(contacts, gaps, now.longest, 0.25)
     for k in range(len(contacts)):
         contact, gap = contacts[k], gaps[k]
         if contact.phase == FLIGHT or contact.rigid != 0.0:
-            if gap.speed * h > 0.25 * contact.clearance:  # a quarter of the way across, or of a radian along
-                h = 0.25 * contact.clearance / gap.speed
             continue
         duration, depth = contact.duration_s, max(gap.depth, 0.0)
         if depth > 0.0:
@@ -286,15 +306,17 @@ def step_length(contacts, gaps, now):
 
 
 @register_jitable(**INNER)
-def quintic(rise, slope, new_slope, curve, new_curve):
-    """Return the coefficients of x^3 to x^5 of a change with these slopes and half curvatures at x = 0 and 1.
-
-    All are per unit of x; ``rise`` is the whole change less ``slope`` and ``curve``.
-    """
-    turn = new_slope - slope - 2.0 * curve
-    bend = new_curve - curve
-    cubic, quartic = 10.0 * rise - 4.0 * turn + bend, -15.0 * rise + 7.0 * turn - 2.0 * bend
-    return cubic, quartic, 6.0 * rise - 3.0 * turn + bend
+def on_quintic(run, h, c, x):
+    """Return a coordinate and its velocity at x of a step of h, on the quintic."""
+    n, y, new_y, slopes = run.old.n, run.old.y, run.new.y, run.slopes
+    start, curve = h * y[n + c], 0.5 * h * h * slopes[START, n + c]
+    stop, new_curve = h * new_y[n + c], 0.5 * h * h * slopes[END, n + c]
+    rise, turn, bend = new_y[c] - y[c] - start - curve, stop - start - 2.0 * curve, new_curve - curve
+    third, fourth = 10.0 * rise - 4.0 * turn + bend, -15.0 * rise + 7.0 * turn - 2.0 * bend
+    fifth = 6.0 * rise - 3.0 * turn + bend
+    slope = 2.0 * curve + x * (3.0 * third + x * (4.0 * fourth + x * 5.0 * fifth))
+    place = y[c] + x * (start + x * (curve + x * (third + x * (fourth + x * fifth))))
+    return place, (start + x * slope) / h
 
 
 @register_jitable(**INNER)
@@ -316,65 +338,55 @@ def bump_of(change, slope, new_slope, inside):
 
 
 @register_jitable(**INNER)
-def write(slopes, p, contacts, t, motion, now, records, rates):
+def write(run, t, motion):
     """Write the sample of a state, of which rates are found on the way; return whether it could."""
-    row = now.taken
-    ok = slopes(p, contacts, t, motion, rates)
-    for c in range(len(motion.q)):
-        records.q[row, c], records.v[row, c] = motion.q[c], motion.v[c]
-    for c in range(len(motion.sums)):
-        records.sums[row, c] = motion.sums[c]
+    now, samples, contacts = run.clock[0], run.records.samples, run.contacts
+    row, size, width = now.taken, len(motion.y), run.slopes.shape[1]
+    ok = run.kernel.slopes(run.p, contacts, t, SAMPLE, 1.0, motion.y, run.slopes)
+    for c in range(width):
+        samples[row, c] = motion.y[c] if c < size else run.slopes[SAMPLE, c]
     for k in range(len(contacts)):
-        records.phases[row, 2 * k], records.phases[row, 2 * k + 1] = contacts[k].phase, contacts[k].memory
-    for c in range(len(rates.forces)):
-        records.forces[row, c] = rates.forces[c]
-    for r in range(records.multipliers.shape[1]):
-        records.multipliers[row, r] = rates.multipliers[r]
+        samples[row, width + 2 * k] = contacts[k].phase
+        samples[row, width + 2 * k + 1] = contacts[k].memory
     now.taken += 1
     return ok
 
 
 @register_jitable(**INNER)
-def between(at, x, h, ends, rates, bumps):
-    """Set q, v and sums of ``at`` to those at x of a step of h, from states and rates at both its ends."""
-    (old, new), (slope, new_slope) = ends, rates
-    for c in range(len(old.q)):
-        start, curve = h * old.v[c], 0.5 * h * h * slope.a[c]
-        rise = new.q[c] - old.q[c] - start - curve
-        third, fourth, fifth = quintic(rise, start, h * new.v[c], curve, 0.5 * h * h * new_slope.a[c])
-        at.q[c] = old.q[c] + x * (start + x * (curve + x * (third + x * (fourth + x * fifth))))
-        change = new.v[c] - old.v[c]
-        at.v[c] = old.v[c] + quartic(change, h * slope.a[c], h * new_slope.a[c], bumps.a[c], x)
-    for c in range(len(old.sums)):
-        powers = h * slope.powers[c], h * new_slope.powers[c]
-        at.sums[c] = old.sums[c] + quartic(new.sums[c], powers[0], powers[1], bumps.powers[c], x)
+def change_of(run, c):
+    """Return what a velocity or a sum changes by in a step: the new state's sums are of the step alone."""
+    return run.new.y[c] - run.old.y[c] if c < 2 * run.old.n else run.new.y[c]
 
 
 @register_jitable(**INNER)
-def within(slopes, p, contacts, h, old, now, records, work):
-    """Write the samples before the end of a step of h from ``old`` to the new state; return whether it could.
+def between(run, x, h):
+    """Set y of ``at`` to that at x of a step of h, from states and slopes at both its ends."""
+    n, y, slopes = run.old.n, run.old.y, run.slopes
+    for c in range(n):
+        run.at.y[c], _ = on_quintic(run, h, c, x)
+    for c in range(n, len(y)):
+        slope, new_slope = h * slopes[START, c], h * slopes[END, c]
+        run.at.y[c] = y[c] + quartic(change_of(run, c), slope, new_slope, slopes[BUMP, c], x)
 
-    The sums of the new state are those of the step alone.
-    """
-    t, end, new, at = now.time, now.time + h, work.new, work.at
-    rates, new_rates, bumps = work.rates, work.new_rates, work.at_rates
-    ok = slopes(p, contacts, t, old, rates) and slopes(p, contacts, end, new, new_rates)
-    for c in range(len(old.v)):
-        bumps.a[c] = 0.0
-    for c in range(len(old.sums)):
-        bumps.powers[c] = 0.0
-    between(at, INSIDE, h, (old, new), (rates, new_rates), bumps)
-    ok = slopes(p, contacts, t + INSIDE * h, at, bumps) and ok
-    for c in range(len(old.v)):
-        change = new.v[c] - old.v[c]
-        bumps.a[c] = bump_of(change, h * rates.a[c], h * new_rates.a[c], h * bumps.a[c])
-    for c in range(len(old.sums)):
-        powers = h * rates.powers[c], h * new_rates.powers[c]
-        bumps.powers[c] = bump_of(new.sums[c], powers[0], powers[1], h * bumps.powers[c])
-    while now.taken < len(records.time) and records.time[now.taken] < end:
-        time = records.time[now.taken]
-        between(at, (time - t) / h, h, (old, new), (rates, new_rates), bumps)
-        ok = write(slopes, p, contacts, time, at, now, records, work.sample_rates) and ok
+
+@register_jitable(**INNER)
+def within(run, h):
+    """Write the samples before the end of a step of h; return whether it could."""
+    now, p, contacts, slopes = run.clock[0], run.p, run.contacts, run.slopes
+    t, end, times, slopes_at = now.time, now.time + h, run.records.time, run.kernel.slopes
+    ok = slopes_at(p, contacts, t, START, 1.0, run.old.y, slopes)
+    ok = ok and slopes_at(p, contacts, end, END, 1.0, run.new.y, slopes)
+    for c in range(len(run.old.y)):
+        slopes[BUMP, c] = 0.0
+    between(run, INSIDE, h)
+    ok = slopes_at(p, contacts, t + INSIDE * h, BUMP, 1.0, run.at.y, slopes) and ok
+    for c in range(run.old.n, len(run.old.y)):
+        slope, new_slope, inside = h * slopes[START, c], h * slopes[END, c], h * slopes[BUMP, c]
+        slopes[BUMP, c] = bump_of(change_of(run, c), slope, new_slope, inside)
+    while now.taken < len(times) and times[now.taken] < end:
+        time = times[now.taken]
+        between(run, (time - t) / h, h)
+        ok = write(run, time, run.at) and ok
     return ok
 
 
@@ -393,10 +405,8 @@ def finite(gaps):
 @register_jitable(**INNER)
 def take(old, new):
     """Move the state on to ``new``, whose sums are those of the step alone."""
-    for c in range(len(old.q)):
-        old.q[c], old.v[c] = new.q[c], new.v[c]
-    for c in range(len(old.sums)):
-        old.sums[c] += new.sums[c]
+    for c in range(len(old.y)):
+        old.y[c] = new.y[c] if c < 2 * old.n else old.y[c] + new.y[c]
     for k in range(len(old.gaps)):
         old.gaps[k] = new.gaps[k]
 
@@ -411,44 +421,55 @@ def suspicious(contacts, gaps, new_gaps):
 
 
 @register_jitable(**INNER)
-def cut(step, p, contacts, t, h, old, new):
-    """Return the first event within a step of h, -1 without one, and the step up to it, left in ``new``."""
-    event, other = -1, first_alarm(contacts, new.gaps, -1)
+def cut(run, h):
+    """Return the first event within a step of h, -1 without one, and the step up to it, left in ``new``.
+
+    Where events are not located, it is the whole step.
+    """
+    event, other = -1, first_alarm(run.contacts, run.new.gaps, -1)
+    if not run.clock[0].located:
+        return other, h
     while True:
         if other >= 0:
-            shorter = locate(step, p, contacts, t, h, old, new, other)
+            shorter = locate(run, h, other)
             if event >= 0 and shorter >= h:
                 return event, h
             event, h = other, shorter
         else:
-            other, inside = approach(step, p, contacts, t, h, old, new, event)
+            other, inside = approach(run, h, event)
             if other < 0:
                 return event, h
-            event, h = other, locate(step, p, contacts, t, inside, old, new, other)
-        other = first_alarm(contacts, new.gaps, event)
+            event, h = other, locate(run, inside, other)
+        other = first_alarm(run.contacts, run.new.gaps, event)
 
 
 @register_jitable(**INNER)
-def close_at_start(mobilities, p, contacts, motion, spare, clock, records):
+def close_at_start(run):
     """Note the touch of compliant contacts that are closed at the start of a run."""
-    now = clock[0]
+    now, contacts = run.clock[0], run.contacts
     for k in range(len(contacts)):
-        closed = contacts[k].rigid == 0.0 and contacts[k].phase == FLIGHT and motion.gaps[k].g > 0.0
+        closed = contacts[k].rigid == 0.0 and contacts[k].phase == FLIGHT and run.old.gaps[k].g > 0.0
         if now.time == 0.0 and now.end > 0.0 and closed:
-            note(mobilities, p, contacts, motion, 2 * k, spare, clock, records)
+            note(run, 2 * k)
 
 
 @register_jitable(**INNER)
-def due(slopes, p, contacts, motion, now, records, rates):
-    """Write the samples of the present time; return GO if a step is to come, or how the call ends."""
-    while now.taken < len(records.time) and records.time[now.taken] <= now.time:
-        if not write(slopes, p, contacts, now.time, motion, now, records, rates):
-            return FAILED
+def write_due(run):
+    """Write the samples of the present time; return whether it could."""
+    now, times, ok = run.clock[0], run.records.time, True
+    while ok and now.taken < len(times) and times[now.taken] <= now.time:
+        ok = write(run, now.time, run.old)
+    return ok
+
+
+@register_jitable(**INNER)
+def due(now, log_rows):
+    """Return GO if a step is to come, or how the call ends."""
     if now.time >= now.end:
         return DONE
     if now.steps >= now.budget:
         return SPENT
-    return FULL if now.events >= len(records.events) else GO
+    return FULL if now.events >= log_rows else GO
 
 
 @register_jitable(**INNER)
@@ -460,51 +481,55 @@ def settled(now, contacts, moved):
             contacts[k].ignored = 0.0
 
 
-def advance(kernel, p, contacts, motion, clock, records, work):
+@register_jitable(**INNER)
+def meet(run, event):
+    """Change a contact's phase at an event; one on a rigid wall is left to the caller. Return how it went."""
+    contact = run.contacts[event // 2]
+    if contact.rigid == 0.0:
+        note(run, event)
+        return GO
+    run.clock[0].rigid = event // 2
+    return SETTLE
+
+
+def advance(run):
     """Advance the motion to the clock's end in place, event by event; return how that ended.
 
     Events are added to the log, and a sample is written for each of the records' times up to the end. Where
     events are located, steps do not depend on the times; else, they land on each. An event on a rigid wall
     ends the call: whoever called settles it.
     """
-    step, slopes, mobilities = kernel.step, kernel.slopes, kernel.mobilities
-    now, new, spare = clock[0], work.new, work.spare
-    close_at_start(mobilities, p, contacts, motion, spare, clock, records)
+    now, contacts, old, new, times = run.clock[0], run.contacts, run.old, run.new, run.records.time
+    close_at_start(run)
     while True:
-        status = due(slopes, p, contacts, motion, now, records, work.sample_rates)
+        if now.taken < len(times) and times[now.taken] <= now.time and not write_due(run):
+            return FAILED
+        status = due(now, len(run.records.events))
         if status != GO:
             return status
-        t = now.time
-        h, landing = now.longest, now.end
+        t, h, landing = now.time, now.longest, now.end
         if now.located:
-            h = step_length(contacts, motion.gaps, now)
-        elif now.taken < len(records.time):
-            landing = records.time[now.taken]
+            h = step_length(contacts, old.gaps, now)
+        elif now.taken < len(times):
+            landing = times[now.taken]
         last = t + h >= landing - 1e-6 * h
         if last:
             h = landing - t
         now.tried = h
-        if not step(p, contacts, t, h, motion, new) or not finite(new.gaps):
+        if not run.kernel.step(run.p, contacts, t, h, old, new) or not finite(new.gaps):
             return FAILED
         event, whole = -1, h
-        if suspicious(contacts, motion.gaps, new.gaps):
-            if now.located:
-                event, h = cut(step, p, contacts, t, h, motion, new)
-            else:
-                event = first_alarm(contacts, new.gaps, -1)
+        if suspicious(contacts, old.gaps, new.gaps):
+            event, h = cut(run, h)
         last = last and h == whole
         change = h + now.lost
         new_t = landing if last else t + change
-        inside = now.taken < len(records.time) and records.time[now.taken] < new_t
-        if inside and not within(slopes, p, contacts, h, motion, now, records, work):
+        if now.taken < len(times) and times[now.taken] < new_t and not within(run, h):
             return FAILED
         now.lost = 0.0 if last else change - (new_t - t)
         now.time = new_t
-        take(motion, new)
+        take(old, new)
         now.steps += 1
         settled(now, contacts, new_t > t)
-        if event >= 0 and contacts[event // 2].rigid != 0.0:
-            now.rigid = event // 2
+        if event >= 0 and meet(run, event) == SETTLE:
             return SETTLE
-        if event >= 0:
-            note(mobilities, p, contacts, motion, event, spare, clock, records)

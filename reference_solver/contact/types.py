@@ -1,11 +1,10 @@
 """What the loop of contacts and the kernels that it calls share: records of contacts, arrays of a state."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import FloatArray, RecordArray
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
 #: clipped because the law would pull.
@@ -16,61 +15,41 @@ FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 #: goes on until then.
 DONE, SPENT, FULL, FAILED, SETTLE, GO = range(6)
 
+
+def record(floats: str, integers: str = "") -> np.dtype[np.void]:
+    """Return the type of records with these fields, named with blanks between them."""
+    kinds = (floats, np.float64), (integers, np.int64)
+    return np.dtype([(name, kind) for names, kind in kinds for name in names.split()])
+
+
 #: A contact. Its state: phase and memory (see ``contact_laws``), and since its touch the time, the duration
 #: expected, and the mobility in 1/kg of the gap. Its law: radial clearance, stiffness, exponent, damping
 #: factor, minimum impact speed, steepest slope of friction in s/m, and whether the force is clipped. Of a
 #: rigid wall: that it is one, the round-off of g and of its rate, and that it takes no part in this step.
-CONTACT_RECORD = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            *("phase", "memory", "began_s", "duration_s", "mobility"),
-            *("clearance", "stiffness", "exponent", "factor", "slowest", "friction", "clipped"),
-            *("rigid", "noise", "rate_noise", "ignored"),
-        )
-    ]
+CONTACT_RECORD = record(
+    "phase memory began_s duration_s mobility "
+    "clearance stiffness exponent factor slowest friction clipped rigid noise rate_noise ignored"
 )
 
 #: A contact's gap at a state: g in m, which has the sign of the penetration, its rate, the speed of the pin's
 #: centre in its bearing, the penetration, and in contact the elastic force, the damper in N s/m, and the
 #: normal force as a part of the elastic one; on a rigid wall the normal force in N.
-GAP_RECORD = np.dtype(
-    [(name, np.float64) for name in ("g", "rate", "speed", "depth", "elastic", "damper", "push")]
-)
+GAP_RECORD = record("g rate speed depth elastic damper push")
 
 #: An event: contact, what = 1 for touch, -1 release, 2 force clipped, 3 force back; rate of g, penetration.
 EVENT_RECORD = np.dtype(
-    [
-        ("time_s", np.float64),
-        ("contact", np.int64),
-        ("what", np.int64),
-        ("rate", np.float64),
-        ("depth", np.float64),
-    ]
+    [("time_s", np.float64), ("contact", np.int64), ("what", np.int64), ("rate", float), ("depth", float)]
 )
 
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
 #: contact, the step tried last, the end; whether events are located; events, samples and steps so far, the
 #: most steps, and the contact whose event on a rigid wall is to be settled.
-CLOCK_RECORD = np.dtype(
-    [
-        *((name, np.float64) for name in ("time", "lost", "longest", "per_contact", "tried", "end")),
-        *((name, np.int64) for name in ("located", "events", "taken", "steps", "budget", "rigid")),
-    ]
-)
+CLOCK_RECORD = record("time lost longest per_contact tried end", "located events taken steps budget rigid")
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the
 #: last flight, a contact's first step as a part of its duration, and the last error over the tolerance; how
 #: many steps in a row have been rejected, and the contact that has just begun, or -1.
-CONTROL_RECORD = np.dtype(
-    [
-        *(
-            (name, np.float64)
-            for name in ("tolerance", "length", "rate", "step", "flight_step", "first_part", "error")
-        ),
-        *((name, np.int64) for name in ("rejected", "fresh")),
-    ]
-)
+CONTROL_RECORD = record("tolerance length rate step flight_step first_part error", "rejected fresh")
 
 
 class Impact(NamedTuple):
@@ -96,92 +75,80 @@ class Impact(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A state: q and v (n,), the sums of powers since t = 0 (s,), and the contacts' gaps (K,)."""
+    """A state: the number n of coordinates, y (2n + s,), and the contacts' gaps (K,), ``GAP_RECORD``.
 
-    q: FloatArray
-    v: FloatArray
-    sums: FloatArray
-    gaps: NDArray[np.void]
-
-
-class Rates(NamedTuple):
-    """What changes at a state: {q''} (n,) and powers (s,); {lambda} (m,) and the contacts' forces (2K,).
-
-    {lambda} is that of the mechanism's own rows; forces are of every contact the normal one and friction.
+    y has coordinates, velocities, and the sums of powers since t = 0.
     """
 
-    a: FloatArray
-    powers: FloatArray
-    multipliers: FloatArray
-    forces: FloatArray
+    n: int
+    y: FloatArray
+    gaps: RecordArray
+
+    @property
+    def q(self) -> FloatArray:
+        """Return the coordinates (n,), a view."""
+        return self.y[: self.n]
+
+    @property
+    def v(self) -> FloatArray:
+        """Return the velocities (n,), a view."""
+        return self.y[self.n : 2 * self.n]
+
+    @property
+    def sums(self) -> FloatArray:
+        """Return the sums (s,), a view."""
+        return self.y[2 * self.n :]
 
 
 class Records(NamedTuple):
-    """What a run writes: events with the sums at their times, and at sample times the state and {lambda}."""
+    """What a run writes: events with the sums (s,) at their times, and at sample times rows of ``samples``.
 
-    events: NDArray[np.void]
-    event_sums: FloatArray
-    time: FloatArray
-    q: FloatArray
-    v: FloatArray
-    sums: FloatArray
-    phases: FloatArray
-    multipliers: FloatArray
-    forces: FloatArray
-
-
-class Work(NamedTuple):
-    """What a loop works on: two states, rates in a step and at a sample, and a number per contact (K,)."""
-
-    new: Motion
-    at: Motion
-    rates: Rates
-    new_rates: Rates
-    at_rates: Rates
-    sample_rates: Rates
-    spare: FloatArray
-
-
-class Control(NamedTuple):
-    """Error control: its record (1,), and what its steps work on.
-
-    ``weights`` are 1 over the tolerance of coordinates and velocities, 0 of the sums. Motion and the work's
-    ``new`` are views of ``y`` and ``new_y`` (see ``new_motion``); ``stage`` is one in between. ``K`` has
-    slopes by row, ``slope`` and ``new_slope`` those at both ends in time, ``dense`` what dense output takes.
+    These have y, {lambda} (m,) of the mechanism's own rows, of every contact the normal force and friction
+    (2K,), and of every contact phase and memory (2K,).
     """
 
-    record: NDArray[np.void]
-    weights: FloatArray
-    y: FloatArray
-    new_y: FloatArray
-    stage: FloatArray
-    slope: FloatArray
-    new_slope: FloatArray
-    zeros: FloatArray
-    K: FloatArray
-    dense: FloatArray
+    events: RecordArray
+    event_sums: FloatArray
+    time: FloatArray
+    samples: FloatArray
 
 
-def new_motion(n: int, sums: int, contacts: int) -> Motion:
-    """Return a state of zeros: views of one array, their ``base``."""
-    y = np.zeros(2 * n + sums)
-    return Motion(y[:n], y[n : 2 * n], y[2 * n :], np.zeros(contacts, GAP_RECORD))
+class Run(NamedTuple):
+    """What a loop works on: a mechanism's kernel and its parameters, contacts (K,), the state, and records.
+
+    ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y, and
+    behind them {lambda} and the contacts' forces as samples do; the last ones are ``START`` to ``SPARE``.
+    ``control`` (1,) is error control, ``clock`` (1,) where the run is.
+    """
+
+    kernel: Any
+    p: FloatArray | None
+    contacts: RecordArray
+    old: Motion
+    new: Motion
+    at: Motion
+    slopes: FloatArray
+    control: RecordArray
+    clock: RecordArray
+    records: Records
 
 
-def new_work(n: int, sums: int, contacts: int, rows: int) -> Work:
-    """Return what a loop works on, with m = ``rows`` multipliers."""
-    sizes = n, sums, rows, 2 * contacts
-    first, second, third, fourth = (Rates(*(np.zeros(size) for size in sizes)) for _ in range(4))
-    new, at = (new_motion(n, sums, contacts) for _ in range(2))
-    return Work(new, at, first, second, third, fourth, np.zeros(contacts))
+#: Rows of a run's slopes: at both ends of a step, at a sample, and a number per contact.
+START, END, SAMPLE, SPARE = -4, -3, -2, -1
 
 
-def new_control(motion: Motion, new: Motion, slopes: int, dense: int) -> Control:
-    """Return error control for steps from one motion to another."""
-    y, new_y = motion.q.base, new.q.base
-    assert y is not None
-    assert new_y is not None
-    weights, stage, slope, new_slope, zeros = np.zeros((5, len(y)))
-    tables = np.zeros((slopes, len(y))), np.zeros((dense, len(y)))
-    record = np.zeros(1, CONTROL_RECORD)
-    return Control(record, weights, y, new_y, stage, slope, new_slope, zeros, *tables)
+def new_run(
+    contacts: RecordArray, sizes: tuple[int, int, int], times: FloatArray, rows: int, log_rows: int
+) -> Run:
+    """Return a run of zeros, without a kernel.
+
+    Sizes are the numbers of coordinates, sums and {lambda}; ``rows`` is the number of slopes, ``log_rows``
+    that of events.
+    """
+    (n, sums, multipliers), K = sizes, len(contacts)
+    old, new, at = (Motion(n, np.zeros(2 * n + sums), np.zeros(K, GAP_RECORD)) for _ in range(3))
+    slopes = np.zeros((rows, 2 * n + sums + multipliers + 2 * K))
+    log = np.zeros(log_rows, EVENT_RECORD), np.zeros((log_rows, sums))
+    records = Records(*log, times, np.zeros((len(times), slopes.shape[1] + 2 * K)))
+    control, clock = np.zeros(1, CONTROL_RECORD), np.zeros(1, CLOCK_RECORD)
+    return Run(None, None, contacts, old, new, at, slopes, control, clock, records)

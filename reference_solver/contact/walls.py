@@ -9,23 +9,21 @@ along t: t.d' + omega_j R_j - omega_i R_i.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.mechanism.mechanism import ClearanceJoint, MasslessLink
 from reference_solver.mechanism.points import Point, State, ends_of, speed_row
-from reference_solver.tape import Array, array
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import Array, FloatArray, array
 
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
 
 
 def wall_link(joint: ClearanceJoint) -> MasslessLink:
-    """Return the constraint of a pin that follows its wall."""
+    """Return the constraint of a pin that follows its wall, g = (d.d - c^2)/2 (see ``massless_link``)."""
     return MasslessLink(joint.body_i, joint.point_i, joint.body_j, joint.point_j, joint.radial_clearance_m)
 
 
+# v_t = t.d' + omega_j R_j - omega_i R_i = T{q'}: a row of speed alone, without any g that it is the rate of
 def sliding_row(joint: ClearanceJoint, n: Array, bearing: Point, pin: Point, size: int) -> Array:
     """Return the row (size,) that gives the sliding speed from {q'}, n the normal (2,)."""
     radii = -joint.bearing_radius_m, joint.bearing_radius_m - joint.radial_clearance_m

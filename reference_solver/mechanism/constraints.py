@@ -1,5 +1,10 @@
 """The rows that each kind of constraint has in [B]{q'} = {C}, (1): one function for each.
 
+Above each function stand the constraint g = 0, its time derivative g' = [B]{q'} - {C} = 0, and of the next
+one, (4), the right-hand side -[B']{q'} of [B]{q''}; {C'} = 0, since prescribed speeds are constant. There p
+is a point of a body in the global frame and a leads to it from the body's centre of mass, so that
+p' = (x', y') + phi' (-a_y, a_x) and p'' = (x'', y'') + phi'' (-a_y, a_x) - phi'^2 a.
+
 ``CONSTRAINTS`` names the function of each kind: a new joint is one function and one line there.
 """
 
@@ -27,6 +32,9 @@ class Rows:
     g: Array
 
 
+# g = p_j - p_i = 0
+# g' = p_j' - p_i' = 0, so [B] is (-1, 0, a_y; 0, -1, -a_x) of body i, with the other signs of body j
+# [B]{q''} = phi_j'^2 a_j - phi_i'^2 a_i
 def revolute_joint(joint: RevoluteJoint, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
     """Return the rows of two points that stay together: that of body j less that of body i."""
     i, j = state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
@@ -34,6 +42,9 @@ def revolute_joint(joint: RevoluteJoint, state: State, t: Scalar, start: Array) 
     return Rows(blocks, array([0.0, 0.0]), j.centripetal - i.centripetal, j.place - i.place)
 
 
+# g = (n.((x, y) - p), phi - phi(0)) = 0, n the guide's normal and p a point of it
+# g' = (n.(x', y'), phi') = 0, so [B] is (n_x, n_y, 0; 0, 0, 1)
+# [B]{q''} = 0
 def straight_guide(guide: StraightGuide, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
     """Return the rows of a body that moves along a line and keeps the angle it has at the start."""
     normal = array([-sin(guide.angle_rad), cos(guide.angle_rad)])
@@ -44,6 +55,9 @@ def straight_guide(guide: StraightGuide, state: State, t: Scalar, start: Array) 
     return Rows({guide.body: block}, array([0.0, 0.0]), array([0.0, 0.0]), g)
 
 
+# g = phi - phi(0) - omega t = 0
+# g' = phi' - omega = 0, so [B] is (0, 0, 1) and {C} is omega
+# [B]{q''} = 0
 def prescribed_speed(driver: PrescribedSpeed, state: State, t: Scalar, start: Array) -> Rows:
     """Return the row of a body that turns at a speed of its own."""
     angle = state.position(driver.body)[2] - start[3 * driver.body + 2] - driver.speed_rad_s * t
@@ -52,8 +66,11 @@ def prescribed_speed(driver: PrescribedSpeed, state: State, t: Scalar, start: Ar
     )
 
 
+# g = (d.d - length^2)/2 = 0, d = p_j - p_i
+# g' = d.d' = 0, so [B] is d times the rows of a revolute joint
+# [B]{q''} = -d'.d' + d.(phi_j'^2 a_j - phi_i'^2 a_i)
 def massless_link(link: MasslessLink, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
-    """Return the row of two points that keep their distance: g = (d.d - length^2)/2."""
+    """Return the row of two points that keep their distance."""
     i, j = state.point(link.body_i, link.point_i), state.point(link.body_j, link.point_j)
     d, d_dot = j.place - i.place, j.rate - i.rate
     blocks = {link.body_i: -(d @ i.jacobian)[None], link.body_j: (d @ j.jacobian)[None]}

@@ -25,7 +25,10 @@ class Body:
 
 @dataclass(frozen=True)
 class RevoluteJoint:
-    """Two rows of [B]: a point of body j stays on a point of body i; multipliers are the force on body j."""
+    """Two rows of [B]: a point of body j stays on a point of body i.
+
+    g = p_j - p_i in m, of these points in the global frame. The multipliers are the force in N on body j.
+    """
 
     body_i: int
     point_i: Point
@@ -37,8 +40,9 @@ class RevoluteJoint:
 class StraightGuide:
     """Two rows of [B]: a body's centre of mass stays on a fixed line, and the body does not turn.
 
-    The line passes through ``point`` at ``angle_rad`` from the x axis. The multipliers are the guide's normal
-    force on the body, positive along the direction 90 degrees counter-clockwise of the line, and its moment.
+    The line passes through ``point`` at ``angle_rad`` from the x axis. g = (n.((x, y) - point), phi - phi(0))
+    in m and rad, with n 90 degrees counter-clockwise of the line. The multipliers are the guide's force in N
+    on the body along n, and its moment in N m.
     """
 
     body: int
@@ -48,7 +52,10 @@ class StraightGuide:
 
 @dataclass(frozen=True)
 class PrescribedSpeed:
-    """One row of [B]: the body turns at a constant speed; the multiplier is the torque on the body."""
+    """One row of [B]: the body turns at a constant speed.
+
+    g = phi - phi(0) - speed t in rad. The multiplier is the torque in N m on the body.
+    """
 
     body: int
     speed_rad_s: float
@@ -101,9 +108,10 @@ class SpringDamper:
 class ClearanceJoint:
     """A pin of body j at ``point_j`` in a bearing of body i at ``point_i``, of ``bearing_radius_m`` R_i.
 
-    Its law says how the bearing's wall answers: it gives, and is a contact, or it is rigid. Friction on a
-    rigid wall holds as it is while the pin follows it; in impacts, which are over at once and leave no speed
-    to regularise, its coefficient is Coulomb's.
+    Its law says how the bearing's wall answers: it gives, and is a contact, or it is rigid. A pin that
+    follows a rigid wall has one row of [B], g = (d.d - c^2)/2 in m^2, that of a ``MasslessLink`` as long as
+    the radial clearance c. Friction on a rigid wall holds as it is while the pin follows it; in impacts,
+    which are over at once and leave no speed to regularise, its coefficient is Coulomb's.
     """
 
     body_i: int

@@ -69,6 +69,7 @@ def ends_of(joint: ClearanceJoint, state: State) -> tuple[Point, Point]:
     return state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
 
 
+# u.d' = u.(p_j' - p_i') along a direction u: the row of a ``massless_link`` with u for d
 def speed_row(
     direction: Array, bearing: Point, pin: Point, size: int, twist: tuple[Scalar, Scalar] = (0.0, 0.0)
 ) -> Array:

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver.mechanism.mechanism import GROUND, Mechanism
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import FloatArray
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,8 @@
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import FloatArray
 
 
 def complementary(W: FloatArray, b: FloatArray) -> FloatArray:

@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 from reference_solver.equations import Equations
 from reference_solver.errors import BlockedImpact
 from reference_solver.rigid.complementarity import complementary
-
-FloatArray = NDArray[np.float64]
+from reference_solver.tape import FloatArray
 
 #: A contact row that is this small a part of itself once the ideal joints are eliminated depends on them.
 DEPENDENT = 1e-12

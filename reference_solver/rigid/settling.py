@@ -27,15 +27,15 @@ from reference_solver.errors import PainleveParadox
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS
 from reference_solver.rigid.complementarity import complementary, least_minor_ratio
 from reference_solver.rigid.impact import Eliminated, Jump, Touching, impact
-
-FloatArray = NDArray[np.float64]
+from reference_solver.solution import ModeChange
+from reference_solver.tape import FloatArray
 
 #: A flight that leaves the wall by less than this many times the distance's round-off cannot be followed.
 DEEPEST_UNSEEN = 2.0
 
 
 class Settling:
-    """Settles the pins of a mechanism's joints with rigid walls; it keeps the list of impacts.
+    """Settles the pins of a mechanism's joints with rigid walls; it keeps lists of impacts and of changes.
 
     ``equations`` are those of no pin following; ``add(name, value)`` adds to the ledger what is integrated
     elsewhere (see ``contact.rates_of``).
@@ -44,7 +44,7 @@ class Settling:
     def __init__(
         self, equations: Equations, shortest_flight_s: float, add: Callable[[str, float], None]
     ) -> None:
-        self.impacts: list[Impact] = []
+        self.impacts, self.changes = list[Impact](), list[ModeChange]()
         rigid = [(k, joint) for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
         #: Their numbers among the contacts.
         self.numbers = np.array([k for k, _ in rigid])

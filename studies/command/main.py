@@ -156,8 +156,9 @@ def run(
     from studies.running.cluster import cluster
     from studies.running.execution import RunBroken
     from studies.running.folder_lock import FolderHeld
+    from studies.running.registry import STUDIES
     from studies.running.rows import DamagedRows
-    from studies.running.runner import STUDIES, run_studies
+    from studies.running.runner import run_studies
 
     for name in studies or []:
         if name not in STUDIES:

@@ -50,10 +50,10 @@ def checked(kind: type[T], prefix: str, strings: dict[str, str | None]) -> T:
     if reason := no_numbers(given, kind, prefix):
         raise BadInput(reason)
     try:
-        made: T = adapter.validate_strings(given)
+        value: T = adapter.validate_strings(given)
     except ValidationError as error:
         raise BadInput(refusal(error, kind, prefix)) from None
-    return made
+    return value
 
 
 def read_scene(name: str) -> Scene:

@@ -8,7 +8,7 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.scene import Scene
 from studies.extremes.truth import braked_wheel, dropped_wheel, folded_rod, turning_rod
 from studies.judges.converged import converged, followed
-from studies.judges.truth import exact
+from studies.judges.truth import exact, slider_position_m
 
 Errors = Mapping[str, float]
 
@@ -61,10 +61,8 @@ def loose_motion(scene: Scene, run: Trajectory) -> Errors:
 def long_turning(scene: Scene, run: Trajectory) -> Errors:
     """Judge a crank that keeps its speed by its closed form, reduced to one turn before it is evaluated."""
     theta = np.remainder(scene.start.crank_angle_rad + scene.start.crank_speed_rad_s * run.time_s, 2 * np.pi)
-    crank, rod, _ = scene.crank_slider()
-    r, length = crank.length_m, rod.length_m
-    x = r * np.cos(theta) + np.sqrt(length**2 - (r * np.sin(theta)) ** 2)
-    return {"slider position": _off(run.slider_position_m, x, r)}
+    true = slider_position_m(scene, theta)
+    return {"slider position": _off(run.slider_position_m, true, scene.crank.length_m)}
 
 
 def dropped(scene: Scene, run: Trajectory) -> Errors:

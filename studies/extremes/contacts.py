@@ -1,8 +1,8 @@
 """The gallery's cases with contact: everyday ones, extremes of stiffness, clearance, restitution, speed."""
 
 import math
+from functools import partial
 
-from engine_models.scene.scene import Scene
 from studies.extremes.case import Extreme
 from studies.extremes.checks import braked, dropped, loose_motion
 from studies.extremes.scenes import CLEARANCE_M, WHEEL_STEP_S, driven_loose, turning_wheel, wheel
@@ -15,23 +15,13 @@ TURN_S = 60 / 5000
 def everyday() -> list[Extreme]:
     """Return the same mechanisms at ordinary numbers."""
     ordinary = "Ordinary numbers, for comparison."
-
-    def case(scene: Scene) -> Extreme:
-        return Extreme("everyday", scene, ordinary, dropped, WHEEL_STEP_S, first=True)
-
+    case = partial(Extreme, "everyday", theory=ordinary, check=dropped, step_s=WHEEL_STEP_S, first=True)
     return [
         _loose("everyday c = 0.1 mm", 1e-3, 1e-4, ordinary, first=True),
         case(wheel("everyday Hertz", 0.02)),
         case(wheel("everyday restitution 0.9", 0.02, law="lankarani-nikravesh", restitution=0.9)),
         case(wheel("everyday linear law", 0.02, law="linear", stiffness=1e6)),
-        Extreme(
-            "everyday",
-            turning_wheel("everyday friction 0.1", 0.02, 0.1),
-            ordinary,
-            braked,
-            WHEEL_STEP_S,
-            first=True,
-        ),
+        case(turning_wheel("everyday friction 0.1", 0.02, 0.1), check=braked),
         case(wheel("everyday rigid 0.2", 0.02, law="rigid", stiffness=None, restitution=0.2)),
     ]
 

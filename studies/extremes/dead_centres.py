@@ -1,6 +1,7 @@
 """The gallery's dead centres: rods as long as the crank, nearly so, and shorter, and rest."""
 
 import math
+from functools import partial
 
 from engine_models.scene.scene import Start
 from studies.extremes.case import Extreme, Wanted
@@ -14,33 +15,30 @@ RADIUS_M = DRIVEN.crank.length_m
 def dead_centres() -> list[Extreme]:
     """Return rods as long as the crank, nearly so, and shorter, and starts at dead centres."""
 
+    case = partial(Extreme, "dead centre", check=impossible, step_s=STEP_S)
+
     def of_length(
         name: str, part: float, half_width_rad: float, step_s: float, theory: str, wanted: Wanted = "answer"
     ) -> Extreme:
         begin, speed = math.pi / 2 - half_width_rad, DRIVEN.start.crank_speed_rad_s
         end = 2 * half_width_rad / speed
         scene = driven(name, end, angle_rad=begin, rod=rod(DRIVEN, length_m=RADIUS_M * part))
-        return Extreme("dead centre", scene, theory, ideal_motion, step_s, wanted=wanted)
+        return case(scene, theory, check=ideal_motion, step_s=step_s, wanted=wanted)
 
     equal = rod(DRIVEN, length_m=RADIUS_M)
     short = 0.8 * RADIUS_M
     snap = "The rod turns over the vertical and back within {0} of crank angle, at finite force"
     return [
-        Extreme(
-            "dead centre",
+        case(
             driven("L = r through the fold", 0.006, rod=equal),
             "At t = 3 ms two branches cross, B has rank 8 of 9: stop there, or go on along x = 2r cos θ.",
-            unfolded,
-            STEP_S,
+            check=unfolded,
             wanted="stop",
             stop_s=0.003,
         ),
-        Extreme(
-            "dead centre",
+        case(
             driven("L = r, start in the fold", 0.006, angle_rad=math.pi / 2, rod=equal),
             "Begins where two branches cross: no motion follows from this start.",
-            impossible,
-            STEP_S,
             wanted="refusal",
         ),
         of_length("L = 1.001 r", 1.001, 0.5, STEP_S / 4, snap.format("0.09 rad") + "."),
@@ -53,23 +51,18 @@ def dead_centres() -> list[Extreme]:
             snap.format("0.003 rad") + ": a step of 0.006 rad does not see it.",
             "answer or word",
         ),
-        Extreme(
-            "dead centre",
+        case(
             driven("L = 0.8 r, driven", 0.012, rod=rod(DRIVEN, length_m=short)),
             "The crank cannot turn: it locks at sin θ = 0.8.",
-            impossible,
-            STEP_S,
             wanted="refusal",
         ),
-        Extreme(
-            "dead centre",
+        case(
             free("L = 0.8 r, free", 0.1, rod=rod(FREE, length_m=short)),
             "The rod turns over and over, the crank swings between ±53°: smooth in the rod's angle.",
-            turned_over,
-            FREE_STEP_S,
+            check=turned_over,
+            step_s=FREE_STEP_S,
         ),
-        Extreme(
-            "dead centre",
+        case(
             free(
                 "at rest at a dead centre",
                 0.1,
@@ -77,7 +70,7 @@ def dead_centres() -> list[Extreme]:
                 start=Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0),
             ),
             "No force acts: nothing ever moves.",
-            resting,
-            FREE_STEP_S,
+            check=resting,
+            step_s=FREE_STEP_S,
         ),
     ]

@@ -1,5 +1,7 @@
 """The gallery's cases of ideal joints: speed, masses, dead centres, starts, loads, long runs."""
 
+from functools import partial
+
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import SLIDER, ideal_driven, ideal_free
 from engine_models.scene.scene import Slider
@@ -15,12 +17,11 @@ REVOLUTIONS = 100_000
 
 def everyday() -> list[Extreme]:
     """Return sets F and R as they are."""
+    case = partial(Extreme, "everyday", check=ideal_motion, step_s=FREE_STEP_S, first=True)
     ordinary = "Ordinary numbers, for comparison."
     return [
-        Extreme("everyday", free("everyday free", 0.1), ordinary, ideal_motion, FREE_STEP_S, first=True),
-        Extreme(
-            "everyday", driven("everyday driven (c = 0)", 0.012), ordinary, ideal_motion, STEP_S, first=True
-        ),
+        case(free("everyday free", 0.1), ordinary),
+        case(driven("everyday driven (c = 0)", 0.012), ordinary, step_s=STEP_S),
     ]
 
 
@@ -43,53 +44,34 @@ def speed() -> list[Extreme]:
 
 def masses() -> list[Extreme]:
     """Return set F with sliders and rods a million times as heavy or light."""
+    case = partial(Extreme, "mass", check=ideal_motion, step_s=FREE_STEP_S)
     heavy = Slider(mass_kg=SLIDER.mass_kg * 1e6, inertia_kg_m2=SLIDER.inertia_kg_m2)
     light = Slider(mass_kg=SLIDER.mass_kg * 1e-6, inertia_kg_m2=SLIDER.inertia_kg_m2)
     slender, massless = {"inertia_kg_m2": 1e-12}, {"mass_kg": 0.21e-6, "inertia_kg_m2": 1e-12}
     stops = "From the dead centre the slider's share of J grows to all within 7e-4 rad (11 µs)"
     return [
-        Extreme(
-            "mass",
-            free("slider mass × 1e6", 0.01, slider=heavy),
-            f"{stops}.",
-            ideal_motion,
-            FREE_STEP_S / 200,
-        ),
-        Extreme(
-            "mass",
+        case(free("slider mass × 1e6", 0.01, slider=heavy), f"{stops}.", step_s=FREE_STEP_S / 200),
+        case(
             free("slider × 1e6, long step", 0.01, slider=heavy),
             f"{stops}: a step of 50 µs cannot follow.",
-            ideal_motion,
-            FREE_STEP_S,
             wanted="answer or word",
         ),
-        Extreme(
-            "mass",
+        case(
             free("slider mass × 1e-6", 0.1, slider=light),
             "Crank and rod move as if the slider were not there.",
-            ideal_motion,
-            FREE_STEP_S,
         ),
-        Extreme(
-            "mass",
+        case(
             free("rod inertia 1e-12", 0.1, rod=rod(FREE, **slender)),
             "Close to a point mass at the rod's middle: nothing special happens.",
-            ideal_motion,
-            FREE_STEP_S,
         ),
-        Extreme(
-            "mass",
+        case(
             free("rod mass × 1e-6", 0.1, rod=rod(FREE, **massless)),
             "A rod without mass carries force along itself alone: nothing special happens.",
-            ideal_motion,
-            FREE_STEP_S,
         ),
-        Extreme(
-            "mass",
+        case(
             free("rod inertia 0", 0.1, rod=rod(FREE, inertia_kg_m2=0.0)),
             "Not a rigid body with mass: M has no inverse, equation (3) needs one.",
-            impossible,
-            FREE_STEP_S,
+            check=impossible,
             wanted="refusal",
         ),
     ]
@@ -120,21 +102,17 @@ def starts() -> list[Extreme]:
 
 def loads() -> list[Extreme]:
     """Return set F without gravity and with a hundred thousand times the Earth's."""
+    case = partial(Extreme, "load", check=ideal_motion, step_s=FREE_STEP_S)
     return [
-        Extreme(
-            "load",
+        case(
             free("gravity 0", 0.1, gravity_m_s2=0.0),
             "Kinetic energy alone, and that is constant.",
-            ideal_motion,
-            FREE_STEP_S,
             first=True,
         ),
-        Extreme(
-            "load",
+        case(
             free("gravity 1e6", 2e-3, gravity_m_s2=1e6),
             "Turned back within 5 µs, then swings half a turn each way in 0.78 ms.",
-            ideal_motion,
-            FREE_STEP_S / 50,
+            step_s=FREE_STEP_S / 50,
         ),
     ]
 

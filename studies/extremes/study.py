@@ -1,11 +1,13 @@
 """Extremes: a gallery of named cases, what theory expects of each, and how near every engine came to it."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
 
+from engine_models import arms
+from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.file import SceneError, from_toml, to_toml
@@ -14,7 +16,6 @@ from studies.extremes import contacts, dead_centres, mechanisms, wheels
 from studies.extremes.case import Extreme
 from studies.judges.energy_ledger import numerical_gain_J
 from studies.judges.metrics import constraint_violation_m, kinetic_energy_J, potential_energy_J
-from studies.ladders import AS_IT_COMES, CONTROLLED, PYMUNK_AS_IT_COMES, newcomers
 from studies.running.case import Case, Curves, Limits, Row, Value
 
 #: What a run may take, and one of very many steps.
@@ -29,15 +30,18 @@ NONSENSE = 10.0
 #: clearance.
 LEAST_ENERGY_J = 1e-9
 
-#: Every engine's best practice, and what a plain user would have.
-ARMS: dict[str, dict[str, Mapping[str, Value]]] = {
-    "reference": {"default": {}, "plain RK4": {}, "DOP853": CONTROLLED},
-    "exudyn": {"default": {}},
-    "pymunk": {"tuned": {}, "out of the box": PYMUNK_AS_IT_COMES},
-    "scipy": {"default": {}},
-}
+#: Every engine's best practice, and what a plain user would have: the paper's RK4, Pymunk as it comes.
+ARMS = (
+    arms.REFERENCE,
+    arms.PLAIN_RK4,
+    arms.REFERENCE_DOP853,
+    arms.EXUDYN,
+    arms.TUNED,
+    arms.OUT_OF_THE_BOX,
+    arms.SCIPY,
+)
 #: Arms that make a hundred thousand revolutions in seconds.
-FAST = (("reference", "default"), ("reference", "plain RK4"), ("reference", "DOP853"))
+FAST = (arms.REFERENCE, arms.PLAIN_RK4, arms.REFERENCE_DOP853)
 
 
 @cache
@@ -66,26 +70,18 @@ def gallery() -> dict[str, Extreme]:
 def cases(full: bool) -> list[Case]:
     """Return every case for every engine and arm; the quick set has long runs of few."""
     return [
-        _case(place, extreme, engine, arm, settings)
+        _case(place, extreme, arm)
         for place, extreme in enumerate(gallery().values())
-        for engine, arms in _arms().items()
-        for arm, settings in arms.items()
-        if full or not extreme.long or (engine, arm) in FAST
+        for arm in (*ARMS, *arms.newcomers())
+        if full or not extreme.long or arm in FAST
     ]
 
 
-def _arms() -> dict[str, dict[str, Mapping[str, Value]]]:
-    return {**ARMS, **{name: {AS_IT_COMES: {}} for name in newcomers()}}
-
-
-def _case(place: int, extreme: Extreme, engine: str, arm: str, settings: Mapping[str, Value]) -> Case:
-    scene = extreme.scene
-    if arm == "plain RK4":  # the paper's: one step for all, nothing corrected
-        settings = {"locate_events": False} if scene.joints_with_clearance else {"stabilisation": "none"}
-    step = extreme.step_s
-    if engine == "scipy" or arm == "DOP853" or (engine == "exudyn" and scene.joints_with_clearance):
+def _case(place: int, extreme: Extreme, arm: Arm) -> Case:
+    scene, step = extreme.scene, extreme.step_s
+    if arm in (arms.REFERENCE_DOP853, arms.SCIPY) or (arm is arms.EXUDYN and scene.joints_with_clearance):
         step = scene.end_time_s  # it chooses its own
-    elif extreme.fixed_step_s and (engine, arm) != ("reference", "default"):
+    elif extreme.fixed_step_s and arm is not arms.REFERENCE:
         step = extreme.fixed_step_s
     columns: dict[str, Value] = {
         "place": place,
@@ -98,7 +94,7 @@ def _case(place: int, extreme: Extreme, engine: str, arm: str, settings: Mapping
     }
     limits = None if extreme.first else LONG_LIMITS if extreme.long else LIMITS
     run = RunSettings(step, extreme.samples)
-    return Case("extremes", scene, engine, arm, run, dict(settings), limits=limits, columns=columns)
+    return Case("extremes", scene, arm, run, limits=limits, columns=columns)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:
@@ -115,10 +111,10 @@ def measure(case: Case) -> tuple[Row, Curves]:
     row: Row = {"steps": run.steps}
     if not all(np.isfinite(values).all() for values in _numbers(run)):
         return row, {}
-    found = gallery()[scene.name].check(engine.twin(scene), run)
-    judged = max(found, key=lambda name: found[name] if math.isfinite(found[name]) else math.inf)
+    errors = gallery()[scene.name].check(engine.twin(scene), run)
+    judged = max(errors, key=lambda name: errors[name] if math.isfinite(errors[name]) else math.inf)
     numbers = {
-        "relative_error": found[judged],
+        "relative_error": errors[judged],
         "energy_relative": energy_relative(scene, run),
         "constraint_relative": float(constraint_violation_m(scene, run).max()) / scene.crank.length_m,
     }

@@ -55,9 +55,9 @@ def _flight(
     if v > 0 and v * v > 2 * g * (c - y):
         walls.append(((v - math.sqrt(v * v - 2 * g * (c - y))) / g, c))
     flight, wall = min(walls)
-    here = (time_s >= t) & (time_s <= t + flight)
-    elapsed = time_s[here] - t
-    out[here] = y + v * elapsed - g * elapsed**2 / 2
+    during = (time_s >= t) & (time_s <= t + flight)
+    elapsed = time_s[during] - t
+    out[during] = y + v * elapsed - g * elapsed**2 / 2
     return t + flight, wall, v - g * flight
 
 
@@ -85,9 +85,9 @@ def _contact(
     begin = [abs(y) - c, wall * v]
     run = solve_ivp(slopes, (t, time_s[-1]), begin, dense_output=True, events=surface, **TOLERANCE)
     end = float(run.t[-1])
-    here = (time_s >= t) & (time_s <= end)
-    if here.any():
-        out[here] = wall * (c + run.sol(time_s[here])[0])
+    during = (time_s >= t) & (time_s <= end)
+    if during.any():
+        out[during] = wall * (c + run.sol(time_s[during])[0])
     left = run.status == 1
     return end, wall * c if left else wall * (c + run.y[0, -1]), wall * float(run.y[1, -1])
 

@@ -1,6 +1,7 @@
 """The gallery's wheels: on dry bearings, begun in contact, under absurd weight, at the stability limit."""
 
 import math
+from functools import partial
 
 from studies.extremes.case import Extreme
 from studies.extremes.checks import braked, dropped, resting, stopped
@@ -9,6 +10,7 @@ from studies.extremes.scenes import CLEARANCE_M, GRAVITY_M_S2, WHEEL, WHEEL_STEP
 
 def friction() -> list[Extreme]:
     """Return wheels on bearings from frictionless to sticky."""
+    case = partial(Extreme, "friction", check=braked, step_s=WHEEL_STEP_S)
     stop = turning_wheel(
         "regularisation 1 µm/s",
         0.185,
@@ -19,47 +21,32 @@ def friction() -> list[Extreme]:
         spin_rad_s=4.0,
     )
     return [
-        Extreme(
-            "friction",
+        case(
             turning_wheel("friction 0", 0.02, 0.0),
             "Turns for ever at the same spin, at the bearing's lowest place.",
-            braked,
-            WHEEL_STEP_S,
         ),
-        Extreme(
-            "friction",
+        case(
             turning_wheel("friction 1", 0.02, 1.0),
             "Stays 45° up the wall and is braked evenly, by μ m g cos 45° R/I = 55.4 rad/s².",
-            braked,
-            WHEEL_STEP_S,
         ),
-        Extreme(
-            "friction",
-            stop,
-            "Braked evenly, stands from 169 ms on; sticking, a damper of 3 million/s.",
-            stopped,
-            WHEEL_STEP_S,
-        ),
+        case(stop, "Braked evenly, stands from 169 ms on; sticking, a damper of 3 million/s.", check=stopped),
     ]
 
 
 def starts() -> list[Extreme]:
     """Return wheels begun in contact."""
+    case = partial(Extreme, "start", check=resting, step_s=WHEEL_STEP_S)
     sag = (WHEEL.mass_kg * GRAVITY_M_S2 / 1e9) ** (2 / 3)
     return [
-        Extreme(
-            "start",
+        case(
             wheel("start on the wall", 0.02, place_m=(0.0, -CLEARANCE_M - sag)),
             "The wall carries the weight, K δ^1.5 = m g: nothing ever moves.",
-            resting,
-            WHEEL_STEP_S,
         ),
-        Extreme(
-            "start",
+        case(
             wheel("start 1 mm in the wall", 1e-3, place_m=(0.0, -CLEARANCE_M - 1e-3)),
             "K δ^2.5/2.5 = 12.6 J throws it at 11 m/s against the other wall, and back.",
-            dropped,
-            WHEEL_STEP_S / 10,
+            check=dropped,
+            step_s=WHEEL_STEP_S / 10,
         ),
         Extreme(
             "load",

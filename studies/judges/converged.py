@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from engine_models.engine import Engine, RunSettings, Trajectory
-from engine_models.engines import make_engine
+from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import PERTURBATION_RAD, moved
 from studies.judges.kept_runs import kept_run
@@ -24,7 +24,7 @@ POINTWISE_M = 1e-8
 
 
 def _sharp(tolerance: float) -> Engine:
-    return make_engine("reference", method="dop853", tolerance=tolerance)
+    return ReferenceEngine(method="dop853", tolerance=tolerance)
 
 
 @lru_cache(maxsize=64)
@@ -38,7 +38,7 @@ def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory,
         return exact(scene, samples), tuple(exact_twins(scene, samples))
     whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(TWIN_STEP_S, samples)
     truth = kept_run(_sharp(TOLERANCE), scene, whole)
-    other = kept_run(make_engine("reference", method="rk4"), scene, fine)
+    other = kept_run(ReferenceEngine(method="rk4"), scene, fine)
     return truth, (kept_run(_sharp(TWIN_TOLERANCE), scene, whole), other)
 
 

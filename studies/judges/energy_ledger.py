@@ -6,6 +6,7 @@ Lines are curves over time since t = 0, (n,), in J. What a scene has no use for 
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
+from engine_models.mechanics.joints import joint_gap
 from engine_models.scene.scene import Scene
 from studies.judges.metrics import kinetic_energy_J
 
@@ -66,19 +67,8 @@ def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:
     It is |g'|, the violation at velocity level, where ``metrics.constraint_violation_m`` is |g|. The vector
     counts, not its length's rate: a gap that turns without growing has a speed too.
     """
-    centre, phi, omega = run.velocity[:, :, :2], run.position[:, :, 2], run.velocity[:, :, 2]
-
-    def point(body: int, distance: float) -> FloatArray:
-        across = np.stack([-np.sin(phi[:, body]), np.cos(phi[:, body])], axis=-1)
-        return np.asarray(centre[:, body] + distance * omega[:, body, None] * across)
-
-    crank, rod = scene.crank, scene.rod
-    opening = {"O": point(0, -crank.centre_of_mass_m)}
-    if rod is not None:
-        crank_end = point(0, crank.length_m - crank.centre_of_mass_m)
-        opening["A"] = point(1, -rod.centre_of_mass_m) - crank_end
-        opening["B"] = centre[:, 2] - point(1, rod.length_m - rod.centre_of_mass_m)
-    speeds = [np.hypot(*v.T) for joint, v in opening.items() if joint not in scene.joints_with_clearance]
+    ideal = (joint for joint in scene.joints if joint not in scene.joints_with_clearance)
+    speeds = [np.hypot(*joint_gap(scene, joint, run.position, run.velocity).rate_m_s.T) for joint in ideal]
     if scene.is_crank_slider:
-        speeds.append(np.abs(centre[:, 2, 1]))
+        speeds.append(np.abs(run.velocity[:, 2, 1]))
     return np.asarray(np.max(speeds, axis=0)) if speeds else np.zeros(len(run.time_s))

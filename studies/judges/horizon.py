@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings
-from engine_models.engines import make_engine
+from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 
 #: By how much the crank angle at the start is moved, in rad: some 5e-12 m at the crank pin of the library's
@@ -62,7 +62,7 @@ def apart(
     Raises:
         UnsupportedScene, SimulationFailed: the reference cannot run the scene.
     """
-    reference = make_engine("reference")
+    reference = ReferenceEngine()
 
     def position(of: Scene, step: float) -> FloatArray:
         return reference.simulate(of, RunSettings(step, samples)).slider_position_m
@@ -90,9 +90,9 @@ def horizon_s(scene: Scene, tolerance_m: float) -> float:
     Raises:
         UnsupportedScene, SimulationFailed: the reference cannot run the scene.
     """
-    found = _apart_once(scene)
+    parted = _apart_once(scene)
     first = min(
-        first_beyond_s(found.time_s, one, tolerance_m) for one in (*found.perturbed_m, found.halved_m)
+        first_beyond_s(parted.time_s, one, tolerance_m) for one in (*parted.perturbed_m, parted.halved_m)
     )
     return min(first, scene.end_time_s)
 

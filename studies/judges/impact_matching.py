@@ -15,48 +15,48 @@ PART_OF_FLIGHT = 0.25
 class Matching:
     """Pairs of places (k,) in two lists of impacts, and how many have no partner."""
 
-    found: np.ndarray
+    run: np.ndarray
     true: np.ndarray
     unmatched: int
     missed: int
 
 
-def match(found: FloatArray, true: FloatArray, end_s: float) -> Matching:
+def match(run: FloatArray, true: FloatArray, end_s: float) -> Matching:
     """Match sorted times of impacts, (m,) and (n,) in s, those nearest to each other first.
 
     A pair is nearest to each other both ways, and apart by at most ``PART_OF_FLIGHT`` of the shorter flight
     beside the true impact; impacts after ``end_s`` do not count.
     """
-    found, true = found[found <= end_s], true[true <= end_s]
-    if not len(found) or not len(true):
+    run, true = run[run <= end_s], true[true <= end_s]
+    if not len(run) or not len(true):
         none = np.zeros(0, dtype=np.intp)
-        return Matching(none, none, len(found), len(true))
-    apart = np.abs(found[:, None] - true)
+        return Matching(none, none, len(run), len(true))
+    apart = np.abs(run[:, None] - true)
     nearest, back = apart.argmin(axis=0), apart.argmin(axis=1)
     flights = np.diff(np.concatenate([[0.0], true, [end_s]]))
-    room = PART_OF_FLIGHT * np.minimum(flights[:-1], flights[1:])
+    most = PART_OF_FLIGHT * np.minimum(flights[:-1], flights[1:])
     places = np.arange(len(true))
-    mutual = (back[nearest] == places) & (apart[nearest, places] <= np.maximum(room, np.finfo(float).eps))
+    mutual = (back[nearest] == places) & (apart[nearest, places] <= np.maximum(most, np.finfo(float).eps))
     return Matching(
-        nearest[mutual], places[mutual], len(found) - int(mutual.sum()), len(true) - int(mutual.sum())
+        nearest[mutual], places[mutual], len(run) - int(mutual.sum()), len(true) - int(mutual.sum())
     )
 
 
-def impact_errors(found: Impacts, true: Impacts, end_s: float) -> Row:
+def impact_errors(run: Impacts, true: Impacts, end_s: float) -> Row:
     """Return a row's columns: impacts matched, unmatched and missed until ``end_s``, and errors.
 
     Time by its largest error; speed, impulse and energy lost by the largest error relative to the largest of
     the true ones.
     """
-    pairs = match(found.time_s, true.time_s, end_s)
+    pairs = match(run.time_s, true.time_s, end_s)
     row: Row = {
-        "impacts_matched": len(pairs.found),
+        "impacts_matched": len(pairs.run),
         "impacts_unmatched": pairs.unmatched,
         "impacts_missed": pairs.missed,
     }
-    if not len(pairs.found):
+    if not len(pairs.run):
         return row
-    row["impact_time_error_s"] = float(np.abs(found.time_s[pairs.found] - true.time_s[pairs.true]).max())
+    row["impact_time_error_s"] = float(np.abs(run.time_s[pairs.run] - true.time_s[pairs.true]).max())
     for name, column in (
         ("approach_speed_m_s", "impact_speed_relative_error"),
         ("normal_impulse_N_s", "impact_impulse_relative_error"),
@@ -65,6 +65,6 @@ def impact_errors(found: Impacts, true: Impacts, end_s: float) -> Row:
         expected = getattr(true, name)
         scale = float(np.abs(expected[pairs.true]).max())
         if scale > 0:
-            off = np.abs(getattr(found, name)[pairs.found] - expected[pairs.true]).max()
+            off = np.abs(getattr(run, name)[pairs.run] - expected[pairs.true]).max()
             row[column] = float(off / scale)
     return row

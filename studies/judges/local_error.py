@@ -24,14 +24,13 @@ def windows(truth: Trajectory, until: int) -> list[tuple[int, int]]:
     places = np.flatnonzero(flying[:until])
     touches = np.sort(np.concatenate([contact.impacts.time_s for contact in truth.contacts.values()]))
     pairs = zip(places[:-1].tolist(), places[1:].tolist(), strict=True)
-    found = [
+    over_touches = [
         (k, m)
         for k, m in pairs
         if np.searchsorted(touches, truth.time_s[m]) > np.searchsorted(touches, truth.time_s[k])
     ]
-    return (
-        [found[i] for i in np.unique(np.linspace(0, len(found) - 1, RESTARTS).astype(int))] if found else []
-    )
+    some = np.unique(np.linspace(0, len(over_touches) - 1, RESTARTS).astype(int)) if over_touches else ()
+    return [over_touches[i] for i in some]
 
 
 def local_errors(engine: Engine, scene: Scene, truth: Trajectory, run: RunSettings, until: int) -> Row:
@@ -43,7 +42,7 @@ def local_errors(engine: Engine, scene: Scene, truth: Trajectory, run: RunSettin
     those of ``windows``.
     """
     step = run.step_used_s(scene.end_time_s)
-    pairs, found = windows(truth, until), []
+    pairs, errors = windows(truth, until), []
     for k, m in pairs:
         begun = started_from(scene, truth.position[k], truth.velocity[k])
         begun = begun.model_copy(update={"end_time_s": float(truth.time_s[m] - truth.time_s[k])})
@@ -52,9 +51,9 @@ def local_errors(engine: Engine, scene: Scene, truth: Trajectory, run: RunSettin
         except SimulationFailed:
             continue
         off = end.position[-1, :, :2] - truth.position[m, :, :2]
-        found.append(float(np.hypot(off[:, 0], off[:, 1]).max()))
-    row: Row = {"restarts": len(pairs), "failed_restarts": len(pairs) - len(found)}
-    if found:
-        row["local_position_error_m"] = float(np.median(found))
-        row["largest_local_position_error_m"] = float(np.max(found))
+        errors.append(float(np.hypot(off[:, 0], off[:, 1]).max()))
+    row: Row = {"restarts": len(pairs), "failed_restarts": len(pairs) - len(errors)}
+    if errors:
+        row["local_position_error_m"] = float(np.median(errors))
+        row["largest_local_position_error_m"] = float(np.max(errors))
     return row

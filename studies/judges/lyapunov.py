@@ -64,8 +64,8 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
         UnsupportedScene, SimulationFailed: as ``simulate`` does.
     """
     first, second = scene, _beside(scene, stretch_s)
-    rooms = [getattr(scene.clearance, joint).radial_clearance_m for joint in scene.joints_with_clearance]
-    largest_m = LARGEST_PART * min(rooms)
+    loose = [getattr(scene.clearance, joint) for joint in scene.joints_with_clearance]
+    largest_m = LARGEST_PART * min(clearance.radial_clearance_m for clearance in loose)
     time, total, longer, settled = [0.0], [0.0], 1, False
     while longer <= LONGEST and scene.end_time_s - time[-1] > stretch_s * (1 - 1e-9):
         run, end = RunSettings(step_s, longer * samples), {"end_time_s": longer * stretch_s}

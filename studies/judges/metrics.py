@@ -6,6 +6,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.energy import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
+from engine_models.mechanics.joints import gaps
 from engine_models.scene.scene import Scene
 
 __all__ = [
@@ -23,28 +24,16 @@ __all__ = [
 
 def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the distance between the two sides of each joint, (n, joints) over O, A, B."""
-    centre, phi = trajectory.position[:, :, :2], trajectory.position[:, :, 2]
-
-    def point(body: int, distance: float) -> FloatArray:
-        direction = np.stack([np.cos(phi[:, body]), np.sin(phi[:, body])], axis=-1)
-        return centre[:, body] + distance * direction
-
-    crank, rod = scene.crank, scene.rod
-    gaps = [point(0, -crank.centre_of_mass_m)]
-    if rod is not None:
-        gaps += [
-            point(1, -rod.centre_of_mass_m) - point(0, crank.length_m - crank.centre_of_mass_m),
-            centre[:, 2] - point(1, rod.length_m - rod.centre_of_mass_m),
-        ]
-    return np.stack([np.hypot(gap[:, 0], gap[:, 1]) for gap in gaps], axis=-1)
+    sides = gaps(scene, trajectory.position).values()
+    return np.stack([np.hypot(*gap.T) for gap in sides], axis=-1)
 
 
 def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the largest gap of the ideal joints and of the slider from its guide, (n,)."""
     ideal = [k for k, joint in enumerate(scene.joints) if joint not in scene.joints_with_clearance]
-    gaps = pin_gap_m(scene, trajectory)[:, ideal].max(axis=1, initial=0.0)
+    open_m = pin_gap_m(scene, trajectory)[:, ideal].max(axis=1, initial=0.0)
     off_guide = np.abs(trajectory.position[:, -1, 1]) if scene.is_crank_slider else 0.0
-    return np.asarray(np.maximum(gaps, off_guide))
+    return np.asarray(np.maximum(open_m, off_guide))
 
 
 def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:

@@ -1,13 +1,11 @@
 """The runs of the predictability study and what they are made with; see ``studies.predictability.study``."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-
+from engine_models import arms
 from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.scene import Scene
 from studies.judges import horizon
-from studies.ladders import newcomers
+from studies.ladders import Rung
 from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import (
     EXPONENTS,
@@ -20,7 +18,7 @@ from studies.predictability.scenes import (
 from studies.running.case import Case, Value
 
 STUDY = "predictability"
-#: The arms that are no ensembles.
+#: The parts that are no ensembles.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
 CLEARANCES, SPEEDS = "against clearance", "against crank speed"
 
@@ -39,24 +37,14 @@ MEMBERS, MOVES_RAD = {False: 20, True: 40}, (1e-6, 1e-4)
 CLEARANCES_M, SPEEDS_RPM, POINTS, QUICK_EVERY = (1e-5, 1e-3), (500.0, 8000.0), 97, 8
 
 
-@dataclass(frozen=True)
-class Arm:
-    """An engine as it takes part in ensembles, at steps and settings that resolve an impact cheaply.
-
-    Distributions over 60 members with Exudyn's tolerance a hundredth of this, and with half and twice
-    Pymunk's step, could not be told from the model twin's either (Kolmogorov and Smirnov, six numbers).
-    """
-
-    engine: str
-    step_s: float
-    settings: Mapping[str, Value] = field(default_factory=dict)
-
-
-ARMS = {
-    "DOP853": Arm("reference", 1.0, {"method": "dop853", "tolerance": 1e-7}),
-    "DOPRI5": Arm("exudyn", 2e-5, {"solver": "DOPRI5", "tolerance": 1e-6}),
-    "as the scene": Arm("pymunk", 4e-6),
-    "native contact": Arm("pymunk", 2e-6, {"contact": "rigid"}),
+#: Arms of the ensembles, at steps and tolerances that resolve an impact cheaply. Distributions over 60
+#: members with Exudyn's tolerance a hundredth of this, and with half and twice Pymunk's step, could not be
+#: told from the model twin's either (Kolmogorov and Smirnov, six numbers).
+RUNGS = {
+    "DOP853": Rung(arms.REFERENCE_DOP853, 1.0, {"tolerance": 1e-7}),
+    "DOPRI5": Rung(arms.DOPRI5, 2e-5, {"tolerance": 1e-6}),
+    "as the scene": Rung(arms.AS_THE_SCENE, 4e-6),
+    "native contact": Rung(arms.NATIVE_CONTACT, 2e-6),
 }
 _SAME_LAW = ("DOP853", "DOPRI5", "as the scene")
 _QUICK_ENSEMBLES = (("clearance-driven-0.5mm", _SAME_LAW),)
@@ -64,7 +52,7 @@ _QUICK_ENSEMBLES = (("clearance-driven-0.5mm", _SAME_LAW),)
 ENSEMBLES = {
     False: _QUICK_ENSEMBLES,
     True: (
-        ("clearance-driven-0.5mm", tuple(ARMS)),
+        ("clearance-driven-0.5mm", tuple(RUNGS)),
         ("clearance-driven-0.1mm", _SAME_LAW),
         ("clearance-driven-A", _SAME_LAW),
     ),
@@ -75,8 +63,8 @@ def cases(full: bool) -> list[Case]:
     """Return horizons, exponents, ensembles and pictures; the full set contains the quick one."""
     out = [_horizon(name, end) for name, end in HORIZONS_S[full]]
     out += [_exponent(name, start) for name in EXPONENTS[full] for start in range(EXPONENT_STARTS[full])]
-    for name, arms in ENSEMBLES[full]:
-        out += _ensembles(following(scene_named(name), sum(ENSEMBLE_REVOLUTIONS)), arms, MEMBERS[full])
+    for name, parts in ENSEMBLES[full]:
+        out += _ensembles(following(scene_named(name), sum(ENSEMBLE_REVOLUTIONS)), parts, MEMBERS[full])
     places = [k / (POINTS - 1) for k in range(0, POINTS, 1 if full else QUICK_EVERY)]
     (small, large), (slow, fast) = CLEARANCES_M, SPEEDS_RPM
     out += [_picture(CLEARANCES, at_clearance(small * (large / small) ** place)) for place in places]
@@ -98,53 +86,56 @@ def _horizon(name: str, end_s: float) -> Case:
     scene = scene_named(name).model_copy(update={"end_time_s": end_s})
     turns = scene.drive.kind == "constant-speed"
     samples = round(SAMPLES * end_s / period_s(scene)) if turns else FREE_SAMPLES
-    return Case(STUDY, scene, "reference", HORIZON, RunSettings(STEP_S, samples))
+    return _reference(scene, RunSettings(STEP_S, samples), HORIZON)
 
 
 def _exponent(name: str, start: int) -> Case:
     scene, by = following(scene_named(name), sum(EXPONENT_REVOLUTIONS)), start * EXPONENT_SPACING_RAD
     # The pins of two joints are rarely in flight at the same time.
     run = RunSettings(STEP_S, STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2)
-    moved = {"start_moved_rad": by}
-    return Case(STUDY, horizon.moved(scene, by), "reference", EXPONENT, run, columns=moved)
+    return _reference(horizon.moved(scene, by), run, EXPONENT, start_moved_rad=by)
 
 
-def _ensembles(scene: Scene, arms: tuple[str, ...], members: int) -> list[Case]:
+def _reference(scene: Scene, run: RunSettings, part: str, **columns: Value) -> Case:
+    return Case(STUDY, scene, arms.REFERENCE, run, columns={"part": part, **columns})
+
+
+def _ensembles(scene: Scene, names: tuple[str, ...], members: int) -> list[Case]:
     """Return the reference and its repeats, then every engine's arm with its model twin if that differs."""
     starts, others = moves_rad(members), moves_rad(members, mirrored=True)
-    out = _members(scene, "scene's law", Arm("reference", STEP_S), starts)
-    out += _members(scene, "other starts", Arm("reference", STEP_S), others)
-    out += _members(scene, "half the step", Arm("reference", STEP_S / 2), starts)
-    new = {name: Arm(name, STEP_S) for name in newcomers()}  # each an arm of its own name
-    for name, arm in {**{name: ARMS[name] for name in arms}, **new}.items():
-        out += _members(scene, name, arm, starts)
+    reference = Rung(arms.REFERENCE, STEP_S)
+    out = _members(scene, "scene's law", reference, starts)
+    out += _members(scene, "other starts", reference, others)
+    out += _members(scene, "half the step", Rung(arms.REFERENCE, STEP_S / 2), starts)
+    new = {arm.engine: Rung(arm, STEP_S) for arm in arms.newcomers()}
+    for name, rung in {**{name: RUNGS[name] for name in names}, **new}.items():
+        out += _members(scene, name, rung, starts)
         try:
-            own = make_engine(arm.engine, **arm.settings).twin(scene)
+            own = make_engine(rung.arm.engine, **rung.arm.settings).twin(scene)
         except UnsupportedScene:
             continue  # the members say why
         if own != scene:
-            out += _members(own, f"twin of {arm.engine} ({name})", Arm("reference", STEP_S), others)
+            out += _members(own, f"twin of {rung.arm.engine} ({name})", reference, others)
     return out
 
 
-def _members(scene: Scene, name: str, arm: Arm, starts: list[float]) -> list[Case]:
-    run = RunSettings(arm.step_s, SAMPLES * sum(ENSEMBLE_REVOLUTIONS))
+def _members(scene: Scene, part: str, rung: Rung, starts: list[float]) -> list[Case]:
+    run = RunSettings(rung.step_s, SAMPLES * sum(ENSEMBLE_REVOLUTIONS))
     return [
         Case(
             STUDY,
             horizon.moved(scene, by),
-            arm.engine,
-            name,
+            rung.arm,
             run,
-            arm.settings,
-            columns={"start_moved_rad": by},
+            rung.added,
+            columns={"part": part, "start_moved_rad": by},
         )
         for by in starts
     ]
 
 
-def _picture(arm: str, scene: Scene) -> Case:
+def _picture(part: str, scene: Scene) -> Case:
     """Return a point of a picture; a quarter of a revolution is a whole number of samples."""
     scene = following(scene, sum(PICTURE_REVOLUTIONS))
     run = RunSettings(period_s(scene) / STEPS_OF_PICTURE, 4 * sum(PICTURE_REVOLUTIONS))
-    return Case(STUDY, scene, "reference", arm, run)
+    return _reference(scene, run, part)

@@ -6,8 +6,9 @@ made over members.
 
 import numpy as np
 
-from engine_models.engine import FloatArray, Trajectory
+from engine_models.engine import Trajectory
 from engine_models.scene.scene import Scene
+from studies.judges.truth import slider_position_m
 from studies.running.case import Curves, Row
 
 
@@ -44,7 +45,7 @@ def statistics(scene: Scene, run: Trajectory, from_s: float) -> tuple[Row, Curve
     lost = run.dissipated_energy_J
     assert isinstance(impulse, np.ndarray)
     assert lost is not None
-    deviation = run.slider_position_m - ideal_slider_position_m(scene, run.position[:, 0, 2])
+    deviation = run.slider_position_m - slider_position_m(scene, run.position[:, 0, 2])
     row: Row = {
         "revolutions": float(revolutions),
         "impacts_per_revolution": float(late.sum() / revolutions),
@@ -58,10 +59,3 @@ def statistics(scene: Scene, run: Trajectory, from_s: float) -> tuple[Row, Curve
         row["impact_phase_cosine"] = float(np.cos(phase).mean())
         row["impact_phase_sine"] = float(np.sin(phase).mean())
     return row, {"impact_phase_rad": phase, "impact_speed_m_s": speed[late]}
-
-
-def ideal_slider_position_m(scene: Scene, crank_angle_rad: FloatArray) -> FloatArray:
-    """Return where the slider would be with ideal joints at crank angles (n,)."""
-    crank, rod, _ = scene.crank_slider()
-    r, length = crank.length_m, rod.length_m
-    return np.asarray(r * np.cos(crank_angle_rad) + np.sqrt(length**2 - (r * np.sin(crank_angle_rad)) ** 2))

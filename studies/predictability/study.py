@@ -1,9 +1,10 @@
 """Predictability: how long a scene can be followed, how fast motions part, and what holds past that.
 
-Four parts, told apart by the arm. ``HORIZON``: until when the reference agrees with its own perturbed and
-step-halved twins. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several starts.
-``CLEARANCES`` and ``SPEEDS``: what a pin does once in a revolution, against its clearance and the crank's
-speed. All other arms are ensembles: a case is a member, and starts differ by a little of the crank angle.
+Four parts, told apart by the column ``part``. ``HORIZON``: until when the reference agrees with its own
+perturbed and step-halved runs. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several
+starts. ``CLEARANCES`` and ``SPEEDS``: what a pin does once in a revolution, against its clearance and the
+crank's speed. All other parts are ensembles: a case is a member, and starts differ by a little of the crank
+angle.
 """
 
 import math
@@ -34,22 +35,23 @@ TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return its part's columns and curves."""
-    if case.arm == HORIZON:
+    part = case.columns["part"]
+    if part == HORIZON:
         return _horizon(case)
-    if case.arm == EXPONENT:
+    if part == EXPONENT:
         return _exponent(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    if case.arm not in (CLEARANCES, SPEEDS):
+    if part not in (CLEARANCES, SPEEDS):
         return statistics(case.scene, trajectory, ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
     after_s = PICTURE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)
-    room = case.scene.clearance.B
-    assert room is not None
-    row["radial_clearance_m"] = room.radial_clearance_m
+    clearance = case.scene.clearance.B
+    assert clearance is not None
+    row["radial_clearance_m"] = clearance.radial_clearance_m
     row["crank_speed_rad_s"] = case.scene.start.crank_speed_rad_s
     # At 90 degrees the rod pulls the slider through; at the dead centres the pin is pressed to one side.
     once = slice(4 * PICTURE_REVOLUTIONS[0] + 1, None, 4)
-    gap = trajectory.contacts["B"].gap_m[once] / room.radial_clearance_m
+    gap = trajectory.contacts["B"].gap_m[once] / clearance.radial_clearance_m
     return row, {**curves, "gap_x_part": gap[:, 0], "gap_y_part": gap[:, 1]}
 
 
@@ -59,27 +61,27 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
     The least and the largest of n values bound the median with a confidence of 1 - 2^(1-n). A horizon that
     lies past the end is absent, as is a bound that does. The halved step's is one number.
     """
-    found = horizon.apart(case.scene, case.run.samples, step_s=case.run.step_s)
+    parted = horizon.apart(case.scene, case.run.samples, step_s=case.run.step_s)
     row: Row = {
-        "perturbations": len(found.perturbed_m),
+        "perturbations": len(parted.perturbed_m),
         "perturbation_rad": horizon.PERTURBATION_RAD,
-        "largest_distance_perturbed_m": float(found.perturbed_m.max()),
-        "largest_distance_halved_m": float(found.halved_m.max()),
+        "largest_distance_perturbed_m": float(parted.perturbed_m.max()),
+        "largest_distance_halved_m": float(parted.halved_m.max()),
     }
     if case.scene.drive.kind == "constant-speed":
         row["revolutions"] = case.scene.end_time_s / period_s(case.scene)
     for words, tolerance in TOLERANCES_M.items():
-        times = [horizon.first_beyond_s(found.time_s, one, tolerance) for one in found.perturbed_m]
-        halved = horizon.first_beyond_s(found.time_s, found.halved_m, tolerance)
-        told = {
+        times = [horizon.first_beyond_s(parted.time_s, one, tolerance) for one in parted.perturbed_m]
+        halved = horizon.first_beyond_s(parted.time_s, parted.halved_m, tolerance)
+        horizons = {
             f"horizon_{words}_s": _median(times),
             f"horizon_{words}_least_s": min(times),
             f"horizon_{words}_largest_s": max(times),
             f"horizon_halved_{words}_s": halved,
         }
-        row |= {name: value for name, value in told.items() if math.isfinite(value)}
-    sizes = {f"perturbed_{k}_m": one for k, one in enumerate(found.perturbed_m)}
-    return row, {"time_s": found.time_s, **sizes, "halved_m": found.halved_m}
+        row |= {name: value for name, value in horizons.items() if math.isfinite(value)}
+    sizes = {f"perturbed_{k}_m": one for k, one in enumerate(parted.perturbed_m)}
+    return row, {"time_s": parted.time_s, **sizes, "halved_m": parted.halved_m}
 
 
 def _median(times_s: list[float]) -> float:
@@ -92,11 +94,11 @@ def _exponent(case: Case) -> tuple[Row, Curves]:
     """Return the exponent of a motion that goes on; one that settles to continuous contact has none."""
     period, skipped = period_s(case.scene), EXPONENT_REVOLUTIONS[0]
     engine = make_engine(case.engine, **case.settings)
-    found = lyapunov.growth(engine, case.scene, case.run.step_s, period, case.run.samples)
-    row: Row = {"revolutions": float(found.time_s[-1]) / period}
-    if not found.settled:
-        per_second = found.exponent_per_s(skipped * period)
+    growth = lyapunov.growth(engine, case.scene, case.run.step_s, period, case.run.samples)
+    row: Row = {"revolutions": float(growth.time_s[-1]) / period}
+    if not growth.settled:
+        per_second = growth.exponent_per_s(skipped * period)
         row["lyapunov_exponent_per_second"] = per_second
         row["lyapunov_exponent_per_revolution"] = per_second * period
-    curves: dict[str, FloatArray] = {"time_s": found.time_s, "log_growth": found.log_growth}
+    curves: dict[str, FloatArray] = {"time_s": growth.time_s, "log_growth": growth.log_growth}
     return row, {name: np.asarray(curve) for name, curve in curves.items()}

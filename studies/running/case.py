@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Protocol
 
+from engine_models.arms import Arm, Setting
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.scene.scene import Scene
 
@@ -35,7 +36,7 @@ ROOMY = Limits(time_limit_s=1800.0, memory_limit_bytes=8 * 2**30)
 
 @dataclass(frozen=True)
 class Case:
-    """A run to be made. ``arm`` names the engine's settings in tables and figures.
+    """A run to be made: an arm on a scene, with ``added`` settings beyond the arm's own.
 
     A ``timed`` case runs with nothing beside it, after all others of its study, in the order given. One with
     ``limits`` of its own asks what can be done within them: they are part of its row and of its key. All
@@ -45,25 +46,27 @@ class Case:
 
     study: str
     scene: Scene
-    engine: str
-    arm: str
+    arm: Arm
     run: RunSettings
-    settings: Mapping[str, Value] = field(default_factory=dict)
+    added: Mapping[str, Setting] = field(default_factory=dict)
     timed: bool = False
     limits: Limits | None = None
     columns: Mapping[str, Value] = field(default_factory=dict)
 
     @property
-    def label(self) -> str:
-        """What the engine at these settings is called in tables and figures: reference (projection)."""
-        return f"{self.engine} ({self.arm})"
+    def engine(self) -> str:
+        """The engine's name."""
+        return self.arm.engine
+
+    @property
+    def settings(self) -> dict[str, Setting]:
+        """The engine's settings, the arm's and the added ones."""
+        return {**self.arm.settings, **self.added}
 
     def key(self, fingerprint: str) -> str:
         """Return what identifies this run together with the code and the libraries it is made with."""
-        limits = None if self.limits is None else asdict(self.limits)
-        run = [self.engine, self.arm, asdict(self.run), dict(self.settings), self.timed, limits]
-        run.append(dict(self.columns))
-        text = json.dumps([fingerprint, self.study, self.scene.model_dump(), *run], sort_keys=True)
+        parts = [fingerprint, self.head(), self.scene.model_dump(), asdict(self.run)]
+        text = json.dumps(parts, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def head(self) -> Row:
@@ -72,8 +75,8 @@ class Case:
             "study": self.study,
             "scene": self.scene.name,
             "engine": self.engine,
-            "arm": self.arm,
-            "label": self.label,
+            "arm": self.arm.name,
+            "label": self.arm.label,
             "end_time_s": self.scene.end_time_s,
             "samples": self.run.samples,
             "step_s": self.run.step_used_s(self.scene.end_time_s),

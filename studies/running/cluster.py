@@ -13,10 +13,10 @@ from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 from studies.errors import BadInput
-from studies.running.case import ROOMY, Limits
+from studies.running.case import Limits
 from studies.running.execution import LimitedExecutor, RunBroken
 from studies.running.processes import Processes
-from studies.running.provenance import fingerprint
+from studies.running.provenance import overall_fingerprint
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -64,12 +64,12 @@ def _require_same_code(distributed: Any, client: Any) -> None:
     except distributed.TimeoutError:
         raise _refusal("a Dask cluster with workers", "none") from None
     try:
-        codes = set(client.run(fingerprint).values())
+        codes = set(client.run(overall_fingerprint).values())
     except Exception as error:
         raise _refusal("workers that have crankslider installed", f'"{error}"') from None
-    if others := codes - {fingerprint()}:
-        came = ", ".join(sorted(others))
-        raise _refusal(f"workers with our code and libraries (fingerprint {fingerprint()})", came)
+    ours = overall_fingerprint()
+    if others := codes - {ours}:
+        raise _refusal(f"workers with our code and libraries (fingerprint {ours})", ", ".join(sorted(others)))
 
 
 def _refusal(expected: str, came: str) -> BadInput:
@@ -88,14 +88,10 @@ class ClusterExecutor(LimitedExecutor):
     def __init__(self, distributed: Any, client: Any) -> None:
         self._client, self._worker_died = client, distributed.KilledWorker
         self._calls: dict[Future[Any], Any] = {}
-        self._here = Processes(1)
-
-    def submit(self, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
-        """Run a call within ``ROOMY`` limits."""
-        return self.submit_within(ROOMY, call, *args, **kwargs)
+        self._local = Processes(1)
 
     def submit_within(
-        self, limits: Limits, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> "Future[T]":
         """Run a call in a process of a worker, which is ended when it exceeds the limits."""
         future: Future[T] = Future()
@@ -112,15 +108,17 @@ class ClusterExecutor(LimitedExecutor):
             self._calls.clear()
         if wait:
             wait_for(list(self._calls))
-        self._here.shutdown(wait, cancel_futures=cancel_futures)
+        self._local.shutdown(wait, cancel_futures=cancel_futures)
 
-    async def _pass_on(self, future: "Future[T]", remote: Any, limits: Limits, call: Callable[[], T]) -> None:
+    async def _pass_on(
+        self, future: "Future[T]", remote: Any, limits: Limits | None, call: Callable[[], T]
+    ) -> None:
         try:
             value = await remote
         except (CancelledError, OSError) as error:
             future.set_exception(RunBroken(f"the scheduler of the cluster is gone: {error}"))
         except self._worker_died:
-            self._here.submit_within(limits, call).add_done_callback(partial(_copy, future))
+            self._local.submit_within(limits, call).add_done_callback(partial(_copy, future))
         except BaseException as error:
             future.set_exception(error)
         else:
@@ -135,7 +133,7 @@ def _copy(future: "Future[T]", done: "Future[T]") -> None:
         future.set_result(done.result())
 
 
-def _contained(limits: Limits, call: Callable[[], T]) -> T:
+def _contained(limits: Limits | None, call: Callable[[], T]) -> T:
     """Run a call on a worker, in a process of its own."""
     with _FIRST:
         processes = _processes()

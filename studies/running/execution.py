@@ -31,8 +31,12 @@ class RunBroken(Exception):
 class LimitedExecutor(Executor):
     """An executor that ends calls at their limits; their futures then have the exception CaseEnded."""
 
+    def submit(self, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
+        """Run a call without limits."""
+        return self.submit_within(None, call, *args, **kwargs)
+
     @abstractmethod
     def submit_within(
-        self, limits: Limits, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> "Future[T]":
-        """Run a call that is ended when it exceeds the limits."""
+        """Run a call that is ended, and its process with it, when it exceeds the limits."""

@@ -40,8 +40,8 @@ def held(folder: Path) -> Iterator[None]:
 
 def _holder(file: BinaryIO) -> str:
     try:
-        told = json.loads(file.read(1000))
-        who = f"process {told['pid']} on {told['host']} since {told['since']}"
+        holder = json.loads(file.read(1000))
+        who = f"process {holder['pid']} on {holder['host']} since {holder['since']}"
     except (ValueError, KeyError, TypeError):  # it writes just now
         who = "another run"
     return f"{who}: wait for it, or name another folder"

@@ -5,23 +5,46 @@ Not ``concurrent.futures.ProcessPoolExecutor``, which breaks for every call when
 cannot always tell which call that was. Here every process has its own pipe.
 """
 
+import os
+import pickle
 import signal
+import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from functools import partial
-from multiprocessing import resource_tracker
+from multiprocessing import get_context, resource_tracker
+from multiprocessing.connection import wait
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 from typing import Any, ParamSpec, TypeVar
 
 from engine_models.engine import ProcessTaken
 from studies.running.case import Limits
-from studies.running.execution import KILLED, NOT_BEGUN, TIMED_OUT, CaseEnded, LimitedExecutor
-from studies.running.process import WorkerProcess
+from studies.running.execution import (
+    CRASHED,
+    KILLED,
+    NOT_BEGUN,
+    OUT_OF_MEMORY,
+    TIMED_OUT,
+    CaseEnded,
+    LimitedExecutor,
+)
+from studies.running.worker import BEGUN, serve
 
 P = ParamSpec("P")
 T = TypeVar("T")
 Call = Callable[[], Any]
+
+#: How much of what a process said on stderr is kept, in bytes, and of its last line shown, in characters.
+KEPT_WORDS, SHOWN_WORDS = 10_000, 200
+#: A process that has closed its pipe is dead within this time, or it never will be by itself.
+DYING_S = 5.0
+#: A process that has not imported what a call needs within this time never will.
+BEGINNING_S = 600.0
+#: Signals that no solver sends to itself: the kernel short of memory does, and people do.
+FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT")
+#: Starting a child reaps others: two threads at once would take each other's exit codes.
+_CHILDREN = Lock()
 
 
 class Processes(LimitedExecutor):
@@ -40,10 +63,6 @@ class Processes(LimitedExecutor):
         self._threads = [Thread(target=self._serve, args=[slot], daemon=True) for slot in self._slots]
         for thread in self._threads:
             thread.start()
-
-    def submit(self, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
-        """Run a call without limits."""
-        return self.submit_within(None, call, *args, **kwargs)
 
     def submit_within(
         self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
@@ -98,7 +117,7 @@ class _Slot:
     """One process after another."""
 
     def __init__(self) -> None:
-        self._process: WorkerProcess | None = None
+        self._process: _WorkerProcess | None = None
         self._killed = False
         self._lock = Lock()
 
@@ -123,7 +142,7 @@ class _Slot:
         with self._lock:
             if self._killed:
                 raise CancelledError
-            process = self._process = self._process or WorkerProcess()
+            process = self._process = self._process or _WorkerProcess()
         try:
             return process.run(call, limits)
         except (CaseEnded, ProcessTaken):
@@ -142,3 +161,107 @@ class _Slot:
             process, self._process = self._process, None
         if process is not None:
             process.close()
+
+
+class _Silent(Exception):
+    """A process did not answer in time."""
+
+
+class _WorkerProcess:
+    """A process started anew, which imports what its calls need and keeps it until it is closed.
+
+    It runs one call at a time, and when it dies says how.
+    """
+
+    def __init__(self) -> None:
+        context = get_context("spawn")
+        self._calls, calls = context.Pipe()
+        self._stderr, stderr = context.Pipe(duplex=False)
+        self._process = context.Process(target=serve, args=(calls, stderr), daemon=True)
+        with _CHILDREN:
+            self._process.start()
+        calls.close()
+        stderr.close()
+        self._words = b""
+
+    def run(self, call: Call, limits: Limits | None) -> Any:
+        """Return what the call returns there, or raise what it raises.
+
+        Raises:
+            CaseEnded: the process died of the call or was killed, exceeded the limits, or could not begin.
+        """
+        begun = False
+        memory_limit = None if limits is None else limits.memory_limit_bytes
+        try:
+            self._calls.send_bytes(pickle.dumps((call, memory_limit)))
+            message = self._answer(BEGINNING_S)
+            if begun := message == BEGUN:
+                message = self._answer(None if limits is None else limits.time_limit_s)
+        except (EOFError, OSError):
+            status, reason = self._death(limits)
+            raise CaseEnded(status if begun else NOT_BEGUN, reason) from None
+        except _Silent as silence:
+            raise CaseEnded(TIMED_OUT if begun else NOT_BEGUN, str(silence)) from None
+        value, error = pickle.loads(message)
+        if not begun:
+            raise CaseEnded(NOT_BEGUN, f"{type(error).__name__}: {error}")
+        if error is not None:
+            raise error
+        return value
+
+    def kill(self) -> None:
+        """End the process at once, whatever it does; ``run`` in another thread then ends too."""
+        self._process.kill()
+
+    def close(self) -> None:
+        """End the process and let go of its pipes; nothing can be asked of it any more."""
+        self.kill()
+        self._exit_code()
+        self._process.close()
+        self._calls.close()
+        self._stderr.close()
+
+    def _answer(self, time_limit_s: float | None) -> bytes:
+        """Wait for a message, listening to stderr so that the process never waits for us to read it."""
+        deadline = None if time_limit_s is None else time.monotonic() + time_limit_s
+        self._words = b""
+        watched: list[Any] = [self._calls, self._stderr]
+        while True:
+            left = None if deadline is None else max(0.0, deadline - time.monotonic())
+            ready = wait(watched, left)
+            if self._calls in ready:
+                return self._calls.recv_bytes()
+            if not ready:
+                raise _Silent(f"not finished within the limit of {time_limit_s:g} s")
+            if not self._listen():
+                watched.remove(self._stderr)
+
+    def _listen(self) -> bool:
+        """Keep the end of what the process says on stderr; return whether it may say more."""
+        said = os.read(self._stderr.fileno(), 1 << 16)
+        self._words = (self._words + said)[-KEPT_WORDS:]
+        return bool(said)
+
+    def _death(self, limits: Limits | None) -> tuple[str, str]:
+        """Return status and reason of a process that has closed its pipe."""
+        code = self._exit_code()
+        while os.name == "posix" and self._stderr.poll(0) and self._listen():
+            pass
+        last = (self._words.decode(errors="replace").strip().splitlines() or [""])[-1].strip()
+        signals = {number.value: number.name for number in signal.Signals}
+        name = signals.get(-code, f"signal {-code}")
+        how = f"killed by {name}" if code < 0 else f"ended with exit code {code}"
+        reason = f"{how}: {last[:SHOWN_WORDS]}" if last else how
+        if code < 0 and name in FROM_OUTSIDE:
+            return KILLED, reason
+        if limits is not None and b"bad_alloc" in self._words:  # how C++ dies for want of memory
+            return OUT_OF_MEMORY, f"{reason} (limit {limits.memory_limit_bytes:g} bytes)"
+        return CRASHED, reason
+
+    def _exit_code(self) -> int:
+        with _CHILDREN:
+            self._process.join(DYING_S)
+            if self._process.exitcode is None:
+                self._process.kill()
+                self._process.join()
+        return self._process.exitcode or 0

@@ -1,93 +1,93 @@
-"""Where results come from: versions, machine, commit, and a fingerprint of the code that decides a number."""
+"""Where results come from: versions, machine, commit, and fingerprints of what decided a number.
 
-import ast
+What decides one is what the study's module and the engine's are made of (see ``closure``), and what makes a
+row of the two.
+"""
+
 import hashlib
 import platform
 import subprocess
 import sys
-from contextlib import suppress
-from functools import cache
+from collections.abc import Collection, Iterable
+from functools import cache, reduce
 from importlib.metadata import version
+from operator import or_
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-#: The folders whose code decides numbers; the reports only show them.
-NUMERICAL_CODE = ("reference_solver", "engine_models", "studies")
-LIBRARIES = ("numpy", "scipy", "numba", "exudyn", "pymunk", "pydantic")
+from engine_models.engines import ENGINES, engine_module
+from studies.running.closure import ROOT, Closure, changed, closure, meaning
+from studies.running.registry import STUDIES, study_module
 
-#: What is known of a file of code without reading it.
-Stamp = tuple[int, int, int]
-
-
-def _stamps() -> dict[str, Stamp]:
-    """Return all files of numerical code by their path from the root, in its order."""
-    found = {}
-    for folder in NUMERICAL_CODE:
-        for path in (ROOT / folder).rglob("*.py"):
-            with suppress(FileNotFoundError):  # an editor replaces it
-                stat = path.stat()
-                found[path.relative_to(ROOT).as_posix()] = (stat.st_mtime_ns, stat.st_size, stat.st_ino)
-    return dict(sorted(found.items()))
-
-
-#: The code as it was when this process imported it.
-_STAMPS = _stamps()
-_SOURCES = {path: (ROOT / path).read_bytes() for path in _STAMPS}
+#: What makes rows of what a study measures, and ends cases at their limits.
+ROW_MAKERS = ("studies.running.outcome", "studies.running.processes")
 
 
 @cache
-def fingerprint() -> str:
-    """Return a hash of the numerical code as imported and the libraries' versions.
+def fingerprint(study: str, engine: str) -> str:
+    """Return a hash of all that decides a number of a study with an engine, as this process first read it.
 
-    Comments and layout do not count.
+    Versions of Python and of the distributions that are imported count, comments and docstrings do not.
     """
-    digest = hashlib.sha256()
-    for path, source in _SOURCES.items():
-        digest.update(path.encode() + _meaning(source))
-    digest.update(repr(versions()).encode())
-    return digest.hexdigest()[:16]
+    return _hash([study, engine], _made_of(study, [engine]), with_versions=True)
 
 
-def code_digest() -> str:
-    """Return a hash of the numerical code as imported and as it is written, whatever Python's version."""
-    digest = hashlib.sha256()
-    for path, source in _SOURCES.items():
-        digest.update(path.encode() + source)
-    return digest.hexdigest()[:16]
+@cache
+def engine_fingerprint(module: str) -> str:
+    """Return a hash of all that decides a number of an engine, by its module's import path."""
+    return _hash([], closure(module), with_versions=True)
 
 
-def changed_code() -> list[str]:
-    """Return the files of numerical code that by now mean something else than what was imported."""
-    now = _stamps()
-    touched = [path for path in {**_STAMPS, **now} if now.get(path) != _STAMPS.get(path)]
-    return [path for path in touched if _differs(path)]
+def overall_fingerprint() -> str:
+    """Return a hash of all that decides a number of any study with any engine."""
+    parts = [fingerprint(study, engine) for study in STUDIES for engine in ENGINES]
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
 
-def _differs(path: str) -> bool:
+def code_digest(study: str, engines: Iterable[str]) -> str:
+    """Return a hash of what the code of a study and its engines means, whatever versions it runs with."""
+    return _hash([study], _made_of(study, engines), with_versions=False)
+
+
+def changed_code(study: str, engines: Iterable[str]) -> list[str]:
+    """Return the files of a study and its engines that by now mean something else than what was imported."""
+    files = {path for path in _made_of(study, engines).files.values() if changed(path)}
+    return sorted(path.relative_to(ROOT).as_posix() if ROOT in path.parents else str(path) for path in files)
+
+
+def _made_of(study: str, engines: Iterable[str]) -> Closure:
+    modules = (study_module(study), *ROW_MAKERS, *filter(None, map(_engine_module, engines)))
+    return reduce(or_, map(closure, modules))
+
+
+def _engine_module(name: str) -> str | None:
+    """Return the import path of an engine's module, or None for one that only the study knows."""
     try:
-        return _meaning((ROOT / path).read_bytes()) != _meaning(_SOURCES[path])
-    except (OSError, KeyError, SyntaxError, ValueError):  # gone, new, or half written
-        return True
+        return engine_module(name)
+    except KeyError:
+        return None
 
 
-def _meaning(source: bytes) -> bytes:
-    return ast.dump(ast.parse(source)).encode()
+def _hash(names: list[str], made_of: Closure, with_versions: bool) -> str:
+    parts: list[object] = [names, {name: meaning(path) for name, path in made_of.files.items()}]
+    if with_versions:
+        parts.append(versions(made_of.distributions))
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of the libraries that take part in a number."""
-    return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
+def versions(distributions: Iterable[str]) -> dict[str, str]:
+    """Return the versions of Python and of distributions, in the order of their names."""
+    return {"python": platform.python_version(), **{name: version(name) for name in sorted(distributions)}}
 
 
-def sidecar(study: str, full: bool) -> dict[str, object]:
-    """Return what is saved beside a study's rows."""
+def sidecar(study: str, full: bool, engines: Collection[str]) -> dict[str, object]:
+    """Return what is saved beside the rows of a study with these engines."""
     return {
         "study": study,
         "set": "full" if full else "quick",
-        "fingerprint": fingerprint(),
-        "code": code_digest(),
+        "fingerprints": {engine: fingerprint(study, engine) for engine in engines},
+        "code": code_digest(study, engines),
         "commit": _commit(),
-        "versions": versions(),
+        "versions": versions(_made_of(study, engines).distributions),
         "machine": {"system": platform.system(), "processor": _processor()},
     }
 

@@ -1,7 +1,7 @@
 """The rows of a study's folder: one run holds them, every finished case is kept, and nothing is trusted.
 
-The folder holds ``rows.jsonl`` (a line per case finished by the present code), ``rows.FINGERPRINT.jsonl`` for
-each other code whose rows were set aside, and ``curves/KEY.npz``.
+The folder holds ``rows.jsonl`` (a line per case finished by the present code of the study and of the case's
+engine), ``rows.FINGERPRINT.jsonl`` for each other code whose rows were set aside, and ``curves/KEY.npz``.
 """
 
 import hashlib
@@ -31,10 +31,10 @@ class DamagedRows(Exception):
 class Rows:
     """The finished cases of a folder, by their keys; see ``opened``."""
 
-    def __init__(self, folder: Path, code: str) -> None:
-        self._folder, self._code = folder, code
+    def __init__(self, folder: Path, fingerprints: Mapping[str, str]) -> None:
+        self._folder, self._fingerprints = folder, fingerprints
         self._path = folder / "rows.jsonl"
-        self._rows = _sorted_out(folder, code)
+        self._rows = _sorted_out(folder, frozenset(fingerprints.values()))
 
     def statuses(self) -> dict[str, str]:
         """Return how each case ended."""
@@ -50,7 +50,7 @@ class Rows:
             file = io.BytesIO()
             np.savez_compressed(file, **curves)  # type: ignore[arg-type]
             write_whole(self._folder / "curves" / f"{key}.npz", file.getvalue())
-        new: Row = {"case": key, "fingerprint": self._code, **row}
+        new: Row = {"case": key, "fingerprint": self._fingerprints[str(row["engine"])], **row}
         new["checksum"] = checksum(new)
         if key in self._rows:
             _write(self._path, {**self._rows, key: new})
@@ -60,10 +60,10 @@ class Rows:
 
 
 @contextmanager
-def opened(folder: Path, code: str) -> Iterator[Rows]:
-    """Hold a folder and give the rows that the code of this fingerprint made there.
+def opened(folder: Path, fingerprints: Mapping[str, str]) -> Iterator[Rows]:
+    """Hold a folder and give the rows that the present code made there: its fingerprints, by engine.
 
-    Rows of other code are set aside, and those of this code that were are taken up again.
+    Rows of other code are set aside, and those of the present code that were are taken up again.
 
     Raises:
         FolderHeld: another run holds the folder.
@@ -74,7 +74,7 @@ def opened(folder: Path, code: str) -> Iterator[Rows]:
     with held(folder):
         for file in folder.rglob(f"*{UNFINISHED}"):
             file.unlink()
-        yield Rows(folder, code)
+        yield Rows(folder, fingerprints)
 
 
 def checksum(row: Mapping[str, object]) -> str:
@@ -83,26 +83,32 @@ def checksum(row: Mapping[str, object]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _sorted_out(folder: Path, code: str) -> dict[str, Row]:
-    """Return the rows of this code and leave them alone in ``rows.jsonl``, each once.
+def _sorted_out(folder: Path, present: frozenset[str]) -> dict[str, Row]:
+    """Return the rows of the present code and leave them alone in ``rows.jsonl``, each once.
 
     Whatever is interrupted here, no row is lost: it is in the new file before it leaves the old one.
     """
-    path, back = folder / "rows.jsonl", folder / f"rows.{code}.jsonl"
-    here, clean = _read(path)
-    others: dict[str, dict[str, Row]] = {}
-    for key, row in here.items():
-        others.setdefault(str(row["fingerprint"]), {})[key] = row
-    mine = others.pop(code, {})
-    for other, rows in others.items():
-        aside = folder / f"rows.{other}.jsonl"
+    path = folder / "rows.jsonl"
+    all_rows, clean = _read(path)
+    by_code: dict[str, dict[str, Row]] = {}
+    for key, row in all_rows.items():
+        by_code.setdefault(str(row["fingerprint"]), {})[key] = row
+    others = {code: rows for code, rows in by_code.items() if code not in present}
+    for code, rows in others.items():
+        aside = _aside(folder, code)
         _write(aside, {**_read(aside)[0], **rows})
-    if back.exists():
-        mine = {**_read(back)[0], **mine}
-    if others or back.exists() or not clean:
-        _write(path, mine)
-    back.unlink(missing_ok=True)
-    return mine
+    returning = [aside for code in sorted(present) if (aside := _aside(folder, code)).exists()]
+    present_rows = {key: row for aside in returning for key, row in _read(aside)[0].items()}
+    present_rows |= {key: row for key, row in all_rows.items() if row["fingerprint"] in present}
+    if others or returning or not clean:
+        _write(path, present_rows)
+    for aside in returning:
+        aside.unlink()
+    return present_rows
+
+
+def _aside(folder: Path, code: str) -> Path:
+    return folder / f"rows.{code}.jsonl"
 
 
 def _read(path: Path) -> tuple[dict[str, Row], bool]:

@@ -4,29 +4,22 @@ A study's folder holds what ``studies.running.rows`` keeps there, and ``sidecar.
 """
 
 import json
-import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from importlib import import_module
+from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, cast
+from typing import Any
 
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
-from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
-from studies.running.case import ROOMY, Case, Curves, Row, Study
-from studies.running.execution import (
-    NO_RESULT,
-    NOT_BEGUN,
-    OUT_OF_MEMORY,
-    CaseEnded,
-    LimitedExecutor,
-    RunBroken,
-)
+from engine_models import engines
+from studies.running.case import ROOMY, Case, Curves, Row
+from studies.running.execution import NO_RESULT, NOT_BEGUN, LimitedExecutor, RunBroken
+from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
 from studies.running.provenance import changed_code, fingerprint, sidecar
 from studies.running.rows import Rows, opened
@@ -35,18 +28,6 @@ from studies.running.worker import LIMITS_MEMORY
 
 #: Makes an executor for as long as it is needed; or lends one that lives longer.
 Executors = Callable[[], AbstractContextManager[Executor]]
-
-#: The studies by name. A new study is a new file and a line here.
-STUDIES = {
-    "agreement": "studies.agreement",
-    "clearance": "studies.clearance",
-    "work-precision": "studies.work_precision",
-    "energy": "studies.energy",
-    "predictability": "studies.predictability.study",
-    "stability": "studies.stability.study",
-    "extremes": "studies.extremes.study",
-}
-
 
 #: How often a run looks whether its code has changed, in s; and how many cases in succession whose process
 #: cannot begin break it.
@@ -75,13 +56,15 @@ def run_studies(
         OSError: a folder cannot be written.
     """
     with ExitStack() as stack:
-        folders = {name: stack.enter_context(opened(out / name, fingerprint())) for name in names}
-        facts = {name: {**sidecar(name, full), "memory_limits_enforced": LIMITS_MEMORY} for name in names}
+        cases = {name: load_study(name).cases(full) for name in names}
+        folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
+        facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
         pool = stack.enter_context(Processes(jobs))
-        here: Executors = lambda: nullcontext(pool)  # noqa: E731
+        local: Executors = lambda: nullcontext(pool)  # noqa: E731
         for name, rows in folders.items():
-            _run_study(name, _study(name).cases(full), rows, executor or here, here, retry_failed)
-            write_whole(out / name / "sidecar.json", json.dumps(facts[name], indent=2).encode() + b"\n")
+            _run_study(name, cases[name], rows, executor or local, local, retry_failed)
+            content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY}
+            write_whole(out / name / "sidecar.json", json.dumps(content, indent=2).encode() + b"\n")
 
 
 def run_study(
@@ -102,14 +85,26 @@ def run_study(
     Raises:
         FolderHeld, DamagedRows, RunBroken, OSError: as ``run_studies``.
     """
-    with opened(folder, fingerprint()) as rows:
+    with _rows(name, cases, folder) as rows:
         _run_study(name, cases, rows, executor, processes, retry_failed)
+
+
+def _rows(name: str, cases: list[Case], folder: Path) -> AbstractContextManager[Rows]:
+    """Open the rows of a study's folder: those of all engines, not only of these cases."""
+    return opened(
+        folder, {engine: fingerprint(name, engine) for engine in (*engines.ENGINES, *_engines(cases))}
+    )
+
+
+def _engines(cases: list[Case]) -> list[str]:
+    """Return the engines of cases, each once."""
+    return list(dict.fromkeys(case.engine for case in cases))
 
 
 def _run_study(
     name: str, cases: list[Case], rows: Rows, executor: Executors, processes: Executors, retry_failed: bool
 ) -> None:
-    wanted = {case.key(fingerprint()): case for case in cases}
+    wanted = {case.key(_fingerprint(case)): case for case in cases}
     there = rows.statuses()
     done = {key for key in wanted if key in there and not _to_run_again(there[key], retry_failed)}
     pending = {key: case for key, case in wanted.items() if key not in done}
@@ -148,7 +143,7 @@ def _phases(
     alike: Counter[tuple[str, str, str]] = Counter()
     turns = {}
     for key in sorted(cases.keys() - timed.keys()):
-        kind = cases[key].scene.name, cases[key].engine, cases[key].arm
+        kind = cases[key].scene.name, cases[key].engine, cases[key].arm.name
         turns[key] = alike[kind]
         alike[kind] += 1
     for key in sorted(turns, key=lambda key: turns[key]):
@@ -169,6 +164,8 @@ def _run(
     """
     again: dict[str, Case] = {}
     answers: SimpleQueue[Future[Any]] = SimpleQueue()
+    (study,) = {case.study for case in cases.values()}
+    changed = partial(changed_code, study, _engines(list(cases.values())))
     begun, unbegun = False, 0
     with make() as pool:
         try:
@@ -176,9 +173,9 @@ def _run(
             for future in keys:
                 future.add_done_callback(answers.put)
             while keys:
-                future = _next(answers)
+                future = _next(answers, changed)
                 key = keys.pop(future)
-                row, curves = _outcome(cases[key], future)
+                row, curves = outcome(cases[key], future)
                 begun = begun or row["status"] != NOT_BEGUN
                 unbegun += not begun
                 if unbegun == HOPELESS:
@@ -195,69 +192,32 @@ def _run(
 
 def _submitted(pool: Executor, case: Case) -> "Future[tuple[Row, Curves]]":
     if isinstance(pool, LimitedExecutor):
-        return pool.submit_within(case.limits or ROOMY, _run_case_by, fingerprint(), case)
-    return pool.submit(_run_case_by, fingerprint(), case)
+        return pool.submit_within(case.limits or ROOMY, _run_case_by, _fingerprint(case), case)
+    return pool.submit(_run_case_by, _fingerprint(case), case)
 
 
-def _next(answers: "SimpleQueue[Future[Any]]") -> "Future[Any]":
-    """Return the next future that is done, as long as the code is what it was."""
+def _next(answers: "SimpleQueue[Future[Any]]", changed: Callable[[], list[str]]) -> "Future[Any]":
+    """Return the next future that is done, as long as the code is what it was: no file has ``changed``."""
     while True:
         try:
             future = answers.get(timeout=LOOK_S)
         except Empty:
             future = None
-        if changed := changed_code():
-            files = ", ".join(changed[:SHOWN_FILES]) + ", ..." * (len(changed) > SHOWN_FILES)
+        if files := changed():
+            shown = ", ".join(files[:SHOWN_FILES]) + ", ..." * (len(files) > SHOWN_FILES)
             raise RunBroken(
-                f"the code changed under the run ({files}): what was finished is kept, run it again"
+                f"the code changed under the run ({shown}): what was finished is kept, run it again"
             )
         if future is not None:
             return future
 
 
-def _outcome(case: Case, future: "Future[tuple[Row, Curves]]") -> tuple[Row, Curves]:
-    """Return the row of a case that is done, however it ended."""
-    try:
-        return future.result()
-    except CaseEnded as end:
-        return {**case.head(), "status": end.status, "reason": end.reason}, {}
-    except ProcessTaken as refusal:
-        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
-
-
 def _run_case_by(code: str, case: Case) -> tuple[Row, Curves]:
     """Run a case if this process has imported that code."""
-    if fingerprint() != code:
-        raise RunBroken(f"a process has other code or libraries ({fingerprint()}) than the run ({code})")
+    if (other := _fingerprint(case)) != code:
+        raise RunBroken(f"a process has other code or libraries ({other}) than the run ({code})")
     return run_case(case)
 
 
-def run_case(case: Case) -> tuple[Row, Curves]:
-    """Run one case; what the engine refuses or fails at becomes a row with ``status`` and ``reason``.
-
-    Raises:
-        ProcessTaken: another process could run it.
-        RunBroken: there is a bug in the study or an engine's model.
-    """
-    try:
-        measured, curves = _study(case.study).measure(case)
-    except ProcessTaken:
-        raise  # no answer yet: executors try it in another process
-    except UnsupportedScene as refusal:
-        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
-    except SimulationFailed as failure:
-        return {**case.head(), "status": "failed", "reason": str(failure)}, {}
-    except MemoryError as error:
-        limit = (case.limits or ROOMY).memory_limit_bytes
-        reason = f"{error or 'no memory left'} (limit {limit} bytes)"
-        return {**case.head(), "status": OUT_OF_MEMORY, "reason": reason}, {}
-    except Exception as error:
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        bug = f"bug at {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"
-        raise RunBroken(f"{case.engine} ({case.arm}) on {case.scene.name}: {bug}") from error
-    return {**case.head(), "status": "ok", "reason": "", **measured}, curves
-
-
-def _study(name: str) -> Study:
-    """Return a study by its name here, or by the import path of its module."""
-    return cast(Study, import_module(STUDIES.get(name, name)))
+def _fingerprint(case: Case) -> str:
+    return fingerprint(case.study, case.engine)

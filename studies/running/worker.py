@@ -1,4 +1,7 @@
-"""The inside of a worker process: it answers calls, keeps quiet, limits memory and ends with its parent."""
+"""The inside of a worker process: it answers calls, keeps quiet, limits memory and ends with its parent.
+
+Nothing of the project is imported here: a process listens first, and answers what a call cannot import.
+"""
 
 import os
 import pickle

@@ -9,45 +9,36 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from engine_models import arms
+from engine_models.arms import Arm
 from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
-from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Scene
 from studies.judges.converged import converged, followed
-from studies.ladders import AS_IT_COMES, newcomers
 from studies.running.case import Case, Curves, Limits, Row, Value
 from studies.stability import theory
 from studies.stability.scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator
 from studies.stability.verdict import BOUNDS, DIVERGED, REFUSED, before_chaos, judged, measured
 
-#: Engine, arm, its settings, and the method whose fixed step acts on the contact: None where there is no such
-#: step, or no spring for it to act on.
-Arm = tuple[str, str, dict[str, Value], str | None]
-ARMS: tuple[Arm, ...] = (
-    ("reference", "located", {}, None),
-    ("reference", "plain", {"locate_events": False}, theory.RK4),
-    ("reference", "DOP853", {"method": "dop853"}, None),
-    ("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2"}, theory.TRAPEZOIDAL),
-    (
-        "exudyn",
-        "generalized-alpha",
-        {"solver": "GeneralizedAlpha", "spectral_radius": 0.5},
-        theory.ALPHA,
-    ),
-    ("exudyn", "RK44", {"solver": "RK44"}, theory.RK4),
-    ("exudyn", "DOPRI5", {"solver": "DOPRI5"}, None),
-    ("pymunk", "as the scene", {}, theory.EULER),
-    ("pymunk", "native contact", {"contact": "rigid"}, None),
-    ("scipy", "DOP853", {}, None),
+#: An arm, and the method whose fixed step acts on the contact: None where there is no such step, or no spring
+#: for it to act on.
+Method = tuple[Arm, str | None]
+ARMS: tuple[Method, ...] = (
+    (arms.LOCATED, None),
+    (arms.PLAIN, theory.RK4),
+    (arms.REFERENCE_DOP853, None),
+    (arms.TRAPEZOIDAL, theory.TRAPEZOIDAL),
+    (arms.GENERALIZED_ALPHA, theory.ALPHA),
+    (arms.RK44, theory.RK4),
+    (arms.DOPRI5, None),
+    (arms.AS_THE_SCENE, theory.EULER),
+    (arms.NATIVE_CONTACT, None),
+    (arms.SCIPY_DOP853, None),
 )
 #: The scalar problem alone shows how the generalized-alpha method's damping depends on its parameter.
-OTHER_RADIUS: Arm = (
-    "exudyn",
-    "generalized-alpha 0.9",
-    {"solver": "GeneralizedAlpha", "spectral_radius": 0.9},
-    theory.ALPHA,
-)
+OTHER_RADIUS: Method = (arms.GENERALIZED_ALPHA_09, theory.ALPHA)
 #: What a cell may take. A kernel's compilation counts.
 LIMITS = Limits(time_limit_s=120.0, memory_limit_bytes=4 * 2**30)
 
@@ -73,29 +64,29 @@ def cases(full: bool) -> list[Case]:
 
 
 def _scalar_cases() -> Iterator[Case]:
-    for engine, arm, settings, method in (*_arms(), OTHER_RADIUS):
-        if arm == "native contact":
+    for arm, method in (*_arms(), OTHER_RADIUS):
+        if arm is arms.NATIVE_CONTACT:
             continue  # no spring
         run = RunSettings(1 / FREQUENCY_RAD_S, STEPS)
         for ratio in DAMPING_RATIOS:
             scene = oscillator(ratio, run.step_s, STEPS)
             columns: Row = {"damping_ratio": ratio, "method": method}
-            yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+            yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
         for x in DAMPED_STEPS if method else ():
             run = RunSettings(x / FREQUENCY_RAD_S, DAMPED_RUN_STEPS)
             scene = oscillator(0.0, run.step_s, DAMPED_RUN_STEPS)
             columns = {"frequency_step": x, "method": method}
-            yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+            yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
 
 
-def _arms() -> tuple[Arm, ...]:
-    return (*ARMS, *((name, AS_IT_COMES, {}, None) for name in newcomers()))
+def _arms() -> tuple[Method, ...]:
+    return (*ARMS, *((arm, None) for arm in arms.newcomers()))
 
 
 def _cells(full: bool) -> Iterator[Case]:
     for varied, value, scene in scenes(full):
         energy, frequency = theory.first_impact(scene)
-        for engine, arm, settings, method in _arms():
+        for arm, method in _arms():
             columns: Row = {
                 varied: value,
                 "method": method,
@@ -106,7 +97,7 @@ def _cells(full: bool) -> Iterator[Case]:
             }
             for count in FINE if full else COARSE:
                 run = RunSettings(END_S / (SAMPLES * count), SAMPLES)
-                yield Case("stability", scene, engine, arm, run, settings, limits=LIMITS, columns=columns)
+                yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
 
 
 def scenes(full: bool) -> Iterator[tuple[str, float, Scene]]:
@@ -137,8 +128,8 @@ def _scene(varied: str, value: float, speed_rpm: float, clearance: Clearance) ->
     scene = ideal_driven()
     speed = 2 * math.pi * speed_rpm / 60
     start = scene.start.model_copy(update={"crank_speed_rad_s": speed})
-    name, room = f"stability-{varied}-{value:g}", Clearances(B=clearance)
-    changed = {"name": name, "end_time_s": END_S, "start": start, "clearance": room}
+    name, loose = f"stability-{varied}-{value:g}", Clearances(B=clearance)
+    changed = {"name": name, "end_time_s": END_S, "start": start, "clearance": loose}
     return scene.model_copy(update=changed)
 
 
@@ -157,11 +148,11 @@ def _limit(case: Case, engine: Engine) -> Row:
     """Return the omega h from which on the oscillation grows, measured and by theory; None is no limit."""
     ratio, method = float(str(case.columns["damping_ratio"])), case.columns["method"]
     order = _states(method)
-    found = theory.first_growth(lambda x: measured_growth(engine, x, ratio, STEPS, order) > GROWING_STEP)
+    limit = theory.first_growth(lambda x: measured_growth(engine, x, ratio, STEPS, order) > GROWING_STEP)
     expected = theory.limit(str(method), ratio) if method else None
-    row: Row = {"measured_limit_frequency_step": found, "limit_frequency_step": expected}
-    if found and expected:
-        row["relative_difference"] = found / expected - 1
+    row: Row = {"measured_limit_frequency_step": limit, "limit_frequency_step": expected}
+    if limit and expected:
+        row["relative_difference"] = limit / expected - 1
     return row
 
 
@@ -169,12 +160,12 @@ def _damping(case: Case, engine: Engine) -> Row:
     """Return the part of the energy that an undamped oscillation loses per step, measured and by theory."""
     x, method = float(str(case.columns["frequency_step"])), str(case.columns["method"])
     radius = float(str(case.settings.get("spectral_radius", 0.5)))
-    found = 1 - measured_growth(engine, x, 0.0, DAMPED_RUN_STEPS, _states(method)) ** 2
+    loss = 1 - measured_growth(engine, x, 0.0, DAMPED_RUN_STEPS, _states(method)) ** 2
     expected = 1 - theory.growth(method, x, 0.0, radius) ** 2
-    row: Row = {"energy_loss_per_step": found, "expected_energy_loss_per_step": expected}
+    row: Row = {"energy_loss_per_step": loss, "expected_energy_loss_per_step": expected}
     leading = theory.leading_loss(method, x, radius)
     if leading:
-        row |= {"leading_energy_loss_per_step": leading, "relative_difference": found / expected - 1}
+        row |= {"leading_energy_loss_per_step": leading, "relative_difference": loss / expected - 1}
     return row
 
 

@@ -12,7 +12,7 @@ from math import sqrt
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.scene.scene import Scene
 
 RK4, EULER, TRAPEZOIDAL, ALPHA = "RK4", "semi-implicit Euler", "trapezoidal", "generalized-alpha"

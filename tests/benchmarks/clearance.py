@@ -11,7 +11,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.solver import ErrorControl, Solver, StepChoice
 from tests.benchmarks.c_loop import ClearanceCLoop
-from tests.reference_solver.contact.test_crank_slider import start
+from tests.helpers.crank_sliders import start
 
 FloatArray = NDArray[np.float64]
 

@@ -17,13 +17,13 @@ from engine_models.scene.library import clearance_driven_05, ideal_driven
 from reference_solver.compiled.faces import ReadableFace
 from reference_solver.compiled.kernel import source_of
 from reference_solver.compiled.store import load_kernel
-from reference_solver.contact.types import CONTACT_RECORD, new_motion
+from reference_solver.contact.types import CONTACT_RECORD, new_run
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
-from tests.reference_solver.test_chains import chain, chain_start
-from tests.reference_solver.test_kernel import scene_case, topology_of
+from tests.helpers.chains import chain, chain_start
+from tests.helpers.kernels import scene_case, topology_of
 
 FloatArray = NDArray[np.float64]
 #: Takes a turn as long as the number given, in units of its own; returns its seconds and its steps.
@@ -49,16 +49,17 @@ class Kernel:
 
     def __init__(self, mechanism: Mechanism, q: FloatArray, stabilisation: Stabilisation = "none") -> None:
         topology = topology_of(mechanism, stabilisation)
-        self._kernel, self._sums = load_kernel(source_of(topology.marked())), np.zeros(2)
+        self._kernel = load_kernel(source_of(topology.marked()))
         self._parameters = topology.parameters(self._kernel, q)
         self.advance(q.copy(), np.zeros_like(q), 0, 0)  # compiled here, not in the first turn
 
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps in place; return the driver's work."""
-        self._sums[:] = 0.0
-        done = self._kernel.advance(self._parameters, q, v, self._sums, STEP_S, first, count)
+        y = np.concatenate([q, v, np.zeros(2)])
+        done = self._kernel.advance(self._parameters, y, STEP_S, first, count)
         assert done == count, f"the kernel stopped after {done} of {count} steps"
-        return float(self._sums[0])
+        q[:], v[:], (work, _) = np.split(y, [len(q), 2 * len(q)])
+        return float(work)
 
 
 class Readable:
@@ -69,11 +70,12 @@ class Readable:
 
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps in place; return the driver's work."""
-        contacts, new, work = np.zeros(0, CONTACT_RECORD), new_motion(len(q), 2, 0), 0.0
-        old = new._replace(q=q, v=v)
+        contacts, work = np.zeros(0, CONTACT_RECORD), 0.0
+        run = new_run(contacts, (len(q), 2, 0), np.zeros(0), 4, 0)
         for number in range(first, first + count):
-            assert self._face.step(None, contacts, number * STEP_S, STEP_S, old, new)
-            q[:], v[:], work = new.q, new.v, work + new.sums[0]
+            run.old.q[:], run.old.v[:] = q, v
+            assert self._face.step(None, contacts, number * STEP_S, STEP_S, run.old, run.new)
+            q[:], v[:], work = run.new.q, run.new.v, work + run.new.sums[0]
         return float(work)
 
 

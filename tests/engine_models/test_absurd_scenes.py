@@ -33,16 +33,16 @@ def distorted(value: Any, chance: random.Random, key: str = "") -> Any:
 
 def absurd_scenes(count: int, seed: int) -> list[tuple[Scene, RunSettings]]:
     """Return so many scenes that pass validation, each with a run of few steps."""
-    chance, found = random.Random(seed), list[tuple[Scene, RunSettings]]()
-    while len(found) < count:
+    chance, runs = random.Random(seed), list[tuple[Scene, RunSettings]]()
+    while len(runs) < count:
         data = distorted(SCENES[chance.choice(NAMES)]().model_dump(exclude_none=True), chance)
         samples, steps = chance.choice((1, 2, 10)), chance.choice((1, 3, 30))
         try:
             scene = Scene.model_validate(data)
         except ValidationError:
             continue
-        found.append((scene, RunSettings(scene.end_time_s / (samples * steps), samples)))
-    return found
+        runs.append((scene, RunSettings(scene.end_time_s / (samples * steps), samples)))
+    return runs
 
 
 @pytest.mark.parametrize("engine", ENGINES)

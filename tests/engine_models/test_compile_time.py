@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from engine_models.arms import NAMED
 from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.engines import engine_class, make_engine
-from engine_models.reference.compilation import compile_time_s
+from engine_models.reference.kernels import compile_time_s
 from engine_models.scene.library import ideal_driven
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.store import compiled_anew, kernel_folder, load_kernel
-from studies.ladders import NAMED
 
 SETTINGS = RunSettings(1e-3, 10)
 
@@ -60,12 +60,12 @@ def test_engines_that_compile_say_so() -> None:
 def test_of_two_runs_the_first_compiles_and_the_kernels_kept_are_left_alone(name: str, cache: Path) -> None:
     scene, engine = ideal_driven(), Watched(make_engine(name))
     engine.simulate(scene, SETTINGS)
-    kept = {path: path.stat().st_mtime_ns for path in cache.rglob("*")}
+    times_before = {path: path.stat().st_mtime_ns for path in cache.rglob("*")}
     assert compile_time_s(engine, scene, SETTINGS) > 0.0
     before, first, second = engine.compiled
     assert (first, second) == (before, 0)
     assert before > 0
-    assert {path: path.stat().st_mtime_ns for path in cache.rglob("*")} == kept
+    assert {path: path.stat().st_mtime_ns for path in cache.rglob("*")} == times_before
 
 
 def test_the_folder_of_what_is_compiled_anew_goes_afterwards(cache: Path) -> None:

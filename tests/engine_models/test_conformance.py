@@ -29,7 +29,7 @@ FORCES = 0.02
 CONTROLLED = "reference by DOP853"
 
 
-def made(engine: str) -> Engine:
+def engine_of(engine: str) -> Engine:
     """Return an engine at its defaults, or the reference with error control."""
     return make_engine("reference", method="dop853") if engine == CONTROLLED else make_engine(engine)
 
@@ -39,7 +39,7 @@ def supported() -> list[tuple[str, str]]:
     for engine in (*ENGINES, CONTROLLED):
         for name, make in SCENES.items():
             try:
-                made(engine).check(make())
+                engine_of(engine).check(make())
             except UnsupportedScene:
                 continue
             pairs.append((engine, name))
@@ -55,7 +55,7 @@ def short(name: str) -> Scene:
 def run(engine: str, name: str) -> Trajectory:
     scene = short(name)
     step = STEP_S[scene.drive.kind == "constant-speed"]
-    return made(engine).simulate(scene, RunSettings(step, SAMPLES))
+    return engine_of(engine).simulate(scene, RunSettings(step, SAMPLES))
 
 
 ALL = pytest.mark.parametrize(("engine", "name"), supported())
@@ -74,66 +74,70 @@ def test_every_engine_runs_some_scene_of_every_kind_it_claims() -> None:
 
 @ALL
 def test_arrays_have_the_scenes_shapes_and_the_grids_times(engine: str, name: str) -> None:
-    scene, found = short(name), run(engine, name)
+    scene, trajectory = short(name), run(engine, name)
     n, bodies = SAMPLES + 1, len(scene.bodies)
-    assert found.position.shape == found.velocity.shape == (n, bodies, 3)
-    assert found.joint_force_N.shape == (n, len(scene.joints), 2)
-    assert (found.guide_normal_force_N is None) == (not scene.is_crank_slider)
-    assert (found.driver_torque_N_m is None) == (found.driver_work_J is None) == (scene.drive.kind == "free")
-    np.testing.assert_allclose(found.time_s, np.linspace(0, scene.end_time_s, n), rtol=1e-12, atol=0)
-    assert tuple(found.contacts) == scene.joints_with_clearance
-    for joint, contact in found.contacts.items():
+    assert trajectory.position.shape == trajectory.velocity.shape == (n, bodies, 3)
+    assert trajectory.joint_force_N.shape == (n, len(scene.joints), 2)
+    assert (trajectory.guide_normal_force_N is None) == (not scene.is_crank_slider)
+    assert (
+        (trajectory.driver_torque_N_m is None)
+        == (trajectory.driver_work_J is None)
+        == (scene.drive.kind == "free")
+    )
+    np.testing.assert_allclose(trajectory.time_s, np.linspace(0, scene.end_time_s, n), rtol=1e-12, atol=0)
+    assert tuple(trajectory.contacts) == scene.joints_with_clearance
+    for joint, contact in trajectory.contacts.items():
         rubs = getattr(engine_scene(engine, scene).clearance, joint).friction is not None
         assert (contact.friction_force_N is not None) == rubs
         assert contact.gap_m.shape == (n, 2)
         for array in (contact.penetration_m, contact.normal_force_N, contact.normal_impulse_N_s):
             assert array.shape == (n,)
-    assert found.steps > 0
-    assert found.solve_time_s > 0
+    assert trajectory.steps > 0
+    assert trajectory.solve_time_s > 0
 
 
 def engine_scene(engine: str, scene: Scene) -> Scene:
-    return made(engine).twin(scene)
+    return engine_of(engine).twin(scene)
 
 
 @ALL
 def test_the_run_begins_in_the_scenes_own_state(engine: str, name: str) -> None:
     position, velocity = start_state(short(name))
-    found = run(engine, name)
-    np.testing.assert_allclose(found.position[0], position, rtol=0, atol=1e-12)
+    trajectory = run(engine, name)
+    np.testing.assert_allclose(trajectory.position[0], position, rtol=0, atol=1e-12)
     scale = 1 + np.abs(velocity).max()
-    np.testing.assert_allclose(found.velocity[0], velocity, rtol=0, atol=1e-9 * scale)
+    np.testing.assert_allclose(trajectory.velocity[0], velocity, rtol=0, atol=1e-9 * scale)
 
 
 @ALL
 def test_ideal_joints_stay_closed_and_the_ledger_closes(engine: str, name: str) -> None:
-    scene, found = short(name), run(engine, name)
-    apart = constraint_violation_m(scene, found).max()
+    scene, trajectory = short(name), run(engine, name)
+    apart = constraint_violation_m(scene, trajectory).max()
     assert apart < CLOSED_M, f"{apart:.1e} m"
-    scale = max(float(kinetic_energy_J(scene, found).max()), 1e-6)
-    left = np.abs(energy_balance_residual_J(scene, found)).max() / scale
+    scale = max(float(kinetic_energy_J(scene, trajectory).max()), 1e-6)
+    left = np.abs(energy_balance_residual_J(scene, trajectory)).max() / scale
     assert left < LEDGER, f"{left:.1e} of the kinetic energy"
 
 
 @ALL
 def test_forces_are_those_that_the_accelerations_need(engine: str, name: str) -> None:
-    scene, found = short(name), run(engine, name)
-    interval = found.time_s[1]
+    scene, trajectory = short(name), run(engine, name)
+    interval = trajectory.time_s[1]
     quiet = np.ones(SAMPLES - 1, dtype=bool)  # no contact from the sample before to the one after
-    for contact in found.contacts.values():
+    for contact in trajectory.contacts.values():
         quiet &= contact.normal_impulse_N_s[2:] == contact.normal_impulse_N_s[:-2]
     quiet[:2] = False  # a start from rest forces on the first steps (Pymunk's kicks)
-    force = np.zeros_like(found.position[:, :, :2])
-    force[:, 0] = found.joint_force_N[:, 0]
+    force = np.zeros_like(trajectory.position[:, :, :2])
+    force[:, 0] = trajectory.joint_force_N[:, 0]
     if scene.is_crank_slider:
-        force[:, 0] -= found.joint_force_N[:, 1]
-        force[:, 1] = found.joint_force_N[:, 1] - found.joint_force_N[:, 2]
-        force[:, 2] = found.joint_force_N[:, 2]
-        assert found.guide_normal_force_N is not None
-        force[:, 2, 1] += found.guide_normal_force_N
+        force[:, 0] -= trajectory.joint_force_N[:, 1]
+        force[:, 1] = trajectory.joint_force_N[:, 1] - trajectory.joint_force_N[:, 2]
+        force[:, 2] = trajectory.joint_force_N[:, 2]
+        assert trajectory.guide_normal_force_N is not None
+        force[:, 2, 1] += trajectory.guide_normal_force_N
     masses = np.array([body.mass_kg for body in scene.bodies])[:, None]
     force[:, :, 1] -= masses[:, 0] * scene.gravity_m_s2
-    needed = masses * (found.velocity[2:, :, :2] - found.velocity[:-2, :, :2]) / (2 * interval)
+    needed = masses * (trajectory.velocity[2:, :, :2] - trajectory.velocity[:-2, :, :2]) / (2 * interval)
     scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
     off = np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale
     assert off < FORCES, f"{off:.1e} of the largest force"
@@ -158,8 +162,8 @@ def test_errors_fall_at_the_methods_order_on_the_free_ideal_scene(engine: str) -
     truth = exact(scene, SAMPLES).slider_position_m
     steps = step / 2.0 ** np.arange(4)
     runs = [make_engine(engine).simulate(scene, RunSettings(h, SAMPLES)) for h in steps]
-    errors = [np.abs(found.slider_position_m - truth).max() for found in runs]
-    slope = np.polyfit(np.log([found.step_s for found in runs]), np.log(errors), 1)[0]
+    errors = [np.abs(trajectory.slider_position_m - truth).max() for trajectory in runs]
+    slope = np.polyfit(np.log([trajectory.step_s for trajectory in runs]), np.log(errors), 1)[0]
     assert slope == pytest.approx(order, abs=0.1), f"{slope:.3f}: {errors}"
 
 
@@ -174,7 +178,7 @@ def test_an_engine_with_a_tolerance_of_its_own_errs_less_when_it_is_sharper(engi
     scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.1})
     truth, errors = exact(scene, SAMPLES).slider_position_m, []
     for _ in range(4):
-        found = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
-        errors.append(float(np.abs(found.slider_position_m - truth).max()))
+        trajectory = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
+        errors.append(float(np.abs(trajectory.slider_position_m - truth).max()))
         engine = engine.sharper()
     assert errors[3] < errors[0] / 100, f"three tenths of the tolerance: {errors}"

@@ -6,10 +6,11 @@ import pandas as pd
 import pytest
 
 from engine_models import engines
+from engine_models.arms import NAMED
 from reports.style import legend_place, line_styles
-from studies.ladders import NAMED
-from studies.running import runner
 from studies.running.case import Case
+from studies.running.outcome import load_study, run_case
+from studies.running.registry import STUDIES
 
 NAME = "newcomer"
 
@@ -22,21 +23,20 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def its_cases(study: str, full: bool) -> list[Case]:
-    return [case for case in runner._study(study).cases(full) if case.engine == NAME]
+    return [case for case in load_study(study).cases(full) if case.engine == NAME]
 
 
-@pytest.mark.parametrize("study", runner.STUDIES)
+@pytest.mark.parametrize("study", STUDIES)
 def test_a_new_engine_takes_part_in_every_study(study: str) -> None:
-    found = its_cases(study, full=False)
-    assert found
-    row: dict[str, Any] = runner.run_case(found[0])[0]
+    first, *_ = its_cases(study, full=False)
+    row: dict[str, Any] = run_case(first)[0]
     assert row["engine"] == NAME
     assert row["status"] in ("ok", "unsupported"), row["reason"]
 
 
 def test_a_new_engine_takes_part_on_the_scenes_of_all_others() -> None:
-    for study in runner.STUDIES:
-        cases = runner._study(study).cases(True)
+    for study in STUDIES:
+        cases = load_study(study).cases(True)
         named = {case.scene.name for case in cases if case.engine in NAMED and case.engine != "reference"}
         own = {case.scene.name for case in cases if case.engine == NAME}
         assert own

@@ -29,11 +29,11 @@ def test_the_uncertainty_covers_the_true_error_of_an_ideal_scene(name: str, engi
     coarse = make_engine(engine, **settings)
     run, uncertainty = simulate_with_uncertainty(coarse, scene, RunSettings(step, SAMPLES))
     truth = exact(scene, SAMPLES)
-    for signal, found, true in (
+    for signal, value, true in (
         ("slider_position_m", run.slider_position_m, truth.slider_position_m),
         ("joint_force_N", run.joint_force_N, truth.joint_force_N),
     ):
-        ratio = uncertainty[signal].max() / np.abs(found - true).max()
+        ratio = uncertainty[signal].max() / np.abs(value - true).max()
         most = JUDGED if engine == "reference" else MOST
         assert LEAST < ratio < most, f"{signal}: uncertainty is {ratio:.6f} times the error"
 

@@ -12,7 +12,7 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Friction, Scene
 from engine_models.scipy_ivp import calls as scipy_calls
 from studies.command.progress_display import shown_progress
-from tests.engine_models.test_run_memory import arrays
+from tests.helpers.arrays import arrays
 
 
 def scene_with(name: str, **changes: object) -> Scene:

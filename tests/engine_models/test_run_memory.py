@@ -1,34 +1,20 @@
 """What a run keeps grows with its samples, and one too large for the memory is refused before it starts."""
 
 import tracemalloc
-from typing import Any
 
-import numpy as np
 import pytest
 
 from engine_models import memory
 from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
 from engine_models.exudyn.engine import ExudynEngine
-from engine_models.pymunk import run as pymunk_runs
+from engine_models.pymunk import stepping
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import SCENES
+from tests.helpers.arrays import arrays
 from tests.helpers.command import crankslider
 
 #: Runs of like blocks hold the same but for small change; one that kept its steps held 3 times as much.
 ALIKE = 1.5
-
-
-def arrays(record: Any) -> dict[str, bytes]:
-    """Return all numbers of a trajectory or a contact, bit by bit."""
-    found: dict[str, bytes] = {}
-    for name, value in vars(record).items():
-        if isinstance(value, np.ndarray):
-            found[name] = value.tobytes()
-        elif name == "impacts":
-            found |= arrays(value)
-        elif name == "contacts":
-            found |= {f"{joint} {key}": x for joint, c in value.items() for key, x in arrays(c).items()}
-    return found
 
 
 def short_run(name: str, steps: int, samples: int) -> Trajectory:
@@ -42,7 +28,7 @@ def test_the_blocks_of_a_pymunk_run_change_no_bit_of_it(
     name: str, block: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = short_run(name, 1200, 6)
-    monkeypatch.setattr(pymunk_runs, "BLOCK_STEPS", block)
+    monkeypatch.setattr(stepping, "BLOCK_STEPS", block)
     assert arrays(short_run(name, 1200, 6)) == arrays(whole)
 
 
@@ -50,7 +36,7 @@ def test_the_blocks_of_a_pymunk_run_change_no_bit_of_it(
 def test_memory_of_a_pymunk_run_does_not_grow_with_its_steps(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pymunk_runs, "BLOCK_STEPS", 250)
+    monkeypatch.setattr(stepping, "BLOCK_STEPS", 250)
     peaks = []
     for steps in (1000, 1000, 3000):  # the first imports and caches
         tracemalloc.start()

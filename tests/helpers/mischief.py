@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from engine_models.arms import Arm, Setting
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_free
-from studies.running.case import Case, Curves, Limits, Row, Value
+from studies.running.case import Case, Curves, Limits, Row
 
 NAME = "tests.helpers.mischief"
 #: Held from one case to the next, as caches are.
@@ -27,11 +28,12 @@ def case(
     limits: Limits | None = None,
     timed: bool = False,
     engine: str = "mischief",
-    **settings: Value,
+    **settings: Setting,
 ) -> Case:
     """Return a case that does what the arm says; its number tells it from others."""
     scene = ideal_free().model_copy(update={"end_time_s": 0.01})
-    return Case(NAME, scene, engine, arm, RunSettings(1e-3, number + 1), settings, timed, limits)
+    run = RunSettings(1e-3, number + 1)
+    return Case(NAME, scene, Arm(engine, arm, settings), run, timed=timed, limits=limits)
 
 
 def steady(row: dict[str, Any]) -> dict[str, Any]:
@@ -55,7 +57,7 @@ def cases(full: bool) -> list[Case]:
 def measure(case: Case) -> tuple[Row, Curves]:
     """Do what the arm says."""
     began = time.monotonic()
-    if case.arm == "simulate":
+    if case.arm.name == "simulate":
         trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
         curves = {"slider_position_m": trajectory.slider_position_m}
         row: Row = {"farthest_m": float(trajectory.slider_position_m.max())}
@@ -66,7 +68,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 
 def _misbehave(case: Case) -> None:
-    match case.arm:
+    match case.arm.name:
         case "work":
             time.sleep(0.1)
         case "abort":
@@ -109,7 +111,7 @@ def _misbehave(case: Case) -> None:
         case "bug":
             raise KeyError("no such thing")
         case _:
-            raise AssertionError(case.arm)
+            raise AssertionError(case.arm.name)
 
 
 def _first(case: Case, times: int) -> bool:

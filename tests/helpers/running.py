@@ -1,6 +1,7 @@
 """Runs of the study of mischief in a process of their own, to be killed and looked at."""
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -8,11 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from studies.running.closure import NUMERICAL_CODE, ROOT
 from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
 CODE = (
-    f"from studies import runner; runner.STUDIES = {{'{NAME}': '{NAME}'}};"
+    f"from studies.running import registry; registry.STUDIES = {{'{NAME}': '{NAME}'}};"
     "from studies.command.main import main; main()"
 )
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.
@@ -34,6 +36,18 @@ def started(
             yield run
         finally:
             run.kill()
+
+
+def copied(folder: Path) -> Path:
+    """Copy the code that decides numbers and the tests' into a folder, to be edited and run there."""
+    for package in (*NUMERICAL_CODE, "tests"):
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def add_line(file: Path, line: str) -> None:
+    """Append a line to a file."""
+    file.write_text(file.read_text(encoding="utf-8") + line + "\n", encoding="utf-8")
 
 
 def until(true: Callable[[], bool]) -> None:

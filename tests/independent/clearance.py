@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from engine_models.mechanics.contact_stiffness import exponent_of, stiffness_of
+from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.scene.scene import Clearance, Scene
 
 FloatArray = NDArray[np.float64]

@@ -12,7 +12,7 @@ from reference_solver.solver import StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, difference, run_by_kernel
 from tests.benchmarks.kernel import STEP_S, Kernel, check
-from tests.reference_solver.test_kernel import scene_case
+from tests.helpers.kernels import scene_case
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 

@@ -1,151 +1,25 @@
 """The compiled kernel agrees with the readable equations and contains only what the mechanism needs."""
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from engine_models.mechanics.assembly import assembled
-from engine_models.reference.model import mechanism_of
-from engine_models.scene.library import IDEAL_SCENES
-from reference_solver.compiled.faces import CompiledFace, ReadableFace
 from reference_solver.compiled.kernel import Topology
 from reference_solver.compiled.kernel import source_of as source_of_marked
-from reference_solver.contact.types import (
-    CLOCK_RECORD,
-    CONTACT_RECORD,
-    DONE,
-    EVENT_RECORD,
-    Motion,
-    Records,
-    new_motion,
-    new_work,
-)
-from reference_solver.equations import Baumgarte, Equations, row_slices
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    Mechanism,
-    PrescribedSpeed,
-    RevoluteJoint,
-    SpringDamper,
-    StraightGuide,
-    Torque,
-)
-from reference_solver.solver import Stabilisation
+from reference_solver.equations import row_slices
+from reference_solver.mechanism.mechanism import Body, Mechanism
+from tests.helpers.kernels import CASES, VARIANTS, check_faces
 
-FloatArray = NDArray[np.float64]
 #: The two faces sum in different orders. Measured: up to 12 units in the last place on the scenes, 82 in the
 #: multipliers of the case with everything, where spring forces ten times larger cancel. A wrong term shows
 #: at a millionth or more.
 ROUND_OFF = 200 * float(np.finfo(float).eps)
-VARIANTS: list[Stabilisation] = ["none", "projection", Baumgarte(100.0, 70.0)]
 
 
-def scene_case(name: str) -> tuple[Mechanism, FloatArray, FloatArray, float]:
-    scene = IDEAL_SCENES[name]()
-    q, v = assembled(scene, scene.start.crank_angle_rad + 0.7, scene.start.crank_speed_rad_s + 10)
-    driven = mechanism_of(
-        scene.model_copy(
-            update={"start": scene.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}
-        )
-    )
-    return driven, q.ravel(), v.ravel(), 1e-4
-
-
-def everything_case() -> tuple[Mechanism, FloatArray, FloatArray, float]:
-    """Return three bodies with all there is: inclined guide, driver, torque, springs to frame and between."""
-    angle = 0.4
-    mechanism = Mechanism(
-        (Body(1.0, 0.3), Body(2.0, 0.5), Body(0.7, 0.2)),
-        (
-            StraightGuide(0, (0.1, 0.2), angle),
-            RevoluteJoint(0, (0.05, -0.1), 1, (-0.3, 0.02)),
-            PrescribedSpeed(2, 4.0),
-            RevoluteJoint(2, (0.2, 0.1), GROUND, (1.0, 1.0)),
-        ),
-        (
-            Torque(1, 3.0),
-            SpringDamper(GROUND, (0.5, 0.7), 1, (0.1, 0.2), 300.0, 2.0, 0.3),
-            SpringDamper(1, (0.2, 0.0), 2, (0.0, 0.0), 100.0, 1.0, 0.5),
-        ),
-        gravity_m_s2=9.81,
-    )
-    along = np.array([np.cos(angle), np.sin(angle)])
-    turn = np.array([[np.cos(0.9), -np.sin(0.9)], [np.sin(0.9), np.cos(0.9)]])
-    q = np.zeros(9)
-    q[:2], q[5] = np.array([0.1, 0.2]) + 0.6 * along, 0.9
-    q[3:5] = q[:2] + np.array([0.05, -0.1]) - turn @ [-0.3, 0.02]
-    q[6:8] = [0.8, 0.9]
-    v = np.zeros(9)
-    v[:2], v[5] = 1.5 * along, -2.0
-    arm = turn @ [-0.3, 0.02]
-    v[3:5] = v[:2] + 2.0 * np.array([-arm[1], arm[0]])
-    v[6:9] = [4.0 * 0.1, -4.0 * 0.2, 4.0]
-    return mechanism, q, v, 1e-3
-
-
-Start = tuple[Mechanism, FloatArray, FloatArray, float]
-CASES: dict[str, Callable[[], Start]] = {name: partial(scene_case, name) for name in IDEAL_SCENES}
-CASES["everything"] = everything_case
-
-
-def topology_of(mechanism: Mechanism, stabilisation: Stabilisation) -> Topology:
-    baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
-    return Topology(mechanism, baumgarte, stabilisation == "projection")
-
-
-def stepped(
-    face: CompiledFace | ReadableFace, rows: int, q: FloatArray, v: FloatArray, h: float, count: int
-) -> tuple[Motion, FloatArray]:
-    """Return the motion after steps from q and v at t = 0, off the constraints or not, and {lambda} there.
-
-    The mechanism has no contacts, and ``rows`` rows. The sums are the drivers' work, and what is removed.
-    """
-    motion, contacts, clock = new_motion(len(q), 2, 0), np.zeros(0, CONTACT_RECORD), np.zeros(1, CLOCK_RECORD)
-    motion.q[:], motion.v[:] = q, v
-    clock["longest"], clock["end"], clock["located"], clock["budget"] = h, count * h, 1, count
-    times = np.array([0.0, count * h])
-    log = np.zeros(1, EVENT_RECORD), np.zeros((1, 2))
-    records = Records(*log, times, *(np.zeros((2, size)) for size in (len(q), len(q), 2, 0, rows, 0)))
-    assert face.advance(contacts, motion, clock, records, new_work(len(q), 2, 0, rows)) == DONE
-    assert clock["steps"] == count
-    assert (records.q[1] == motion.q).all()
-    return motion, records.multipliers[0]
-
-
-def check_faces(
-    mechanism: Mechanism,
-    q: FloatArray,
-    v: FloatArray,
-    h: float,
-    stabilisation: Stabilisation,
-    round_off: float,
-) -> FloatArray:
-    """Compare a step of both faces, relative to the largest of each kind; return q after it."""
-    found, rows = [], len(Equations(mechanism, q).C)
-    for kind in (CompiledFace, ReadableFace):
-        face = kind(topology_of(mechanism, stabilisation), q)
-        motion, multipliers = stepped(face, rows, q, v, h, 1)
-        found.append((motion.q, motion.v, multipliers, motion.sums[:1]))
-    # A driver's torque may be small beside the other multipliers, but it is rounded as they are.
-    most_work = h * np.abs(found[1][2]).max() * np.abs(v).max()
-    for name, one, other in zip(("q", "v", "multipliers", "work"), *found, strict=True):
-        scale = most_work if name == "work" else np.abs(other).max()
-        difference = np.abs(one - other).max()
-        assert difference <= round_off * scale, f"{name}: {difference:.2e} of {scale:.2e}"
-    return np.asarray(found[0][0])
-
-
-@pytest.mark.parametrize("stabilisation", VARIANTS, ids=["none", "projection", "baumgarte"])
+@pytest.mark.parametrize("stabilisation", VARIANTS)
 @pytest.mark.parametrize("case", CASES)
-def test_a_compiled_step_agrees_with_the_readable_one_to_round_off(
-    case: str, stabilisation: Stabilisation
-) -> None:
+def test_a_compiled_step_agrees_with_the_readable_one_to_round_off(case: str, stabilisation: str) -> None:
     mechanism, q, v, h = CASES[case]()
-    after_q = check_faces(mechanism, q, v, h, stabilisation, ROUND_OFF)
+    after_q = check_faces(mechanism, q, v, h, VARIANTS[stabilisation], ROUND_OFF)
     moved = np.abs(after_q - q).max()
     assert moved > 1e-5, f"the step moved nothing by more than {moved:.1e}"
 

@@ -16,15 +16,8 @@ from reference_solver.mechanism.mechanism import (
     Torque,
 )
 from reference_solver.solver import solve
+from tests.helpers.orders import ORDER_TOLERANCE, slope
 from tests.independent.mechanisms import GRAVITY, FourBar, Rod, TriplePendulum
-
-#: A regression over three halvings in the asymptotic range; RK4's next term bends it by less than this.
-ORDER_TOLERANCE = 0.05
-
-
-def slope(steps: list[float], errors: list[float]) -> float:
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
 
 PENDULUM = TriplePendulum((Rod(0.3, 0.5, 4e-3, 0.12), Rod(0.2, 0.4, 2e-3, 0.1), Rod(0.25, 0.3, 2e-3, 0.15)))
 PENDULUM_ANGLES, PENDULUM_RATES = np.array([-0.3, -1.2, 0.4]), np.array([1.0, -2.0, 3.0])

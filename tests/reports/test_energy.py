@@ -33,7 +33,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
         for case in energy.cases(full=False)
         if (case.engine == "reference" and not case.scene.joints_with_clearance)
         or (
-            (case.engine, case.arm) in wanted
+            (case.engine, case.arm.name) in wanted
             and case.columns["rung"] == 1
             and case.scene.name in ("ideal-free", "ideal-driven", "clearance-driven-damped")
         )
@@ -54,7 +54,7 @@ def test_the_full_set_contains_the_quick_one_and_runs_ten_times_as_long() -> Non
     ends = {case.scene.name: case.scene.end_time_s for case in full}
     for length in energy.SHORT:
         assert ends[f"{length.scene}-long"] >= 9.99 * length.end_s
-    by_step = [case for case in full if case.engine == "reference" and case.arm != "DOP853"]
+    by_step = [case for case in full if case.engine == "reference" and case.arm.name != "DOP853"]
     steps = {(case.scene.name.removesuffix("-long"), f"{case.run.step_s:.6e}") for case in by_step}
     short = {(case.scene.name, f"{case.run.step_s:.6e}") for case in by_step if case in quick}
     assert steps == short, "long runs take the steps of the short ones"

@@ -39,10 +39,10 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if case.scene.name != "ideal-torque"
         and (
             (
-                case.arm in ("projection", "trapezoidal", "tuned", "out of the box")
+                case.arm.name in ("projection", "trapezoidal", "tuned", "out of the box")
                 and case.run.steps_per_sample(case.scene.end_time_s) in CHEAP
             )
-            or case.arm in ("2 iterations", "20 iterations")
+            or case.arm.name in ("2 iterations", "20 iterations")
         )
     ]
     run_study("agreement", cases, folder / "agreement", lambda: ThreadPoolExecutor(1))
@@ -443,11 +443,11 @@ def test_labels_derive_from_column_names(column: str, text: str) -> None:
 
 
 def test_an_engine_has_one_colour_and_marker_and_its_arms_differ() -> None:
-    arms = [(engine, arm, f"{engine} ({arm})") for engine, arms in agreement.ARMS.items() for arm in arms]
+    arms = [(arm.engine, arm.name, arm.label) for arm in agreement.ARMS]
     rows = pd.DataFrame(arms, columns=["engine", "arm", "label"])
     styles = line_styles(rows)
     for engine, labels in rows.groupby("engine")["label"]:
         of_engine = [styles[label] for label in labels]
         assert len({(style["color"], style["marker"]) for style in of_engine}) == 1, engine
         assert len({(style["linestyle"], style["fillstyle"]) for style in of_engine}) == len(of_engine)
-    assert len({style["marker"] for style in styles.values()}) == len(agreement.ARMS)
+    assert len({style["marker"] for style in styles.values()}) == rows["engine"].nunique()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine_models.arms import Arm
 from engine_models.engine import RunSettings
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Scene
@@ -13,7 +14,7 @@ from studies.judges.converged import converged, reach
 from studies.judges.local_error import windows
 from studies.ladders import clearance_ladder, ideal_ladder
 from studies.running.case import Case
-from studies.running.runner import run_case
+from studies.running.outcome import run_case
 
 #: The first two impacts of set R and some flight.
 END_S, SAMPLES = 0.0007, 28
@@ -25,7 +26,7 @@ def scene() -> Scene:
 
 
 def case(scene: Scene, engine: str, step_s: float, **settings: float | str | bool) -> Case:
-    return Case("clearance", scene, engine, "arm", RunSettings(step_s, SAMPLES), settings)
+    return Case("clearance", scene, Arm(engine, "arm", settings), RunSettings(step_s, SAMPLES))
 
 
 def test_the_converged_solution_is_confirmed_by_twins_of_another_kind(scene: Scene) -> None:
@@ -94,8 +95,8 @@ def test_a_timed_rung_takes_the_steps_of_the_recorded_one(scene: Scene) -> None:
 
 
 def test_ladders_have_every_engine_and_rigid_scenes_only_those_that_know_rigid_walls() -> None:
-    engines = {rung.engine for rung in clearance_ladder(CLEARANCE_SCENES["clearance-pendulum"]())}
+    engines = {rung.arm.engine for rung in clearance_ladder(CLEARANCE_SCENES["clearance-pendulum"]())}
     assert engines == {"reference", "exudyn", "pymunk", "scipy"}
     rigid = clearance.scenes(True)[-1]
-    assert {rung.engine for rung in clearance_ladder(rigid)} == {"reference", "pymunk"}
-    assert {rung.engine for rung in ideal_ladder(work_precision.scenes(False)[0])} == engines
+    assert {rung.arm.engine for rung in clearance_ladder(rigid)} == {"reference", "pymunk"}
+    assert {rung.arm.engine for rung in ideal_ladder(work_precision.scenes(False)[0])} == engines

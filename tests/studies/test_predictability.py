@@ -19,13 +19,15 @@ from reports.chapters.predictability.data import PER_REVOLUTION
 from reports.parts import Contradiction
 from studies.judges.horizon import apart, first_beyond_s, horizon_s, moved
 from studies.judges.lyapunov import growth
+from studies.judges.truth import slider_position_m
 from studies.predictability import study
 from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MOVES_RAD, moves_rad
-from studies.predictability.ensemble import ideal_slider_position_m, period_s
+from studies.predictability.ensemble import period_s
 from studies.predictability.ensemble import statistics as member_statistics
 from studies.predictability.scenes import clearance_driven_lossy, following
 from studies.running.case import Case
-from studies.running.runner import run_case, run_study
+from studies.running.outcome import run_case
+from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows, write_rows
 
 REVOLUTION_S = 0.012
@@ -96,7 +98,9 @@ def test_a_pin_that_bounces_stably_has_no_positive_exponent() -> None:
 
 
 def test_a_scene_that_settles_to_continuous_contact_has_no_exponent() -> None:
-    case = next(c for c in study.cases(False) if c.arm == EXPONENT and c.scene.name.endswith("0.02mm"))
+    case = next(
+        c for c in study.cases(False) if c.columns["part"] == EXPONENT and c.scene.name.endswith("0.02mm")
+    )
     row, _ = run_case(case)
     assert row["status"] == "ok"
     assert not [name for name in row if "exponent" in name]
@@ -161,7 +165,7 @@ def test_a_member_in_continuous_contact_has_no_impacts_and_a_deviation_of_one_cl
 def test_the_ideal_position_is_that_of_the_assembled_scene() -> None:
     scene = moved(clearance_driven_05(), 0.7)
     run = REFERENCE.simulate(scene.model_copy(update={"end_time_s": 1e-6}), RunSettings(1e-6, 1))
-    ideal = ideal_slider_position_m(scene, np.array([0.7]))
+    ideal = slider_position_m(scene, np.array([0.7]))
     assert run.slider_position_m[0] == pytest.approx(ideal[0], abs=1e-15)
 
 
@@ -255,17 +259,18 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     cases = study.cases(True)
 
-    def some(arm: str, scene: str, count: int) -> list[Case]:
-        return [case for case in cases if case.arm == arm and case.scene.name.endswith(scene)][:count]
+    def some(part: str, scene: str, count: int) -> list[Case]:
+        of_part = [case for case in cases if case.columns["part"] == part]
+        return [case for case in of_part if case.scene.name.endswith(scene)][:count]
 
     chosen = [
         *some(HORIZON, "driven-A", 1),
         *some(HORIZON, "0.02mm", 1),
         *some(EXPONENT, "driven-A", 2),
         *some(EXPONENT, "0.02mm", 1),
-        *(case for arm in ("scene's law", "other starts") for case in some(arm, "", 8)),
+        *(case for part in ("scene's law", "other starts") for case in some(part, "", 8)),
         *some("as the scene", "", 4),
-        *[case for case in cases if case.arm == "against clearance"][::48],
+        *some("against clearance", "", len(cases))[::48],
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
     return folder
@@ -308,7 +313,7 @@ def test_a_periodic_scene_whose_twins_part_contradicts_the_chapter(
     path = broken / "predictability/rows.jsonl"
     rows = read_rows(path)
     for row in rows:
-        if row["arm"] == HORIZON and row["scene"] == "clearance-driven-0.02mm":
+        if row["part"] == HORIZON and row["scene"] == "clearance-driven-0.02mm":
             row["largest_distance_halved_m"] = 1e-3
     write_rows(path, rows)
     with pytest.raises(Contradiction, match="Nothing parts"):

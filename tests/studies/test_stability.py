@@ -12,7 +12,7 @@ import pytest
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from reports.chapters import stability as chapter
 from reports.chapters.stability.map_cells import VERDICTS as SHOWN
 from reports.chapters.stability.map_cells import cells, map_rows, prepared
@@ -60,7 +60,7 @@ def the_case(engine: str, arm: str, step_s: float | None = None, **columns: Valu
     found = [
         case
         for case in stability.cases(full=False)
-        if (case.engine, case.arm) == (engine, arm)
+        if (case.engine, case.arm.name) == (engine, arm)
         and all(case.columns.get(name) == value for name, value in columns.items())
         and step_s in (None, pytest.approx(case.run.step_s))
     ]
@@ -260,7 +260,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cases = [
         replace(case, limits=None)
         for case in stability.cases(full=False)
-        if (case.engine, case.arm) in arms
+        if (case.engine, case.arm.name) in arms
         and (
             case.columns.get("damping_ratio") == 0.0
             or case.columns.get("frequency_step") == 1.0

@@ -9,7 +9,7 @@ from reports.quantities import finished
 from reports.results import FloatArray, with_columns
 from reports.style import in_legend_order
 
-#: The arms that are no ensembles, as the study names them.
+#: The parts that are no ensembles, as the study names them.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
 CLEARANCES, SPEEDS = "against clearance", "against crank speed"
 #: The reference's ensembles of a scene's own law; the first has the engines' starts.
@@ -42,11 +42,10 @@ Ensembles = dict[str, pd.DataFrame]
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with every column that the chapter looks for, some of which few runs have.
 
-    ``arm`` and ``label`` name the part that a run has in the study, where a column ``part`` tells it.
+    ``arm`` and ``label`` name the part that a run has in the study, as ensembles are of parts.
     """
-    if "part" in rows:
-        rows = rows.assign(arm=rows["part"], label=rows["engine"] + " (" + rows["part"] + ")")
-        rows = rows.assign(label=in_legend_order(rows))
+    rows = rows.assign(arm=rows["part"], label=rows["engine"] + " (" + rows["part"] + ")")
+    rows = rows.assign(label=in_legend_order(rows))
     kinds = ("{}", "{}_least", "{}_largest", "halved_{}")
     horizons = [f"horizon_{kind.format(tolerance)}_s" for tolerance in TOLERANCES for kind in kinds]
     return with_columns(

@@ -12,8 +12,8 @@ import pydantic
 import pytest
 
 from engine_models.engine import Contact, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.engine import ExudynEngine
-from engine_models.exudyn.laws import native_law
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.model import mechanism_of
@@ -54,21 +54,21 @@ def twin_run(scene: Scene) -> Trajectory:
     return ReferenceEngine(steps_per_contact=200).simulate(twin, RunSettings(5e-6, SAMPLES))
 
 
-def largest(scene: Scene, found: Trajectory) -> dict[str, float]:
-    return {name: float(values.max()) for name, values in errors(scene, found, twin_run(scene)).items()}
+def largest(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    return {name: float(values.max()) for name, values in errors(scene, trajectory, twin_run(scene)).items()}
 
 
 @pytest.mark.parametrize("name", [FREE, DRIVEN])
 def test_DOPRI5_meets_its_twin_within_a_nanometre_and_far_less(name: str) -> None:
     """Set F over 0.05 s, 15 impacts; set R over two milliseconds of its horizon, 6 impacts."""
     scene = short(name)
-    found = run(scene, tolerance=1e-11)
-    off = largest(scene, found)
+    trajectory = run(scene, tolerance=1e-11)
+    off = largest(scene, trajectory)
     # Measured 1e-11 and 3e-13 m, 1e-3 N of 1.5 and 46 kN; the twin's own halved step moves it by 3e-12 m.
     assert off["slider_position_error_m"] < 1e-10, f"{off['slider_position_error_m']:.1e} m"
     assert off["joint_B_force_error_N"] < 0.02, f"{off['joint_B_force_error_N']:.1e} N"
     assert off["joint_O_force_error_N"] < 0.02, f"{off['joint_O_force_error_N']:.1e} N"
-    impacts, true = found.contacts["B"].impacts, twin_run(scene).contacts["B"].impacts
+    impacts, true = trajectory.contacts["B"].impacts, twin_run(scene).contacts["B"].impacts
     assert len(impacts.time_s) == len(true.time_s) > 5
     for what, tolerance in (
         ("time_s", 1e-8),
@@ -91,26 +91,26 @@ def test_a_tighter_tolerance_brings_set_R_closer_to_its_twin() -> None:
 @pytest.mark.parametrize("name", CLEARANCE_SCENES)
 def test_every_clearance_scene_gives_a_whole_trajectory_that_conserves_energy(name: str) -> None:
     scene = short(name)
-    found = run(scene)
+    trajectory = run(scene)
     n, bodies = SAMPLES + 1, len(scene.bodies)
-    assert np.array_equal(found.time_s, np.linspace(0.0, scene.end_time_s, n))
-    assert found.position.shape == found.velocity.shape == (n, bodies, 3)
-    assert found.joint_force_N.shape == (n, len(scene.joints), 2)
-    assert (found.guide_normal_force_N is None) == (not scene.is_crank_slider)
+    assert np.array_equal(trajectory.time_s, np.linspace(0.0, scene.end_time_s, n))
+    assert trajectory.position.shape == trajectory.velocity.shape == (n, bodies, 3)
+    assert trajectory.joint_force_N.shape == (n, len(scene.joints), 2)
+    assert (trajectory.guide_normal_force_N is None) == (not scene.is_crank_slider)
     position, velocity = start_state(scene)
-    assert np.abs(found.position[0] - position).max() < 1e-15
-    assert np.abs(found.velocity[0] - velocity).max() < 1e-12
-    assert set(found.contacts) == set(scene.joints_with_clearance)
-    for contact in found.contacts.values():
+    assert np.abs(trajectory.position[0] - position).max() < 1e-15
+    assert np.abs(trajectory.velocity[0] - velocity).max() < 1e-12
+    assert set(trajectory.contacts) == set(scene.joints_with_clearance)
+    for contact in trajectory.contacts.values():
         assert all(np.isfinite(value).all() for value in arrays(contact).values())
         assert all(len(value) == n for value in arrays(contact).values())
         assert len(contact.impacts.time_s) > 0
-    assert found.dissipated_energy_J is not None
-    exchanged = np.ptp(kinetic_energy_J(scene, found)) + found.dissipated_energy_J[-1]
-    residual = np.abs(energy_balance_residual_J(scene, found)).max()
+    assert trajectory.dissipated_energy_J is not None
+    exchanged = np.ptp(kinetic_energy_J(scene, trajectory)) + trajectory.dissipated_energy_J[-1]
+    residual = np.abs(energy_balance_residual_J(scene, trajectory)).max()
     # Measured up to 1e-8; 4e-7 where friction's kinks fall inside steps.
     assert residual < 2e-6 * exchanged, f"{residual:.1e} of {exchanged:.1e} J"
-    assert constraint_violation_m(scene, found).max() < 1e-15, "a tree's joints cannot open"
+    assert constraint_violation_m(scene, trajectory).max() < 1e-15, "a tree's joints cannot open"
 
 
 def arrays(contact: Contact) -> dict[str, np.ndarray[Any, Any]]:
@@ -126,34 +126,34 @@ def test_forces_are_those_that_the_motion_asks_for(name: str) -> None:
     """Newton's and Euler's laws for every body, with accelerations differenced from the velocities."""
     samples = 10_000
     scene = shorter(SCENES[name](), FIRST_IMPACT_S.get(name, 8e-4))
-    found = run(scene, samples=samples)
+    trajectory = run(scene, samples=samples)
     h = scene.end_time_s / samples
-    acceleration = (found.velocity[2:] - found.velocity[:-2]) / (2 * h)
-    applied = np.zeros_like(found.position)
+    acceleration = (trajectory.velocity[2:] - trajectory.velocity[:-2]) / (2 * h)
+    applied = np.zeros_like(trajectory.position)
     applied[:, :, 1] = [-body.mass_kg * scene.gravity_m_s2 for body in scene.bodies]
-    if found.guide_normal_force_N is not None:
-        applied[:, -1, 1] += found.guide_normal_force_N
-    if found.driver_torque_N_m is not None:
-        applied[:, 0, 2] += found.driver_torque_N_m
-    arms = [(-scene.crank.centre_of_mass_m, scene.crank.length_m - scene.crank.centre_of_mass_m)]
+    if trajectory.guide_normal_force_N is not None:
+        applied[:, -1, 1] += trajectory.guide_normal_force_N
+    if trajectory.driver_torque_N_m is not None:
+        applied[:, 0, 2] += trajectory.driver_torque_N_m
+    levers = [(-scene.crank.centre_of_mass_m, scene.crank.length_m - scene.crank.centre_of_mass_m)]
     if scene.rod is not None:
         d = scene.rod.centre_of_mass_m
-        arms += [(-d, scene.rod.length_m - d), (0.0, 0.0)]
-    for body, (inner, outer) in enumerate(arms):
-        forces = [(inner, found.joint_force_N[:, body])]
+        levers += [(-d, scene.rod.length_m - d), (0.0, 0.0)]
+    for body, (inner, outer) in enumerate(levers):
+        forces = [(inner, trajectory.joint_force_N[:, body])]
         if body + 1 < len(scene.joints):
-            forces.append((outer, -found.joint_force_N[:, body + 1]))
-        angle = found.position[:, body, 2]
-        for arm, force in forces:
+            forces.append((outer, -trajectory.joint_force_N[:, body + 1]))
+        angle = trajectory.position[:, body, 2]
+        for lever, force in forces:
             applied[:, body, :2] += force
-            applied[:, body, 2] += arm * (np.cos(angle) * force[:, 1] - np.sin(angle) * force[:, 0])
+            applied[:, body, 2] += lever * (np.cos(angle) * force[:, 1] - np.sin(angle) * force[:, 0])
     inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
     off = np.abs(applied[1:-1] - inertia * acceleration)
     if scene.is_crank_slider:
         off[:, -1, 2] = 0.0  # the guide takes what torque the slider feels
-    if any(contact.friction_force_N is not None for contact in found.contacts.values()):
-        off[:, :, 2] = 0.0  # friction acts at the surfaces, off these arms
-    largest_force = np.abs(found.joint_force_N).max()
+    if any(contact.friction_force_N is not None for contact in trajectory.contacts.values()):
+        off[:, :, 2] = 0.0  # friction acts at the surfaces, off these levers
+    largest_force = np.abs(trajectory.joint_force_N).max()
     # Differences over 0.1 to 2 us are off by up to 4e-3 in an impact.
     assert off[:, :, :2].max() < 1e-2 * largest_force, f"{off.max():.1e} of {largest_force:.1e} N"
     assert off[:, :, 2].max() < 1e-2 * largest_force * scene.crank.length_m, f"{off.max():.1e} N m"
@@ -197,7 +197,7 @@ def test_the_trapezoidal_rule_is_of_order_2_from_impact_to_impact_and_so_are_its
     steps = (1e-6, 5e-7, 2.5e-7)
     off = [largest(scene, run(scene, h, solver="TrapezoidalIndex2")) for h in steps]
     for name in ("slider_position_error_m", "joint_B_force_error_N", "driver_torque_error_N_m"):
-        values = [found[name] for found in off]
+        values = [error[name] for error in off]
         order = np.polyfit(np.log(steps), np.log(values), 1)[0]
         assert 1.7 < order < 2.6, f"{name}: order {order:.2f}, {values}"  # events cost and give a little
     assert off[-1]["joint_B_force_error_N"] < 100, "of 46 kN; measured 50 N"
@@ -240,11 +240,11 @@ def exudyn_force(scene: Scene) -> np.ndarray[Any, Any]:
     """Return the force on the pin that Exudyn itself computes at the start."""
     import exudyn as exu
 
-    from engine_models.exudyn.model import build_tree_model
+    from engine_models.exudyn.model import build_model
     from engine_models.exudyn.solver import silence
 
     with silence():
-        mbs = build_tree_model(scene).mbs
+        mbs = build_model(scene, tree=True).mbs
         objects = range(mbs.systemData.NumberOfObjects())
         (contact,) = (k for k in objects if mbs.GetObject(k)["objectType"] == "ContactSphereSphere")
         return np.asarray(mbs.GetObjectOutput(contact, exu.OutputVariableType.Force))[:2]
@@ -376,11 +376,11 @@ def test_a_run_goes_on_from_any_state_of_an_earlier_one() -> None:
 def test_a_tree_model_holds_what_its_scene_needs_and_nothing_else(
     name: str, objects: list[str], sensors: int
 ) -> None:
-    from engine_models.exudyn.model import build_tree_model
+    from engine_models.exudyn.model import build_model
 
-    system = build_tree_model(SCENES[name]()).mbs
-    found = sorted(system.GetObject(k)["objectType"] for k in range(system.systemData.NumberOfObjects()))
-    assert (found, system.systemData.NumberOfSensors()) == (objects, sensors)
+    system = build_model(SCENES[name](), tree=True).mbs
+    kinds = sorted(system.GetObject(k)["objectType"] for k in range(system.systemData.NumberOfObjects()))
+    assert (kinds, system.systemData.NumberOfSensors()) == (objects, sensors)
 
 
 @pytest.mark.parametrize("solver", ["DOPRI5", "TrapezoidalIndex2"])
@@ -408,8 +408,8 @@ from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.scene.library import clearance_driven_05
 scene = clearance_driven_05().model_copy(update=dict(end_time_s=1e-3))
-found = ExudynEngine(fast=True).simulate(scene, RunSettings(1e-3, 10)).slider_position_m[-1]
-assert 1 - 1e-10 < found / {!r} < 1 + 1e-10, found
+position = ExudynEngine(fast=True).simulate(scene, RunSettings(1e-3, 10)).slider_position_m[-1]
+assert 1 - 1e-10 < position / {!r} < 1 + 1e-10, position
 try:
     ExudynEngine(fast=False).check(scene)
 except UnsupportedScene as refusal:

@@ -72,21 +72,22 @@ def run(scene: Scene, step_s: float, samples: int = SAMPLES, **settings: Any) ->
 def largest_errors(scene: Scene, trajectory: Trajectory, first_sample: int = 0) -> dict[str, float]:
     """Return the largest error of everything that a trajectory holds, from a sample on."""
     truth = exact(scene, len(trajectory.time_s) - 1)
-    found = errors(scene, trajectory, truth)
-    found["velocity"] = np.abs(trajectory.velocity - truth.velocity).max(axis=(1, 2))
-    found["energy_balance_residual_J"] = np.abs(energy_balance_residual_J(scene, trajectory))
+    error = errors(scene, trajectory, truth)
+    error["velocity"] = np.abs(trajectory.velocity - truth.velocity).max(axis=(1, 2))
+    error["energy_balance_residual_J"] = np.abs(energy_balance_residual_J(scene, trajectory))
     if truth.driver_work_J is not None and trajectory.driver_work_J is not None:
-        found["driver_work_error_J"] = np.abs(trajectory.driver_work_J - truth.driver_work_J)
-    return {name: float(values[first_sample:].max()) for name, values in found.items()}
+        error["driver_work_error_J"] = np.abs(trajectory.driver_work_J - truth.driver_work_J)
+    return {name: float(values[first_sample:].max()) for name, values in error.items()}
 
 
 def orders(scene: Scene, first_sample: int = 0, **settings: Any) -> dict[str, float]:
     """Return the slope of every error over the step in logarithms."""
     runs = [run(scene, scene.end_time_s / (SAMPLES * n), **settings) for n in STEPS_PER_SAMPLE]
     steps = [trajectory.step_s for trajectory in runs]
-    found = [largest_errors(scene, trajectory, first_sample) for trajectory in runs]
+    largest = [largest_errors(scene, trajectory, first_sample) for trajectory in runs]
     return {
-        name: float(np.polyfit(np.log(steps), np.log([e[name] for e in found]), 1)[0]) for name in found[0]
+        name: float(np.polyfit(np.log(steps), np.log([e[name] for e in largest]), 1)[0])
+        for name in largest[0]
     }
 
 
@@ -100,19 +101,19 @@ def test_every_signal_of_the_trapezoidal_rule_converges_with_order_two(scene: Sc
 
 @pytest.mark.parametrize("scene", [ideal_free(), ideal_torque()], ids=lambda scene: scene.name)
 def test_generalized_alpha_converges_with_order_two_past_its_first_steps(scene: Scene) -> None:
-    found = orders(shorter(scene, 0.2), first_sample=2, solver="GeneralizedAlpha")
-    for name, order in found.items():
+    order_of = orders(shorter(scene, 0.2), first_sample=2, solver="GeneralizedAlpha")
+    for name, order in order_of.items():
         assert abs(order - ORDER) < ORDER_TOLERANCE, f"{name}: order {order:.3f}"
 
 
 def test_generalized_alpha_starts_with_forces_of_order_one() -> None:
     """Its known start of the multipliers, and why it is not the default."""
-    steps, found = (4e-5, 2e-5, 1e-5), []
+    steps, largest = (4e-5, 2e-5, 1e-5), []
     for step in steps:
         scene = shorter(ideal_driven(), 20 * step)
-        found.append(largest_errors(scene, run(scene, step, 20, solver="GeneralizedAlpha")))
+        largest.append(largest_errors(scene, run(scene, step, 20, solver="GeneralizedAlpha")))
     for name in ("joint_O_force_error_N", "driver_torque_error_N_m"):
-        order = np.polyfit(np.log(steps), np.log([e[name] for e in found]), 1)[0]
+        order = np.polyfit(np.log(steps), np.log([e[name] for e in largest]), 1)[0]
         assert abs(order - 1) < ORDER_TOLERANCE, f"{name}: order {order:.3f}"
 
 
@@ -131,10 +132,10 @@ def test_ten_microseconds_give_the_free_slider_to_a_tenth_of_a_micron_and_its_fo
     None
 ):
     scene = shorter(ideal_free(), 0.2)
-    found = largest_errors(scene, run(scene, 1e-5))  # 125 steps a sample
+    error = largest_errors(scene, run(scene, 1e-5))  # 125 steps a sample
     # Measured 6.4e-8 m and 5.2e-4 N; far below that, the comparison would be empty at this order and step.
-    assert 2e-8 < found["slider_position_error_m"] < 1e-7, f"{found['slider_position_error_m']:.2e} m"
-    assert 1e-4 < found["joint_O_force_error_N"] < 1e-3, f"{found['joint_O_force_error_N']:.2e} N"
+    assert 2e-8 < error["slider_position_error_m"] < 1e-7, f"{error['slider_position_error_m']:.2e} m"
+    assert 1e-4 < error["joint_O_force_error_N"] < 1e-3, f"{error['joint_O_force_error_N']:.2e} N"
 
 
 def test_two_runs_extrapolated_to_no_step_meet_the_published_position() -> None:
@@ -149,12 +150,12 @@ def test_the_pin_force_and_the_driver_torque_of_set_R_meet_the_closed_forms() ->
     on_axis = plain.crank.model_copy(update={"centre_of_mass_m": 0.0})  # as the torque was computed
     scene, steps = plain.model_copy(update={"crank": on_axis}), 2400
     half_of_the_rods_weight = scene.crank_slider()[1].mass_kg * scene.gravity_m_s2 / 2
-    found = run(scene, 1e-5, steps)
-    torque = found.driver_torque_N_m
+    trajectory = run(scene, 1e-5, steps)
+    torque = trajectory.driver_torque_N_m
     assert torque is not None
     digits = 0.005  # of the closed forms as given; the engine's own error is 0.02 N and 0.002 N m
     for revolution in (0, steps // 2, steps):
-        force = found.joint_force_N[revolution, 2]
+        force = trajectory.joint_force_N[revolution, 2]
         assert force == pytest.approx([-2718.71, -half_of_the_rods_weight], abs=digits), (
             f"B at revolution start: {force}"
         )
@@ -199,9 +200,9 @@ def test_a_mechanism_a_million_times_heavier_moves_alike_under_a_million_times_t
 @pytest.mark.parametrize("angle", [0.5, 2.0, 3.5, -1.0])
 def test_forces_are_right_from_the_first_instant_at_any_angle(angle: float) -> None:
     scene = shorter(started(ideal_driven(), crank_angle_rad=angle), 1e-3)
-    found = errors(scene, run(scene, 1e-5, 100), exact(scene, 100))["joint_O_force_error_N"][0]
+    error = errors(scene, run(scene, 1e-5, 100), exact(scene, 100))["joint_O_force_error_N"][0]
     # Initial accelerations come from one-sided differences: 2e-8 of 8 kN; Exudyn's own step gives 1e-3 N.
-    assert found < 2e-4, f"{found:.1e} N at t = 0"
+    assert error < 2e-4, f"{error:.1e} N at t = 0"
 
 
 def test_whole_turns_in_the_start_angle_change_nothing_but_the_angle() -> None:
@@ -267,9 +268,9 @@ def test_a_run_that_cannot_finish_says_when_and_why_in_one_line_and_prints_nothi
     with pytest.raises(SimulationFailed) as failure:
         run(scene, step_s, 10)
     message = str(failure.value)
-    found = re.fullmatch(r"(?:Exudyn|non-finite) .* at t = (\S+) s\b.*", message)  # no DOTALL: one line
-    assert found, message
-    assert 0 <= float(found[1]) <= scene.end_time_s, message
+    match = re.fullmatch(r"(?:Exudyn|non-finite) .* at t = (\S+) s\b.*", message)  # no DOTALL: one line
+    assert match, message
+    assert 0 <= float(match[1]) <= scene.end_time_s, message
     assert capfd.readouterr() == ("", "")
 
 
@@ -297,12 +298,12 @@ def test_two_runs_are_bit_identical(scene: Scene) -> None:
 
 def test_samples_lie_on_steps_of_the_size_reported() -> None:
     scene = shorter(ideal_free(), 0.1)
-    found = run(scene, 3e-5, 7)
+    trajectory = run(scene, 3e-5, 7)
     expected: FloatArray = np.linspace(0.0, 0.1, 8)
-    assert np.array_equal(found.time_s, expected)
-    assert found.steps == 7 * 477  # the fewest steps of at most 30 us in a seventh of 0.1 s
-    assert found.step_s * found.steps == pytest.approx(0.1, rel=1e-15)
-    assert 0 < found.solve_time_s < 5
+    assert np.array_equal(trajectory.time_s, expected)
+    assert trajectory.steps == 7 * 477  # the fewest steps of at most 30 us in a seventh of 0.1 s
+    assert trajectory.step_s * trajectory.steps == pytest.approx(0.1, rel=1e-15)
+    assert 0 < trajectory.solve_time_s < 5
 
 
 @pytest.mark.parametrize(

@@ -212,8 +212,8 @@ def test_every_native_bounce_has_the_scenes_restitution(name: str, e: float) -> 
         assert bounced.any() or e == 0, joint
         # loss = J (v - e v)/2 where nothing else pushes; loads are worth 1e-3 of a bounce here.
         impulse, speed = impacts.normal_impulse_N_s[bounced], impacts.approach_speed_m_s[bounced]
-        found = 1 - 2 * impacts.energy_lost_J[bounced] / (impulse * speed)
-        assert found == pytest.approx(e, abs=0.03), f"{joint}: {found}"
+        restitution = 1 - 2 * impacts.energy_lost_J[bounced] / (impulse * speed)
+        assert restitution == pytest.approx(e, abs=0.03), f"{joint}: {restitution}"
 
 
 def test_ten_sweeps_lose_the_bounces_of_the_free_scene() -> None:

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import lambertw
 
 from engine_models.engine import RunSettings
-from engine_models.pymunk.contact_law import DAMPING_FACTORS, NormalLaw, friction_share
+from engine_models.mechanics.contact_law import DAMPING_FACTORS, NormalLaw, friction_share
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, ContactLaw, Friction, Scene
@@ -54,16 +54,16 @@ def test_every_friction_law_is_the_references(kind: Any) -> None:
 @pytest.mark.parametrize("e", [0.5, 0.9])
 @pytest.mark.parametrize("law", DAMPING_FACTORS)
 def test_a_law_gives_the_restitution_of_its_closed_form(law: ContactLaw, e: float) -> None:
-    found, _ = first_contact(clearance(law, restitution=e, stiffness=1e13), 2.4e-4, 1e-8)
+    restitution, _ = first_contact(clearance(law, restitution=e, stiffness=1e13), 2.4e-4, 1e-8)
     a = DAMPING_FACTORS[law](e)
     expected = (1 + lambertw(-(1 + a) * math.exp(-(1 + a))).real) / a
-    assert found == pytest.approx(expected, abs=RESTITUTION_ACCURACY)
+    assert restitution == pytest.approx(expected, abs=RESTITUTION_ACCURACY)
 
 
 def test_conservative_laws_give_everything_back() -> None:
     for law, more in (("hertz", HERTZ), ("linear", {"stiffness": 5e8})):
-        found, _ = first_contact(clearance(law, **more))  # type: ignore[arg-type]
-        assert found == pytest.approx(1.0, abs=RESTITUTION_ACCURACY), law
+        restitution, _ = first_contact(clearance(law, **more))  # type: ignore[arg-type]
+        assert restitution == pytest.approx(1.0, abs=RESTITUTION_ACCURACY), law
 
 
 def test_kelvin_voigt_gives_the_restitution_and_duration_of_a_damped_oscillator() -> None:
@@ -72,9 +72,11 @@ def test_kelvin_voigt_gives_the_restitution_and_duration_of_a_damped_oscillator(
     omega = math.pi / period
     zeta = 0.05
     damping = 2 * zeta * stiffness / omega  # 2 zeta sqrt(k m) with m = k/omega^2
-    found, duration = first_contact(clearance("kelvin-voigt", stiffness=stiffness, damping_N_s_m=damping))
+    restitution, duration = first_contact(
+        clearance("kelvin-voigt", stiffness=stiffness, damping_N_s_m=damping)
+    )
     # Its force pulls at the end, so the loss is J (v - e v)/2 with what the spring gave and took.
-    assert found == pytest.approx(math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), abs=0.02)
+    assert restitution == pytest.approx(math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), abs=0.02)
     assert duration == pytest.approx(period / math.sqrt(1 - zeta**2), rel=0.02)
 
 

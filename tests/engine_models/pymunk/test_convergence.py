@@ -74,8 +74,8 @@ def test_motion_tends_to_the_references_at_order_one(name: str) -> None:
     scene = SCENES[name]()
     mean = {}
     for coarse, steps in DECADES.items():
-        found = [errors(scene, run(scene, n)) for n in steps]
-        mean[coarse] = {key: np.sqrt(np.mean([f[key] ** 2 for f in found])) for key in found[0]}
+        error_of = [errors(scene, run(scene, n)) for n in steps]
+        mean[coarse] = {key: np.sqrt(np.mean([f[key] ** 2 for f in error_of])) for key in error_of[0]}
     slope = {key: float(np.log10(mean[COARSE[0]][key] / mean[COARSE[1]][key])) for key in mean[COARSE[0]]}
     assert slope["position"] == pytest.approx(1.0, abs=ORDER_TOLERANCE), (slope, mean)
     assert slope["velocity"] == pytest.approx(1.0, abs=ORDER_TOLERANCE), (slope, mean)
@@ -84,7 +84,7 @@ def test_motion_tends_to_the_references_at_order_one(name: str) -> None:
 @pytest.mark.parametrize("name", ["rigid_driven", "rigid_free"])
 def test_impulses_of_impacts_tend_to_the_references(name: str) -> None:
     scene = SCENES[name]()
-    true, found = truth(scene).contacts["B"].impacts, run(scene, 3000).contacts["B"].impacts
+    true, impacts = truth(scene).contacts["B"].impacts, run(scene, 3000).contacts["B"].impacts
     count = 5
     for part, tolerance in (
         ("time_s", 1e-3),
@@ -92,15 +92,15 @@ def test_impulses_of_impacts_tend_to_the_references(name: str) -> None:
         ("normal_impulse_N_s", 1e-2),
         ("energy_lost_J", 2e-2),
     ):
-        ratio = getattr(found, part)[:count] / getattr(true, part)[:count]
+        ratio = getattr(impacts, part)[:count] / getattr(true, part)[:count]
         assert ratio == pytest.approx(1, abs=tolerance), f"{part}: {ratio}"
 
 
 def test_the_compliant_hook_tends_to_the_reference_on_the_standard_case() -> None:
     scene = clearance_driven_05().model_copy(update={"end_time_s": 3e-3})
-    found = {n: errors(scene, run(scene, n))["position"] for n in (300, 3000)}
-    assert found[300] < 1e-3, found  # the rod's angle is 12 times as far off as the slider
-    assert found[3000] < 5e-6, found
+    error_m = {n: errors(scene, run(scene, n))["position"] for n in (300, 3000)}
+    assert error_m[300] < 1e-3, error_m  # the rod's angle is 12 times as far off as the slider
+    assert error_m[3000] < 5e-6, error_m
     free = clearance_free().model_copy(update={"end_time_s": 0.02})
     assert errors(free, run(free, 3000))["position"] < 5e-6
     impacts, true = run(scene, 3000).contacts["B"].impacts, truth(scene).contacts["B"].impacts

@@ -10,8 +10,8 @@ import pymunk
 import pytest
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory
+from engine_models.mechanics.reactions import reactions
 from engine_models.pymunk.engine import PymunkEngine
-from engine_models.pymunk.forces import reactions
 from engine_models.pymunk.model import build
 from engine_models.scene.library import IDEAL_SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene

@@ -53,13 +53,13 @@ def columns(impacts: Impacts) -> np.ndarray:
 @pytest.mark.parametrize("method", EVENT_METHODS)
 @pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])
 def test_the_first_contacts_are_those_of_the_reference(name: str, method: str) -> None:
-    found, truth = run(name, method), reference(name)
-    off = errors(scene_of(name), found, truth)
+    trajectory, truth = run(name, method), reference(name)
+    off = errors(scene_of(name), trajectory, truth)
     assert off["slider_position_error_m"].max() < POSITION_M, f"{off['slider_position_error_m'].max():.1e} m"
     for signal in ("contact_B_normal_force_error_N", "joint_A_force_error_N", "guide_normal_force_error_N"):
         assert off[signal].max() < 0.01, f"{signal}: {off[signal].max():.1e} of some 1e3 N"
     assert off["contact_B_normal_impulse_error_N_s"].max() < 1e-7
-    ours, theirs = columns(found.contacts["B"].impacts), columns(truth.contacts["B"].impacts)
+    ours, theirs = columns(trajectory.contacts["B"].impacts), columns(truth.contacts["B"].impacts)
     assert len(ours) == len(theirs) > 1
     assert np.abs(ours - theirs)[:, :2].max() < IMPACT_S, "times and durations"
     np.testing.assert_allclose(ours, theirs, rtol=1e-6)
@@ -67,19 +67,19 @@ def test_the_first_contacts_are_those_of_the_reference(name: str, method: str) -
 
 @pytest.mark.parametrize("name", HORIZON_S)
 def test_the_energy_ledger_closes(name: str) -> None:
-    scene, found = scene_of(name), run(name)
-    play = kinetic_energy_J(scene, found).max()
-    residual = np.abs(energy_balance_residual_J(scene, found)).max() / play
+    scene, trajectory = scene_of(name), run(name)
+    play = kinetic_energy_J(scene, trajectory).max()
+    residual = np.abs(energy_balance_residual_J(scene, trajectory)).max() / play
     assert residual < 1e-10, f"residual {residual:.1e} of {play:.3g} J"  # 4e-12 is measured
-    lost = found.dissipated_energy_J
+    lost = trajectory.dissipated_energy_J
     assert lost is not None
     assert lost[-1] > 1e-4 * play, "the contacts did dissipate, which the ledger has to know"
 
 
 @pytest.mark.parametrize("name", HORIZON_S)
 def test_every_signal_of_the_contacts_agrees_with_the_reference(name: str) -> None:
-    found, truth = run(name), reference(name)
-    for joint, contact in found.contacts.items():
+    trajectory, truth = run(name), reference(name)
+    for joint, contact in trajectory.contacts.items():
         true = vars(truth.contacts[joint])
         for signal, value in vars(contact).items():
             if isinstance(value, np.ndarray):
@@ -94,11 +94,11 @@ def test_every_signal_of_the_contacts_agrees_with_the_reference(name: str) -> No
 def test_the_error_falls_with_the_tolerance() -> None:
     # Not down to 1e-10: there the reference's own 1e-11 m shows, and round-off decides which steps are taken.
     name, rtols = "clearance-free-0.5mm", (1e-6, 1e-7, 1e-8, 1e-9)
-    found = [
+    errors_m = [
         np.abs(run(name, "DOP853", r).slider_position_m - reference(name).slider_position_m) for r in rtols
     ]
-    power = np.polyfit(np.log(rtols), np.log([error.max() for error in found]), 1)[0]
-    assert 0.75 < power < 1.5, f"{[error.max() for error in found]} fall as rtol^{power:.2f}"
+    power = np.polyfit(np.log(rtols), np.log([error.max() for error in errors_m]), 1)[0]
+    assert 0.75 < power < 1.5, f"{[error.max() for error in errors_m]} fall as rtol^{power:.2f}"
 
 
 @pytest.mark.parametrize("method", ["DOP853", "LSODA"])
@@ -175,12 +175,12 @@ def custom(**changes: object) -> Scene:
 )
 def test_every_kind_of_law_closes_its_ledger(changes: dict[str, object]) -> None:
     scene = custom(**changes)
-    found = engine().simulate(scene, RunSettings(1e-4, SAMPLES))
-    play = kinetic_energy_J(scene, found).max()
-    residual = np.abs(energy_balance_residual_J(scene, found)).max() / play
+    trajectory = engine().simulate(scene, RunSettings(1e-4, SAMPLES))
+    play = kinetic_energy_J(scene, trajectory).max()
+    residual = np.abs(energy_balance_residual_J(scene, trajectory)).max() / play
     assert residual < 1e-9, f"residual {residual:.1e} of {play:.3g} J"
-    assert found.contacts["B"].normal_force_N.max() > 100
-    assert pin_gap_m(scene, found)[:, 2].max() > 5e-4, "the pin did reach the wall"
+    assert trajectory.contacts["B"].normal_force_N.max() > 100
+    assert pin_gap_m(scene, trajectory)[:, 2].max() > 5e-4, "the pin did reach the wall"
 
 
 @pytest.mark.parametrize("method", EVENT_METHODS)

@@ -7,7 +7,7 @@ from scipy.special import ellipj
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.assembly import started_from
-from engine_models.scene.library import IDEAL_SCENES, SCENES, rod
+from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven
 from engine_models.scene.scene import FreeDrive, Scene, Start
 from engine_models.scipy_ivp.engine import ScipyEngine
 from engine_models.scipy_ivp.model import Derivative
@@ -40,10 +40,10 @@ def run(scene: Scene, method: str = "DOP853", rtol: float = 1e-12) -> Trajectory
 def test_the_ideal_scenes_are_met_at_a_tight_tolerance(name: str) -> None:
     scene = IDEAL_SCENES[name]()
     trajectory, truth = run(scene), exact(scene, SAMPLES)
-    found = errors(scene, trajectory, truth)
+    error = errors(scene, trajectory, truth)
     # 1e-12 m (ideal-free) at most is measured, and forces to 2e-11 of their size.
-    assert found["slider_position_error_m"].max() < 1e-10
-    force = found["joint_B_force_error_N"].max() / np.abs(truth.joint_force_N).max()
+    assert error["slider_position_error_m"].max() < 1e-10
+    force = error["joint_B_force_error_N"].max() / np.abs(truth.joint_force_N).max()
     assert force < 1e-9, f"force off by {force:.1e} of the largest"
     drift = constraint_violation_m(scene, trajectory).max()
     assert drift < 1e-11, f"drift {drift:.1e} m: without stabilisation, but below the tolerance's errors"
@@ -56,9 +56,9 @@ def test_the_error_falls_with_the_tolerance(method: str) -> None:
     scene = IDEAL_SCENES["ideal-free"]()
     truth = exact(scene, SAMPLES)
     runs = [run(scene, method, rtol) for rtol in LADDERS[method]]
-    found = [np.abs(one.slider_position_m - truth.slider_position_m).max() for one in runs]
-    power = np.polyfit(np.log(LADDERS[method]), np.log(found), 1)[0]
-    assert LEAST_POWER < power < MOST_POWER, f"{method}: {found} fall as rtol^{power:.2f}"
+    largest_m = [np.abs(one.slider_position_m - truth.slider_position_m).max() for one in runs]
+    power = np.polyfit(np.log(LADDERS[method]), np.log(largest_m), 1)[0]
+    assert LEAST_POWER < power < MOST_POWER, f"{method}: {largest_m} fall as rtol^{power:.2f}"
     assert [one.steps for one in runs] == sorted({one.steps for one in runs}), (
         "a tighter run takes more steps"
     )
@@ -82,7 +82,7 @@ def test_samples_have_no_part_in_the_steps(method: str, name: str) -> None:
 
 
 def test_a_pendulum_without_clearance_swings_as_the_elliptic_functions_say() -> None:
-    link, g = rod(2.5e-4), 9.81
+    link, g = ideal_driven().crank_slider()[1], 9.81
     scene = Scene(
         name="pendulum",
         end_time_s=1.0,
@@ -91,14 +91,14 @@ def test_a_pendulum_without_clearance_swings_as_the_elliptic_functions_say() -> 
         start=Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0),
         drive=FreeDrive(kind="free"),
     )
-    found = run(scene)
+    trajectory = run(scene)
     s = link.centre_of_mass_m
     frequency = np.sqrt(link.mass_kg * g * s / (link.inertia_kg_m2 + link.mass_kg * s**2))
     modulus = np.sin(np.pi / 4)  # let go at a right angle from hanging
-    _, cn, dn, _ = ellipj(frequency * found.time_s, modulus**2)
+    _, cn, dn, _ = ellipj(frequency * trajectory.time_s, modulus**2)
     true = 2 * np.arcsin(modulus * cn / dn) - np.pi / 2
-    np.testing.assert_allclose(found.position[:, 0, 2], true, rtol=0, atol=1e-10)
-    assert found.guide_normal_force_N is None
+    np.testing.assert_allclose(trajectory.position[:, 0, 2], true, rtol=0, atol=1e-10)
+    assert trajectory.guide_normal_force_N is None
 
 
 def test_an_ideal_scene_is_integrated_without_anything_of_contacts() -> None:

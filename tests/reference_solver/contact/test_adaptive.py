@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk, lambertw
 
 from reference_solver.contact import adaptive_loop
-from reference_solver.contact.types import CONTACT_RECORD, new_control, new_motion, new_work
+from reference_solver.contact.types import CONTACT_RECORD, new_run
 from reference_solver.errors import SingularConfiguration
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, RevoluteJoint
@@ -344,16 +344,14 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
     huge = 1.5e154 / abs(third[row])
     assert abs(third[row]) > 2 * abs(fifth[row]) > 0
 
-    def right_hand_side(*state: Any) -> bool:
-        *_, number, _rate, _y, K = state
-        K[number] = huge if number == row else 0.0
+    def slopes(*state: Any) -> bool:
+        *_, number, _rate, _y, out = state
+        out[number] = huge if number == row else 0.0
         return True
 
-    control = new_control(motion := new_motion(1, 0, 0), new := new_motion(1, 0, 0), 16, 7)
-    control.weights[:] = 1.0
-    kernel = adaptive_loop.Kernel(right_hand_side, None, None, None, None)
-    work = new_work(1, 0, 0, 0)._replace(new=new)
-    of = adaptive_loop.Run(kernel, np.zeros(0), np.zeros(0, CONTACT_RECORD), motion, work, control)
+    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 0, 0), np.zeros(0), adaptive_loop.ROWS, 0)
+    run.slopes[adaptive_loop.WEIGHT] = 1.0
+    of = run._replace(kernel=adaptive_loop.Kernel(slopes, None, None, None))
     with np.errstate(all="ignore"):
         assert adaptive_loop.trial(of, adaptive_loop.Course(0.0, 0.0, 0.0), 1.0) == np.inf
 

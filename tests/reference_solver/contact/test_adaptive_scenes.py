@@ -19,8 +19,8 @@ from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
 from studies.extremes.study import gallery
 from studies.judges.horizon import moved
+from tests.helpers.crank_sliders import IMPACT_S, POSITION_M, short, touches
 from tests.independent.clearance import integrate
-from tests.reference_solver.contact.test_crank_slider import IMPACT_S, POSITION_M, short, touches
 
 #: Tight enough for what the independent integration is asked for.
 TIGHT = 1e-12

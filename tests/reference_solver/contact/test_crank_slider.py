@@ -6,44 +6,15 @@ import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.mechanics.assembly import assembled
-from engine_models.mechanics.contact_stiffness import stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
 from engine_models.scene.scene import Clearances, Scene
-from reference_solver.solution import Solution
-from reference_solver.solver import StepChoice, solve
+from reference_solver.solver import StepChoice
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J
 from studies.judges.truth import exact
+from tests.helpers.crank_sliders import FINE, IMPACT_S, POSITION_M, short, solved, touches
 from tests.independent.clearance import integrate
-
-#: How far each scene is followed: until two independent integrations still agree within the tolerances below,
-#: and short enough for a test. Joints touch 5 to 20 times in that time.
-HORIZON_S = {name: 0.003 if "driven" in name else 0.016 for name in CLEARANCE_SCENES}
-HORIZON_S["clearance-pendulum"] = 0.07  # it falls through its clearance in 0.01 s
-#: Asked of the reference: slider positions and impact times against the independent integration.
-POSITION_M, IMPACT_S = 1e-9, 1e-10
-#: An event-located run at these rates is converged far below that (see the ledger's order below).
-FINE = {"driven": StepChoice(5e-6, 400), "free": StepChoice(2e-5, 400)}
-
-
-def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    q, v = assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
-    return q.ravel(), v.ravel()
-
-
-def short(name: str) -> Scene:
-    return CLEARANCE_SCENES[name]().model_copy(update={"end_time_s": HORIZON_S[name]})
-
-
-def solved(scene: Scene, choice: StepChoice, samples: int = 30) -> Solution:
-    end = scene.end_time_s
-    return solve(mechanism_of(scene), *start(scene), end_time_s=end, samples=samples, step=choice)
-
-
-def touches(run: Solution) -> np.ndarray:
-    return np.asarray(run.events[run.events["what"] == 1])
 
 
 @pytest.mark.parametrize("name", CLEARANCE_SCENES)

@@ -14,21 +14,13 @@ from engine_models.reference.run import reference_run
 from engine_models.scene.library import CLEARANCE_SCENES
 from reference_solver.compiled.store import callee, compiled
 from reference_solver.contact import loop as contact_loop
-from reference_solver.contact.types import (
-    CLOCK_RECORD,
-    CONTACT_RECORD,
-    DONE,
-    EVENT_RECORD,
-    Records,
-    new_motion,
-    new_work,
-)
+from reference_solver.contact.types import CONTACT_RECORD, DONE, new_run
 from reference_solver.equations import Equations
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from tests.helpers.crank_sliders import FINE, HORIZON_S, POSITION_M, short, solved
 from tests.independent.clearance import integrate
-from tests.reference_solver.contact.test_crank_slider import FINE, HORIZON_S, POSITION_M, short, solved
 
 FloatArray = NDArray[np.float64]
 
@@ -54,42 +46,39 @@ def flow(y, until):  # type: ignore[no-untyped-def]
 @njit
 def step(p, contacts, t, h, old, new):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """A step of the loop that has converged; its sum is that of the step alone."""
-    y = flow(np.array([old.q[0], old.v[0], 0.0]), h)
-    new.q[0], new.v[0], new.sums[0] = y[0], y[1], y[2]
+    y = flow(np.array([old.y[0], old.y[1], 0.0]), h)
+    new.y[0], new.y[1], new.y[2] = y[0], y[1], y[2]
     return True
 
 
 @njit
-def slopes(p, contacts, t, motion, rates):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def slopes(p, contacts, t, row, rate, y, slopes):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """The rates at a state, and a multiplier."""
-    rate = rate_of(np.array([motion.q[0], motion.v[0], 0.0]))
-    rates.a[0], rates.powers[0], rates.multipliers[0] = rate[1], rate[2], 7.0
+    rates = rate_of(y)
+    slopes[row, 0], slopes[row, 1], slopes[row, 2], slopes[row, 3] = rates[0], rates[1], rates[2], 7.0
     return True
 
 
 @njit
-def mobilities(p, motion, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def mobilities(p, y, row, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """There is no contact."""
     return True
 
 
 def interpolation_errors(h: float) -> FloatArray:
     """Return the largest errors of q, q' and a sum within a converged step of the loop."""
-    motion, contacts = new_motion(1, 1, 0), np.zeros(0, CONTACT_RECORD)
-    start = np.array([0.8, 0.5, 3.0])
-    motion.q[0], motion.v[0], motion.sums[0] = start
-    clock, times = np.zeros(1, CLOCK_RECORD), np.linspace(0, h, 9)[1:-1]
-    clock["longest"] = clock["end"] = h
-    clock["located"] = clock["budget"] = 1
-    rows = [np.zeros((len(times), size)) for size in (1, 1, 1, 0, 1, 0)]
-    records = Records(np.zeros(1, EVENT_RECORD), np.zeros((1, 1)), times, *rows)
+    start, times = np.array([0.8, 0.5, 3.0]), np.linspace(0, h, 9)[1:-1]
+    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 1, 1), times, contact_loop.ROWS, 1)
+    run.old.y[:], (now,) = start, run.clock
+    now["longest"] = now["end"] = h
+    now["located"] = now["budget"] = 1
     functions = zip((step, slopes, mobilities), contact_loop.KERNEL, strict=True)
     kernel = contact_loop.Kernel(*(callee(function, kind) for function, kind in functions))
     loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
-    assert loop(kernel, np.zeros(0), contacts, motion, clock, records, new_work(1, 1, 0, 1)) == DONE
-    assert clock["steps"] == 1
-    assert (records.multipliers == 7.0).all()
-    found = np.column_stack([records.q, records.v, records.sums])
+    assert loop(run._replace(kernel=kernel, p=np.zeros(0))) == DONE
+    assert now["steps"] == 1
+    assert (run.records.samples[:, 3] == 7.0).all()
+    found = run.records.samples[:, :3]
     return np.asarray(np.abs(found - [flow(start, t) for t in times]).max(axis=0))
 
 

@@ -1,7 +1,6 @@
 """The generated contact step agrees with the readable one: every scene, variant, phase and law, and runs."""
 
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,115 +10,36 @@ from engine_models.mechanics.assembly import start_state
 from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from reference_solver.compiled.faces import ReadableFace
-from reference_solver.compiled.kernel import Topology, source_of
+from reference_solver.compiled.kernel import source_of
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact.force import contact_force
-from reference_solver.contact.types import CLIPPED, CONTACT, CONTACT_RECORD, FLIGHT, Rates, new_motion
-from reference_solver.equations import Baumgarte, Equations
+from reference_solver.contact.types import CONTACT_RECORD, FLIGHT, START, new_run
+from reference_solver.equations import Equations
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
-from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
-from reference_solver.mechanism.points import State, ends_of
+from reference_solver.mechanism.mechanism import GROUND
+from reference_solver.mechanism.points import State
 from reference_solver.solver import Stabilisation, StepChoice, contact_record, solve
+from tests.helpers.contact_moments import Moment, contact_state, moments
+from tests.helpers.kernels import VARIANTS, topology_of
 
 FloatArray = NDArray[np.float64]
 #: How far the two faces may part in a step, in units in the last place of what enters the sums. Measured: 25.
 #: The faces do some hundred operations in another order, each of which may round the other way.
 ROUND_OFF = 200 * float(np.finfo(float).eps)
-VARIANTS: dict[str, Stabilisation] = {
-    "none": "none",
-    "baumgarte": Baumgarte(100.0, 70.0),
-    "projection": "projection",
-}
-#: By how much states are moved off the constraints, in m and m/s, so that a stabilisation has work to do.
-OFF_M, OFF_M_S = 1e-9, 1e-4
-
-
-@dataclass(frozen=True)
-class ContactState:
-    """One contact at one instant: penetration, its rate, normal force and friction, by the readable face."""
-
-    penetration_m: float
-    rate_m_s: float
-    normal_force_N: float
-    friction_force_N: float
-
-
-def contact_state(
-    joint: ClearanceJoint, phase: float, memory: float, q: FloatArray, v: FloatArray
-) -> ContactState:
-    state = State(q, v)
-    bearing, pin = ends_of(joint, state)
-    d = pin.place - bearing.place
-    rate = d @ (pin.rate - bearing.rate) / np.hypot(*d)
-    _, (normal, *_), friction = contact_force(joint, phase, memory, state)
-    return ContactState(float(np.hypot(*d) - joint.radial_clearance_m), float(rate), normal, friction)
-
-
-@dataclass(frozen=True)
-class Moment:
-    """A mechanism, its start, and a state of a run at time t with a step h to take from there."""
-
-    mechanism: Mechanism
-    q_start: FloatArray
-    t: float
-    q: FloatArray
-    v: FloatArray
-    phases: FloatArray
-    h: float
-
-    def depth_m(self) -> float:
-        return max(c.penetration_m for c in self.contacts())
-
-    def contacts(self) -> list[ContactState]:
-        pairs = zip(self.mechanism.contacts, self.phases, strict=True)
-        return [contact_state(joint, phase, a, self.q, self.v) for joint, (phase, a) in pairs]
-
-    def condition(self) -> float:
-        """Return by how much contact forces magnify the rounding of coordinates and speeds."""
-        worst = 1.0
-        for joint, state in zip(self.mechanism.contacts, self.contacts(), strict=True):
-            if state.penetration_m > 0:
-                worst = max(worst, joint.compliance.exponent * np.abs(self.q).max() / state.penetration_m)
-            if state.penetration_m > 0 and joint.friction is not None:
-                ramp = joint.friction.regularisation_speed_m_s - joint.friction.dead_band_speed_m_s
-                worst += np.abs(self.v).max() / ramp
-        return float(worst)
-
-
-@cache
-def moments(name: str) -> dict[str, Moment]:
-    """Return from a run of a scene a moment in flight, the deepest one in contact, and that one clipped."""
-    scene = CLEARANCE_SCENES[name]()
-    mechanism, (q, v) = mechanism_of(scene), (part.ravel() for part in start_state(scene))
-    end = 0.003 if "driven" in name else 0.07 if "pendulum" in name else 0.016
-    run = solve(mechanism, q, v, end_time_s=end, samples=2000, step=StepChoice(2e-5, 100))
-    clearances = [joint.radial_clearance_m for joint in mechanism.contacts]
-    depths = (np.hypot(run.gap_m[..., 0], run.gap_m[..., 1]) - clearances).max(axis=1)
-    flying = np.flatnonzero(~run.closed.any(axis=1))[-1]
-    noise_q, noise_v = np.random.default_rng(1).uniform(-1, 1, (2, len(q)))
-
-    def moment(k: int, h: float) -> Moment:
-        state = run.q[k] + OFF_M * noise_q, run.v[k] + OFF_M_S * noise_v
-        return Moment(mechanism, q, float(run.time_s[k]), *state, run.phases[k], h)
-
-    deep = moment(int(depths.argmax()), 5e-7)
-    phases = deep.phases.copy()
-    phases[phases[:, 0] == CONTACT, 0] = CLIPPED
-    return {"flight": moment(int(flying), 1e-5), "contact": deep, "clipped": replace(deep, phases=phases)}
 
 
 def check(at: Moment, stabilisation: Stabilisation) -> None:
     """Compare a step, its sums, and forces and losses at its start, between the two faces."""
-    baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
-    projected = stabilisation == "projection"
-    topology = Topology(at.mechanism, baumgarte, projected)
+    topology = topology_of(at.mechanism, stabilisation)
     kernel, readable = load_kernel(source_of(topology.marked())), ReadableFace(topology, at.q_start)
     equations = readable.equations
     names = [*equations.power_names, "removed"]
     parameters = topology.parameters(kernel, at.q_start)
     contacts = np.array([contact_record(joint) for joint in at.mechanism.contacts], CONTACT_RECORD)
     contacts["phase"], contacts["memory"] = at.phases.T
-    old, new, again, true = (new_motion(len(at.q), len(names), len(contacts)) for _ in range(4))
+    sizes = len(at.q), len(names), len(equations.C)
+    run, of_readable = (new_run(contacts, sizes, np.zeros(0), 5, 0) for _ in range(2))
+    old, new, again, true = run.old, run.new, run.at, of_readable.new
     old.q[:], old.v[:] = at.q, at.v
     assert kernel.step(parameters, contacts, at.t, at.h, old, new)
     q, v, sums = new.q, new.v, new.sums
@@ -127,9 +47,9 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     assert kernel.gaps(parameters, contacts, at.t + at.h, again)
     for field, scale in (("depth", np.abs(q).max()), ("rate", np.abs(v).max())):
         assert np.abs(new.gaps[field] - again.gaps[field]).max() <= ROUND_OFF * scale
-    a, powers, lambda_ = np.empty_like(at.q), np.empty(len(names)), np.empty(len(equations.C))
-    rates = Rates(a, powers, lambda_, np.empty(2 * len(contacts)))
-    assert kernel.slopes(parameters, contacts, at.t, old, rates)
+    assert kernel.slopes(parameters, contacts, at.t, START, 1.0, old.y, run.slopes)
+    rate, a, powers, lambda_, forces = np.split(run.slopes[START], np.cumsum([old.n, *sizes]))
+    assert (rate == old.v).all()
 
     assert readable.step(None, contacts, at.t, at.h, old, true)
     true_a, true_lambda = equations.accelerations(at.t, at.q, at.v, at.phases)
@@ -156,7 +76,7 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     for name, (one, other, tolerance) in compared.items():
         difference = np.abs(one - other).max(initial=0.0)
         assert difference <= tolerance, f"{name}: {difference:.1e}, {tolerance:.1e} expected"
-    check_losses(at, dict(zip(names[1:-1], powers[1:-1], strict=True)), rates.forces)
+    check_losses(at, dict(zip(names[1:-1], powers[1:-1], strict=True)), forces)
 
 
 def check_losses(at: Moment, rates: dict[str, float], forces: FloatArray) -> None:

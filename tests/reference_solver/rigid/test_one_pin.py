@@ -13,6 +13,7 @@ from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, M
 from reference_solver.solution import Solution
 from reference_solver.solver import solve
 from tests.helpers.mechanism_energy import energy_residual_J, kinetic_energy_J
+from tests.helpers.orders import ORDER_TOLERANCE, slope
 
 FloatArray = NDArray[np.float64]
 
@@ -26,8 +27,6 @@ CLOSED_FORM = 1e-12
 SPEED = 1e-12
 #: A product of a few numbers.
 ROUND_OFF = 64 * EPS
-#: RK4's theory is 4; the next term of the error bends the regression by less than this.
-ORDER_TOLERANCE = 0.05
 
 
 def disc(joint: ClearanceJoint, gravity: float = 0.0) -> Mechanism:
@@ -147,10 +146,6 @@ def pendulum(angle: float, rate: float, times: FloatArray) -> FloatArray:
     return np.asarray(solution.y.T)
 
 
-def slope(steps: list[int], errors: list[float]) -> float:
-    return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
-
 def test_a_pin_slides_along_its_wall_as_a_pendulum_at_order_four() -> None:
     angle, end, counts = 1.2, 1.0, [2000, 4000, 8000]
     truth = pendulum(angle, 0.0, np.linspace(0, end, 11))
@@ -172,7 +167,7 @@ def test_a_pin_slides_along_its_wall_as_a_pendulum_at_order_four() -> None:
         errors["place"].append(float(np.abs(found.q[:, :2] - place).max()))
         errors["force"].append(float(np.abs(found.joint_force_N[:, 0] - force).max()))
     for name, values in errors.items():
-        order = slope(counts, values)
+        order = -slope(counts, values)
         assert abs(order - 4) < ORDER_TOLERANCE, f"{name}: order {order:.3f} of {values}"
 
 
@@ -205,7 +200,7 @@ def test_a_pin_thrown_up_its_wall_leaves_where_the_closed_form_says_and_falls_ba
             f"back {back - reached - fall:.1e} s late"
         )
     assert errors[-1] < 1e-8, f"leaves {errors[-1]:.1e} s off"  # measured 2e-11
-    order = slope(counts, errors)
+    order = -slope(counts, errors)
     # The end of a cut step adds its own, irregular part to the error: order 4 is a bound here.
     assert order > 3.5, f"order {order:.2f} of {errors}"
 

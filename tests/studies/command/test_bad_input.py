@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers.command import crankslider
+from tests.helpers.refusals import require_refusal
 
 CLEARANCE = """
 [clearance.B]
@@ -15,18 +16,6 @@ law = "flores"
 stiffness = 1e9
 restitution = 0.9
 """
-
-
-def require_refusal(stdout: str, stderr: str, code: object, *pieces: str) -> None:
-    assert code == 2, stderr
-    assert stdout == ""
-    assert stderr.startswith("error: ")
-    assert stderr.count("\n") == 1
-    assert stderr.endswith("\n")
-    assert "Traceback" not in stderr
-    assert "pydantic" not in stderr
-    for piece in pieces:
-        assert piece in stderr
 
 
 @pytest.fixture

@@ -254,6 +254,7 @@ def test_a_reader_that_has_seen_enough_causes_no_complaint() -> None:
 
 def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from studies.running import runner
+    from studies.running.registry import STUDIES
 
     calls: list[tuple[object, ...]] = []
     monkeypatch.setattr(runner, "run_studies", lambda *arguments: calls.append(arguments))
@@ -262,7 +263,7 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
         crankslider("run", "agreement", "--full", "--retry-failed", "--jobs", 3, "--out", tmp_path).code == 0
     )
     assert calls == [
-        (list(runner.STUDIES), False, os.cpu_count(), Path("results"), None, False),
+        (list(STUDIES), False, os.cpu_count(), Path("results"), None, False),
         (["agreement"], True, 3, tmp_path, None, True),
     ]
 

@@ -15,9 +15,9 @@ def impacts(times: np.ndarray, impulse: float = 1.0) -> Impacts:
 
 
 def test_shifted_impacts_are_all_matched() -> None:
-    found = match(TRUE + 1e-3, TRUE, 4.0)
-    assert found.found.tolist() == found.true.tolist() == [0, 1, 2, 3]
-    assert (found.unmatched, found.missed) == (0, 0)
+    pairs = match(TRUE + 1e-3, TRUE, 4.0)
+    assert pairs.run.tolist() == pairs.true.tolist() == [0, 1, 2, 3]
+    assert (pairs.unmatched, pairs.missed) == (0, 0)
 
 
 def test_one_too_many_is_unmatched_and_one_too_few_is_missed() -> None:

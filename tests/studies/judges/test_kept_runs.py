@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings
-from engine_models.engines import make_engine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.folder import VARIABLE, kernel_folder
+from studies.judges import kept_runs
 from studies.judges.kept_runs import kept_run
+from studies.running.closure import closure
 
-SHARP = make_engine("reference", method="dop853", tolerance=1e-10)
+SHARP = ReferenceEngine(method="dop853", tolerance=1e-10)
 SCENE = SCENES["ideal-driven"]()
 SETTINGS = RunSettings(SCENE.end_time_s, 10)
 
@@ -22,15 +23,15 @@ SETTINGS = RunSettings(SCENE.end_time_s, 10)
 def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
     """Give the scenes that are really run, in an empty folder."""
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    found: list[Scene] = []
+    scenes: list[Scene] = []
     simulate = ReferenceEngine.simulate
 
     def counted(engine: ReferenceEngine, scene: Scene, settings: RunSettings) -> object:
-        found.append(scene)
+        scenes.append(scene)
         return simulate(engine, scene, settings)
 
     monkeypatch.setattr(ReferenceEngine, "simulate", counted)
-    return found
+    return scenes
 
 
 def test_a_run_is_made_once_and_comes_back_bit_for_bit(runs: list[Scene]) -> None:
@@ -50,6 +51,18 @@ def test_whatever_decides_a_run_makes_another(runs: list[Scene]) -> None:
     ):
         kept_run(engine, scene, settings)
     assert len(runs) == 4
+
+
+def test_the_code_of_the_engine_counts_and_a_study_s_does_not(
+    runs: list[Scene], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept_run(SHARP, SCENE, SETTINGS)
+    modules = closure(ReferenceEngine.__module__).files
+    assert {"reference_solver.methods", "engine_models.scene.scene"} < modules.keys()
+    assert not [name for name in modules if name.startswith("studies")]
+    monkeypatch.setattr(kept_runs, "engine_fingerprint", lambda module: f"other code of {module}")
+    kept_run(SHARP, SCENE, SETTINGS)
+    assert len(runs) == 2
 
 
 def test_a_damaged_file_is_made_again(runs: list[Scene]) -> None:

@@ -9,7 +9,6 @@ from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from studies.judges.metrics import constraint_violation_m, errors, with_suffix
 from studies.judges.truth import exact
-from studies.running import provenance
 
 SHIFT = 1e-3
 #: Error of the differences that stand for derivatives.
@@ -84,19 +83,3 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
         power = (8 * (energy[3:-1] - energy[1:-3]) - (energy[4:] - energy[:-4])) / (12 * h)
         expected = torque[2:-2] * scene.start.crank_speed_rad_s
         assert np.abs(power - expected).max() < DIFFERENCES * np.abs(expected).max()
-
-
-def test_the_fingerprint_knows_the_solver_the_engines_the_studies_and_the_versions(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    present = provenance.fingerprint()
-    assert set(provenance.NUMERICAL_CODE) == {"reference_solver", "engine_models", "studies"}
-    assert {"numpy", "scipy", "exudyn", "pymunk", "numba"} <= set(provenance.versions())
-    monkeypatch.setattr(provenance, "versions", lambda: {"numpy": "0"})
-    provenance.fingerprint.cache_clear()
-    try:
-        assert provenance.fingerprint() != present
-    finally:
-        monkeypatch.undo()
-        provenance.fingerprint.cache_clear()
-    assert provenance.fingerprint() == present

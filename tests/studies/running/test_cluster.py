@@ -3,6 +3,7 @@
 import socket
 import sys
 from collections.abc import Iterator
+from importlib import reload
 from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,8 @@ from studies.running.processes import Processes
 from studies.running.runner import run_study
 from tests.helpers.command import crankslider
 from tests.helpers.mischief import MEGABYTE, NAME, case, steady
+from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import read_rows
-from tests.studies.command.test_bad_input import require_refusal
 
 
 @pytest.fixture(scope="module")
@@ -88,26 +89,30 @@ def test_a_hang_on_the_cluster_is_a_row_and_its_worker_goes_on(
     hangs = [case("hang", n, pid_file=str(tmp_path / f"pid{n}")) for n in range(2)]
     with cluster(local.scheduler_address) as executor:
         run_study(NAME, [*hangs, case("work", 7)], tmp_path, executor)
-    found = {(row["arm"], row["status"], row["reason"]) for row in rows(tmp_path)}
-    assert found == {("work", "ok", ""), ("hang", "timed out", "not finished within the limit of 3 s")}
+    outcomes = {(row["arm"], row["status"], row["reason"]) for row in rows(tmp_path)}
+    assert outcomes == {("work", "ok", ""), ("hang", "timed out", "not finished within the limit of 3 s")}
     assert set(client.scheduler_info()["workers"]) == before
 
 
-def _pretend(code: str) -> None:
-    """Make a worker say that its code is this."""
-    provenance.fingerprint = lambda: code  # type: ignore[assignment]
+def _pretend(code: str) -> str:
+    """Make a worker say that its code is this; return the fingerprint of all that it then has."""
+    provenance.fingerprint = lambda *_: code  # type: ignore[assignment]
+    return provenance.overall_fingerprint()
+
+
+def _be_honest() -> None:
+    reload(provenance)
 
 
 def test_workers_with_other_code_are_refused(local: LocalCluster, client: Client, tmp_path: Path) -> None:
-    client.run(_pretend, "other")
+    theirs = set(client.run(_pretend, "other").values())
     try:
         done = crankslider("run", "--scheduler", local.scheduler_address, "--out", tmp_path / "out")
     finally:
-        client.run(_pretend, provenance.fingerprint())
-    expected = (
-        f"--scheduler: expected workers with our code and libraries (fingerprint {provenance.fingerprint()})"
-    )
-    require_refusal(done.stdout, done.stderr, done.code, expected, "got other")
+        client.run(_be_honest)
+    ours = provenance.overall_fingerprint()
+    expected = f"--scheduler: expected workers with our code and libraries (fingerprint {ours})"
+    require_refusal(done.stdout, done.stderr, done.code, expected, f"got {theirs.pop()}")
     assert not list(tmp_path.iterdir())
 
 

@@ -11,12 +11,14 @@ from typing import Any
 
 import pytest
 
+from engine_models.arms import Arm
 from engine_models.engine import RunSettings
 from studies.running import runner
 from studies.running.case import Case, Limits
 from studies.running.execution import CaseEnded, RunBroken
+from studies.running.outcome import run_case
 from studies.running.processes import Processes
-from studies.running.runner import run_case, run_study
+from studies.running.runner import run_study
 from studies.running.worker import _memory_limited
 from tests.helpers.mischief import MEGABYTE, NAME, case
 from tests.helpers.row_files import read_rows
@@ -50,11 +52,11 @@ def test_whatever_an_engine_does_within_limits_is_a_row_with_a_reason(
     }
     hang = case("hang", limits=HASTY, pid_file=str(tmp_path / "pid"))
     rows = run(tmp_path, *(hang if arm == "hang" else case(arm, limits=AMPLE) for arm in expected))
-    found = {row["arm"]: (row["status"], row["reason"]) for row in rows}
-    assert set(found) == set(expected)
+    outcomes = {row["arm"]: (row["status"], row["reason"]) for row in rows}
+    assert set(outcomes) == set(expected)
     for arm, (status, reason) in expected.items():
-        assert found[arm][0] == status, found[arm]
-        assert reason in found[arm][1]
+        assert outcomes[arm][0] == status, outcomes[arm]
+        assert reason in outcomes[arm][1]
     assert rows[0]["time_limit_s"] in (0.5, 60)
     out, err = capfd.readouterr()
     assert out == ""
@@ -100,7 +102,7 @@ def test_timed_cases_run_alone_in_order_in_one_process(tmp_path: Path) -> None:
 
 def test_a_bug_of_a_study_stops_the_run_and_is_named(tmp_path: Path) -> None:
     with pytest.raises(
-        RunBroken, match=r"mischief \(bug\) on ideal-free: bug at execution_mischief.py:\d+: Key"
+        RunBroken, match=r"mischief \(bug\) on ideal-free: bug at helpers/mischief.py:\d+: Key"
     ):
         run(tmp_path, case("bug"))
 
@@ -108,8 +110,8 @@ def test_a_bug_of_a_study_stops_the_run_and_is_named(tmp_path: Path) -> None:
 def test_every_case_has_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "ROOMY", Limits(1, 200 * MEGABYTE))
     hangs = [case("hang", n, timed=n == 1, pid_file=str(tmp_path / "pid")) for n in range(2)]
-    found = [(row["arm"], row["status"]) for row in run(tmp_path, *hangs)]
-    assert found == [("hang", "timed out")] * 2
+    outcomes = [(row["arm"], row["status"]) for row in run(tmp_path, *hangs)]
+    assert outcomes == [("hang", "timed out")] * 2
 
 
 def _soft_limit_under(lower: int) -> int:
@@ -158,13 +160,13 @@ class _Deadly(Case):
 
 
 def deadly(number: int) -> Case:
-    return _Deadly(NAME, case("work").scene, "mischief", "deadly", RunSettings(1e-3, number + 1))
+    return _Deadly(NAME, case("work").scene, Arm("mischief", "deadly"), RunSettings(1e-3, number + 1))
 
 
 def test_a_process_that_dies_as_it_begins_does_not_end_the_run(tmp_path: Path) -> None:
     rows = run(tmp_path, deadly(0), deadly(1), case("work"))
-    found = {row["arm"]: (row["status"], row["reason"]) for row in rows}
-    assert found == {"work": ("ok", ""), "deadly": ("not begun", "ended with exit code 4")}
+    outcomes = {row["arm"]: (row["status"], row["reason"]) for row in rows}
+    assert outcomes == {"work": ("ok", ""), "deadly": ("not begun", "ended with exit code 4")}
 
 
 def test_processes_that_cannot_begin_break_the_run(tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ from studies.running.folder_lock import FolderHeld
 from studies.running.rows import DamagedRows, opened
 from studies.running.whole_file import write_whole
 from tests.helpers.command import crankslider
+from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import read_rows, write_rows
-from tests.studies.command.test_bad_input import require_refusal
 
 #: Two fingerprints.
 NEW, OLD = "0123456789abcdef", "f" * 16
@@ -26,30 +26,30 @@ HEAD: Row = {**ARM, "step_s": 1.0, "status": "ok", "reason": ""}
 
 
 def keep(folder: Path, *keys: str, code: str = NEW, status: str = "ok") -> None:
-    with opened(folder, code) as rows:
+    with opened(folder, {"e": code}) as rows:
         for key in keys:
             rows.keep(key, {**HEAD, "status": status, "number": 0.1}, {})
 
 
-def kept(folder: Path, code: str = NEW) -> list[str]:
-    with opened(folder, code) as rows:
+def cases_in(folder: Path, code: str = NEW) -> list[str]:
+    with opened(folder, {"e": code}) as rows:
         return list(rows.statuses())
 
 
 def test_a_held_folder_is_refused_and_who_has_it_is_said(tmp_path: Path) -> None:
-    with opened(tmp_path / "energy", NEW):
+    with opened(tmp_path / "energy", {"e": NEW}):
         done = crankslider("run", "agreement", "energy", "--out", tmp_path)
     require_refusal(done.stdout, done.stderr, done.code, f"got {tmp_path / 'energy'}, held by process")
     assert f"process {os.getpid()} on " in done.stderr
     assert not (tmp_path / "agreement/rows.jsonl").exists(), "it is said before any work is done"
-    assert kept(tmp_path / "energy") == []
+    assert cases_in(tmp_path / "energy") == []
 
 
 def test_who_holds_a_folder_may_not_have_said_so_yet(tmp_path: Path) -> None:
-    with opened(tmp_path, NEW):
+    with opened(tmp_path, {"e": NEW}):
         (tmp_path / "rows.lock").write_text("")
         with pytest.raises(FolderHeld, match="held by another run: wait"):
-            kept(tmp_path)
+            cases_in(tmp_path)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows locks otherwise")
@@ -69,13 +69,34 @@ def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytes
 def test_rows_of_other_code_are_set_aside_and_come_back_with_it(tmp_path: Path) -> None:
     for code, key in ((OLD, "a"), (NEW, "b"), (OLD, "c"), (NEW, "d")):
         keep(tmp_path, key, code=code)
-    assert kept(tmp_path, OLD) == ["a", "c"]
+    assert cases_in(tmp_path, OLD) == ["a", "c"]
     assert [row["fingerprint"] for row in read_rows(tmp_path / "rows.jsonl")] == [OLD, OLD]
-    assert kept(tmp_path, NEW) == ["b", "d"]
+    assert cases_in(tmp_path, NEW) == ["b", "d"]
     assert sorted(path.name for path in tmp_path.glob("*.jsonl")) == [
         "rows.ffffffffffffffff.jsonl",
         "rows.jsonl",
     ]
+
+
+def test_every_engine_has_its_own_code(tmp_path: Path) -> None:
+    new, newer = {"e": NEW, "f": OLD}, {"e": NEW, "f": "a" * 16}
+
+    def keep_row(fingerprints: dict[str, str], key: str, engine: str) -> None:
+        with opened(tmp_path, fingerprints) as rows:
+            rows.keep(key, {**HEAD, "engine": engine}, {})
+
+    def kept_rows(fingerprints: dict[str, str]) -> list[str]:
+        with opened(tmp_path, fingerprints) as rows:
+            return list(rows.statuses())
+
+    keep_row(new, "a", "e")
+    keep_row(new, "b", "f")
+    keep_row(newer, "c", "f")
+    assert sorted(kept_rows(newer)) == ["a", "c"], "what is of one engine's other code is set aside alone"
+    assert sorted(kept_rows(new)) == ["a", "b"]
+    assert kept_rows({"e": "b" * 16}) == []
+    assert len(list(tmp_path.glob("rows.*.jsonl"))) == 3
+    assert sorted(kept_rows(new)) == ["a", "b"], "rows come back from as many files as there are engines"
 
 
 def test_rows_are_set_aside_beside_those_that_are_there(tmp_path: Path) -> None:
@@ -83,8 +104,8 @@ def test_rows_are_set_aside_beside_those_that_are_there(tmp_path: Path) -> None:
     (tmp_path / "rows.jsonl").rename(tmp_path / "away")
     keep(tmp_path, "b", code=OLD)
     (tmp_path / "away").rename(tmp_path / f"rows.{OLD}.jsonl")
-    assert kept(tmp_path, NEW) == []
-    assert kept(tmp_path, OLD) == ["a", "b"]
+    assert cases_in(tmp_path, NEW) == []
+    assert cases_in(tmp_path, OLD) == ["a", "b"]
 
 
 @pytest.mark.parametrize("writes", [0, 1])
@@ -104,9 +125,9 @@ def test_rows_set_aside_survive_a_failure_at_any_moment(
     with monkeypatch.context() as patch:
         patch.setattr("studies.running.rows.write_whole", write_some)
         with pytest.raises(OSError, match="No space"):
-            kept(tmp_path, OLD)
-    assert kept(tmp_path, OLD) == ["a", "b"]
-    assert kept(tmp_path, NEW) == ["c"]
+            cases_in(tmp_path, OLD)
+    assert cases_in(tmp_path, OLD) == ["a", "b"]
+    assert cases_in(tmp_path, NEW) == ["c"]
 
 
 def test_a_row_that_is_kept_again_takes_the_place_of_the_first(tmp_path: Path) -> None:
@@ -137,7 +158,7 @@ def test_a_line_that_is_no_row_is_refused_by_file_and_number_and_left_alone(
     file.write_bytes(file.read_bytes() + junk + b"\n")
     before = file.read_bytes()
     with pytest.raises(DamagedRows, match=r"a row of results at .*rows\.jsonl:2, got .*: remove the line"):
-        kept(tmp_path)
+        cases_in(tmp_path)
     with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected a row"):
         read_results(tmp_path)
     assert file.read_bytes() == before
@@ -164,7 +185,7 @@ def test_a_row_that_is_there_twice_counts_once_and_is_told(
     found = read_results(tmp_path)
     note = f"{file}: 4 rows are there twice and count once"
     assert (len(found.rows), found.notes) == (2, (note,))
-    assert kept(tmp_path) == ["a", "b"]
+    assert cases_in(tmp_path) == ["a", "b"]
     assert capsys.readouterr().err == f"note: {note}\n"
     assert file.read_bytes() == once
 
@@ -174,7 +195,7 @@ def test_two_results_of_one_case_are_refused(tmp_path: Path) -> None:
     (row,) = read_rows(tmp_path / "rows.jsonl")
     write_rows(tmp_path / "rows.jsonl", [row, {**row, "number": 0.2}])
     with pytest.raises(DamagedRows, match=r"rows\.jsonl:2, got another result"):
-        kept(tmp_path)
+        cases_in(tmp_path)
     with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected one row of each case"):
         read_results(tmp_path)
 
@@ -197,18 +218,18 @@ def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     curves = {"time_s": np.arange(3.0)}
-    with opened(tmp_path, NEW) as rows:
+    with opened(tmp_path, {"e": NEW}) as rows:
         rows.keep("a", HEAD, curves)
         before = (tmp_path / "rows.jsonl").read_bytes()
         with monkeypatch.context() as patch:
-            patch.setattr(f"studies.{where}.write_through", half)
+            patch.setattr(f"studies.running.{where}.write_through", half)
             with pytest.raises(OSError, match="No space"):
                 rows.keep("b", HEAD, curves)
         assert (tmp_path / "rows.jsonl").read_bytes() == before
         assert list(rows.statuses()) == ["a"]
         assert list(tmp_path.rglob("*.new")) == []
         rows.keep("c", HEAD, curves)
-    assert kept(tmp_path) == ["a", "c"]
+    assert cases_in(tmp_path) == ["a", "c"]
     whole = {path.name for path in (tmp_path / "curves").iterdir()}
     assert whole == {"a.npz", "c.npz"} | ({"b.npz"} if where == "rows" else set())
 
@@ -216,18 +237,18 @@ def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
 def test_a_file_that_a_kill_left_unfinished_is_removed(tmp_path: Path) -> None:
     keep(tmp_path, "a")
     (tmp_path / "curves/b.npz.new").touch()
-    assert kept(tmp_path) == ["a"]
+    assert cases_in(tmp_path) == ["a"]
     assert list((tmp_path / "curves").iterdir()) == []
 
 
 def test_the_file_of_the_lock_is_not_inherited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     locked = folder_lock._locked
-    found = []
+    inheritable = []
 
     def look(file: FileIO) -> bool:
-        found.append(os.get_inheritable(file.fileno()))
+        inheritable.append(os.get_inheritable(file.fileno()))
         return locked(file)
 
     monkeypatch.setattr(folder_lock, "_locked", look)
-    kept(tmp_path)
-    assert found == [False]
+    cases_in(tmp_path)
+    assert inheritable == [False]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from engine_models.arms import Arm
 from engine_models.engine import RunSettings
 from engine_models.scene.library import ideal_free
 from engine_models.scene.scene import Clearance, Clearances
@@ -22,9 +23,10 @@ from studies import agreement
 from studies.running import runner
 from studies.running.case import Case, Limits
 from studies.running.execution import RunBroken
+from studies.running.outcome import run_case
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
-from studies.running.runner import run_case, run_study
+from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows
 
 
@@ -34,7 +36,7 @@ def in_process() -> Executor:
 
 def case(engine: str = "reference", step: float = 1e-3, **settings: int) -> Case:
     scene = ideal_free().model_copy(update={"end_time_s": 0.02})
-    return Case("agreement", scene, engine, "arm", RunSettings(step, 4), settings)
+    return Case("agreement", scene, Arm(engine, "arm", settings), RunSettings(step, 4))
 
 
 def rows(folder: Path) -> list[dict[str, Any]]:
@@ -65,21 +67,22 @@ def test_a_line_cut_short_by_a_kill_is_run_again_and_gives_the_same_row(tmp_path
 
 
 def test_a_process_with_other_code_breaks_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "fingerprint", lambda: "0" * 16)
-    other = rf"a process has other code or libraries \({fingerprint()}\) than the run \(0{{16}}\)"
+    monkeypatch.setattr(runner, "fingerprint", lambda *_: "0" * 16)
+    ours = fingerprint("agreement", "reference")
+    other = rf"a process has other code or libraries \({ours}\) than the run \(0{{16}}\)"
     with pytest.raises(RunBroken, match=other):
         run_study("agreement", [case()], tmp_path, lambda: Processes(1))
 
 
 def test_a_failure_and_a_refusal_are_rows_with_a_reason() -> None:
     longer = ideal_free().model_copy(update={"end_time_s": 0.5})
-    few_sweeps = Case("agreement", longer, "pymunk", "arm", RunSettings(1e-3, 4), {"iterations": 2})
+    few_sweeps = Case("agreement", longer, Arm("pymunk", "arm", {"iterations": 2}), RunSettings(1e-3, 4))
     row, curves = run_case(few_sweeps)
     assert (row["status"], curves) == ("failed", {})
     assert "t = " in str(row["reason"])
     rigid = Clearance(radial_clearance_m=5e-4, bearing_radius_m=0.01, law="rigid", restitution=0.9)
     scene = ideal_free().model_copy(update={"clearance": Clearances(B=rigid)})
-    row, _ = run_case(Case("agreement", scene, "exudyn", "arm", RunSettings(1e-3, 4)))
+    row, _ = run_case(Case("agreement", scene, Arm("exudyn", "arm"), RunSettings(1e-3, 4)))
     assert row["status"] == "unsupported"
     assert "clearance" in str(row["reason"])
 
@@ -92,7 +95,7 @@ def test_a_row_tells_what_limits_it_had_and_whether_it_was_timed() -> None:
 
 def test_the_last_line_counts_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     longer = ideal_free().model_copy(update={"end_time_s": 0.5})
-    few_sweeps = Case("agreement", longer, "pymunk", "arm", RunSettings(1e-3, 4), {"iterations": 2})
+    few_sweeps = Case("agreement", longer, Arm("pymunk", "arm", {"iterations": 2}), RunSettings(1e-3, 4))
     for _ in range(2):  # run, then found there
         run_study("agreement", [case(), few_sweeps], tmp_path, in_process)
         assert capsys.readouterr().err.endswith("agreement: 2 cases, 1 failed\n")
@@ -134,9 +137,9 @@ def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
         time.sleep(0.05)
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
-    kept = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
-    assert len(kept) >= 3
-    done = {json.loads(line)["case"] for line in kept}
-    cases = [c for c in agreement.cases(False) if c.key(fingerprint()) in done]
+    whole = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
+    assert len(whole) >= 3
+    done = {json.loads(line)["case"] for line in whole}
+    cases = [c for c in agreement.cases(False) if c.key(fingerprint("agreement", c.engine)) in done]
     run_study("agreement", cases, tmp_path / "agreement", refused)
-    assert [json.loads(line) for line in kept] == rows(tmp_path / "agreement")
+    assert [json.loads(line) for line in whole] == rows(tmp_path / "agreement")

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -15,13 +14,18 @@ from typing import Any
 
 import pytest
 
-from studies.running.provenance import NUMERICAL_CODE, ROOT
 from tests.helpers.mischief import NAME, steady
-from tests.helpers.running import HEAR, IGNORE, gone, lines, started, until
+from tests.helpers.running import HEAR, IGNORE, add_line, copied, gone, lines, started, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 CASES = 15
+#: A comment in what the study imports, and code that it does not.
+MEANS_NOTHING_TO_IT = {
+    "engine_models/scene/scene.py": "# why",
+    "studies/judges/truth.py": "AND_MORE = 1",
+    "engine_models/pymunk/engine.py": "AND_MORE = 1",
+}
 
 
 def measured(out: Path) -> list[dict[str, Any]]:
@@ -30,19 +34,19 @@ def measured(out: Path) -> list[dict[str, Any]]:
 
 def test_a_run_killed_again_and_again_ends_with_the_rows_of_one_left_alone(tmp_path: Path) -> None:
     killed, alone = tmp_path / "killed", tmp_path / "alone"
-    kept: list[str] = []
+    earlier: list[str] = []
     for n in (1, 6):
         with started(killed) as run:
             until(lambda n=n: len(lines(killed)) >= n)  # type: ignore[misc]
             run.kill()
-        assert [line for line in kept if line.endswith("\n")] == lines(killed)[: len(kept)]
-        kept = [line for line in lines(killed) if line.endswith("\n")]
-        assert len(kept) >= n
+        assert [line for line in earlier if line.endswith("\n")] == lines(killed)[: len(earlier)]
+        earlier = [line for line in lines(killed) if line.endswith("\n")]
+        assert len(earlier) >= n
     for out in (killed, alone):
         with started(out) as run:
             _, stderr = run.communicate(timeout=60)
         assert (run.returncode, f"{NAME}: {CASES} cases, 1 crashed\n" in stderr) == (0, True), stderr
-    assert lines(killed)[: len(kept)] == kept, "finished cases are not run again"
+    assert lines(killed)[: len(earlier)] == earlier, "finished cases are not run again"
     by_case = itemgetter("case")
     assert sorted(measured(killed), key=by_case) == sorted(measured(alone), key=by_case)
     assert [row["samples"] for row in measured(killed)[-2:]] == [99, 100], "timed cases are last, in order"
@@ -94,20 +98,19 @@ def test_workers_that_hang_in_native_code_do_not_survive_their_parent(tmp_path: 
 
 
 def test_a_run_whose_code_changes_stops_and_keeps_what_was_finished(tmp_path: Path) -> None:
-    for package in (*NUMERICAL_CODE, "tests"):
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    copied(tmp_path)
     results = tmp_path / "results"
     with started(results, cwd=tmp_path) as run:
         until(lambda: len(lines(results)) >= 1)
-        with (tmp_path / "studies/judges/truth.py").open("a") as file:
-            file.write("# what means nothing\n")
+        for path, line in MEANS_NOTHING_TO_IT.items():
+            add_line(tmp_path / path, line)
         until(lambda: len(lines(results)) >= 3)
-        with (tmp_path / "studies/ladders.py").open("a") as file:
-            file.write("AND_MORE = 1\n")
+        add_line(tmp_path / "engine_models/engine.py", "AND_MORE = 1")
         _, stderr = run.communicate(timeout=30)
     assert run.returncode == 1
     assert stderr.splitlines()[-1] == (
-        "error: the code changed under the run (studies/ladders.py): what was finished is kept, run it again"
+        "error: the code changed under the run (engine_models/engine.py): "
+        "what was finished is kept, run it again"
     )
     assert 3 <= len(lines(results)) < CASES
     assert "Traceback" not in stderr

@@ -1,0 +1,81 @@
+"""The catalogue of arms: engines at the settings that studies compare, each with one name and one meaning."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+
+from engine_models import engines
+from engine_models.pymunk.engine import PymunkEngine
+
+Setting = str | int | float | bool
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An engine at named settings, as it takes part in studies.
+
+    ``settings`` are what makes the arm; the rest has the engine's defaults. Where it has ``tolerances``, the
+    names of settings, its method chooses its steps, and the run's step is only the longest. What a study adds
+    resolves more or less and changes no meaning: the step, the tolerances, ``steps_per_contact``, and
+    Exudyn's build without range checks, ``fast``.
+    """
+
+    engine: str
+    name: str
+    settings: Mapping[str, Setting] = field(default_factory=dict, hash=False)
+    tolerances: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """What tables and figures call it: reference (projection)."""
+        return f"{self.engine} ({self.name})"
+
+
+#: The name of an engine as it comes, with nothing set.
+AS_IT_COMES = "default"
+
+#: The reference as it comes; with its constraints kept in three ways; with contacts' events located or not;
+#: the paper's, one step for all and nothing corrected; and by error control.
+REFERENCE = Arm("reference", AS_IT_COMES)
+PROJECTION = Arm("reference", "projection", {"stabilisation": "projection"})
+BAUMGARTE = Arm("reference", "Baumgarte", {"stabilisation": "baumgarte"})
+NO_STABILISATION = Arm("reference", "none", {"stabilisation": "none"})
+LOCATED = Arm("reference", "located", {"locate_events": True})
+PLAIN = Arm("reference", "plain", {"locate_events": False})
+PLAIN_RK4 = Arm("reference", "plain RK4", {"locate_events": False, "stabilisation": "none"})
+REFERENCE_DOP853 = Arm("reference", "DOP853", {"method": "dop853"}, ("tolerance",))
+
+#: Exudyn as it comes, and its solvers by name.
+EXUDYN = Arm("exudyn", AS_IT_COMES)
+TRAPEZOIDAL = Arm("exudyn", "trapezoidal", {"solver": "TrapezoidalIndex2"})
+GENERALIZED_ALPHA = Arm("exudyn", "generalized-alpha", {"solver": "GeneralizedAlpha", "spectral_radius": 0.5})
+GENERALIZED_ALPHA_09 = Arm(
+    "exudyn", "generalized-alpha 0.9", {"solver": "GeneralizedAlpha", "spectral_radius": 0.9}
+)
+RK44 = Arm("exudyn", "RK44", {"solver": "RK44"})
+DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("tolerance",))
+
+#: Pymunk at its best, and with all that a user who sets nothing has; its contacts as the scene's law has
+#: them, and as Pymunk has them.
+TUNED = Arm("pymunk", "tuned", asdict(PymunkEngine()))
+OUT_OF_THE_BOX = Arm("pymunk", "out of the box", asdict(PymunkEngine.out_of_the_box()))
+AS_THE_SCENE = Arm("pymunk", "as the scene", {"contact": "as-scene"})
+NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
+
+#: SciPy as it comes, and its methods.
+SCIPY = Arm("scipy", AS_IT_COMES)
+SCIPY_DOP853 = Arm("scipy", "DOP853", {"method": "DOP853"}, ("rtol", "atol"))
+LSODA = Arm("scipy", "LSODA", {"method": "LSODA"}, ("rtol", "atol"))
+RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
+
+#: Engines that the catalogue knows. Any other takes part in all studies as it comes.
+NAMED = ("reference", "exudyn", "pymunk", "scipy")
+
+
+def with_iterations(iterations: int) -> Arm:
+    """Return tuned Pymunk with another number of sweeps over its joints."""
+    return Arm("pymunk", f"{iterations} iterations", {**TUNED.settings, "iterations": iterations})
+
+
+def newcomers() -> tuple[Arm, ...]:
+    """Return the arms of the engines that the catalogue does not know."""
+    return tuple(Arm(name, AS_IT_COMES) for name in engines.ENGINES if name not in NAMED)

@@ -1,0 +1,100 @@
+"""Where the two sides of a joint are and how fast they move, in any states of the bodies.
+
+A pin is on the body further from the crank pivot, its bearing on the nearer one. Both centres lie on the x
+axis of their bodies. The surfaces of pin and bearing with clearance meet in the middle of the penetration.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.scene.scene import Clearance, Scene
+
+CRANK, ROD, SLIDER = range(3)
+
+#: A body, None for the ground, and a place on it along its axis from its centre of mass.
+End = tuple[int | None, float]
+
+
+@dataclass(frozen=True)
+class JointGap:
+    """``gap_m`` (n, 2) is from the bearing's centre to the pin's; spins (n,) are those of the two bodies."""
+
+    gap_m: FloatArray
+    rate_m_s: FloatArray
+    pin_spin_rad_s: FloatArray
+    bearing_spin_rad_s: FloatArray
+
+
+def ends(scene: Scene) -> dict[str, tuple[End, End]]:
+    """Return pin and bearing of every joint."""
+    crank, rod = scene.crank, scene.rod
+    s = crank.centre_of_mass_m
+    pivot: tuple[End, End] = (CRANK, -s), (None, 0.0)
+    if rod is None:
+        return {"O": pivot}
+    d = rod.centre_of_mass_m
+    return {
+        "O": pivot,
+        "A": ((ROD, -d), (CRANK, crank.length_m - s)),
+        "B": ((SLIDER, 0.0), (ROD, rod.length_m - d)),
+    }
+
+
+def clearances(scene: Scene) -> dict[str, Clearance]:
+    """Return the clearances of the joints that have one, in the order O, A, B."""
+    return {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
+
+
+def joint_gap(scene: Scene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
+    """Return a joint's gap in states (n, bodies, 3)."""
+    (pin, pin_rate, pin_spin), (bearing, bearing_rate, bearing_spin) = (
+        _point(end, position, velocity) for end in ends(scene)[joint]
+    )
+    return JointGap(pin - bearing, pin_rate - bearing_rate, pin_spin, bearing_spin)
+
+
+def gaps(scene: Scene, position: FloatArray) -> dict[str, FloatArray]:
+    """Return the vector (n, 2) in m from the bearing to the pin of each joint in positions (n, bodies, 3)."""
+    at_rest = np.zeros_like(position)
+    return {joint: joint_gap(scene, joint, position, at_rest).gap_m for joint in scene.joints}
+
+
+def penetration_m(clearance: Clearance, gap_m: FloatArray) -> FloatArray:
+    """Return how far a pin is in its bearing's wall, (n,) from gaps (n, 2): negative in flight."""
+    return np.asarray(np.hypot(gap_m[:, 0], gap_m[:, 1]) - clearance.radial_clearance_m)
+
+
+def directions(gap_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors along gaps (n, 2) and 90 degrees counter-clockwise of them; zero without a gap."""
+    distance = np.hypot(gap_m[:, 0], gap_m[:, 1])
+    normal = gap_m / np.maximum(distance, np.finfo(float).tiny)[:, None]
+    return normal, np.stack([-normal[:, 1], normal[:, 0]], axis=-1)
+
+
+def levers(clearance: Clearance, penetration: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far in m the surfaces in contact are from the centres of bearing and pin, each (n,)."""
+    radius, depth = clearance.bearing_radius_m, np.maximum(penetration, 0.0)
+    return radius + depth / 2, radius - clearance.radial_clearance_m - depth / 2
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the z component of a x b, (n,) from two (n, 2)."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def axis(angle_rad: FloatArray) -> FloatArray:
+    """Return the unit vectors (n, 2) along the x axis of a body at angles (n,)."""
+    return np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1)
+
+
+def _point(end: End, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return position and velocity (n, 2) of an end of a joint, and its body's spin (n,)."""
+    body, place_m = end
+    if body is None:
+        ground = np.zeros((len(position), 2))
+        return ground, ground, ground[:, 0]
+    reach, spin = place_m * axis(position[:, body, 2]), velocity[:, body, 2]
+    turned = np.stack([-reach[:, 1], reach[:, 0]], axis=-1)
+    return position[:, body, :2] + reach, velocity[:, body, :2] + spin[:, None] * turned, spin

@@ -1,0 +1,84 @@
+"""A run's motion and forces as a ``Trajectory``, and what a joint with clearance did as a ``Contact``."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
+from engine_models.mechanics.contact_law import clips
+from engine_models.mechanics.energy import elastic_energy_J, work_of_torque_J
+from engine_models.mechanics.joints import penetration_m
+from engine_models.scene.scene import Clearance, Scene
+
+
+def trajectory_of(
+    scene: Scene,
+    *,
+    position: FloatArray,
+    velocity: FloatArray,
+    joint_force_N: FloatArray,
+    guide_normal_force_N: FloatArray | None = None,
+    driver_torque_N_m: FloatArray | None = None,
+    driver_work_J: FloatArray | None = None,
+    step_s: float,
+    steps: int,
+    solve_time_s: float,
+    contacts: Mapping[str, Contact] | None = None,
+    stabilisation_loss_J: FloatArray | None = None,
+) -> Trajectory:
+    """Return the trajectory with equally spaced samples from t = 0 to the scene's end.
+
+    Torque and work of a driver of constant speed are taken as given, (n,) each; those of a constant torque
+    are the scene's, and without a drive there are none.
+    """
+    torque, work = driver_torque_N_m, driver_work_J
+    if scene.drive.kind == "torque":
+        torque = np.full(len(position), scene.drive.torque_N_m)
+        work = work_of_torque_J(scene.drive.torque_N_m, position)
+    elif scene.drive.kind == "free":
+        torque = work = None
+    return Trajectory(
+        time_s=np.linspace(0.0, scene.end_time_s, len(position)),
+        position=position,
+        velocity=velocity,
+        joint_force_N=joint_force_N,
+        guide_normal_force_N=guide_normal_force_N,
+        driver_torque_N_m=torque,
+        driver_work_J=work,
+        step_s=step_s,
+        steps=steps,
+        solve_time_s=solve_time_s,
+        contacts=contacts or {},
+        stabilisation_loss_J=stabilisation_loss_J,
+    )
+
+
+def contact_of(
+    clearance: Clearance,
+    gap_m: FloatArray,
+    *,
+    normal_force_N: FloatArray,
+    friction_force_N: FloatArray,
+    normal_impulse_N_s: FloatArray,
+    normal_loss_J: FloatArray,
+    friction_loss_J: FloatArray | None,
+    clipped_loss_J: FloatArray | None,
+    impacts: Impacts,
+) -> Contact:
+    """Return what a joint with clearance did, from its gap (n, 2), forces and sums, (n,) each.
+
+    What friction and clipping there may be in them is left out where the clearance has none.
+    """
+    penetration, has_friction = penetration_m(clearance, gap_m), clearance.friction is not None
+    return Contact(
+        gap_m=gap_m,
+        penetration_m=penetration,
+        normal_force_N=normal_force_N,
+        friction_force_N=friction_force_N if has_friction else None,
+        elastic_energy_J=elastic_energy_J(clearance, penetration),
+        normal_impulse_N_s=normal_impulse_N_s,
+        normal_loss_J=normal_loss_J,
+        friction_loss_J=friction_loss_J if has_friction else None,
+        clipped_loss_J=clipped_loss_J if clips(clearance) else None,
+        impacts=impacts,
+    )

@@ -1,0 +1,131 @@
+"""What a contact's steps leave behind, and the engine's ``Contact`` made of it after the run."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_models.engine import Contact, FloatArray, Impacts
+from engine_models.mechanics.trajectory import contact_of
+from engine_models.scene.scene import Clearance
+
+
+class ContactStep(NamedTuple):
+    """One kick of a contact: impulses in N s on the pin, inward and along t, and speeds in m/s.
+
+    Speeds are those of the penetration before the kick, and the means of before and after: an impulse times
+    the mean speed is its work, exactly. ``spring_N_s`` is the elastic part of the normal impulse.
+    """
+
+    step: int
+    normal_N_s: float
+    friction_N_s: float
+    rate_before: float
+    mean_rate: float
+    mean_sliding: float
+    spring_N_s: float
+    clipped: bool
+
+
+#: What is added up, named as in ``Contact``.
+SUMS = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
+#: Stands in a contact whose run is not over.
+NO_IMPACTS = Impacts(*np.zeros((5, 0)))
+
+
+class ContactLog:
+    """The kicks of one contact, taken up block by block; a kick is there for every step in contact.
+
+    Kept for good are the sums since the start and a row for each contact that has begun.
+    """
+
+    def __init__(self) -> None:
+        self._last_step = -2  # of those taken up so far: the first kick, at step 0 or later, begins a contact
+        self._totals = dict.fromkeys((*SUMS, "energy_lost_J"), 0.0)
+        #: Of every contact begun: its first step, its approach speed, normal impulse and loss before it, and
+        #: the last step of the contact before it.
+        self._begun: list[FloatArray] = []
+        self.add([])
+
+    def add(self, steps: list[ContactStep]) -> None:
+        """Take up the kicks that follow those so far, (k,)."""
+        table = np.array(steps, dtype=np.float64).reshape(-1, len(ContactStep._fields))
+        columns = dict(zip(ContactStep._fields, table.T, strict=True))
+        self._step: NDArray[np.int64] = columns["step"].astype(np.int64)
+        self._normal, self._friction = columns["normal_N_s"], columns["friction_N_s"]
+        clipped, spring, rate = columns["clipped"] != 0, columns["spring_N_s"], columns["mean_rate"]
+        amounts = {
+            "normal_impulse_N_s": self._normal,
+            "normal_loss_J": np.where(clipped, 0.0, (self._normal - spring) * rate),
+            "clipped_loss_J": np.where(clipped, -spring * rate, 0.0),
+            "friction_loss_J": -self._friction * columns["mean_sliding"],
+        }
+        amounts["energy_lost_J"] = sum(amounts[name] for name in SUMS[1:])
+        self._amounts = amounts
+        # The sums before each of these kicks and after the last, (k + 1,).
+        self._sums = {
+            name: np.cumsum(np.append(self._totals[name], amount)) for name, amount in amounts.items()
+        }
+        self._totals = {name: float(sums[-1]) for name, sums in self._sums.items()}
+        before = np.append(self._last_step, self._step)
+        first = np.flatnonzero(np.diff(before) > 1)
+        #: The steps at which a contact begins: they follow one without.
+        self.touches = self._step[first]
+        self._begun.append(
+            np.column_stack(
+                [
+                    self.touches,
+                    columns["rate_before"][first],
+                    self._sums["normal_impulse_N_s"][first],
+                    self._sums["energy_lost_J"][first],
+                    before[first],
+                ]
+            )
+        )
+        self._last_step = int(before[-1])
+
+    def at(self, impulse: FloatArray, wanted: NDArray[np.int64]) -> FloatArray:
+        """Return an impulse at the wanted steps, zero where there is no contact."""
+        at_wanted = np.zeros(len(wanted))
+        _, place, hit = np.intersect1d(self._step, wanted, assume_unique=True, return_indices=True)
+        at_wanted[hit] = impulse[place]
+        return at_wanted
+
+    def since_start(self, amount: str, wanted: NDArray[np.int64], share: FloatArray) -> FloatArray:
+        """Return the sum of an amount over all steps before each wanted one, and its share of that step's."""
+        before = self._sums[amount][np.searchsorted(self._step, wanted)]
+        return np.asarray(before + share * self.at(self._amounts[amount], wanted))
+
+    def impacts(self, dt: float, last_step: int) -> Impacts:
+        """Return the contacts that have ended: runs of consecutive steps; a single one has no duration."""
+        first, speed, impulse, lost, before = np.concatenate(self._begun).T
+        ends = np.append(before[1:], self._last_step)[: len(first)]
+        over = ends < last_step
+
+        def change(before_each: FloatArray, amount: str) -> FloatArray:
+            return np.asarray(np.diff(np.append(before_each, self._totals[amount]))[over])
+
+        return Impacts(
+            time_s=dt * first[over],
+            duration_s=dt * (ends - first)[over],
+            approach_speed_m_s=speed[over],
+            normal_impulse_N_s=change(impulse, "normal_impulse_N_s"),
+            energy_lost_J=change(lost, "energy_lost_J"),
+        )
+
+    def contact(
+        self, clearance: Clearance, gap: FloatArray, wanted: NDArray[np.int64], share: FloatArray, dt: float
+    ) -> Contact:
+        """Return what the joint did at wanted steps (n,) of this block, where its gap is d (n, 2) in m.
+
+        Forces are those steps' impulses over dt; ``share`` (n,) of the work at a step is before its sample.
+        The impacts are left to the end of the run.
+        """
+        return contact_of(
+            clearance,
+            gap,
+            normal_force_N=self.at(self._normal, wanted) / dt,
+            friction_force_N=self.at(self._friction, wanted) / dt,
+            impacts=NO_IMPACTS,
+            **{name: self.since_start(name, wanted, share) for name in SUMS},
+        )

@@ -1,0 +1,42 @@
+"""A run held against the converged solution of the scene that it solves, and against physics' own laws."""
+
+import numpy as np
+
+from engine_models.engine import Trajectory
+from engine_models.mechanics.samples import selected
+from engine_models.scene.scene import Scene
+from studies.judges.converged import converged, followed
+from studies.judges.metrics import (
+    constraint_violation_m,
+    energy_balance_residual_J,
+    errors,
+    kinetic_energy_J,
+    uncertainties,
+)
+from studies.running.case import Curves, Row
+
+
+def compared(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
+    """Return the largest error of every signal up to the horizon with the truth's uncertainty, and curves.
+
+    ``scene`` is the one that the engine really solves. The horizon (see ``converged.followed``) is the column
+    ``compared_until_s``, and ``largest_kinetic_energy_J`` the truth's.
+    """
+    samples = len(run.time_s) - 1
+    truth, twins = converged(scene, samples)
+    first = slice(None, followed(scene, samples))
+    judged = selected(truth, first)
+    curves: Curves = dict(errors(scene, selected(run, first), judged))
+    row: Row = {"compared_until_s": float(judged.time_s[-1])}
+    row |= {name: float(curve.max()) for name, curve in curves.items()}
+    row["largest_kinetic_energy_J"] = float(kinetic_energy_J(scene, judged).max())
+    return row | uncertainties(scene, judged, [selected(twin, first) for twin in twins]), curves
+
+
+def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
+    """Return what needs no truth: the energy balance and the constraints, at their worst and as curves."""
+    curves = {
+        "energy_balance_residual_J": energy_balance_residual_J(scene, run),
+        "constraint_violation_m": constraint_violation_m(scene, run),
+    }
+    return {name: float(np.abs(curve).max()) for name, curve in curves.items()}, curves

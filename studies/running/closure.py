@@ -1,0 +1,211 @@
+"""What a module is made of: its file and all that it imports, found without importing any of it.
+
+An import counts wherever it stands in a file, and so does ``import_module`` of a literal. Files count by
+their meaning: comments, layout and docstrings have none. Distributions count by their version. A module from
+outside the project counts by its files too, and so does what belongs to no distribution.
+"""
+
+import ast
+import hashlib
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
+from importlib.metadata import distributions
+from importlib.util import find_spec
+from itertools import accumulate
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+#: The folders whose code decides numbers; the reports only show them.
+NUMERICAL_CODE = ("reference_solver", "engine_models", "studies")
+#: Modules that decide no number, and why: what only they import does not count either.
+NOT_COUNTED = {
+    "engine_models.engines": "a registry: an engine's own module counts for the engine's cases",
+    "engine_models.arms": "says which cases there are: engine, label and settings are in their keys",
+    "studies.ladders": "says which cases there are: engine, arm, step and settings are in their keys",
+    "studies.errors": "says how a command fails, which no row does",
+    "studies.running.registry": "a registry: a study's own module counts for the study's cases",
+    "studies.running.provenance": "only says what made a row",
+    "studies.running.closure": "only says what made a row",
+}
+#: Parts of a syntax tree that have no meaning at run time, or that not every version of Python tells.
+UNSTEADY = ("kind", "type_comment", "type_ignores", "type_params")
+
+#: What is known of a file without reading it.
+Stamp = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """The files that a module is made of, by their modules' names, and the distributions that they import."""
+
+    files: dict[str, Path]
+    distributions: frozenset[str]
+
+    def __or__(self, other: "Closure") -> "Closure":
+        return Closure({**self.files, **other.files}, self.distributions | other.distributions)
+
+
+def _stamp(path: Path) -> Stamp:
+    stat = path.stat()
+    return stat.st_mtime_ns, stat.st_size, stat.st_ino
+
+
+#: Files as they were when this process first read them: those of the project before it imports more of them.
+_READ: dict[Path, tuple[Stamp, bytes]] = {}
+
+
+def _content(path: Path) -> bytes:
+    if path not in _READ:
+        _READ[path] = (_stamp(path), path.read_bytes())
+    return _READ[path][1]
+
+
+for _folder in NUMERICAL_CODE:
+    for _path in (ROOT / _folder).rglob("*.py"):
+        with suppress(FileNotFoundError):  # an editor replaces it
+            _content(_path)
+
+
+@cache
+def closure(module: str) -> Closure:
+    """Return what a module, by its import path, is made of.
+
+    Raises:
+        SyntaxError: a file is no Python.
+    """
+    own = _top(module)
+    files: dict[str, Path] = {}
+    imported: set[str] = set()
+    seen: set[str] = set()
+    waiting = [*_with_packages(module)]
+    while waiting:
+        name = waiting.pop()
+        if name in seen or not _counts(name) or (_top(name) in sys.stdlib_module_names and _top(name) != own):
+            continue
+        seen.add(name)
+        owners = () if _top(name) in NUMERICAL_CODE else _owners().get(_top(name), ())
+        imported.update(owners)
+        if (not owners or _top(name) == own) and (path := _file_of(name)):
+            files[name] = path
+            waiting += (part for target in _imports(name, path) for part in _with_packages(target))
+    return Closure(dict(sorted(files.items())), frozenset(imported))
+
+
+def meaning(path: Path) -> str:
+    """Return a hash of what a file meant when this process first read it, whatever Python's version.
+
+    Raises:
+        SyntaxError: it is no Python.
+    """
+    return _meaning(path, _content(path))
+
+
+def changed(path: Path) -> bool:
+    """Return whether a file by now means something else than when this process first read it."""
+    before = _content(path)
+    try:
+        if _stamp(path) == _READ[path][0]:
+            return False
+        return _meaning(path, path.read_bytes()) != _meaning(path, before)
+    except (OSError, SyntaxError, ValueError):  # gone, or half written
+        return True
+
+
+@cache
+def _meaning(path: Path, content: bytes) -> str:
+    text = _canonical(ast.parse(content)).encode() if path.suffix == ".py" else content
+    return hashlib.sha256(text).hexdigest()
+
+
+def _canonical(part: object) -> str:
+    """Return a syntax tree as text, without docstrings, and without what versions of Python tell or not."""
+    if isinstance(part, list):
+        return f"[{','.join(_canonical(item) for item in part if not _is_bare_text(item))}]"
+    if isinstance(part, ast.JoinedStr):  # Python 3.12 ends some with an empty text
+        part = ast.JoinedStr([value for value in part.values if getattr(value, "value", None) != ""])
+    if not isinstance(part, ast.AST):
+        return ascii(part)  # which characters repr escapes depends on Python's tables
+    fields = ((name, getattr(part, name, None)) for name in part._fields if name not in UNSTEADY)
+    shown = (f"{name}={_canonical(value)}" for name, value in fields if value is not None and value != [])
+    return f"{type(part).__name__}({','.join(shown)})"
+
+
+def _is_bare_text(item: object) -> bool:
+    return (
+        isinstance(item, ast.Expr)
+        and isinstance(item.value, ast.Constant)
+        and isinstance(item.value.value, str)
+    )
+
+
+def _imports(name: str, path: Path) -> Iterator[str]:
+    """Yield what a module imports: modules, and names that stand in one or are one."""
+    if path.suffix != ".py":
+        return
+    package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
+    for node in ast.walk(ast.parse(_content(path))):
+        match node:
+            case ast.Import(names=names):
+                yield from (alias.name for alias in names)
+            case ast.ImportFrom(module=module, names=names, level=level):
+                above = package[: len(package) + 1 - level] if level else []
+                start = [*above, *([module] if module else [])]
+                yield from (".".join([*start, alias.name]) for alias in names)
+            case ast.Call(
+                func=ast.Name(id="import_module" | "__import__") | ast.Attribute(attr="import_module"),
+                args=[ast.Constant(value=str(called)), *_],
+            ) if not called.startswith("."):
+                yield called
+
+
+def _file_of(name: str) -> Path | None:
+    """Return the file of a module, or None if a name is no module's."""
+    top, *rest = name.split(".")
+    spec = _spec(top)
+    if spec is None or not rest:
+        return Path(spec.origin) if spec and spec.has_location and spec.origin else None
+    places = [Path(folder, *rest) for folder in spec.submodule_search_locations or ()]
+    candidates = [place / "__init__.py" for place in places]
+    candidates += [
+        place.with_name(place.name + end) for place in places for end in (".py", *EXTENSION_SUFFIXES)
+    ]
+    # Of ours, what was there at first: whether a file is there may depend on the case of its name.
+    return next((p for p in candidates if (p in _READ if top in NUMERICAL_CODE else p.is_file())), None)
+
+
+@cache
+def _spec(top: str) -> ModuleSpec | None:
+    """Find a module at the top level; below it, finding would import."""
+    try:
+        return find_spec(top)
+    except ValueError:  # it is there, and nobody knows where from
+        return None
+
+
+@cache
+def _owners() -> dict[str, list[str]]:
+    """Return the names of distributions by the modules that they install at the top level."""
+    owners: dict[str, list[str]] = {}
+    for distribution in distributions():
+        listed = (distribution.read_text("top_level.txt") or "").split()
+        files = [] if listed else [file for file in distribution.files or () if file.suffix == ".py"]
+        for top in {*listed, *(file.parts[0].removesuffix(".py") for file in files)}:
+            owners.setdefault(top, []).append(distribution.metadata["Name"])
+    return owners
+
+
+def _counts(name: str) -> bool:
+    return not any(part in NOT_COUNTED for part in _with_packages(name))
+
+
+def _with_packages(name: str) -> Iterator[str]:
+    """Yield a dotted name and the packages that it is in."""
+    return accumulate(name.split("."), "{}.{}".format)
+
+
+def _top(name: str) -> str:
+    return name.partition(".")[0]

@@ -1,0 +1,50 @@
+"""Runs one case, and makes a row of whatever becomes of it."""
+
+from concurrent.futures import Future
+from importlib import import_module
+from typing import cast
+
+from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
+from studies.errors import bug
+from studies.running.case import ROOMY, Case, Curves, Row, Study
+from studies.running.execution import OUT_OF_MEMORY, CaseEnded, RunBroken
+from studies.running.registry import study_module
+
+
+def load_study(name: str) -> Study:
+    """Return a study by its name, or by the import path of its module."""
+    return cast(Study, import_module(study_module(name)))
+
+
+def run_case(case: Case) -> tuple[Row, Curves]:
+    """Run one case; what the engine refuses or fails at becomes a row with ``status`` and ``reason``.
+
+    Raises:
+        ProcessTaken: another process could run it.
+        RunBroken: there is a bug in the study or an engine's model.
+    """
+    try:
+        measured, curves = load_study(case.study).measure(case)
+    except ProcessTaken:
+        raise  # no answer yet: executors try it in another process
+    except UnsupportedScene as refusal:
+        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
+    except SimulationFailed as failure:
+        return {**case.head(), "status": "failed", "reason": str(failure)}, {}
+    except MemoryError as error:
+        limit = (case.limits or ROOMY).memory_limit_bytes
+        reason = f"{error or 'no memory left'} (limit {limit} bytes)"
+        return {**case.head(), "status": OUT_OF_MEMORY, "reason": reason}, {}
+    except Exception as error:
+        raise RunBroken(f"{case.arm.label} on {case.scene.name}: {bug(error)}") from error
+    return {**case.head(), "status": "ok", "reason": "", **measured}, curves
+
+
+def outcome(case: Case, future: "Future[tuple[Row, Curves]]") -> tuple[Row, Curves]:
+    """Return the row of a case that is done, however it ended."""
+    try:
+        return future.result()
+    except CaseEnded as end:
+        return {**case.head(), "status": end.status, "reason": end.reason}, {}
+    except ProcessTaken as refusal:
+        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}

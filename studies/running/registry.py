@@ -1,0 +1,16 @@
+"""The studies by name, each imported only when asked for. A new study is a new file and a line here."""
+
+STUDIES = {
+    "agreement": "studies.agreement",
+    "clearance": "studies.clearance",
+    "work-precision": "studies.work_precision",
+    "energy": "studies.energy",
+    "predictability": "studies.predictability.study",
+    "stability": "studies.stability.study",
+    "extremes": "studies.extremes.study",
+}
+
+
+def study_module(name: str) -> str:
+    """Return the import path of a study's module; a study without a name here is named by that path."""
+    return STUDIES.get(name, name)

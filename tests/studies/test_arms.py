@@ -1,0 +1,51 @@
+"""One catalogue of arms: a label has one meaning, in every study."""
+
+import pytest
+
+from engine_models import arms
+from engine_models.arms import Arm
+from engine_models.engines import make_engine
+from engine_models.pymunk.engine import PymunkEngine
+from studies.running.case import Case
+from studies.running.outcome import load_study
+from studies.running.registry import STUDIES
+
+#: What a study may add to an arm beside its tolerances: it resolves contacts, or is only a build.
+RESOLVING = {"steps_per_contact", "fast"}
+CATALOGUE = [arm for arm in vars(arms).values() if isinstance(arm, Arm)]
+
+
+def cases() -> list[Case]:
+    return [case for study in STUDIES for case in load_study(study).cases(True)]
+
+
+def test_a_label_has_one_meaning_in_all_studies() -> None:
+    meanings = {arm.label: arm for arm in CATALOGUE}
+    assert len(meanings) == len(CATALOGUE)
+    for case in cases():
+        assert meanings.setdefault(case.arm.label, case.arm) == case.arm, case.study
+    swept = meanings.keys() - {arm.label for arm in CATALOGUE}
+    assert all("iterations" in label for label in swept), swept
+
+
+def test_what_a_study_adds_to_an_arm_resolves_and_changes_no_meaning() -> None:
+    for case in cases():
+        more = set(case.added) - {*case.arm.tolerances, *RESOLVING}
+        assert not more, f"{case.study}: {case.arm.label} with {more}"
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_no_scene_of_a_study_shows_one_engine_under_two_labels(study: str) -> None:
+    labels: dict[tuple[str, str], str] = {}
+    for case in load_study(study).cases(True):
+        if "iterations" not in case.arm.name:  # one of Pymunk's sweep is the tuned one
+            engine = repr(make_engine(case.engine, **case.arm.settings))
+            assert labels.setdefault((case.scene.name, engine), case.arm.label) == case.arm.label
+
+
+def test_out_of_the_box_sets_all_that_a_user_who_sets_nothing_has() -> None:
+    box = arms.OUT_OF_THE_BOX
+    assert PymunkEngine(**box.settings) == PymunkEngine.out_of_the_box()  # type: ignore[arg-type]
+    assert box.settings.keys() == vars(PymunkEngine()).keys()
+    labels = {case.study for case in cases() if case.arm == box}
+    assert labels == {"agreement", "work-precision", "energy", "extremes"}
