@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from reports.style import legend_place
+from reports.style import in_legend_order, legend_place
 
 FloatArray = NDArray[np.float64]
 
@@ -113,8 +113,7 @@ def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
         if not name.startswith("setting_") and table[name].map(_may_be_number).all()
     }
     measured["mean_step_s"] = measured.get("mean_step_s", measured["step_s"]).fillna(measured["step_s"])
-    labels = dict.fromkeys(row["label"] for row in sorted(rows, key=lambda row: _place(row)[1:]))
-    table = table.assign(**measured, label=pd.Categorical(table["label"], list(labels), ordered=True))
+    table = table.assign(**measured, label=in_legend_order(table))
     return table.copy()  # in one piece, which is quicker to select from
 
 

@@ -80,6 +80,13 @@ def legend_place(engine: str, arm: str) -> tuple[int, str, int, int, str]:
     return place, engine, known, int(number[0]) if number else 0, arm
 
 
+def in_legend_order(rows: pd.DataFrame) -> pd.Categorical:
+    """Return the labels of rows as categories in the order of legends."""
+    arms = rows[["engine", "arm", "label"]].drop_duplicates("label").itertuples(index=False)
+    order = sorted(arms, key=lambda each: legend_place(each.engine, each.arm))
+    return pd.Categorical(rows["label"], [each.label for each in order], ordered=True)
+
+
 def labels(rows: pd.DataFrame) -> list[str]:
     """Return the labels among rows, each once, in the order of legends."""
     return list(rows["label"].drop_duplicates().sort_values())

@@ -7,7 +7,7 @@ import pandas as pd
 
 from reports.quantities import finished
 from reports.results import FloatArray, with_columns
-from reports.style import legend_place
+from reports.style import in_legend_order
 
 #: The parts that are no ensembles, as the study names them.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
@@ -47,8 +47,8 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """
     plain = rows["part"].isin(NO_ENSEMBLES)
     label = rows["part"].where(~plain, rows["engine"] + " (" + rows["part"] + ")")
-    places = {of: legend_place(engine, of) for engine, of in zip(rows["engine"], label, strict=True)}
-    rows = rows.assign(label=pd.Categorical(label, sorted(places, key=places.__getitem__), ordered=True))
+    rows = rows.assign(arm=rows["part"], label=label)
+    rows = rows.assign(label=in_legend_order(rows))
     kinds = ("{}", "{}_least", "{}_largest", "halved_{}")
     horizons = [f"horizon_{kind.format(tolerance)}_s" for tolerance in TOLERANCES for kind in kinds]
     return with_columns(
