@@ -19,7 +19,7 @@ from reports.chapters import (
     work_precision,
 )
 from reports.parts import Contradiction, Section
-from reports.results import BrokenResults, NoResults, Results, read_results
+from reports.results import BrokenResults, NoResults, Results, read_study
 from reports.style import RC
 from reports.tables import FORMATS, write_table
 
@@ -99,7 +99,7 @@ def _chapters(folder: Path) -> list[Chapter]:
     with mpl.rc_context(RC):
         for study in STUDIES:
             try:
-                results = read_results(folder / study.STUDY)
+                results = read_study(folder / study.STUDY)
             except NoResults as reason:
                 missing.append(str(reason))
             else:

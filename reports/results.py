@@ -65,7 +65,16 @@ class Results:
             raise BrokenResults(f"{path}: expected the curves of a finished run, got {error}") from error
 
 
-def read_results(folder: Path) -> Results:
+def read_results(folder: Path) -> pd.DataFrame:
+    """Return the rows of a study's folder, a run each, with every column (see ``frame``).
+
+    Raises:
+        NoResults, BrokenResults: as ``read_study``.
+    """
+    return read_study(folder).rows
+
+
+def read_study(folder: Path) -> Results:
     """Read a study's folder.
 
     Raises:

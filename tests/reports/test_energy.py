@@ -12,7 +12,7 @@ from reports.chapters.energy.rungs import prepared
 from reports.chapters.energy.tables import ledger_table, power_table
 from reports.parts import Contradiction, Section
 from reports.quantities import finished
-from reports.results import Results, read_results
+from reports.results import Results, read_study
 from reports.style import RC
 from studies import energy
 from studies.running.runner import run_study
@@ -39,7 +39,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
         )
     ]
     run_study("energy", cases, folder, lambda: ThreadPoolExecutor(1))
-    return read_results(folder)
+    return read_study(folder)
 
 
 @pytest.fixture(scope="module")

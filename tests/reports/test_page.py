@@ -239,10 +239,10 @@ def test_a_report_replaces_a_report_but_nothing_else(small: Path, report: Path, 
 
 
 def test_a_last_line_cut_short_by_a_kill_is_no_row(broken: Path) -> None:
-    whole = read_results(broken / "agreement").rows
+    whole = read_results(broken / "agreement")
     with (broken / "agreement/rows.jsonl").open("a", encoding="utf-8") as file:
         file.write('{"case": "0123')
-    pd.testing.assert_frame_equal(read_results(broken / "agreement").rows, whole)
+    pd.testing.assert_frame_equal(read_results(broken / "agreement"), whole)
 
 
 def test_a_frame_has_numbers_or_nan_and_settings_as_they_were_written() -> None:
@@ -263,7 +263,7 @@ def test_engines_may_differ_in_their_code_but_not_the_rows_of_one(results: Path,
     rows = [row | {"fingerprint": row["engine"]} for row in rows_of(results)]
     (tmp_path / "agreement").mkdir()
     write_rows(tmp_path, rows)
-    assert set(read_results(tmp_path / "agreement").rows["fingerprint"]) == {row["engine"] for row in rows}
+    assert set(read_results(tmp_path / "agreement")["fingerprint"]) == {row["engine"] for row in rows}
     write_rows(tmp_path, [rows[0] | {"fingerprint": "other"}, *rows[1:]])
     with pytest.raises(
         BrokenResults, match="rows made by different code; run `crankslider run` to renew them"

@@ -238,7 +238,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_chapter_shows_every_case_with_its_verdict(results: Path, tmp_path: Path) -> None:
     write_report(results, tmp_path / "report")
     assert (tmp_path / "report/figures/extremes-matrix.svg").exists()
-    rows = answers(read_results(results / "extremes").rows)
+    rows = answers(read_results(results / "extremes"))
     listed = (tmp_path / "report/tables/extremes-verdicts.csv").read_text("utf-8").splitlines()[1:]
     assert len(listed) == len(rows) == len(TINY) * len(extremes.ARMS) + 3
     for _, row in rows.iterrows():

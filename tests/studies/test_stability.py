@@ -17,7 +17,7 @@ from reports.chapters import stability as chapter
 from reports.chapters.stability.map_cells import VERDICTS as SHOWN
 from reports.chapters.stability.map_cells import cells, map_rows, prepared
 from reports.parts import Contradiction
-from reports.results import read_results
+from reports.results import read_results, read_study
 from studies.running.case import Case, Value
 from studies.running.runner import run_study
 from studies.stability import study as stability
@@ -282,7 +282,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_chapter_has_a_map_of_what_was_run_and_its_tables(results: Path) -> None:
-    sections = chapter.sections(read_results(results / "stability"))
+    sections = chapter.sections(read_study(results / "stability"))
     figures = [figure for section in sections for figure in section.figures]
     tables = {table.name: table for section in sections for table in section.tables}
     assert [figure.name for figure in figures] == ["stability-crank-speed"]
@@ -300,7 +300,7 @@ def test_the_chapter_has_a_map_of_what_was_run_and_its_tables(results: Path) -> 
 
 
 def test_the_boundary_is_between_the_last_steady_step_and_the_next(results: Path) -> None:
-    in_map = cells(prepared(read_results(results / "stability").rows), "crank_speed_rpm")
+    in_map = cells(prepared(read_results(results / "stability")), "crank_speed_rpm")
     begins = map_rows(in_map[in_map["label"] == "reference (plain)"], "crank_speed_rpm")
     assert len(begins) == 2
     steps = np.array([1e-6, 1e-5, 1e-4])
@@ -317,7 +317,7 @@ def test_a_cell_called_accurate_beyond_its_bounds_breaks_the_chapter(results: Pa
     (tmp_path / "stability").mkdir()
     write_rows(tmp_path / "stability/rows.jsonl", rows)
     with pytest.raises(Contradiction, match="are called accurate"):
-        chapter.sections(read_results(tmp_path / "stability"))
+        chapter.sections(read_study(tmp_path / "stability"))
 
 
 def test_study_and_report_name_the_same_verdicts() -> None:

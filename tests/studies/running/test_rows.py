@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.results import BrokenResults, read_results
+from reports.results import BrokenResults, read_study
 from studies.running import folder_lock
 from studies.running.case import Row
 from studies.running.folder_lock import FolderHeld
@@ -160,7 +160,7 @@ def test_a_line_that_is_no_row_is_refused_by_file_and_number_and_left_alone(
     with pytest.raises(DamagedRows, match=r"a row of results at .*rows\.jsonl:2, got .*: remove the line"):
         cases_in(tmp_path)
     with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected a row"):
-        read_results(tmp_path)
+        read_study(tmp_path)
     assert file.read_bytes() == before
 
 
@@ -182,7 +182,7 @@ def test_a_row_that_is_there_twice_counts_once_and_is_told(
     file = tmp_path / "rows.jsonl"
     once = file.read_bytes()
     file.write_bytes(once * 3)
-    found = read_results(tmp_path)
+    found = read_study(tmp_path)
     note = f"{file}: 4 rows are there twice and count once"
     assert (len(found.rows), found.notes) == (2, (note,))
     assert cases_in(tmp_path) == ["a", "b"]
@@ -197,13 +197,13 @@ def test_two_results_of_one_case_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DamagedRows, match=r"rows\.jsonl:2, got another result"):
         cases_in(tmp_path)
     with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected one row of each case"):
-        read_results(tmp_path)
+        read_study(tmp_path)
 
 
 def test_a_report_leaves_out_what_was_killed_from_outside(tmp_path: Path) -> None:
     keep(tmp_path, "a")
     keep(tmp_path, "b", status="killed from outside")
-    found = read_results(tmp_path)
+    found = read_study(tmp_path)
     assert list(found.rows["case"]) == ["a"]
     assert "1 cases were killed from outside" in found.notes[0]
 
