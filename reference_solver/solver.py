@@ -69,7 +69,7 @@ class StepChoice:
 
     Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
     step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
-    than the part ``closing_flight_fraction`` of the longest step (see ``rigid_settling``).
+    than the part ``closing_flight_fraction`` of the longest step (see ``rigid.settling``).
     """
 
     longest_s: float

@@ -93,13 +93,13 @@ class ReadableFace:
             return equations.required(t, q, v, phases, h, method)
 
         def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
-            *found, ok = equations.project(t, q, v, phases)
+            *result, ok = equations.project(t, q, v, phases)
             if not ok and np.isfinite(q).all():
                 equations.refuse_singular(t, q)
-            return (*found, ok)
+            return (*result, ok)
 
-        found = step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
-        new.y[:] = [*found.q, *found.v, *found.sums.values(), found.removed]
+        after = step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
+        new.y[:] = [*after.q, *after.v, *after.sums.values(), after.removed]
         finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
         if finite:
             self.gaps(None, contacts, t + h, new)
@@ -135,10 +135,10 @@ class ReadableFace:
         """Set the contacts' gaps of a motion at t; return whether it could."""
         phases, state, powers = phases_of(contacts), State(motion.q, motion.v), dict[str, float]()
         if self._topology.following:
-            found = self.equations.answer(t, motion.q, motion.v, phases)
-            if not found.ok:
+            answer = self.equations.answer(t, motion.q, motion.v, phases)
+            if not answer.ok:
                 return False
-            powers = found.powers
+            powers = answer.powers
         for k, joint in enumerate(self._topology.mechanism.contacts):
             phase, memory = phases[k]
             fields = gap(joint, phase, memory, state, powers.get(f"normal{k}", 0.0))

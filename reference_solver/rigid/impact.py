@@ -100,9 +100,9 @@ def impact(equations: Equations, t: float, q: FloatArray, v: FloatArray, touchin
     impulse = np.zeros(len(D))
     impulse[:k] = complementary(W[:k, :k], (1 + touching.restitution) * u[:k])
     if rubbing.any() and impulse.any():
-        found = _with_friction(W, u, touching, np.flatnonzero(rubbing))
-        if found is not None:
-            impulse = _not_growing(W, u, impulse, found)
+        rubbed = _with_friction(W, u, touching, np.flatnonzero(rubbing))
+        if rubbed is not None:
+            impulse = _not_growing(W, u, impulse, rubbed)
     mean = u + W @ impulse / 2
     losses = -(impulse * mean)
     lost = losses[:k].copy()
