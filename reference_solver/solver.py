@@ -149,7 +149,6 @@ class Solver:
     ) -> None:
         self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
         self._rigid = any(joint.rigid for joint in self._joints)
-        self._controlled = isinstance(choice, ErrorControl)
         located = isinstance(choice, ErrorControl) or choice.locate_events
         if self._rigid and not (stabilisation == "projection" and located):
             raise ValueError(
@@ -161,7 +160,7 @@ class Solver:
         self._q_start = np.array(q_start, dtype=float)
         self._equations = Equations(mechanism, self._q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
-        self._method = dop853() if self._controlled else RK4
+        self._method = dop853() if isinstance(choice, ErrorControl) else RK4
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
         self.steps = self.settled = 0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it
