@@ -446,21 +446,21 @@ def cut(run, step, releasing):
     that the event has been passed by the round-off of one that came with it.
     """
     contacts, gaps, t = run.contacts, run.new.gaps, run.clock[0].time
-    event, place = first_event(run, step.end - t, -1)
-    if releasing >= 0 and event < 0:
-        gap = gaps[releasing]
-        if gap.rate < 0.0 and gap.g < -0.2 * (step.end - t) * gap.rate:
-            event = 2 * releasing
-    for _ in range(2 * len(contacts)):  # another event may turn out to come before, if they are close
-        if event < 0 or place <= 0.0:
+    event, place, most = -1, 1.0, 2 * len(contacts)
+    for trials in range(most + 1):  # another event may turn out to come before, if they are close
+        other, place = first_event(run, step.end - t, event)
+        if trials == 0 and other < 0 and releasing >= 0:
+            gap = gaps[releasing]
+            if gap.rate < 0.0 and gap.g < -0.2 * (step.end - t) * gap.rate:
+                other = 2 * releasing
+        if other < 0:
+            break
+        event = other
+        if place <= 0.0 or trials == most:
             break
         step = land(run, step, t + place * (step.end - t), event, place >= 1.0)
         if np.isnan(step.end):
             return step, event, place
-        other, place = first_event(run, step.end - t, event)
-        if other < 0:
-            break
-        event = other
     if event < 0 and unseen(contacts, gaps):
         step = Step(step.course, step.H, np.nan)
     return step, event, place
@@ -468,11 +468,8 @@ def cut(run, step, releasing):
 
 @register_jitable(**INNER)
 def accept(run, step, event, error, factor):
-    """Move on to the end of a step; return how it ended."""
-    contacts, old, new = run.contacts, run.old, run.new
-    now, control, times = run.clock[0], run.control[0], run.records.time
-    if now.taken < len(times) and times[now.taken] < step.end and not within(run, step):
-        return FAILED
+    """Move on to the end of a step, and choose the one after it."""
+    now, control, contacts, old, new = run.clock[0], run.control[0], run.contacts, run.old, run.new
     for c in range(len(old.y)):
         old.y[c], run.slopes[START, c] = new.y[c], run.slopes[END, c]
     for k in range(len(contacts)):
@@ -485,7 +482,6 @@ def accept(run, step, event, error, factor):
         if control.fresh >= 0:
             part = lasting(step.course, step.H * factor) / contacts[control.fresh].duration_s
             control.first_part, control.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
-    return GO
 
 
 @register_jitable(**INNER)
@@ -556,7 +552,7 @@ def begin(run):
 
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
-    now, control = run.clock[0], run.control[0]
+    now, control, times = run.clock[0], run.control[0], run.records.time
     status = begin(run)
     while status == GO:
         if not loop.write_due(run):
@@ -575,7 +571,9 @@ def advance(run):
             continue
         now.steps += 1
         if event < 0 or place > 0.0:
-            status = accept(run, step, event, error, factor)
-        if status == GO and event >= 0:
+            if now.taken < len(times) and times[now.taken] < step.end and not within(run, step):
+                return FAILED
+            accept(run, step, event, error, factor)
+        if event >= 0:
             status = go_on(run, event)
     return status
