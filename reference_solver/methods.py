@@ -92,15 +92,15 @@ def stages(
 
     ``rates(t, q, v)`` answers with ``accelerations`` (n,): (11) and (12), {Z1'} = {Z2}, {Z2'} = {A}.
     """
-    earlier: list[Stage] = []
+    taken: list[Stage] = []
     for node, row in zip(method.nodes, method.matrix, strict=True):
         at_q, at_v = q, v
-        for weight, stage in zip(row, earlier, strict=True):
+        for weight, stage in zip(row, taken, strict=True):
             if weight:
                 at_q = at_q + (h * weight) * stage.v
                 at_v = at_v + (h * weight) * stage.answer.accelerations
-        earlier.append(Stage(at_v, rates(t + h * node if node else t, at_q, at_v)))
-    return earlier
+        taken.append(Stage(at_v, rates(t + h * node if node else t, at_q, at_v)))
+    return taken
 
 
 def quadrature(method: Method, h: Scalar, values: list[Any]) -> Any:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -183,11 +184,9 @@ class Solver:
 
     def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> Run:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
-        from reference_solver.compiled.faces import loop_of
-
         contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
-        sizes, rows = (len(q), len(self._names), len(self._equations.C)), loop_of(self._topology(())).ROWS
-        run, choice = new_run(contacts, sizes, times, rows, LOG_ROWS), self._choice
+        sizes = len(q), len(self._names), len(self._equations.C)
+        run, choice = new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS), self._choice
         run.old.q[:], run.old.v[:] = q, v
         (now,) = run.clock
         now["longest"], now["end"], now["rigid"] = choice.longest_s, end_time_s, -1
@@ -316,9 +315,10 @@ class Solver:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
         n, (time_s, samples) = run.old.n, run.records[2:]
-        sizes = (n, n, len(self._names), len(self._equations.C), 2 * len(self._joints))
-        columns = np.split(samples, np.cumsum(sizes), axis=1)
-        q, v, sums, multipliers, forces, phases = (np.ascontiguousarray(part) for part in columns)
+        sums_and_rows, pairs = (len(self._names), len(self._equations.C)), 2 * len(self._joints)
+        ends = pairwise(accumulate((n, n, *sums_and_rows, pairs, pairs), initial=0))
+        columns = (np.ascontiguousarray(samples[:, begin:end]) for begin, end in ends)
+        q, v, sums, multipliers, forces, phases = columns
         return Solution(
             mechanism=self._mechanism,
             time_s=time_s,

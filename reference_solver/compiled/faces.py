@@ -20,7 +20,10 @@ from reference_solver.tape import FloatArray, RecordArray
 
 
 class CompiledFace:
-    """The ``kernel`` of a topology with its ``parameters``, and the loop that calls it."""
+    """The ``kernel`` of a topology with its ``parameters``, and the loop that calls it.
+
+    ``rows`` is the number of slopes that a run needs (see ``contact.types.new_run``).
+    """
 
     #: Evaluations of {A} times coordinates per call: a fraction of a second, to answer an interrupt.
     chunk = 8_000_000
@@ -30,8 +33,9 @@ class CompiledFace:
         self.parameters = topology.parameters(self.kernel, q_start)
         self._advance: Callable[[Run], int] = from_sample_to_sample
         self._of: Any = self.kernel
+        loop = loop_of(topology)
+        self.rows: int = loop.ROWS
         if topology.method.embedded or topology.mechanism.contacts:
-            loop = loop_of(topology)
             functions = zip(loop.Kernel._fields, loop.KERNEL, strict=True)
             self._of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
             self._advance = compiled(loop.advance, loop.ADVANCE)
@@ -70,16 +74,16 @@ class ReadableFace:
     chunk = 80_000
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
+        self._loop, self.rows = loop_of(topology), loop_of(topology).ROWS
         self._topology, self.kernel, self.parameters = topology, self, None
         mechanism = topology.mechanism
         self.equations = Equations(mechanism, q_start, topology.baumgarte, topology.following)
 
     def advance(self, run: Run) -> int:
         """Advance a run by the loop that suits, which runs as it stands."""
-        loop = loop_of(self._topology)
-        of = loop.Kernel(*(getattr(self, name) for name in loop.Kernel._fields))
+        kernel = self._loop.Kernel(*(getattr(self, name) for name in self._loop.Kernel._fields))
         with np.errstate(all="ignore"):
-            return int(loop.advance(with_fields(run._replace(kernel=of))))
+            return int(self._loop.advance(with_fields(run._replace(kernel=kernel))))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> bool:
         """Set ``new`` to the state after a step, with the sums of the step alone.
