@@ -154,8 +154,8 @@ class Equations:
     def _compliant(self, phases: Phases) -> list[tuple[int, ClearanceJoint, Scalar, Scalar]]:
         """Return number, joint, phase and memory of every compliant contact."""
         joints = self.mechanism.contacts
-        found = np.full((len(joints), 2), FLIGHT) if phases is None else phases
-        return [(k, joint, *found[k]) for k, joint in enumerate(joints) if not joint.rigid]
+        phases = np.full((len(joints), 2), FLIGHT) if phases is None else phases
+        return [(k, joint, *phases[k]) for k, joint in enumerate(joints) if not joint.rigid]
 
     def _force(self, q: Array, v: Array, phases: Phases) -> tuple[Array, dict[str, Scalar], list[Scalar]]:
         """Return {F} (n,), the contacts' rates by name, and their friction forces."""
@@ -163,9 +163,9 @@ class Equations:
         friction: list[Scalar] = [0.0] * len(self.mechanism.contacts)
         forces = [LOADS[type(load)](load, state, False) for load in self.mechanism.loads]
         for k, joint, phase, memory in self._compliant(phases):
-            force, found, friction[k] = contact_force(joint, phase, memory, state)
+            force, own_rates, friction[k] = contact_force(joint, phase, memory, state)
             forces.append(force)
-            rates |= zip(rates_of(joint, k), found, strict=True)
+            rates |= zip(rates_of(joint, k), own_rates, strict=True)
         return self._sum(forces), rates, friction
 
     def stored_force(self, q: Array, phases: Phases = None) -> Array:
@@ -208,10 +208,10 @@ class Equations:
         A = named("a", free + (B * self.inverse_mass).T @ lambda_, "(9), (10)")
         ok, damper = factors.ok, 0.0
         if self.rubbing:
-            found = rubbed(self.rubbing, State(q, v), self.inverse_mass, B, factors, lambda_)
-            A, lambda_, ok = A + found.change, found.multipliers, both(ok, found.ok)
-            damper = found.damper_per_s
-            for pin, force, lost in zip(self.rubbing, found.forces, found.powers, strict=True):
+            effect = rubbed(self.rubbing, State(q, v), self.inverse_mass, B, factors, lambda_)
+            A, lambda_, ok = A + effect.change, effect.multipliers, both(ok, effect.ok)
+            damper = effect.damper_per_s
+            for pin, force, lost in zip(self.rubbing, effect.forces, effect.powers, strict=True):
                 friction[pin.contact], powers[f"slide{pin.contact}"] = force, lost
         for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
@@ -241,14 +241,14 @@ class Equations:
         """
         still = np.zeros(self.n)
         state, B = State(q, still), self.system(0.0, q, still).B
-        factors, found = self.factors(B), []
+        factors, mobilities = self.factors(B), []
         for joint in self.mechanism.contacts:
             bearing, pin = ends_of(joint, state)
             d = pin.place - bearing.place
             N = speed_row(d, bearing, pin, self.n)
             held = B @ (self.inverse_mass * N)
-            found.append((N @ (self.inverse_mass * N) - held @ factors.solve(held)) / (d @ d))
-        return found
+            mobilities.append((N @ (self.inverse_mass * N) - held @ factors.solve(held)) / (d @ d))
+        return mobilities
 
     def accelerations(
         self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None
@@ -272,14 +272,14 @@ class Equations:
             PainleveParadox: friction leaves a pin that follows its wall no mobility along its normal.
             FrictionTooStiff: a step of h is too long at this state.
         """
-        found = self.answer(t, q, v, phases)
-        if not found.ok and np.isfinite(q).all() and np.isfinite(v).all():
+        answer = self.answer(t, q, v, phases)
+        if not answer.ok and np.isfinite(q).all() and np.isfinite(v).all():
             if not self.factors(self.constraint_matrix(q)).ok:
                 self.refuse_singular(t, q)
             raise PainleveParadox(t, tuple(pin.contact for pin in self.rubbing))
-        if h * found.damper_per_s > of.damper_limit:
-            raise FrictionTooStiff(t, h, float(found.damper_per_s), of.damper_limit)
-        return found
+        if h * answer.damper_per_s > of.damper_limit:
+            raise FrictionTooStiff(t, h, float(answer.damper_per_s), of.damper_limit)
+        return answer
 
     def refuse_singular(self, t: float, q: FloatArray) -> None:
         """Say why [B] has not full row rank.

@@ -92,15 +92,15 @@ def stages(
 
     ``rates(t, q, v)`` answers with ``accelerations`` (n,): (11) and (12), {Z1'} = {Z2}, {Z2'} = {A}.
     """
-    found: list[Stage] = []
+    taken: list[Stage] = []
     for node, row in zip(method.nodes, method.matrix, strict=True):
         at_q, at_v = q, v
-        for weight, stage in zip(row, found, strict=True):
+        for weight, stage in zip(row, taken, strict=True):
             if weight:
                 at_q = at_q + (h * weight) * stage.v
                 at_v = at_v + (h * weight) * stage.answer.accelerations
-        found.append(Stage(at_v, rates(t + h * node if node else t, at_q, at_v)))
-    return found
+        taken.append(Stage(at_v, rates(t + h * node if node else t, at_q, at_v)))
+    return taken
 
 
 def quadrature(method: Method, h: Scalar, values: list[Any]) -> Any:
@@ -143,21 +143,21 @@ def step(
     carried on to this step (Kahan 1965). What Baumgarte's feedback removes is its power at the start of the
     step times h: within a step the stages violate the constraints by more than the solution does.
     """
-    found, n = stages(method, answer, t, q, v, h), len(q)
-    change_q = quadrature(method, h, [stage.v for stage in found])
-    change_v = quadrature(method, h, [stage.answer.accelerations for stage in found])
+    taken, n = stages(method, answer, t, q, v, h), len(q)
+    change_q = quadrature(method, h, [stage.v for stage in taken])
+    change_v = quadrature(method, h, [stage.answer.accelerations for stage in taken])
     changes, old = np.concatenate([change_q, change_v]), np.concatenate([q, v])
     if lost is not None:
         changes = named("change", changes + lost)
     new = named("next", old + changes, "(13)")
-    powers = [stage.answer.powers for stage in found]
+    powers = [stage.answer.powers for stage in taken]
     sums = {name: quadrature(method, h, [power[name] for power in powers]) for name in powers[0]}
     ok: Scalar = True
-    for stage in found:
+    for stage in taken:
         ok = both(ok, stage.answer.ok)
         if not isinstance(stage.answer.damper_per_s, float):
             ok = both(ok, h * stage.answer.damper_per_s < method.damper_limit)
-    new_q, new_v, removed = new[:n], new[n:], h * found[0].answer.removed_W
+    new_q, new_v, removed = new[:n], new[n:], h * taken[0].answer.removed_W
     if project is not None:
         new_q, new_v, removed, held = project(t + h, new_q, new_v)
         ok = both(ok, held)

@@ -10,7 +10,7 @@ from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import FloatArray, RecordArray
 
-#: What a contact dissipates by (see ``contact.rates_of``).
+#: What a contact dissipates by (see ``contact.force.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
 
 
@@ -75,12 +75,12 @@ class Solution:
     @property
     def gap_m(self) -> FloatArray:
         """Return d, from bearing centre to pin centre, (s, K, 2)."""
-        found = np.empty((len(self.q), len(self.mechanism.contacts), 2))
+        gaps = np.empty((len(self.q), len(self.mechanism.contacts), 2))
         for k, joint in enumerate(self.mechanism.contacts):
             for sample, q in enumerate(self.q):
                 bearing, pin = ends_of(joint, State(q, q))
-                found[sample, k] = pin.place - bearing.place
-        return found
+                gaps[sample, k] = pin.place - bearing.place
+        return gaps
 
     @property
     def joint_force_N(self) -> FloatArray:

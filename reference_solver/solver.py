@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -69,7 +70,7 @@ class StepChoice:
 
     Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
     step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
-    than the part ``closing_flight_fraction`` of the longest step (see ``rigid_settling``).
+    than the part ``closing_flight_fraction`` of the longest step (see ``rigid.settling``).
     """
 
     longest_s: float
@@ -149,7 +150,6 @@ class Solver:
     ) -> None:
         self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
         self._rigid = any(joint.rigid for joint in self._joints)
-        self._controlled = isinstance(choice, ErrorControl)
         located = isinstance(choice, ErrorControl) or choice.locate_events
         if self._rigid and not (stabilisation == "projection" and located):
             raise ValueError(
@@ -161,7 +161,7 @@ class Solver:
         self._q_start = np.array(q_start, dtype=float)
         self._equations = Equations(mechanism, self._q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
-        self._method = dop853() if self._controlled else RK4
+        self._method = dop853() if isinstance(choice, ErrorControl) else RK4
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
         self.steps = self.settled = 0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it
@@ -184,11 +184,9 @@ class Solver:
 
     def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> Run:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
-        from reference_solver.compiled.faces import loop_of
-
         contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
-        sizes, rows = (len(q), len(self._names), len(self._equations.C)), loop_of(self._topology(())).ROWS
-        run, choice = new_run(contacts, sizes, times, rows, LOG_ROWS), self._choice
+        sizes = len(q), len(self._names), len(self._equations.C)
+        run, choice = new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS), self._choice
         run.old.q[:], run.old.v[:] = q, v
         (now,) = run.clock
         now["longest"], now["end"], now["rigid"] = choice.longest_s, end_time_s, -1
@@ -317,9 +315,10 @@ class Solver:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
         n, (time_s, samples) = run.old.n, run.records[2:]
-        sizes = (n, n, len(self._names), len(self._equations.C), 2 * len(self._joints))
-        columns = np.split(samples, np.cumsum(sizes), axis=1)
-        q, v, sums, multipliers, forces, phases = (np.ascontiguousarray(part) for part in columns)
+        sums_and_rows, pairs = (len(self._names), len(self._equations.C)), 2 * len(self._joints)
+        ends = pairwise(accumulate((n, n, *sums_and_rows, pairs, pairs), initial=0))
+        columns = (np.ascontiguousarray(samples[:, begin:end]) for begin, end in ends)
+        q, v, sums, multipliers, forces, phases = columns
         return Solution(
             mechanism=self._mechanism,
             time_s=time_s,

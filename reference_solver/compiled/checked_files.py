@@ -26,11 +26,11 @@ def read_checked(name: str) -> bytes | None:
     """
     try:
         with (private_folder() / name).open("rb") as file:
-            kept = file.read() if is_own(os.fstat(file.fileno())) else b""
+            content = file.read() if is_own(os.fstat(file.fileno())) else b""
     except OSError:
         return None
-    data = kept[CHECKSUM_BYTES:]
-    if kept == checksum(name, data) + data:
+    data = content[CHECKSUM_BYTES:]
+    if content == checksum(name, data) + data:
         return data
     say_once(f"{kernel_folder()}: expected files as they were kept, got damaged ones: making them again")
     return None

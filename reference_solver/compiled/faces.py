@@ -20,7 +20,10 @@ from reference_solver.tape import FloatArray, RecordArray
 
 
 class CompiledFace:
-    """The ``kernel`` of a topology with its ``parameters``, and the loop that calls it."""
+    """The ``kernel`` of a topology with its ``parameters``, and the loop that calls it.
+
+    ``rows`` is the number of slopes that a run needs (see ``contact.types.new_run``).
+    """
 
     #: Evaluations of {A} times coordinates per call: a fraction of a second, to answer an interrupt.
     chunk = 8_000_000
@@ -30,8 +33,9 @@ class CompiledFace:
         self.parameters = topology.parameters(self.kernel, q_start)
         self._advance: Callable[[Run], int] = from_sample_to_sample
         self._of: Any = self.kernel
+        loop = loop_of(topology)
+        self.rows: int = loop.ROWS
         if topology.method.embedded or topology.mechanism.contacts:
-            loop = loop_of(topology)
             functions = zip(loop.Kernel._fields, loop.KERNEL, strict=True)
             self._of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
             self._advance = compiled(loop.advance, loop.ADVANCE)
@@ -70,16 +74,16 @@ class ReadableFace:
     chunk = 80_000
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
+        self._loop, self.rows = loop_of(topology), loop_of(topology).ROWS
         self._topology, self.kernel, self.parameters = topology, self, None
         mechanism = topology.mechanism
         self.equations = Equations(mechanism, q_start, topology.baumgarte, topology.following)
 
     def advance(self, run: Run) -> int:
         """Advance a run by the loop that suits, which runs as it stands."""
-        loop = loop_of(self._topology)
-        of = loop.Kernel(*(getattr(self, name) for name in loop.Kernel._fields))
+        kernel = self._loop.Kernel(*(getattr(self, name) for name in self._loop.Kernel._fields))
         with np.errstate(all="ignore"):
-            return int(loop.advance(with_fields(run._replace(kernel=of))))
+            return int(self._loop.advance(with_fields(run._replace(kernel=kernel))))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> bool:
         """Set ``new`` to the state after a step, with the sums of the step alone.
@@ -93,13 +97,13 @@ class ReadableFace:
             return equations.required(t, q, v, phases, h, method)
 
         def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
-            *found, ok = equations.project(t, q, v, phases)
+            *result, ok = equations.project(t, q, v, phases)
             if not ok and np.isfinite(q).all():
                 equations.refuse_singular(t, q)
-            return (*found, ok)
+            return (*result, ok)
 
-        found = step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
-        new.y[:] = [*found.q, *found.v, *found.sums.values(), found.removed]
+        after = step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
+        new.y[:] = [*after.q, *after.v, *after.sums.values(), after.removed]
         finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
         if finite:
             self.gaps(None, contacts, t + h, new)
@@ -135,10 +139,10 @@ class ReadableFace:
         """Set the contacts' gaps of a motion at t; return whether it could."""
         phases, state, powers = phases_of(contacts), State(motion.q, motion.v), dict[str, float]()
         if self._topology.following:
-            found = self.equations.answer(t, motion.q, motion.v, phases)
-            if not found.ok:
+            answer = self.equations.answer(t, motion.q, motion.v, phases)
+            if not answer.ok:
                 return False
-            powers = found.powers
+            powers = answer.powers
         for k, joint in enumerate(self._topology.mechanism.contacts):
             phase, memory = phases[k]
             fields = gap(joint, phase, memory, state, powers.get(f"normal{k}", 0.0))

@@ -44,17 +44,17 @@ def private_folder() -> Path:
     return folder
 
 
-def is_own(found: os.stat_result, *others: int) -> bool:
+def is_own(status: os.stat_result, *others: int) -> bool:
     """Return whether a file or folder belongs to this user, or to one of the others."""
-    return sys.platform == "win32" or found.st_uid in (os.geteuid(), *others)
+    return sys.platform == "win32" or status.st_uid in (os.geteuid(), *others)
 
 
-def _require_private(folder: Path, found: os.stat_result, *owners: int) -> None:
+def _require_private(folder: Path, status: os.stat_result, *owners: int) -> None:
     elsewhere = f"set {VARIABLE} to a folder of your own"
-    if not is_own(found, *owners):
-        got = f"one of user {found.st_uid}: {elsewhere}"
-    elif found.st_mode & WRITABLE_BY_OTHERS and sys.platform != "win32":  # there permissions say nothing
-        got = f"permissions {stat.S_IMODE(found.st_mode):04o}: run chmod go-w on it, or {elsewhere}"
+    if not is_own(status, *owners):
+        got = f"one of user {status.st_uid}: {elsewhere}"
+    elif status.st_mode & WRITABLE_BY_OTHERS and sys.platform != "win32":  # there permissions say nothing
+        got = f"permissions {stat.S_IMODE(status.st_mode):04o}: run chmod go-w on it, or {elsewhere}"
     else:
         return
     raise FolderRefused(f"{folder}: expected a folder that only you can write to, got {got}")

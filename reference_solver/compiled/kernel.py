@@ -129,8 +129,8 @@ class Kernel:
     def source(self) -> str:
         """Return the module's text."""
         texts = "".join(f"        {text},\n" for text in self._parameters.texts)
-        made = f"def parameters(r):\n    return [\n{texts}    ]"
-        return "\n\n".join([HEADER, made, *self._functions]) + "\n"
+        parameters = f"def parameters(r):\n    return [\n{texts}    ]"
+        return "\n\n".join([HEADER, parameters, *self._functions]) + "\n"
 
     def begin(self) -> Draft:
         """Return a new function."""
@@ -196,9 +196,9 @@ class Kernel:
     def answer(self) -> None:
         """Write ``answer``: {q''}, {lambda}, powers, friction forces, what feedback removes, success."""
         draft = self.begin()
-        found = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
-        results = [*found.accelerations, *found.multipliers, *found.powers.values(), *found.friction_N]
-        results += [found.removed_W, found.damper_per_s, found.ok]
+        answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+        results = [*answer.accelerations, *answer.multipliers, *answer.powers.values(), *answer.friction_N]
+        results += [answer.removed_W, answer.damper_per_s, answer.ok]
         self._answers = results
         self.inner("answer", draft, results)
 
@@ -208,9 +208,9 @@ class Kernel:
         ends = np.cumsum(sizes)
         letters = zip(("a", "lambda", "power", "friction"), sizes, strict=True)
         names = [f"{letter}{k}" for letter, size in letters for k in range(size)]
-        found = self.call("answer", draft, t, q, v, [*names, "removed", "damper", "ok"])
-        found = [new if isinstance(x, Value) else x for new, x in zip(found, self._answers, strict=True)]
-        a, lambda_, powers, friction, rest = (found[i:j] for i, j in pairwise([0, *ends, len(found)]))
+        results = self.call("answer", draft, t, q, v, [*names, "removed", "damper", "ok"])
+        results = [new if isinstance(x, Value) else x for new, x in zip(results, self._answers, strict=True)]
+        a, lambda_, powers, friction, rest = (results[i:j] for i, j in pairwise([0, *ends, len(results)]))
         by_name = dict(zip(self.powers, powers, strict=True))
         return Answer(array(a), array(lambda_), by_name, friction, *rest)
 
@@ -246,10 +246,10 @@ class Kernel:
         The row of slopes gets those of ``slopes_of`` at coordinates and velocities y.
         """
         draft = self.begin()
-        found = self.call_answer(draft, draft.t, draft.q, draft.v)
-        values = slopes_of(found, draft.v, draft.tape.input("rate"), self.equations.own_rows)
+        answer = self.call_answer(draft, draft.t, draft.q, draft.v)
+        values = slopes_of(answer, draft.v, draft.tape.input("rate"), self.equations.own_rows)
         arguments = ["p", "contacts", "t", "row", "rate", "y", "slopes"]
-        self.entry("slopes", arguments, draft, found.ok, places("slopes[row, {}]", values), "y")
+        self.entry("slopes", arguments, draft, answer.ok, places("slopes[row, {}]", values), "y")
 
     def move(self) -> None:
         """Write ``move(p, contacts, t, motion)``: a motion onto the constraints; False on failure.
@@ -278,8 +278,8 @@ class Kernel:
         """
         stores, powers, ok = [], dict[str, Scalar](), True
         if self.topology.following:
-            found = self.call_answer(draft, t, q, v)
-            powers, ok = found.powers, found.ok
+            answer = self.call_answer(draft, t, q, v)
+            powers, ok = answer.powers, answer.ok
         state = State(q, v)
         for k, joint in enumerate(draft.equations.mechanism.contacts):
             phase, memory = draft.phases[k]
@@ -294,11 +294,11 @@ class Kernel:
         """
         draft = self.begin()
         h = draft.tape.input("h")
-        found = self.step(draft, h)
-        stores, ok = self._gaps(draft, draft.t + h, found.q, found.v, "new")
-        stores += places("new.y[{}]", [*found.q, *found.v, *found.sums.values(), found.removed])
+        after = self.step(draft, h)
+        stores, ok = self._gaps(draft, draft.t + h, after.q, after.v, "new")
+        stores += places("new.y[{}]", [*after.q, *after.v, *after.sums.values(), after.removed])
         arguments = ["p", "contacts", "t", "h", "old", "new"]
-        self.entry("step", arguments, draft, both(found.ok, ok), stores, "old.y")
+        self.entry("step", arguments, draft, both(after.ok, ok), stores, "old.y")
 
     def mobilities(self) -> None:
         """Write ``mobilities(p, y, row, out)``: a row of those of ``Equations.mobilities``."""
@@ -314,13 +314,13 @@ class Kernel:
         """
         draft = self.begin()
         own = [f"lost{c}" for c in range(2 * self.n)]
-        found = self.step(draft, draft.tape.input("h"), draft.tape.inputs("lost", 2 * self.n))
-        sums = [*found.sums.values(), found.removed]
+        after = self.step(draft, draft.tape.input("h"), draft.tape.inputs("lost", 2 * self.n))
+        sums = [*after.sums.values(), after.removed]
         added = [f"added{k}" for k in range(len(sums))]
         arguments, carried = ["p", "y", "h", "first", "count"], [*self._state, *own]
         writer = self._writer([*arguments, *own, *added, "done"])
-        state = [*found.q, *found.v, *named("less", found.lost)]
-        ok, *texts = writer.write(draft.tape, [found.ok, *state, *sums])
+        state = [*after.q, *after.v, *named("less", after.lost)]
+        ok, *texts = writer.write(draft.tape, [after.ok, *state, *sums])
         inside = ["t = (first + done)*h", *writer.lines, f"if not ({ok}):", "    break"]
         inside += [f"{name} = {text}" for name, text in zip(carried, texts, strict=False)]
         inside += [f"{name} += {text}" for name, text in zip(added, texts[len(carried) :], strict=True)]

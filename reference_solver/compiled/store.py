@@ -109,17 +109,17 @@ def compiled(function: Callable[..., Any], signature: object) -> Callable[..., A
 
     It takes arguments of these types and does not look: to find out what they are would take Numba 30 us.
     """
-    made: Any = njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
-    overloads = [*getattr(made, "overloads", {}).values()]
-    return cast(Callable[..., Any], overloads[0].entry_point if overloads else made)
+    dispatcher: Any = njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
+    overloads = [*getattr(dispatcher, "overloads", {}).values()]
+    return cast(Callable[..., Any], overloads[0].entry_point if overloads else dispatcher)
 
 
 class Callee(numba.types.WrapperAddressProtocol):
     """A compiled function as an argument of others; to pass it as it is would take Numba 50 us."""
 
     def __init__(self, function: Any, signature: Any) -> None:
-        self._signature, found = signature, function.get_compile_result(signature)
-        self._address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+        self._signature, result = signature, function.get_compile_result(signature)
+        self._address = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
         self._function = function  # whose machine code lives as long
 
     def __wrapper_address__(self) -> int:

@@ -237,17 +237,17 @@ def round_off(run):
 
 
 @register_jitable(**INNER)
-def value_on(run, t, h, x, event):
+def value_on(run, h, x, event):
     """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
     at, n = run.at, run.old.n
     for c in range(n):
         at.y[c], at.y[n + c] = loop.on_quintic(run, h, c, x)
-    run.kernel.gaps(run.p, run.contacts, t + x * h, at)
+    run.kernel.gaps(run.p, run.contacts, run.clock[0].time + x * h, at)
     return loop.alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
 
 
 @register_jitable(**INNER)
-def turning(run, t, h, k, rising):
+def turning(run, h, k, rising):
     """Return where the gap of a contact turns that is rising, or falling, at a step's start.
 
     A rising one is followed no further than to where it is past its wall.
@@ -255,7 +255,7 @@ def turning(run, t, h, k, rising):
     low, high = 0.0, 1.0
     for _ in range(30):
         x = 0.5 * (low + high)
-        value = value_on(run, t, h, x, 2 * k)
+        value = value_on(run, h, x, 2 * k)
         if rising and run.contacts[k].phase == FLIGHT and value > 0.0:
             return x
         if (run.at.gaps[k].rate > 0.0) == rising:
@@ -266,9 +266,9 @@ def turning(run, t, h, k, rising):
 
 
 @register_jitable(**INNER)
-def root(run, t, h, event, low, high):
+def root(run, h, event, low, high):
     """Return where between two places of a step the alarm of an event passes zero (Illinois method)."""
-    low_value, high_value = value_on(run, t, h, low, event), value_on(run, t, h, high, event)
+    low_value, high_value = value_on(run, h, low, event), value_on(run, h, high, event)
     if low_value > 0.0:
         return low
     for _ in range(60):
@@ -277,7 +277,7 @@ def root(run, t, h, event, low, high):
         x = high - high_value * (high - low) / (high_value - low_value)
         if not low < x < high:
             x = 0.5 * (low + high)
-        value = value_on(run, t, h, x, event)
+        value = value_on(run, h, x, event)
         if value > 0.0:
             high, high_value, low_value = x, value, 0.5 * low_value
         else:
@@ -301,18 +301,16 @@ def unseen(contacts, gaps):
     """Return whether a pin is past its wall in flight, or off it in contact, by more than landing leaves."""
     for k in range(len(contacts)):
         outwards = 1.0 if contacts[k].phase == FLIGHT else -1.0
-        if (
-            contacts[k].rigid == 0.0
-            and outwards * gaps[k].g > 2.0 * LANDING_CLEARANCE * contacts[k].clearance
-        ):
+        far = 2.0 * LANDING_CLEARANCE * contacts[k].clearance
+        if contacts[k].rigid == 0.0 and outwards * gaps[k].g > far:
             return True
     return False
 
 
 @register_jitable(**INNER)
-def first_event(run, t, h, noise, skip):
+def first_event(run, h, skip):
     """Return the first event but ``skip`` within a step and its place in it, or -1 and 1."""
-    event, place = -1, 1.0
+    event, place, noise = -1, 1.0, round_off(run)
     for k in range(len(run.contacts)):
         contact, gap, new_gap = run.contacts[k], run.old.gaps[k], run.new.gaps[k]
         rising = gap.rate > 0.0
@@ -323,26 +321,27 @@ def first_event(run, t, h, noise, skip):
             if passed(contact, gap, new_gap, kind):
                 high = 1.0
                 if kind == 0 and rising != (contact.phase == FLIGHT):
-                    low = turning(run, t, h, k, rising)
+                    low = turning(run, h, k, rising)
             elif kind == 0 and loop.turned_back(contact, gap, new_gap):
-                high = turning(run, t, h, k, rising)
+                high = turning(run, h, k, rising)
                 if run.at.gaps[k].g <= max(noise, contact.noise):
                     continue
             if high > 0.0:
-                x = root(run, t, h, 2 * k + kind, low, high)
+                x = root(run, h, 2 * k + kind, low, high)
                 if event < 0 or x < place:
                     event, place = 2 * k + kind, x
     return event, place
 
 
 @register_jitable(**INNER)
-def land(run, step, t, end, event, taken):
-    """End the step from t on an event near a time; return it, with NaN for its end if it cannot.
+def land(run, step, end, event, taken):
+    """End the step on an event near a time; return it, with NaN for its end if it cannot.
 
     By Newton's method on the gap, of which a step from the same start is a smooth function of its end; a
     change of the force's sign has to be past. ``taken`` is whether the step has been taken already.
     """
-    k, exact, latest, (course, H, _) = event // 2, event % 2 == 0, t + 1.5 * (end - t), step
+    k, exact, t, (course, H, _) = event // 2, event % 2 == 0, run.clock[0].time, step
+    latest = t + 1.5 * (end - t)
     contact, gap, control, least = run.contacts[k], run.new.gaps[k], run.control[0], round_off(run)
     if contact.rigid == 0.0:
         close = min(LANDING * control.tolerance * control.length, LANDING_CLEARANCE * contact.clearance)
@@ -447,21 +446,21 @@ def cut(run, step, releasing):
     that the event has been passed by the round-off of one that came with it.
     """
     contacts, gaps, t = run.contacts, run.new.gaps, run.clock[0].time
-    event, place = first_event(run, t, step.end - t, round_off(run), -1)
-    if releasing >= 0 and event < 0:
-        gap = gaps[releasing]
-        if gap.rate < 0.0 and gap.g < -0.2 * (step.end - t) * gap.rate:
-            event = 2 * releasing
-    for _ in range(2 * len(contacts)):  # another event may turn out to come before, if they are close
-        if event < 0 or place <= 0.0:
-            break
-        step = land(run, step, t, t + place * (step.end - t), event, place >= 1.0)
-        if np.isnan(step.end):
-            return step, event, place
-        other, place = first_event(run, t, step.end - t, round_off(run), event)
+    event, place, most = -1, 1.0, 2 * len(contacts)
+    for trials in range(most + 1):  # another event may turn out to come before, if they are close
+        other, place = first_event(run, step.end - t, event)
+        if trials == 0 and other < 0 and releasing >= 0:
+            gap = gaps[releasing]
+            if gap.rate < 0.0 and gap.g < -0.2 * (step.end - t) * gap.rate:
+                other = 2 * releasing
         if other < 0:
             break
         event = other
+        if place <= 0.0 or trials == most:
+            break
+        step = land(run, step, t + place * (step.end - t), event, place >= 1.0)
+        if np.isnan(step.end):
+            return step, event, place
     if event < 0 and unseen(contacts, gaps):
         step = Step(step.course, step.H, np.nan)
     return step, event, place
@@ -469,11 +468,8 @@ def cut(run, step, releasing):
 
 @register_jitable(**INNER)
 def accept(run, step, event, error, factor):
-    """Move on to the end of a step; return how it ended."""
-    contacts, old, new = run.contacts, run.old, run.new
-    now, control, times = run.clock[0], run.control[0], run.records.time
-    if now.taken < len(times) and times[now.taken] < step.end and not within(run, step):
-        return FAILED
+    """Move on to the end of a step, and choose the one after it."""
+    now, control, contacts, old, new = run.clock[0], run.control[0], run.contacts, run.old, run.new
     for c in range(len(old.y)):
         old.y[c], run.slopes[START, c] = new.y[c], run.slopes[END, c]
     for k in range(len(contacts)):
@@ -486,7 +482,6 @@ def accept(run, step, event, error, factor):
         if control.fresh >= 0:
             part = lasting(step.course, step.H * factor) / contacts[control.fresh].duration_s
             control.first_part, control.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
-    return GO
 
 
 @register_jitable(**INNER)
@@ -557,7 +552,7 @@ def begin(run):
 
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
-    now, control = run.clock[0], run.control[0]
+    now, control, times = run.clock[0], run.control[0], run.records.time
     status = begin(run)
     while status == GO:
         if not loop.write_due(run):
@@ -576,7 +571,9 @@ def advance(run):
             continue
         now.steps += 1
         if event < 0 or place > 0.0:
-            status = accept(run, step, event, error, factor)
-        if status == GO and event >= 0:
+            if now.taken < len(times) and times[now.taken] < step.end and not within(run, step):
+                return FAILED
+            accept(run, step, event, error, factor)
+        if event >= 0:
             status = go_on(run, event)
     return status

@@ -63,10 +63,10 @@ def contact_force(
             force = force + tangential * array([-n[1], n[0]])
         return (*force, twist_i, twist_j, normal, loss, clip, slide, tangential)
 
-    found = when(phase > FLIGHT, closed, len(OF_CONTACT))
-    for name, value in zip(OF_CONTACT, found, strict=True):
+    results = when(phase > FLIGHT, closed, len(OF_CONTACT))
+    for name, value in zip(OF_CONTACT, results, strict=True):
         named(f"{name}_{joint.body_j}", value, "contact of a pin in its bearing")
-    x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = found
+    x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = results
     rates = [normal, loss] + law.clipped * [clip] + (joint.friction is not None) * [slide]
     return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential
 

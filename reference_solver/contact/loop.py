@@ -17,26 +17,18 @@ from numba.types import NamedTuple as NumbaTuple
 from reference_solver.contact import types
 from reference_solver.contact.types import (
     CLIPPED,
-    CLOCK_RECORD,
     CONTACT,
-    CONTACT_RECORD,
-    CONTROL_RECORD,
     DONE,
     END,
-    EVENT_RECORD,
     FAILED,
     FLIGHT,
     FULL,
-    GAP_RECORD,
     GO,
     SAMPLE,
     SETTLE,
     SPARE,
     SPENT,
     START,
-    Motion,
-    Records,
-    Run,
 )
 
 #: Modules whose constants the machine code has taken over.
@@ -48,11 +40,11 @@ INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 ARRAY, TABLE = float64[::1], float64[:, ::1]
 CONTACTS, GAPS, EVENTS, CLOCK, CONTROL = (
-    from_dtype(dtype)[::1]
-    for dtype in (CONTACT_RECORD, GAP_RECORD, EVENT_RECORD, CLOCK_RECORD, CONTROL_RECORD)
+    from_dtype(getattr(types, f"{name}_RECORD"))[::1]
+    for name in ("CONTACT", "GAP", "EVENT", "CLOCK", "CONTROL")
 )
-MOTION = NumbaTuple((int64, ARRAY, GAPS), Motion)
-RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), Records)
+MOTION = NumbaTuple((int64, ARRAY, GAPS), types.Motion)
+RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), types.Records)
 STEP = FunctionType(boolean(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(boolean(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
 MOBILITIES = FunctionType(boolean(ARRAY, ARRAY, int64, TABLE))
@@ -69,7 +61,7 @@ class Kernel(NamedTuple):
 def advance_type(kernel):
     """Return the signature of a loop by the types of a kernel's functions."""
     parts = (kernel, ARRAY, CONTACTS, MOTION, MOTION, MOTION, TABLE, CONTROL, CLOCK, RECORDS)
-    return int64(NumbaTuple(parts, Run))
+    return int64(NumbaTuple(parts, types.Run))
 
 
 KERNEL = NumbaTuple((STEP, SLOPES, MOBILITIES), Kernel)

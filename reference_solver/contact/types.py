@@ -22,10 +22,10 @@ def record(floats: str, integers: str = "") -> np.dtype[np.void]:
     return np.dtype([(name, kind) for names, kind in kinds for name in names.split()])
 
 
-#: A contact. Its state: phase and memory (see ``contact_laws``), and since its touch the time, the duration
-#: expected, and the mobility in 1/kg of the gap. Its law: radial clearance, stiffness, exponent, damping
-#: factor, minimum impact speed, steepest slope of friction in s/m, and whether the force is clipped. Of a
-#: rigid wall: that it is one, the round-off of g and of its rate, and that it takes no part in this step.
+#: A contact. Its state: phase and memory (see ``mechanism.contact_laws``), and since its touch the time, the
+#: duration expected, and the mobility in 1/kg of the gap. Its law: radial clearance, stiffness, exponent,
+#: damping factor, minimum impact speed, steepest slope of friction in s/m, and whether the force is clipped.
+#: Of a rigid wall: that it is one, the round-off of g and of its rate, and that it takes no part in a step.
 CONTACT_RECORD = record(
     "phase memory began_s duration_s mobility "
     "clearance stiffness exponent factor slowest friction clipped rigid noise rate_noise ignored"
@@ -58,7 +58,7 @@ class Impact(NamedTuple):
     ``kind``: a "contact" with a compliant wall; an "impact" with a rigid one's restitution; a "closing"
     without rebound, after which the pin follows it; a "support", passed on by a pin that followed its wall
     when another hit. The approach speed and the impulse along n are positive, the latter pushing the pin
-    inwards; the tangential one is on the pin along t (see ``rigid_geometry``). ``energy_lost_J`` is this
+    inwards; the tangential one is on the pin along t (see ``contact.walls``). ``energy_lost_J`` is this
     contact's part, friction's included; ``effective_mass_kg`` is its own on a rigid wall. What a compliant
     contact does not tell is NaN.
     """

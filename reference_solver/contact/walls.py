@@ -51,7 +51,7 @@ class Separation:
 def separation(joints: tuple[ClearanceJoint, ...], q: FloatArray, v: FloatArray) -> Separation:
     """Return the joints' separation; a pin at its bearing's very centre has n along +x."""
     state, n = State(q, v), len(q)
-    found: list[tuple[object, ...]] = []
+    separations: list[tuple[object, ...]] = []
     for joint in joints:
         bearing, pin = ends_of(joint, state)
         d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
@@ -65,5 +65,5 @@ def separation(joints: tuple[ClearanceJoint, ...], q: FloatArray, v: FloatArray)
         for body, point in ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j)):
             arm, rate = np.abs(point).max(), np.abs(state.velocity(body))
             sizes += np.abs(state.position(body)[:2]).max() + arm, rate[:2].max() + rate[2] * arm
-        found.append((distance, *rows, normal @ d_dot, turning, ROUND_OFF * sizes))
-    return Separation(*(np.array(column) for column in zip(*found, strict=True)))
+        separations.append((distance, *rows, normal @ d_dot, turning, ROUND_OFF * sizes))
+    return Separation(*(np.array(column) for column in zip(*separations, strict=True)))

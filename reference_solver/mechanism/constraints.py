@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Any
 
 from reference_solver.mechanism.mechanism import MasslessLink, PrescribedSpeed, RevoluteJoint, StraightGuide
-from reference_solver.mechanism.points import State
+from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import Array, Scalar, array, cos, sin
 
 
@@ -37,7 +37,7 @@ class Rows:
 # [B]{q''} = phi_j'^2 a_j - phi_i'^2 a_i
 def revolute_joint(joint: RevoluteJoint, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
     """Return the rows of two points that stay together: that of body j less that of body i."""
-    i, j = state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+    i, j = ends_of(joint, state)
     blocks = {joint.body_i: -i.jacobian, joint.body_j: j.jacobian}
     return Rows(blocks, array([0.0, 0.0]), j.centripetal - i.centripetal, j.place - i.place)
 
@@ -71,7 +71,7 @@ def prescribed_speed(driver: PrescribedSpeed, state: State, t: Scalar, start: Ar
 # [B]{q''} = -d'.d' + d.(phi_j'^2 a_j - phi_i'^2 a_i)
 def massless_link(link: MasslessLink, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
     """Return the row of two points that keep their distance."""
-    i, j = state.point(link.body_i, link.point_i), state.point(link.body_j, link.point_j)
+    i, j = ends_of(link, state)
     d, d_dot = j.place - i.place, j.rate - i.rate
     blocks = {link.body_i: -(d @ i.jacobian)[None], link.body_j: (d @ j.jacobian)[None]}
     B_dot_v = d_dot @ d_dot + d @ (j.centripetal - i.centripetal)

@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Any
 
 from reference_solver.mechanism.mechanism import SpringDamper, Torque
-from reference_solver.mechanism.points import Point, State
+from reference_solver.mechanism.points import Point, State, ends_of
 from reference_solver.tape import Array, Scalar, array, sqrt
 
 #: Generalised forces (3,) by body.
@@ -19,7 +19,7 @@ def torque(load: Torque, state: State, stored: bool) -> Forces:  # noqa: ARG001
 
 def spring_damper(load: SpringDamper, state: State, stored: bool) -> Forces:
     """Return the pull along the line between two points; if ``stored``, of the spring alone."""
-    i, j = state.point(load.body_i, load.point_i), state.point(load.body_j, load.point_j)
+    i, j = ends_of(load, state)
     d = j.place - i.place
     length = sqrt(d @ d)
     tension = load.stiffness_N_m * (length - load.free_length_m)

@@ -24,16 +24,21 @@ class Body:
 
 
 @dataclass(frozen=True)
-class RevoluteJoint:
-    """Two rows of [B]: a point of body j stays on a point of body i.
-
-    g = p_j - p_i in m, of these points in the global frame. The multipliers are the force in N on body j.
-    """
+class Ends:
+    """What lies between two points: one of body i and one of body j."""
 
     body_i: int
     point_i: Point
     body_j: int
     point_j: Point
+
+
+@dataclass(frozen=True)
+class RevoluteJoint(Ends):
+    """Two rows of [B]: a point of body j stays on a point of body i.
+
+    g = p_j - p_i in m, of these points in the global frame. The multipliers are the force in N on body j.
+    """
 
 
 @dataclass(frozen=True)
@@ -62,17 +67,13 @@ class PrescribedSpeed:
 
 
 @dataclass(frozen=True)
-class MasslessLink:
+class MasslessLink(Ends):
     """One row of [B]: two points keep their distance, as a pin that follows the wall of its bearing.
 
     g = (d.d - length^2)/2 in m^2, with d from the point of body i to that of body j. The force on body j is
     lambda d, lambda in N/m: the link pushes the points together while lambda < 0.
     """
 
-    body_i: int
-    point_i: Point
-    body_j: int
-    point_j: Point
     length_m: float
 
     def __post_init__(self) -> None:
@@ -89,23 +90,19 @@ class Torque:
 
 
 @dataclass(frozen=True)
-class SpringDamper:
+class SpringDamper(Ends):
     """A linear spring and damper between two points; tension is positive in the formula of its force.
 
     The force along the line is k (l - free length) + c l', pulling the points together.
     """
 
-    body_i: int
-    point_i: Point
-    body_j: int
-    point_j: Point
     stiffness_N_m: float
     damping_N_s_m: float
     free_length_m: float
 
 
 @dataclass(frozen=True)
-class ClearanceJoint:
+class ClearanceJoint(Ends):
     """A pin of body j at ``point_j`` in a bearing of body i at ``point_i``, of ``bearing_radius_m`` R_i.
 
     Its law says how the bearing's wall answers: it gives, and is a contact, or it is rigid. A pin that
@@ -114,10 +111,6 @@ class ClearanceJoint:
     which are over at once and leave no speed to regularise, its coefficient is Coulomb's.
     """
 
-    body_i: int
-    point_i: Point
-    body_j: int
-    point_j: Point
     radial_clearance_m: float
     bearing_radius_m: float
     law: ContactLaw | RigidWall

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint
+from reference_solver.mechanism.mechanism import GROUND, Ends
 from reference_solver.mechanism.mechanism import Point as Place
 from reference_solver.tape import Array, Scalar, array, cos, sin
 
@@ -64,9 +64,9 @@ class State:
         return Point(body, arm, at[:2] + arm, rate[:2] + turning, spin)
 
 
-def ends_of(joint: ClearanceJoint, state: State) -> tuple[Point, Point]:
-    """Return the bearing's centre and the pin's."""
-    return state.point(joint.body_i, joint.point_i), state.point(joint.body_j, joint.point_j)
+def ends_of(part: Ends, state: State) -> tuple[Point, Point]:
+    """Return the points of bodies i and j: of a joint with clearance the bearing's centre and the pin's."""
+    return state.point(part.body_i, part.point_i), state.point(part.body_j, part.point_j)
 
 
 # u.d' = u.(p_j' - p_i') along a direction u: the row of a ``massless_link`` with u for d

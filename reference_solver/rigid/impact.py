@@ -32,6 +32,8 @@ from reference_solver.tape import FloatArray
 DEPENDENT = 1e-12
 #: Relative slack of signs and limits when a case of sticking or sliding is judged.
 SLACK = 1e-10
+#: The sign of the sliding in the cases without sticking.
+SIGNS = {"slide -": -1, "slide +": 1, "open": 0}
 
 
 @dataclass(frozen=True)
@@ -100,9 +102,9 @@ def impact(equations: Equations, t: float, q: FloatArray, v: FloatArray, touchin
     impulse = np.zeros(len(D))
     impulse[:k] = complementary(W[:k, :k], (1 + touching.restitution) * u[:k])
     if rubbing.any() and impulse.any():
-        found = _with_friction(W, u, touching, np.flatnonzero(rubbing))
-        if found is not None:
-            impulse = _not_growing(W, u, impulse, found)
+        rubbed = _with_friction(W, u, touching, np.flatnonzero(rubbing))
+        if rubbed is not None:
+            impulse = _not_growing(W, u, impulse, rubbed)
     mean = u + W @ impulse / 2
     losses = -(impulse * mean)
     lost = losses[:k].copy()
@@ -135,8 +137,8 @@ def _with_friction(
                 A[c], a[c] = W[c], -(1 + wanted[c]) * u[c]
             if c in place and state == "stick":
                 A[place[c]], a[place[c]] = W[place[c]], -u[place[c]]
-            elif c in place and state != "open":
-                A[place[c], c] = -touching.friction[c] * (1 if state == "slide +" else -1)
+            elif c in place:
+                A[place[c], c] = -touching.friction[c] * SIGNS[state]
         try:
             impulse = np.asarray(np.linalg.solve(A, a), dtype=np.float64)
         except np.linalg.LinAlgError:
@@ -144,27 +146,15 @@ def _with_friction(
         after, slack = u + W @ impulse, SLACK * np.abs(impulse).max()
         if np.any(impulse[:k] < -slack) or np.any(after[:k] + wanted * u[:k] < -speed_slack):
             continue
-        if all(_obeys(impulse, after, c, place, touching, case[c], slack, speed_slack) for c in place):
+        # Sticking is within Coulomb's limit, or sliding is opposed.
+        if all(
+            abs(impulse[row]) <= touching.friction[c] * impulse[c] + slack
+            if case[c] == "stick"
+            else after[row] * SIGNS[case[c]] <= speed_slack
+            for c, row in place.items()
+        ):
             return impulse
     return None
-
-
-def _obeys(
-    impulse: FloatArray,
-    after: FloatArray,
-    c: int,
-    place: dict[int, int],
-    touching: Touching,
-    state: str,
-    slack: float,
-    speed_slack: float,
-) -> bool:
-    """Return whether a contact's sticking is within Coulomb's limit, or its sliding is opposed."""
-    if state == "stick":
-        return bool(abs(impulse[place[c]]) <= touching.friction[c] * impulse[c] + slack)
-    if state == "open":
-        return True
-    return bool(after[place[c]] * (1 if state == "slide +" else -1) <= speed_slack)
 
 
 def _not_growing(W: FloatArray, u: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:

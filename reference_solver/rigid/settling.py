@@ -1,6 +1,6 @@
 """What becomes of the pins that touch their walls at one time: they hit, and then follow or leave.
 
-* Impact (``rigid_impact``): all pins that touch within round-off take part at once, and rub; two that hit at
+* Impact (``rigid.impact``): all pins that touch within round-off take part at once, and rub; two that hit at
   different times, however close, do so one after the other.
 * Closing: an impact has e = 0 if the next flight would be too short, or its approach is below the joint's
   minimum. Too short is 2 v+/a below ``shortest_flight_s``, or v+^2/2a within round-off of the distance, with
@@ -38,7 +38,7 @@ class Settling:
     """Settles the pins of a mechanism's joints with rigid walls; it keeps lists of impacts and of changes.
 
     ``equations`` are those of no pin following; ``add(name, value)`` adds to the ledger what is integrated
-    elsewhere (see ``contact.rates_of``).
+    elsewhere (see ``contact.force.rates_of``).
     """
 
     def __init__(
@@ -107,23 +107,23 @@ class Settling:
             contacts = Touching(-where.normal[touching], where.tangent[touching], restitution, friction)
             return impact(self._equations, t, q, v, contacts)
 
-        found = jump(hits)
+        after = jump(hits)
         slow = approach < [wall.minimum_impact_speed_m_s for wall in walls]
-        closing = hits & (slow | self._short_flights(t, q, found.v, touching)[touching])
+        closing = hits & (slow | self._short_flights(t, q, after.v, touching)[touching])
         closing &= np.array([wall.restitution > 0 for wall in walls])
         if closing.any():
-            found = jump(hits & ~closing)
-        self._add("drivers", found.driver_work_J)
+            after = jump(hits & ~closing)
+        self._add("drivers", after.driver_work_J)
         for i, k in enumerate(self.numbers[touching]):
-            normal, lost = float(found.normal_impulse_N_s[i]), float(found.energy_lost_J[i])
+            normal, lost = float(after.normal_impulse_N_s[i]), float(after.energy_lost_J[i])
             kind = "closing" if closing[i] else "impact" if hits[i] else "support"
             self._add(f"normal{k}", normal)
             self._add(f"{'closing' if closing[i] else 'impact'}{k}", lost)
             if normal != 0:
-                tangential, mass = float(found.tangential_impulse_N_s[i]), float(found.effective_mass_kg[i])
+                tangential, mass = float(after.tangential_impulse_N_s[i]), float(after.effective_mass_kg[i])
                 speed = float(approach[i])
                 self.impacts.append(Impact(t, int(k), kind, 0.0, speed, normal, tangential, lost, mass))
-        return self._caught(t, q, found.v, touching)
+        return self._caught(t, q, after.v, touching)
 
     def _short_flights(
         self, t: float, q: FloatArray, v: FloatArray, touching: NDArray[np.intp]
@@ -145,13 +145,13 @@ class Settling:
         if not leaving.any():
             return v
         still = np.abs(where.normal_speed[touching]) <= where.round_off[touching, 1]
-        kept = touching[leaving | still]
-        rows = where.normal[kept]
+        caught = touching[leaving | still]
+        rows = where.normal[caught]
         answer = Eliminated(self._equations, t, q, rows, len(rows))
         speeds = rows @ v
         impulse = -np.linalg.lstsq(answer.W, speeds, rcond=None)[0]
         self._add("drivers", float(answer.reactions.T @ self._equations.C @ impulse))
-        for k, outward, lost in zip(self.numbers[kept], impulse, -speeds * impulse / 2, strict=True):
+        for k, outward, lost in zip(self.numbers[caught], impulse, -speeds * impulse / 2, strict=True):
             self._add(f"normal{k}", -float(outward))
             self._add(f"closing{k}", float(lost))
         return np.asarray(v + answer.motion @ impulse)

@@ -17,6 +17,7 @@ from engine_models.scene.library import clearance_driven_05, ideal_driven
 from reference_solver.compiled.faces import ReadableFace
 from reference_solver.compiled.kernel import source_of
 from reference_solver.compiled.store import load_kernel
+from reference_solver.contact.loop import ROWS
 from reference_solver.contact.types import CONTACT_RECORD, new_run
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
@@ -71,7 +72,7 @@ class Readable:
     def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
         """Take steps in place; return the driver's work."""
         contacts, work = np.zeros(0, CONTACT_RECORD), 0.0
-        run = new_run(contacts, (len(q), 2, 0), np.zeros(0), 4, 0)
+        run = new_run(contacts, (len(q), 2, 0), np.zeros(0), ROWS, 0)
         for number in range(first, first + count):
             run.old.q[:], run.old.v[:] = q, v
             assert self._face.step(None, contacts, number * STEP_S, STEP_S, run.old, run.new)
@@ -154,8 +155,8 @@ def running(run: Callable[[], Run]) -> Contender:
     """Return the contender whose turn is a number of runs."""
 
     def turn(runs: int) -> tuple[float, int]:
-        found = [run() for _ in range(runs)]
-        return sum(one.seconds for one in found), sum(one.steps for one in found)
+        done = [run() for _ in range(runs)]
+        return sum(one.seconds for one in done), sum(one.steps for one in done)
 
     return turn
 
@@ -168,14 +169,14 @@ def measure(contenders: dict[str, Contender]) -> dict[str, FloatArray]:
         while (took := turn(length)[0]) < TURN_S / 10:
             length *= 2
         lengths[name] = max(1, round(length * TURN_S / took))
-    found: dict[str, list[float]] = {name: [] for name in contenders}
+    step_ns: dict[str, list[float]] = {name: [] for name in contenders}
     order, random = list(contenders), np.random.default_rng(0)
     for _ in range(ROUNDS):
         random.shuffle(order)
         for name in order:
             seconds, steps = contenders[name](lengths[name])
-            found[name].append(1e9 * seconds / steps)
-    return {name: np.array(times) for name, times in found.items()}
+            step_ns[name].append(1e9 * seconds / steps)
+    return {name: np.array(times) for name, times in step_ns.items()}
 
 
 def spread(values: FloatArray, form: str) -> str:
@@ -189,8 +190,8 @@ def show(title: str, times: dict[str, FloatArray], target: float) -> None:
     base = C if C in times else KERNEL
     print(f"{title}; median (middle half) of {ROUNDS} rounds\n")
     print(f"{'':30}{'ns per step':34}ratio to {base}")
-    for name, found in times.items():
-        print(f"{name:30}{spread(found, ',.0f'):34}{spread(found / times[base], '.2f')}")
+    for name, own_ns in times.items():
+        print(f"{name:30}{spread(own_ns, ',.0f'):34}{spread(own_ns / times[base], '.2f')}")
     if C in times:
         ratio = float(np.median(times[KERNEL] / times[C]))
         print(f"\nThe {KERNEL} takes {ratio:.2f} of the time of C; the target is at most {target}.")
@@ -209,8 +210,8 @@ def main() -> None:
         print("\nThe generated kernel on a chain\n")
         print(f"{'':30}{'ns per step':34}ns per step and link")
         for links in LINKS:
-            found = times[f"{links} links"]
-            print(f"{f'{links} links':30}{spread(found, ',.0f'):34}{spread(found / links, '.0f')}")
+            own_ns = times[f"{links} links"]
+            print(f"{f'{links} links':30}{spread(own_ns, ',.0f'):34}{spread(own_ns / links, '.0f')}")
         print()
         title = "One step of the driven crank-slider with clearance, projected, its events located"
         show(title, measure(clearance), CLEARANCE_TARGET)

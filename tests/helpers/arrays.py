@@ -7,12 +7,12 @@ import numpy as np
 
 def arrays(record: Any) -> dict[str, bytes]:
     """Return all numbers of a trajectory or a contact, bit by bit."""
-    found: dict[str, bytes] = {}
+    numbers: dict[str, bytes] = {}
     for name, value in vars(record).items():
         if isinstance(value, np.ndarray):
-            found[name] = value.tobytes()
+            numbers[name] = value.tobytes()
         elif name == "impacts":
-            found |= arrays(value)
+            numbers |= arrays(value)
         elif name == "contacts":
-            found |= {f"{joint} {key}": x for joint, c in value.items() for key, x in arrays(c).items()}
-    return found
+            numbers |= {f"{joint} {key}": x for joint, c in value.items() for key, x in arrays(c).items()}
+    return numbers

@@ -11,6 +11,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.compiled.faces import CompiledFace, ReadableFace
 from reference_solver.compiled.kernel import Topology
+from reference_solver.contact.loop import ROWS
 from reference_solver.contact.types import CONTACT_RECORD, DONE, Motion, new_run
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.mechanism import (
@@ -96,7 +97,7 @@ def stepped(
     The mechanism has no contacts, and ``rows`` rows. The sums are the drivers' work, and what is removed.
     """
     times, contacts = np.array([0.0, count * h]), np.zeros(0, CONTACT_RECORD)
-    run = new_run(contacts, (len(q), 2, rows), times, 5, 1)
+    run = new_run(contacts, (len(q), 2, rows), times, ROWS, 1)
     run.old.q[:], run.old.v[:] = q, v
     (now,) = run.clock
     now["longest"], now["end"], now["located"], now["budget"] = h, count * h, 1, count
@@ -116,15 +117,15 @@ def check_faces(
     round_off: float,
 ) -> FloatArray:
     """Compare a step of both faces, relative to the largest of each kind; return q after it."""
-    found, rows = [], len(Equations(mechanism, q).C)
+    ends, rows = [], len(Equations(mechanism, q).C)
     for kind in (CompiledFace, ReadableFace):
         face = kind(topology_of(mechanism, stabilisation), q)
         motion, multipliers = stepped(face, rows, q, v, h, 1)
-        found.append((motion.q, motion.v, multipliers, motion.sums[:1]))
+        ends.append((motion.q, motion.v, multipliers, motion.sums[:1]))
     # A driver's torque may be small beside the other multipliers, but it is rounded as they are.
-    most_work = h * np.abs(found[1][2]).max() * np.abs(v).max()
-    for name, one, other in zip(("q", "v", "multipliers", "work"), *found, strict=True):
+    most_work = h * np.abs(ends[1][2]).max() * np.abs(v).max()
+    for name, one, other in zip(("q", "v", "multipliers", "work"), *ends, strict=True):
         scale = most_work if name == "work" else np.abs(other).max()
         difference = np.abs(one - other).max()
         assert difference <= round_off * scale, f"{name}: {difference:.2e} of {scale:.2e}"
-    return np.asarray(found[0][0])
+    return np.asarray(ends[0][0])

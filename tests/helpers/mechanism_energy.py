@@ -38,10 +38,10 @@ def place(q: FloatArray, body: int, point: Point) -> FloatArray:
     return np.column_stack([x + cos * point[0] - sin * point[1], y + sin * point[0] + cos * point[1]])
 
 
-def energy_residual_J(found: Solution) -> FloatArray:
+def energy_residual_J(run: Solution) -> FloatArray:
     """Return what the ledger leaves over, (s,), without dampers and compliant contacts.
 
     It is the energy gained, less the drivers' work, plus what the contacts have dissipated.
     """
-    energy = kinetic_energy_J(found.mechanism, found.v) + potential_energy_J(found.mechanism, found.q)
-    return np.asarray(energy - energy[0] - found.constraint_work_J + found.losses_J())
+    energy = kinetic_energy_J(run.mechanism, run.v) + potential_energy_J(run.mechanism, run.q)
+    return np.asarray(energy - energy[0] - run.constraint_work_J + run.losses_J())

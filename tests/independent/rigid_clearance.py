@@ -183,15 +183,15 @@ def _switch(
         # A pin has left where more than round-off of its speeds is left along the normal.
         closed = [k for k in closed if _inward(pins, hit, k) < 1e-9 * abs(speed)]
         state = hit
-    found = _pressed(pins, t, state, closed)
-    if found != chart.following:
-        run.following.append((t, found))
+    following = _pressed(pins, t, state, closed)
+    if following != chart.following:
+        run.following.append((t, following))
     blind = {}
-    for k in {name, *chart.following} - set(found):
-        outward = _outward(pins, t, state, k, found)
+    for k in {name, *chart.following} - set(following):
+        outward = _outward(pins, t, state, k, following)
         apex = _inward(pins, state, k) / outward if outward > 0 else longest_s
         blind[k] = t + (min(apex, longest_s) if apex > 0 else longest_s / 20)
-    return state, Chart(pins, found), blind
+    return state, Chart(pins, following), blind
 
 
 def _inward(pins: Pins, state: State, name: str) -> float:

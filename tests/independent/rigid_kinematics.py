@@ -49,9 +49,9 @@ class Pins:
         self.free = ([] if driven else [0]) + [k for name in self.loose for k in range(7)[PLACES[name]]]
 
     def clearance(self, name: str) -> Clearance:
-        found = getattr(self.scene.clearance, name)
-        assert isinstance(found, Clearance)
-        return found
+        clearance = getattr(self.scene.clearance, name)
+        assert isinstance(clearance, Clearance)
+        return clearance
 
     def dynamics(self, w: FloatArray, rate: FloatArray) -> Dynamics:
         """Return the equations of motion, from the bodies' velocities J w' and accelerations J w'' + bias."""

@@ -13,6 +13,7 @@ from reference_solver.compiled.faces import ReadableFace
 from reference_solver.compiled.kernel import source_of
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact.force import contact_force
+from reference_solver.contact.loop import ROWS
 from reference_solver.contact.types import CONTACT_RECORD, FLIGHT, START, new_run
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw
@@ -38,7 +39,7 @@ def check(at: Moment, stabilisation: Stabilisation) -> None:
     contacts = np.array([contact_record(joint) for joint in at.mechanism.contacts], CONTACT_RECORD)
     contacts["phase"], contacts["memory"] = at.phases.T
     sizes = len(at.q), len(names), len(equations.C)
-    run, of_readable = (new_run(contacts, sizes, np.zeros(0), 5, 0) for _ in range(2))
+    run, of_readable = (new_run(contacts, sizes, np.zeros(0), ROWS, 0) for _ in range(2))
     old, new, again, true = run.old, run.new, run.at, of_readable.new
     old.q[:], old.v[:] = at.q, at.v
     assert kernel.step(parameters, contacts, at.t, at.h, old, new)
