@@ -8,20 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from reference_solver.contact.types import (
-    CONTACT,
-    CONTACT_RECORD,
-    DONE,
-    EVENT_RECORD,
-    FAILED,
-    FLIGHT,
-    FULL,
-    SETTLE,
-    SPENT,
-    START,
-    Run,
-    new_run,
-)
+from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.errors import (
@@ -182,11 +169,11 @@ class Solver:
 
         return Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
 
-    def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> Run:
+    def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> types.Run:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
-        contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
+        contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         sizes = len(q), len(self._names), len(self._equations.C)
-        run, choice = new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS), self._choice
+        run, choice = types.new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS), self._choice
         run.old.q[:], run.old.v[:] = q, v
         (now,) = run.clock
         now["longest"], now["end"], now["rigid"] = choice.longest_s, end_time_s, -1
@@ -199,27 +186,27 @@ class Solver:
             now["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
         return run
 
-    def _set_control(self, choice: ErrorControl, run: Run) -> None:
+    def _set_control(self, choice: ErrorControl, run: types.Run) -> None:
         """Set error control by the mechanism's scales at a run's start."""
         from reference_solver.contact.adaptive_loop import WEIGHT
 
         face, (n, y, _) = self._face(()), run.old
-        face.kernel.slopes(face.parameters, run.contacts, 0.0, START, 1.0, y, run.slopes)
-        a = run.slopes[START, n : 2 * n]
+        face.kernel.slopes(face.parameters, run.contacts, 0.0, types.START, 1.0, y, run.slopes)
+        a = run.slopes[types.START, n : 2 * n]
         scales = scales_of(self._mechanism, run.old.q, run.old.v, a, run.clock["end"][0])
         tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
         first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
         run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
         run.control[0] = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part, 1.0, 0, -1)
 
-    def _shortest_flight_s(self, run: Run) -> float:
+    def _shortest_flight_s(self, run: types.Run) -> float:
         """Return the flight between rigid walls that is not followed any more."""
         if isinstance(self._choice, StepChoice):
             return self._choice.closing_flight_fraction * float(run.clock["longest"][0])
         # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
         return float(np.sqrt(8.0 * self._choice.tolerance) * run.control["step"][0] / FIRST_STEP)
 
-    def _gaps(self, following: tuple[int, ...], run: Run) -> None:
+    def _gaps(self, following: tuple[int, ...], run: types.Run) -> None:
         """Set the contacts' gaps of a run's motion."""
         if self._joints:
             face = self._face(following)
@@ -235,16 +222,16 @@ class Solver:
         run = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
         motion, records, now = run.old, run.records, run.clock[0]
         self.steps = self.settled = at_once = 0
-        events, sums = [np.zeros(0, EVENT_RECORD)], [np.zeros((0, len(self._names)))]
+        events, sums = [np.zeros(0, types.EVENT_RECORD)], [np.zeros((0, len(self._names)))]
 
         def add(name: str, value: float) -> None:
             motion.sums[self._names.index(name)] += value
 
         settling = Settling(self._equations, self._shortest_flight_s(run), add)
-        status, started = SPENT, time.perf_counter()
+        status, started = types.SPENT, time.perf_counter()
         following = self._settle_first(settling, run) if self._rigid else ()
         self._gaps(following, run)
-        while status != DONE:
+        while status != types.DONE:
             face = self._face(following)
             begin, chunk = float(now["time"]), 1 + face.chunk // (len(q) * len(self._method.weights))
             now["events"], now["budget"] = 0, now["steps"] + chunk
@@ -253,11 +240,11 @@ class Solver:
             tell(float(now["time"]))
             events.append(records.events[: now["events"]].copy())
             sums.append(records.event_sums[: now["events"]].copy())
-            if status == FAILED:
+            if status == types.FAILED:
                 self._refuse(following, run)
-            if status in (SPENT, FULL) and now["time"] == begin:
+            if status in (types.SPENT, types.FULL) and now["time"] == begin:
                 raise Stalled(begin, chunk)
-            if status == SETTLE:
+            if status == types.SETTLE:
                 self.settled += 1
                 at_once = at_once + 1 if now["time"] == begin else 1
                 if at_once > EVENTS_AT_ONCE * len(self._joints):
@@ -269,18 +256,19 @@ class Solver:
             raise NonFiniteState(end_time_s, float(now["longest"]))
         return self._solution(run, np.concatenate(events), np.concatenate(sums), settling, took)
 
-    def _settle_first(self, settling: Settling, run: Run) -> tuple[int, ...]:
+    def _settle_first(self, settling: Settling, run: types.Run) -> tuple[int, ...]:
         """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""
         self._gaps((), run)
         contacts, gaps = run.contacts, run.old.gaps
         closed = (contacts["rigid"] == 0) & (gaps["g"] > 0)
         speed = np.maximum(gaps["rate"], contacts["slowest"])[closed]
-        contacts["phase"][closed], contacts["memory"][closed] = CONTACT, contacts["factor"][closed] / speed
+        contacts["phase"][closed] = types.CONTACT
+        contacts["memory"][closed] = contacts["factor"][closed] / speed
         following = self._settle(settling, (), run)
-        contacts["phase"][closed], contacts["memory"][closed] = FLIGHT, 0.0
+        contacts["phase"][closed], contacts["memory"][closed] = types.FLIGHT, 0.0
         return following
 
-    def _settle(self, settling: Settling, following: tuple[int, ...], run: Run) -> tuple[int, ...]:
+    def _settle(self, settling: Settling, following: tuple[int, ...], run: types.Run) -> tuple[int, ...]:
         """Let the pins that touch rigid walls hit, follow or leave; return those that follow from now on."""
         contacts, motion, (now,) = run.contacts, run.old, run.clock
         touched, phases = int(now["rigid"]), np.column_stack([contacts["phase"], contacts["memory"]])
@@ -290,13 +278,13 @@ class Solver:
         if new != following:
             settling.changes.append(ModeChange(float(now["time"]), new))
         where, rigid = settling.where(motion.q, motion.v), settling.numbers
-        contacts["phase"][rigid] = np.where(np.isin(rigid, new), CONTACT, FLIGHT)
+        contacts["phase"][rigid] = np.where(np.isin(rigid, new), types.CONTACT, types.FLIGHT)
         contacts["noise"][rigid], contacts["rate_noise"][rigid] = where.round_off.T
         if touched >= 0 and released is None and not hit and touched not in new:
             contacts["ignored"][touched] = 1.0
         return new
 
-    def _refuse(self, following: tuple[int, ...], run: Run) -> None:
+    def _refuse(self, following: tuple[int, ...], run: types.Run) -> None:
         """Say why the step tried last could not be taken."""
         from reference_solver.compiled.faces import ReadableFace, phases_of
 
@@ -310,7 +298,7 @@ class Solver:
         raise NonFiniteState(t + h, h)
 
     def _solution(
-        self, run: Run, events: RecordArray, event_sums: FloatArray, settling: Settling, took_s: float
+        self, run: types.Run, events: RecordArray, event_sums: FloatArray, settling: Settling, took_s: float
     ) -> Solution:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
@@ -340,7 +328,7 @@ class Solver:
 def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
     """Return a contact in flight as ``CONTACT_RECORD`` has it."""
     law, clearance, friction = joint.law, joint.radial_clearance_m, joint.friction
-    state = (FLIGHT, 0.0, 0.0, 0.0, 0.0)
+    state = (types.FLIGHT, 0.0, 0.0, 0.0, 0.0)
     if isinstance(law, RigidWall):
         return *state, clearance, *[0.0] * 6, 1.0, 0.0, 0.0, 0.0
     slope = 0.0 if friction is None else friction.coefficient * steepest(friction)

@@ -3,31 +3,21 @@
 from engine_models.mechanics.contact_law import exponent_of, minimum_impact_speed_of, stiffness_of
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.scene import Clearance, Friction, Link, Scene
+from reference_solver.mechanism import mechanism
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    ClearanceJoint,
-    Mechanism,
-    Point,
-    PrescribedSpeed,
-    RevoluteJoint,
-    StraightGuide,
-    Torque,
-)
 
 
-def mechanism_of(scene: Scene) -> Mechanism:
+def mechanism_of(scene: Scene) -> mechanism.Mechanism:
     """Return the mechanism; a joint with clearance has no rows, and is a contact."""
     driven = scene.drive.kind == "constant-speed"
-    return Mechanism(
-        bodies=tuple(Body(part.mass_kg, part.inertia_kg_m2) for part in scene.bodies),
+    return mechanism.Mechanism(
+        bodies=tuple(mechanism.Body(part.mass_kg, part.inertia_kg_m2) for part in scene.bodies),
         constraints=(
             *(joint for joint, clearance in _joints(scene) if clearance is None),
-            *([StraightGuide(SLIDER, (0.0, 0.0), 0.0)] if scene.is_crank_slider else []),
-            *([PrescribedSpeed(CRANK, scene.start.crank_speed_rad_s)] if driven else []),
+            *([mechanism.StraightGuide(SLIDER, (0.0, 0.0), 0.0)] if scene.is_crank_slider else []),
+            *([mechanism.PrescribedSpeed(CRANK, scene.start.crank_speed_rad_s)] if driven else []),
         ),
-        loads=(Torque(CRANK, scene.drive.torque_N_m),) if scene.drive.kind == "torque" else (),
+        loads=(mechanism.Torque(CRANK, scene.drive.torque_N_m),) if scene.drive.kind == "torque" else (),
         gravity_m_s2=scene.gravity_m_s2,
         contacts=tuple(
             _contact(joint, clearance) for joint, clearance in _joints(scene) if clearance is not None
@@ -35,26 +25,26 @@ def mechanism_of(scene: Scene) -> Mechanism:
     )
 
 
-def _joints(scene: Scene) -> list[tuple[RevoluteJoint, Clearance | None]]:
+def _joints(scene: Scene) -> list[tuple[mechanism.RevoluteJoint, Clearance | None]]:
     """Return the joints O, A, B with their clearances; a bearing is on the body nearer the crank pivot."""
 
-    def pins(link: Link) -> tuple[Point, Point]:
+    def pins(link: Link) -> tuple[mechanism.Point, mechanism.Point]:
         return (-link.centre_of_mass_m, 0.0), (link.length_m - link.centre_of_mass_m, 0.0)
 
     crank_O, crank_A = pins(scene.crank)
-    pivot = (RevoluteJoint(GROUND, (0.0, 0.0), CRANK, crank_O), scene.clearance.O)
+    pivot = (mechanism.RevoluteJoint(mechanism.GROUND, (0.0, 0.0), CRANK, crank_O), scene.clearance.O)
     if scene.rod is None:
         return [pivot]
     rod_A, rod_B = pins(scene.rod)
     return [
         pivot,
-        (RevoluteJoint(CRANK, crank_A, ROD, rod_A), scene.clearance.A),
-        (RevoluteJoint(ROD, rod_B, SLIDER, (0.0, 0.0)), scene.clearance.B),
+        (mechanism.RevoluteJoint(CRANK, crank_A, ROD, rod_A), scene.clearance.A),
+        (mechanism.RevoluteJoint(ROD, rod_B, SLIDER, (0.0, 0.0)), scene.clearance.B),
     ]
 
 
-def _contact(joint: RevoluteJoint, clearance: Clearance) -> ClearanceJoint:
-    return ClearanceJoint(
+def _contact(joint: mechanism.RevoluteJoint, clearance: Clearance) -> mechanism.ClearanceJoint:
+    return mechanism.ClearanceJoint(
         joint.body_i,
         joint.point_i,
         joint.body_j,

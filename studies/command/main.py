@@ -9,17 +9,7 @@ from typing import Annotated, TextIO
 
 import typer
 
-from studies.errors import (
-    INTERRUPTED,
-    BadInput,
-    Failed,
-    Notes,
-    explained,
-    say,
-    silence_stdout,
-    terminated_as_interrupted,
-    writing,
-)
+from studies import errors
 
 app = typer.Typer(
     add_completion=False,
@@ -103,13 +93,13 @@ def simulate(
     if options.end is not None:
         physics = physics.model_copy(update={"end_time_s": options.end})
     if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
-        raise BadInput(f"--out: expected another file than the scene, got {out}")
+        raise errors.BadInput(f"--out: expected another file than the scene, got {out}")
     chosen = read_engine(engine, assignments or [])
     if options.tolerance is not None:
         chosen = for_tolerance(chosen, assignments or [])
     controls_error = getattr(chosen, "controls_error", False)
     longest_step = longest_step_s(options, physics.end_time_s, controls_error)
-    with writing("--out", out or Path("stdout")), _opened(out) as file:
+    with errors.writing("--out", out or Path("stdout")), _opened(out) as file:
         try:
             # Engines look for non-finite numbers themselves.
             with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
@@ -118,15 +108,15 @@ def simulate(
                 else:
                     result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
         except TooLarge as reason:
-            raise BadInput(f"--{reason}") from None
+            raise errors.BadInput(f"--{reason}") from None
         except UnsupportedScene as reason:
-            raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
+            raise errors.BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
         except FolderRefused as reason:
-            raise BadInput(str(reason)) from None
+            raise errors.BadInput(str(reason)) from None
         except SimulationFailed as reason:
-            raise Failed(str(reason)) from None
+            raise errors.Failed(str(reason)) from None
         file.write(to_csv(table(physics, result)))
-    say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
+    errors.say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
 
 
 @app.command()
@@ -162,7 +152,7 @@ def run(
 
     for name in studies or []:
         if name not in STUDIES:
-            raise BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
+            raise errors.BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     names = list(dict.fromkeys(studies or STUDIES))
     try:
@@ -170,17 +160,17 @@ def run(
         with (
             writable_folder(),
             executors as executor,
-            writing("--out", out),
-            terminated_as_interrupted(),
+            errors.writing("--out", out),
+            errors.terminated_as_interrupted(),
         ):
             run_studies(names, full, options.jobs, out, executor, retry_failed)
     except FolderRefused as reason:
-        raise BadInput(str(reason)) from None
+        raise errors.BadInput(str(reason)) from None
     except (FolderHeld, DamagedRows) as reason:
-        raise BadInput(f"--out: expected {reason}") from None
+        raise errors.BadInput(f"--out: expected {reason}") from None
     except RunBroken as reason:
-        raise Failed(str(reason)) from None
-    say(f"note: the results are in {out}")
+        raise errors.Failed(str(reason)) from None
+    errors.say(f"note: the results are in {out}")
 
 
 @app.command()
@@ -195,33 +185,33 @@ def report(
     from reports.results import BrokenResults
 
     try:
-        with writing("--out", out):
+        with errors.writing("--out", out):
             notes = write_report(results, out)
     except (NoResults, BrokenResults) as reason:
-        raise BadInput(f"--results: expected the results of a study, got '{reason}'") from None
+        raise errors.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
-        raise Failed(str(reason)) from None
+        raise errors.Failed(str(reason)) from None
     for note in notes:
-        say(f"note: {note}")
-    say(f"note: the report is {out / 'index.html'}")
+        errors.say(f"note: {note}")
+    errors.say(f"note: the report is {out / 'index.html'}")
 
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
     message = ""
-    logging.getLogger("reference_solver").handlers = [Notes()]
+    logging.getLogger("reference_solver").handlers = [errors.Notes()]
     try:
         code = app(standalone_mode=False, prog_name="crankslider") or 0
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads stdout has seen enough
         code = 1
-        silence_stdout()
+        errors.silence_stdout()
     except Exception as error:
-        message, code = explained(error)
-    if code == INTERRUPTED:  # typer returns it after Ctrl-C
+        message, code = errors.explained(error)
+    if code == errors.INTERRUPTED:  # typer returns it after Ctrl-C
         message = "interrupted"
     if message:
-        say(f"error: {message}")
+        errors.say(f"error: {message}")
     sys.exit(code)
 
 
