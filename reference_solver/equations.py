@@ -17,8 +17,8 @@ from reference_solver.contact.force import contact_force, elastic_force, rates_o
 from reference_solver.contact.types import FLIGHT
 from reference_solver.contact.wall_friction import Rubbing, rubbed
 from reference_solver.contact.walls import wall_link
-from reference_solver.errors import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
-from reference_solver.factors import Factors
+from reference_solver.factorisation import Factors
+from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
 from reference_solver.mechanism.constraints import CONSTRAINTS
 from reference_solver.mechanism.loads import LOADS, Forces
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism

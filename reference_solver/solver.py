@@ -11,7 +11,7 @@ import numpy as np
 from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.errors import (
+from reference_solver.failures import (
     InconsistentStart,
     NonFiniteState,
     Stalled,

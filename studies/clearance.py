@@ -6,7 +6,7 @@ from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.comparison import compared, conserved
-from studies.judges.converged import converged, followed
+from studies.judges.converged_truth import converged, followed
 from studies.judges.impact_matching import impact_errors
 from studies.judges.local_error import local_errors
 from studies.judges.metrics import errors, with_suffix
@@ -62,7 +62,7 @@ def case(scene: Scene, rung: Rung) -> Case:
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return a run's errors against its own law's solution, and that law's distance from the scene's.
 
-    Errors are the largest up to the horizon (see ``converged.followed``), ``compared_until_s``.
+    Errors are the largest up to the horizon (see ``converged_truth.followed``), ``compared_until_s``.
     """
     engine = make_engine(case.engine, **case.settings)
     own = engine.twin(case.scene)

@@ -7,8 +7,8 @@ import pydantic
 from pydantic import Field
 
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
-from engine_models.exudyn.build import load_build, require_build
 from engine_models.exudyn.contact import native_twin
+from engine_models.exudyn.fast_build import load_build, require_build
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.scene.scene import Scene

@@ -16,8 +16,8 @@ from exudyn import itemInterface
 
 from engine_models.engine import FloatArray
 from engine_models.exudyn.contact import native_law
+from engine_models.exudyn.kinematic_tree import TreeLink, tree_links, tree_start
 from engine_models.exudyn.motion import Part
-from engine_models.exudyn.tree import TreeLink, tree_links, tree_start
 from engine_models.mechanics.contact_law import exponent_of, minimum_impact_speed_of, stiffness_of
 from engine_models.mechanics.joints import CRANK, SLIDER, JointGap, clearances, ends, joint_gap
 from engine_models.mechanics.start_check import checked_start

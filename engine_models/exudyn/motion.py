@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
-from engine_models.exudyn.tree import States, TreeLink, tree_states
+from engine_models.exudyn.kinematic_tree import States, TreeLink, tree_states
 
 #: In shorter steps differences of coordinates are round-off to their rates: these are taken as linear.
 SHORTEST_FOR_DIFFERENCES_S = 1e-8

@@ -23,7 +23,7 @@ from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.run import reference_run
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Baumgarte
-from reference_solver.errors import SolverError
+from reference_solver.failures import SolverError
 from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, ErrorControl, Stabilisation, StepChoice
 
 #: The smallest tolerance, some times round-off, and one to begin with.

@@ -11,7 +11,7 @@ from engine_models.progress import tell
 from engine_models.reference.model import mechanism_of
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Scene
-from reference_solver.errors import FrictionTooStiff
+from reference_solver.failures import FrictionTooStiff
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.

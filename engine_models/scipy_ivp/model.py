@@ -28,7 +28,7 @@ from reference_solver.contact.types import (
     Motion,
 )
 from reference_solver.equations import Equations
-from reference_solver.errors import SolverError
+from reference_solver.failures import SolverError
 from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.equations import Equations
-from reference_solver.errors import BlockedImpact
+from reference_solver.failures import BlockedImpact
 from reference_solver.rigid.complementarity import complementary
 from reference_solver.tape import FloatArray
 

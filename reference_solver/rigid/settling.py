@@ -23,7 +23,7 @@ from reference_solver.contact.types import Impact
 from reference_solver.contact.wall_friction import LEAST_MOBILITY
 from reference_solver.contact.walls import Separation, separation
 from reference_solver.equations import Equations, Phases
-from reference_solver.errors import PainleveParadox
+from reference_solver.failures import PainleveParadox
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS
 from reference_solver.rigid.complementarity import complementary, least_minor_ratio
 from reference_solver.rigid.impact import Eliminated, Jump, Touching, impact

@@ -9,7 +9,7 @@ from typing import Annotated, TextIO
 
 import typer
 
-from studies import errors
+from studies import failures
 
 app = typer.Typer(
     add_completion=False,
@@ -40,7 +40,7 @@ def engines() -> None:
 def show(scene: SceneName) -> None:
     """Print a scene as TOML, the start of a file of your own."""
     from engine_models.scene.file import to_toml
-    from studies.command.request import read_scene
+    from studies.command.options import read_scene
 
     print(to_toml(read_scene(scene)), end="")
 
@@ -76,8 +76,7 @@ def simulate(
     from engine_models.memory import TooLarge
     from engine_models.reference.kernels import FolderRefused
     from engine_models.step_halving import simulate_to_tolerance
-    from studies.command.progress_display import shown_progress
-    from studies.command.request import (
+    from studies.command.options import (
         SimulateOptions,
         checked,
         for_tolerance,
@@ -85,6 +84,7 @@ def simulate(
         read_engine,
         read_scene,
     )
+    from studies.command.progress_display import shown_progress
     from studies.command.trajectory_table import table, to_csv
 
     numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
@@ -93,13 +93,13 @@ def simulate(
     if options.end is not None:
         physics = physics.model_copy(update={"end_time_s": options.end})
     if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
-        raise errors.BadInput(f"--out: expected another file than the scene, got {out}")
+        raise failures.BadInput(f"--out: expected another file than the scene, got {out}")
     chosen = read_engine(engine, assignments or [])
     if options.tolerance is not None:
         chosen = for_tolerance(chosen, assignments or [])
     controls_error = getattr(chosen, "controls_error", False)
     longest_step = longest_step_s(options, physics.end_time_s, controls_error)
-    with errors.writing("--out", out or Path("stdout")), _opened(out) as file:
+    with failures.writing("--out", out or Path("stdout")), _opened(out) as file:
         try:
             # Engines look for non-finite numbers themselves.
             with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
@@ -108,15 +108,17 @@ def simulate(
                 else:
                     result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
         except TooLarge as reason:
-            raise errors.BadInput(f"--{reason}") from None
+            raise failures.BadInput(f"--{reason}") from None
         except UnsupportedScene as reason:
-            raise errors.BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
+            raise failures.BadInput(
+                f"--engine: expected one that can run this scene, got '{reason}'"
+            ) from None
         except FolderRefused as reason:
-            raise errors.BadInput(str(reason)) from None
+            raise failures.BadInput(str(reason)) from None
         except SimulationFailed as reason:
-            raise errors.Failed(str(reason)) from None
+            raise failures.Failed(str(reason)) from None
         file.write(to_csv(table(physics, result)))
-    errors.say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
+    failures.say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
 
 
 @app.command()
@@ -142,17 +144,17 @@ def run(
     """Run studies; finished cases are kept and skipped the next time."""
     from engine_models.reference.kernels import FolderRefused, writable_folder
     from engine_models.scene.plain_words import one_of, shown
-    from studies.command.request import RunOptions, checked
+    from studies.command.options import RunOptions, checked
     from studies.running.cluster import cluster
     from studies.running.execution import RunBroken
+    from studies.running.finished_cases import DamagedRows
     from studies.running.folder_lock import FolderHeld
     from studies.running.registry import STUDIES
-    from studies.running.rows import DamagedRows
     from studies.running.runner import run_studies
 
     for name in studies or []:
         if name not in STUDIES:
-            raise errors.BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
+            raise failures.BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     names = list(dict.fromkeys(studies or STUDIES))
     try:
@@ -160,17 +162,17 @@ def run(
         with (
             writable_folder(),
             executors as executor,
-            errors.writing("--out", out),
-            errors.terminated_as_interrupted(),
+            failures.writing("--out", out),
+            failures.terminated_as_interrupted(),
         ):
             run_studies(names, full, options.jobs, out, executor, retry_failed)
     except FolderRefused as reason:
-        raise errors.BadInput(str(reason)) from None
+        raise failures.BadInput(str(reason)) from None
     except (FolderHeld, DamagedRows) as reason:
-        raise errors.BadInput(f"--out: expected {reason}") from None
+        raise failures.BadInput(f"--out: expected {reason}") from None
     except RunBroken as reason:
-        raise errors.Failed(str(reason)) from None
-    errors.say(f"note: the results are in {out}")
+        raise failures.Failed(str(reason)) from None
+    failures.say(f"note: the results are in {out}")
 
 
 @app.command()
@@ -185,33 +187,33 @@ def report(
     from reports.results import BrokenResults
 
     try:
-        with errors.writing("--out", out):
+        with failures.writing("--out", out):
             notes = write_report(results, out)
     except (NoResults, BrokenResults) as reason:
-        raise errors.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
+        raise failures.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
-        raise errors.Failed(str(reason)) from None
+        raise failures.Failed(str(reason)) from None
     for note in notes:
-        errors.say(f"note: {note}")
-    errors.say(f"note: the report is {out / 'index.html'}")
+        failures.say(f"note: {note}")
+    failures.say(f"note: the report is {out / 'index.html'}")
 
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
     message = ""
-    logging.getLogger("reference_solver").handlers = [errors.Notes()]
+    logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
         code = app(standalone_mode=False, prog_name="crankslider") or 0
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads stdout has seen enough
         code = 1
-        errors.silence_stdout()
+        failures.silence_stdout()
     except Exception as error:
-        message, code = errors.explained(error)
-    if code == errors.INTERRUPTED:  # typer returns it after Ctrl-C
+        message, code = failures.explained(error)
+    if code == failures.INTERRUPTED:  # typer returns it after Ctrl-C
         message = "interrupted"
     if message:
-        errors.say(f"error: {message}")
+        failures.say(f"error: {message}")
     sys.exit(code)
 
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from engine_models.progress import told_to
-from studies.errors import say
+from studies.failures import say
 
 #: A run that is over before is not worth a bar; the bar moves this often; a line comes this often, in s.
 DELAY_S, REFRESH_S, LINE_S = 1.5, 0.2, 30.0

@@ -7,8 +7,8 @@ import numpy as np
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.scene import Scene
 from studies.extremes.truth import braked_wheel, dropped_wheel, folded_rod, turning_rod
-from studies.judges.converged import converged, followed
-from studies.judges.truth import exact, slider_position_m
+from studies.judges.converged_truth import converged, followed
+from studies.judges.ideal_truth import exact, slider_position_m
 
 Errors = Mapping[str, float]
 

@@ -5,7 +5,7 @@ import numpy as np
 from engine_models.engine import Trajectory
 from engine_models.mechanics.samples import selected
 from engine_models.scene.scene import Scene
-from studies.judges.converged import converged, followed
+from studies.judges.converged_truth import converged, followed
 from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
@@ -19,7 +19,7 @@ from studies.running.case import Curves, Row
 def compared(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
     """Return the largest error of every signal up to the horizon with the truth's uncertainty, and curves.
 
-    ``scene`` is the one that the engine really solves. The horizon (see ``converged.followed``) is the column
+    ``scene`` is the one that the engine really solves. The horizon (see ``converged_truth.followed``) is the column
     ``compared_until_s``, and ``largest_kinetic_energy_J`` the truth's.
     """
     samples = len(run.time_s) - 1

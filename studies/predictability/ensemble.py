@@ -8,7 +8,7 @@ import numpy as np
 
 from engine_models.engine import Trajectory
 from engine_models.scene.scene import Scene
-from studies.judges.truth import slider_position_m
+from studies.judges.ideal_truth import slider_position_m
 from studies.running.case import Curves, Row
 
 

@@ -12,7 +12,7 @@ from multiprocessing import current_process
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
-from studies.errors import BadInput
+from studies.failures import BadInput
 from studies.running.case import Limits
 from studies.running.execution import LimitedExecutor, RunBroken
 from studies.running.processes import Processes

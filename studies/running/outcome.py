@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import cast
 
 from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
-from studies.errors import bug
+from studies.failures import bug
 from studies.running.case import ROOMY, Case, Curves, Row, Study
 from studies.running.execution import OUT_OF_MEMORY, CaseEnded, RunBroken
 from studies.running.registry import study_module

@@ -1,6 +1,6 @@
 """Runs the cases of studies on all cores, keeps every finished one at once, and resumes where it stopped.
 
-A study's folder holds what ``studies.running.rows`` keeps there, and ``sidecar.json``.
+A study's folder holds what ``studies.running.finished_cases`` keeps there, and ``sidecar.json``.
 """
 
 import json
@@ -19,10 +19,10 @@ from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 from engine_models import engines
 from studies.running.case import ROOMY, Case, Curves, Row
 from studies.running.execution import NO_RESULT, NOT_BEGUN, LimitedExecutor, RunBroken
+from studies.running.finished_cases import Rows, opened
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
 from studies.running.provenance import changed_code, fingerprint, sidecar
-from studies.running.rows import Rows, opened
 from studies.running.whole_file import write_whole
 from studies.running.worker import LIMITS_MEMORY
 

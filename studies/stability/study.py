@@ -16,7 +16,7 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Scene
-from studies.judges.converged import converged, followed
+from studies.judges.converged_truth import converged, followed
 from studies.running.case import Case, Curves, Limits, Row, Value
 from studies.stability import theory
 from studies.stability.scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator

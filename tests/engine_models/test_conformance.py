@@ -10,8 +10,8 @@ from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.assembly import start_state
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
+from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
-from studies.judges.truth import exact
 
 #: Driven scenes up to just before their second impact, free ones through their first: in s, and the steps.
 END_S, STEP_S = {True: 0.0006, False: 0.004}, {True: 1e-6, False: 4e-6}

@@ -7,7 +7,7 @@ from engine_models.engine import RunSettings
 from engine_models.engines import ENGINES, make_engine
 from engine_models.own_uncertainty import simulate_with_uncertainty
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
-from studies.judges.truth import exact
+from studies.judges.ideal_truth import exact
 from tests.independent.clearance import integrate
 
 SAMPLES = 20

@@ -6,7 +6,7 @@ from engine_models.engines import ENGINES, make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from engine_models.step_halving import FEWEST_SAMPLES, simulate_to_tolerance
-from studies.judges.truth import exact
+from studies.judges.ideal_truth import exact
 
 IDEAL = list(IDEAL_SCENES)
 #: An order of 1, the hardest case for the estimate: each halving only halves the error.

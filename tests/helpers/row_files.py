@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.running.rows import checksum
+from studies.running.finished_cases import checksum
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:

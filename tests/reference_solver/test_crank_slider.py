@@ -11,6 +11,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
+from studies.judges.ideal_truth import exact, exact_twins
 from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
@@ -19,7 +20,6 @@ from studies.judges.metrics import (
     signals,
     uncertainties,
 )
-from studies.judges.truth import exact, exact_twins
 
 SAMPLES = 200
 EPS = float(np.finfo(float).eps)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_solver.errors import InconsistentStart, NonFiniteState, SingularConfiguration
+from reference_solver.failures import InconsistentStart, NonFiniteState, SingularConfiguration
 from reference_solver.mechanism.mechanism import (
     GROUND,
     Body,

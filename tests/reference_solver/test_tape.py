@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reference_solver.factors import Factors, eliminated
+from reference_solver.factorisation import Factors, eliminated
 from reference_solver.lifting import lifted
 from reference_solver.mechanism.mechanism import Body, Mechanism, PrescribedSpeed
 from reference_solver.tape import (

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from studies.running.execution import NO_RESULT
-from studies.running.rows import checksum
+from studies.running.finished_cases import checksum
 from tests.helpers.mischief import NAME, steady
 from tests.helpers.running import gone, lines, started, until
 

@@ -10,7 +10,7 @@ from engine_models.engine import RunSettings
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance, work_precision
-from studies.judges.converged import converged, reach
+from studies.judges.converged_truth import converged, reach
 from studies.judges.local_error import windows
 from studies.ladders import clearance_ladder, ideal_ladder
 from studies.running.case import Case

@@ -18,8 +18,8 @@ from reports.chapters.predictability import findings, statistics
 from reports.chapters.predictability.data import PER_REVOLUTION
 from reports.parts import Contradiction
 from studies.judges.horizon import apart, first_beyond_s, horizon_s, moved
+from studies.judges.ideal_truth import slider_position_m
 from studies.judges.lyapunov import growth
-from studies.judges.truth import slider_position_m
 from studies.predictability import study
 from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MOVES_RAD, moves_rad
 from studies.predictability.ensemble import period_s

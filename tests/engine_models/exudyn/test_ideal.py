@@ -16,8 +16,8 @@ from engine_models.exudyn.engine import ExudynEngine
 from engine_models.exudyn.model import build_model
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene, TorqueDrive
+from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors
-from studies.judges.truth import exact
 
 #: Both solvers are of order 2; the rest is what a regression over a factor of 7 in the step leaves open.
 ORDER, ORDER_TOLERANCE = 2.0, 0.05

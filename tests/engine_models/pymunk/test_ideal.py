@@ -15,8 +15,8 @@ from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.model import build
 from engine_models.scene.library import IDEAL_SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
+from studies.judges.ideal_truth import configuration, crank_acceleration, exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors
-from studies.judges.truth import configuration, crank_acceleration, exact
 
 SAMPLES = 160
 #: Odd numbers of steps between samples, since an even one would hide a force that rings from step to step;

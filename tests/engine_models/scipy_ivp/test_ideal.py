@@ -11,8 +11,8 @@ from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven
 from engine_models.scene.scene import FreeDrive, Scene, Start
 from engine_models.scipy_ivp.engine import ScipyEngine
 from engine_models.scipy_ivp.model import Derivative
+from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors, kinetic_energy_J
-from studies.judges.truth import exact
 
 SAMPLES = 20
 #: Methods, and the tolerances at which each is above round-off and not slow.

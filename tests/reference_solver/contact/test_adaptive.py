@@ -12,7 +12,7 @@ from scipy.special import ellipk, lambertw
 
 from reference_solver.contact import adaptive_loop
 from reference_solver.contact.types import CONTACT_RECORD, new_run
-from reference_solver.errors import SingularConfiguration
+from reference_solver.failures import SingularConfiguration
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, RevoluteJoint
 from reference_solver.solution import Solution

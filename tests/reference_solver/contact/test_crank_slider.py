@@ -11,8 +11,8 @@ from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
 from engine_models.scene.scene import Clearances, Scene
 from reference_solver.solver import StepChoice
+from studies.judges.ideal_truth import exact
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J
-from studies.judges.truth import exact
 from tests.helpers.crank_sliders import FINE, IMPACT_S, POSITION_M, short, solved, touches
 from tests.independent.clearance import integrate
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_solver.errors import FrictionTooStiff, PainleveParadox
+from reference_solver.failures import FrictionTooStiff, PainleveParadox
 from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall, steepest
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, PrescribedSpeed
 from reference_solver.solution import Solution

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Equations
-from reference_solver.errors import BlockedImpact
+from reference_solver.failures import BlockedImpact
 from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import (
     GROUND,

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reference_solver.errors import InconsistentStart
+from reference_solver.failures import InconsistentStart
 from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism
 from reference_solver.solution import Solution

@@ -14,7 +14,7 @@ from engine_models.engine import RunSettings
 from engine_models.engines import ENGINES, make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from studies.command.trajectory_table import table
-from studies.judges.truth import exact
+from studies.judges.ideal_truth import exact
 from tests.helpers.command import crankslider
 from tests.helpers.running import HEAR
 

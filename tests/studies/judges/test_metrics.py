@@ -7,8 +7,8 @@ import pytest
 
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
+from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, errors, with_suffix
-from studies.judges.truth import exact
 
 SHIFT = 1e-3
 #: Error of the differences that stand for derivatives.

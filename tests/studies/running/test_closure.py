@@ -54,7 +54,7 @@ def shortest(study: str, engine: str) -> Case | None:
 ONLY_RUNS = {
     "studies.running.runner": "says when a case runs and where, and hands its row on",
     "studies.running.cluster": "hands a case on to the processes of another machine",
-    "studies.running.rows": "keeps rows as they come",
+    "studies.running.finished_cases": "keeps rows as they come",
     "studies.running.folder_lock": "keeps other runs away",
     "studies.running.whole_file": "writes files whole",
 }

@@ -66,7 +66,7 @@ def of_the_reference(study: str, engine: str) -> bool | None:
     ("file", "decides"),
     [
         ("engine_models/scene/scene.py", lambda _study, _engine: True),
-        ("engine_models/exudyn/tree.py", lambda _, engine: engine == "exudyn"),
+        ("engine_models/exudyn/kinematic_tree.py", lambda _, engine: engine == "exudyn"),
         ("engine_models/pymunk/engine.py", lambda _, engine: engine == "pymunk"),
         ("reference_solver/compiled/__init__.py", of_the_reference),
         ("reference_solver/methods.py", of_the_reference),
@@ -74,9 +74,9 @@ def of_the_reference(study: str, engine: str) -> bool | None:
         ("studies/stability/verdict.py", lambda study, _: study == "stability"),
         ("studies/predictability/study.py", lambda study, _: study == "predictability"),
         ("studies/running/worker.py", lambda _study, _engine: True),
-        ("studies/running/rows.py", lambda _study, _engine: False),
+        ("studies/running/finished_cases.py", lambda _study, _engine: False),
         ("studies/ladders.py", lambda _study, _engine: False),
-        ("studies/errors.py", lambda _study, _engine: False),
+        ("studies/failures.py", lambda _study, _engine: False),
         ("studies/command/main.py", lambda _study, _engine: False),
         ("engine_models/arms.py", lambda _study, _engine: False),
     ],
@@ -103,7 +103,7 @@ def test_comments_docstrings_and_help_count_for_nobody(code: Path, untouched: di
 
 
 def test_a_constant_of_a_judge_counts(code: Path, untouched: dict[str, str]) -> None:
-    judge = code / "studies/judges/converged.py"
+    judge = code / "studies/judges/converged_truth.py"
     text = judge.read_text(encoding="utf-8")
     judge.write_text(text.replace("POINTWISE_M = 1e-8", "POINTWISE_M = 2e-8"), encoding="utf-8")
     assert text != judge.read_text(encoding="utf-8")

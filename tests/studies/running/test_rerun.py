@@ -47,14 +47,14 @@ def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> 
     engines = {"reference", "exudyn", "pymunk", "scipy", "mischief"}
     assert {engine: row["status"] for engine, row in first.items()} == dict.fromkeys(engines, "ok")
 
-    add_line(code / "engine_models/exudyn/tree.py", "# A comment.")
+    add_line(code / "engine_models/exudyn/kinematic_tree.py", "# A comment.")
     add_line(code / "studies/command/main.py", "AND_MORE = 1")
     add_line(code / "studies/ladders.py", "AND_MORE = 1")
     add_line(code / "studies/agreement.py", "AND_MORE = 1")
-    add_line(code / "studies/running/rows.py", "AND_MORE = 1")
+    add_line(code / "studies/running/finished_cases.py", "AND_MORE = 1")
     assert run_again(first, run(code)) == set()
 
-    tree = code / "engine_models/exudyn/tree.py"
+    tree = code / "engine_models/exudyn/kinematic_tree.py"
     as_it_was = tree.read_text(encoding="utf-8")
     add_line(tree, "AND_MORE = 1")
     second = run(code)

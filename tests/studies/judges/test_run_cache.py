@@ -10,8 +10,8 @@ from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.folder import VARIABLE, kernel_folder
-from studies.judges import kept_runs
-from studies.judges.kept_runs import kept_run
+from studies.judges import run_cache
+from studies.judges.run_cache import kept_run
 from studies.running.closure import closure
 
 SHARP = ReferenceEngine(method="dop853", tolerance=1e-10)
@@ -60,7 +60,7 @@ def test_the_code_of_the_engine_counts_and_a_study_s_does_not(
     modules = closure(ReferenceEngine.__module__).files
     assert {"reference_solver.methods", "engine_models.scene.scene"} < modules.keys()
     assert not [name for name in modules if name.startswith("studies")]
-    monkeypatch.setattr(kept_runs, "engine_fingerprint", lambda module: f"other code of {module}")
+    monkeypatch.setattr(run_cache, "engine_fingerprint", lambda module: f"other code of {module}")
     kept_run(SHARP, SCENE, SETTINGS)
     assert len(runs) == 2
 

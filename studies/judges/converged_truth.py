@@ -1,9 +1,9 @@
 """The converged solution of any scene, with twins that tell how far, and until when, it can be followed.
 
-Ideal scenes have the independent truth of ``judges.truth``. Scenes with clearance have the reference by
+Ideal scenes have the independent truth of ``ideal_truth``. Scenes with clearance have the reference by
 DOP853 at a tolerance near round-off, with the same run at ten times that tolerance and one by RK4, a method
 of another order whose steps come from other rules. They are followed up to the horizon, where these or runs
-begun a hair beside them part. All are kept on disk (see ``kept_runs``).
+begun a hair beside them part. All are kept on disk (see ``run_cache``).
 """
 
 from functools import lru_cache
@@ -14,8 +14,8 @@ from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import PERTURBATION_RAD, moved
-from studies.judges.kept_runs import kept_run
-from studies.judges.truth import exact, exact_twins
+from studies.judges.ideal_truth import exact, exact_twins
+from studies.judges.run_cache import kept_run
 
 #: Tolerances of the converged run and its twin, and the longest step of the twin by RK4.
 TOLERANCE, TWIN_TOLERANCE, TWIN_STEP_S = 1e-13, 1e-12, 1e-6

@@ -13,7 +13,7 @@ from engine_models.scene.file import SceneError, load
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import no_numbers, one_of, refusal, shown
 from engine_models.scene.scene import Positive, Scene
-from studies.errors import BadInput
+from studies.failures import BadInput
 
 T = TypeVar("T")
 

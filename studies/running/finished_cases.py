@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.errors import say
+from studies.failures import say
 from studies.running.case import Curves, Row
 from studies.running.folder_lock import held
 from studies.running.whole_file import UNFINISHED, write_through, write_whole

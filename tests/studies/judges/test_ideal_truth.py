@@ -7,8 +7,8 @@ from scipy.integrate import quad
 from engine_models.mechanics.assembly import assembled
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Clearance, Clearances, Scene
+from studies.judges.ideal_truth import configuration, exact, exact_twins
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
-from studies.judges.truth import configuration, exact, exact_twins
 
 #: Set R: crank radius times speed squared is the scale of the accelerations.
 SPEED = 2 * np.pi * 5000 / 60

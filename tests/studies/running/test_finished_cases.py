@@ -12,8 +12,8 @@ import pytest
 from reports.results import BrokenResults, read_study
 from studies.running import folder_lock
 from studies.running.case import Row
+from studies.running.finished_cases import DamagedRows, opened
 from studies.running.folder_lock import FolderHeld
-from studies.running.rows import DamagedRows, opened
 from studies.running.whole_file import write_whole
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
@@ -123,7 +123,7 @@ def test_rows_set_aside_survive_a_failure_at_any_moment(
         write_whole(path, content)
 
     with monkeypatch.context() as patch:
-        patch.setattr("studies.running.rows.write_whole", write_some)
+        patch.setattr("studies.running.finished_cases.write_whole", write_some)
         with pytest.raises(OSError, match="No space"):
             cases_in(tmp_path, OLD)
     assert cases_in(tmp_path, OLD) == ["a", "b"]

@@ -19,8 +19,8 @@ from studies.judges.energy_ledger import (
     stored,
 )
 from studies.judges.energy_rates import drift_rate
+from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
-from studies.judges.truth import exact
 
 
 @pytest.fixture(scope="module")
