@@ -9,6 +9,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.comparison import compared, conserved
+from studies.judges.ideal_truth import exact, exact_repeats
 from studies.running.case import Case, Curves, Row
 
 SAMPLES = 200
@@ -55,6 +56,7 @@ def _case(scene: Scene, arm: Arm, steps_per_sample: float, **added: Setting) -> 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return the largest error of every signal with the truth's uncertainty, and curves."""
     run = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    errors, error_curves = compared(case.scene, run)
+    truth = exact(case.scene, case.run.samples)
+    errors, error_curves = compared(case.scene, run, truth, exact_repeats(case.scene, case.run.samples))
     ledger, curves = conserved(case.scene, run)
     return {"steps": run.steps, **errors, **ledger}, {**error_curves, **curves, "time_s": run.time_s}

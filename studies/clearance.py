@@ -66,9 +66,10 @@ def measure(case: Case) -> tuple[Row, Curves]:
     """
     engine = make_engine(case.engine, **case.settings)
     own = engine.twin(case.scene)
-    truth, twins = converged(own, case.run.samples)
+    truth, repeats = converged(own, case.run.samples)
+    until = followed(own, case.run.samples)
     run = engine.simulate(case.scene, case.run)
-    worst, error_curves = compared(own, run)
+    worst, error_curves = compared(own, run, truth, repeats, until)
     ledger, curves = conserved(case.scene, run)
     assert run.dissipated_energy_J is not None
     row: Row = {
@@ -76,8 +77,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
         "mean_step_s": case.scene.end_time_s / run.steps,
         **worst,
         **(_model_differences(case, own) if own != case.scene else {}),
-        **_impacts(run, truth, twins, float(str(worst["compared_until_s"]))),
-        **local_errors(engine, case.scene, truth, case.run, followed(own, case.run.samples)),
+        **_impacts(run, truth, repeats, float(str(worst["compared_until_s"]))),
+        **local_errors(engine, case.scene, truth, case.run, until),
         **ledger,
         "dissipated_energy_J": float(run.dissipated_energy_J[-1]),
     }
@@ -94,7 +95,7 @@ def _model_differences(case: Case, own: Scene) -> Row:
     }
 
 
-def _impacts(run: Trajectory, truth: Trajectory, twins: tuple[Trajectory, ...], end_s: float) -> Row:
+def _impacts(run: Trajectory, truth: Trajectory, repeats: tuple[Trajectory, ...], end_s: float) -> Row:
     """Return what all joints' impacts miss: counts summed, the largest errors; and the truth's doubt."""
     row: Row = {}
     for joint, contact in run.contacts.items():
@@ -105,8 +106,8 @@ def _impacts(run: Trajectory, truth: Trajectory, twins: tuple[Trajectory, ...], 
             assert isinstance(so_far, (int, float))
             row[name] = value + so_far if name.startswith("impacts_") else max(value, so_far)
     doubts = [
-        impact_errors(twin.contacts[joint].impacts, contact.impacts, end_s).get("impact_time_error_s", 0.0)
-        for twin in twins
+        impact_errors(repeat.contacts[joint].impacts, contact.impacts, end_s).get("impact_time_error_s", 0.0)
+        for repeat in repeats
         for joint, contact in truth.contacts.items()
     ]
     row[with_suffix("impact_time_s", "uncertainty")] = max(float(d) for d in doubts if isinstance(d, float))

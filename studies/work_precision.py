@@ -16,6 +16,7 @@ from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.judges.comparison import compared
+from studies.judges.converged_truth import converged, followed
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 
@@ -90,8 +91,10 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 def _errors(case: Case) -> Row:
     engine = make_engine(case.engine, **case.settings)
+    own, samples = engine.twin(case.scene), case.run.samples
     run = engine.simulate(case.scene, case.run)
-    return {"steps": run.steps, **compared(engine.twin(case.scene), run)[0]}
+    errors, _ = compared(own, run, *converged(own, samples), followed(own, samples))
+    return {"steps": run.steps, **errors}
 
 
 def _solve_time_s(engine: Engine, case: Case) -> float:

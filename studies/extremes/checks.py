@@ -38,7 +38,7 @@ def loose_motion(scene: Scene, run: Trajectory) -> Errors:
     The distance is that from the farthest of these, so that no solver is judged by itself.
     """
     samples = len(run.time_s) - 1
-    truth, twins = converged(scene, samples)
+    truth, repeats = converged(scene, samples)
     until = slice(None, followed(scene, samples))
     contact = truth.contacts["B"]
     size = float(np.hypot(*contact.gap_m[until].T).max())
@@ -52,7 +52,7 @@ def loose_motion(scene: Scene, run: Trajectory) -> Errors:
                 impulse,
             ),
         )
-        for other in (truth, *twins)
+        for other in (truth, *repeats)
     ]
     place, push = (max(column) for column in zip(*judged, strict=True))
     return {"place in the bearing": place, "impulse at B": push}

@@ -1,11 +1,12 @@
-"""A run held against the converged solution of the scene that it solves, and against physics' own laws."""
+"""A run held against the truth of the scene that it solves, and against physics' own laws."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from engine_models.engine import Trajectory
 from engine_models.mechanics.samples import selected
 from engine_models.scene.scene import Scene
-from studies.judges.converged_truth import converged, followed
 from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
@@ -16,21 +17,21 @@ from studies.judges.metrics import (
 from studies.running.case import Curves, Row
 
 
-def compared(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
-    """Return the largest error of every signal up to the horizon with the truth's uncertainty, and curves.
+def compared(
+    scene: Scene, run: Trajectory, truth: Trajectory, repeats: Sequence[Trajectory], until: int | None = None
+) -> tuple[Row, Curves]:
+    """Return the largest error of every signal with the truth's uncertainty, and errors as curves.
 
-    ``scene`` is the one that the engine really solves. The horizon (see ``converged_truth.followed``) is the column
-    ``compared_until_s``, and ``largest_kinetic_energy_J`` the truth's.
+    ``scene`` is the one that the engine really solves, ``repeats`` are its truth found otherwise. Samples
+    before ``until`` count, up to ``compared_until_s``; ``largest_kinetic_energy_J`` is the truth's.
     """
-    samples = len(run.time_s) - 1
-    truth, twins = converged(scene, samples)
-    first = slice(None, followed(scene, samples))
+    first = slice(None, until)
     judged = selected(truth, first)
     curves: Curves = dict(errors(scene, selected(run, first), judged))
     row: Row = {"compared_until_s": float(judged.time_s[-1])}
     row |= {name: float(curve.max()) for name, curve in curves.items()}
     row["largest_kinetic_energy_J"] = float(kinetic_energy_J(scene, judged).max())
-    return row | uncertainties(scene, judged, [selected(twin, first) for twin in twins]), curves
+    return row | uncertainties(scene, judged, [selected(repeat, first) for repeat in repeats]), curves
 
 
 def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:

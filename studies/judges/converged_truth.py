@@ -1,4 +1,4 @@
-"""The converged solution of any scene, with twins that tell how far, and until when, it can be followed.
+"""The converged solution of any scene, with repeats that tell how far, and until when, it can be followed.
 
 Ideal scenes have the independent truth of ``ideal_truth``. Scenes with clearance have the reference by
 DOP853 at a tolerance near round-off, with the same run at ten times that tolerance and one by RK4, a method
@@ -14,12 +14,12 @@ from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import PERTURBATION_RAD, moved
-from studies.judges.ideal_truth import exact, exact_twins
+from studies.judges.ideal_truth import exact, exact_repeats
 from studies.judges.run_cache import kept_run
 
-#: Tolerances of the converged run and its twin, and the longest step of the twin by RK4.
-TOLERANCE, TWIN_TOLERANCE, TWIN_STEP_S = 1e-13, 1e-12, 1e-6
-#: Pointwise errors mean something while twins are no further apart than this in slider position.
+#: Tolerances of the converged run and its repeat, and the longest step of the repeat by RK4.
+TOLERANCE, REPEAT_TOLERANCE, REPEAT_STEP_S = 1e-13, 1e-12, 1e-6
+#: Pointwise errors mean something while repeats are no further apart than this in slider position.
 POINTWISE_M = 1e-8
 
 
@@ -29,36 +29,36 @@ def _sharp(tolerance: float) -> Engine:
 
 @lru_cache(maxsize=64)
 def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
-    """Return the converged trajectory and its twins.
+    """Return the converged trajectory and its repeats.
 
     Raises:
         UnsupportedScene, SimulationFailed: the reference cannot run the scene.
     """
     if not scene.joints_with_clearance:
-        return exact(scene, samples), tuple(exact_twins(scene, samples))
-    whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(TWIN_STEP_S, samples)
+        return exact(scene, samples), tuple(exact_repeats(scene, samples))
+    whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(REPEAT_STEP_S, samples)
     truth = kept_run(_sharp(TOLERANCE), scene, whole)
     other = kept_run(ReferenceEngine(method="rk4"), scene, fine)
-    return truth, (kept_run(_sharp(TWIN_TOLERANCE), scene, whole), other)
+    return truth, (kept_run(_sharp(REPEAT_TOLERANCE), scene, whole), other)
 
 
 @lru_cache(maxsize=64)
 def followed(scene: Scene, samples: int) -> int:
     """Return how many samples of the converged trajectory come before the scene's horizon.
 
-    That is where a twin parts from it, or the same run with the crank angle moved by PERTURBATION_RAD to
+    That is where a repeat parts from it, or the same run with the crank angle moved by PERTURBATION_RAD to
     either side. What starts with the state of every body has no such angle, and ideal joints no horizon.
     """
-    truth, twins = converged(scene, samples)
+    truth, repeats = converged(scene, samples)
     if scene.joints_with_clearance and not scene.start.states:
         whole = RunSettings(scene.end_time_s, samples)
         sides = (moved(scene, side * PERTURBATION_RAD) for side in (-1, 1))
-        twins = (*twins, *(kept_run(_sharp(TOLERANCE), side, whole) for side in sides))
-    return reach(truth, twins)
+        repeats = (*repeats, *(kept_run(_sharp(TOLERANCE), side, whole) for side in sides))
+    return reach(truth, repeats)
 
 
-def reach(truth: Trajectory, twins: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M) -> int:
-    """Return how many samples come before a twin's slider position is off by more than a tolerance."""
-    apart = np.max([np.abs(twin.slider_position_m - truth.slider_position_m) for twin in twins], axis=0)
+def reach(truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M) -> int:
+    """Return how many samples come before a repeat's slider position is off by more than a tolerance."""
+    apart = np.max([np.abs(repeat.slider_position_m - truth.slider_position_m) for repeat in repeats], axis=0)
     beyond = apart > tolerance_m
     return int(np.argmax(beyond)) if beyond.any() else len(beyond)

@@ -1,6 +1,6 @@
 """The predictability horizon: until when the position of a scene's slider can be told at all.
 
-Two things part from a run of the reference: its perturbed twins, begun at a crank angle that is off by far
+Two things part from a run of the reference: its perturbed runs, begun at a crank angle that is off by far
 less than anybody could build or measure, and its own run at half the step. The horizon for a tolerance is the
 time at which the first of them is off by more than that. Pointwise errors beyond it mean nothing.
 """
@@ -27,7 +27,7 @@ SAMPLES = 400
 
 @dataclass(frozen=True)
 class Apart:
-    """How far slider positions are apart at n times: ``perturbed_m`` (p, n) by twin, ``halved_m`` (n,)."""
+    """How far slider positions are apart at n times: ``perturbed_m`` (p, n) by run, ``halved_m`` (n,)."""
 
     time_s: FloatArray
     perturbed_m: FloatArray
@@ -55,7 +55,7 @@ def apart(
     step_s: float = STEP_S,
     fine_step_s: float = FINE_STEP_S,
 ) -> Apart:
-    """Return how the reference's perturbed and step-halved twins part from it.
+    """Return how the reference's perturbed and step-halved runs part from it.
 
     ``sizes`` are the perturbations in parts of ``PERTURBATION_RAD``.
 

@@ -18,9 +18,9 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.scene import Scene
 
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-13, 1e-17
-#: Least number of pieces that a run is cut into, for the truth and for its twins: from 200 on the energy
+#: Least number of pieces that a run is cut into, for the truth and for its repeats: from 200 on the energy
 #: integral of the library's ideal scenes holds to 5e-14, which is round-off.
-PIECES, TWIN_PIECES = 400, (500, 640)
+PIECES, REPEAT_PIECES = 400, (500, 640)
 
 #: Nine coordinates or their derivatives, each a number or an array: crank, rod, slider by (x, y, phi).
 Rows = tuple[Any, ...]
@@ -200,6 +200,6 @@ def exact(scene: Scene, samples: int) -> Trajectory:
     return _exact(scene, scene.end_time_s, samples, PIECES)
 
 
-def exact_twins(scene: Scene, samples: int) -> list[Trajectory]:
+def exact_repeats(scene: Scene, samples: int) -> list[Trajectory]:
     """Return the same truth from integrations cut otherwise: its distance from them is its uncertainty."""
-    return [_exact(scene, scene.end_time_s, samples, pieces) for pieces in TWIN_PIECES]
+    return [_exact(scene, scene.end_time_s, samples, pieces) for pieces in REPEAT_PIECES]

@@ -72,12 +72,12 @@ def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str,
     return out
 
 
-def uncertainties(scene: Scene, truth: Trajectory, twins: list[Trajectory]) -> dict[str, float]:
-    """Return the truth's own uncertainty of each signal: its largest distance from a twin plus round-off.
+def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) -> dict[str, float]:
+    """Return the truth's own uncertainty of each signal: its largest distance from a repeat plus round-off.
 
     The keys have ``_uncertainty`` before the unit, as in ``slider_position_uncertainty_m``.
     """
-    distances = [errors(scene, twin, truth).values() for twin in twins]
+    distances = [errors(scene, repeat, truth).values() for repeat in repeats]
     return {
         with_suffix(name, "uncertainty"): float(np.max(apart) + ROUND_OFF * np.abs(value).max())
         for (name, value), apart in zip(signals(scene, truth), zip(*distances, strict=True), strict=True)

@@ -11,7 +11,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
-from studies.judges.ideal_truth import exact, exact_twins
+from studies.judges.ideal_truth import exact, exact_repeats
 from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
@@ -72,7 +72,7 @@ def test_every_signal_converges_at_order_four(name: str, variant: str) -> None:
 def test_the_projection_leaves_a_driven_mechanism_round_off_at_any_step(steps_per_sample: int) -> None:
     scene, trajectory = run(*WITHOUT_ERROR, steps_per_sample)
     truth = exact(scene, SAMPLES)
-    floor = uncertainties(scene, truth, exact_twins(scene, SAMPLES)).values()
+    floor = uncertainties(scene, truth, exact_repeats(scene, SAMPLES)).values()
     for (signal, error), unit in zip(errors(scene, trajectory, truth).items(), floor, strict=True):
         assert error.max() < ROUND_OFF * unit, f"{signal}: {error.max():.1e} of {unit:.1e}"
 

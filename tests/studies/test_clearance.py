@@ -29,15 +29,15 @@ def case(scene: Scene, engine: str, step_s: float, **settings: float | str | boo
     return Case("clearance", scene, Arm(engine, "arm", settings), RunSettings(step_s, SAMPLES))
 
 
-def test_the_converged_solution_is_confirmed_by_twins_of_another_kind(scene: Scene) -> None:
-    truth, twins = converged(scene, SAMPLES)
-    assert len(twins) == 2
-    apart = max(np.abs(t.slider_position_m - truth.slider_position_m).max() for t in twins)
+def test_the_converged_solution_is_confirmed_by_repeats_of_another_kind(scene: Scene) -> None:
+    truth, repeats = converged(scene, SAMPLES)
+    assert len(repeats) == 2
+    apart = max(np.abs(t.slider_position_m - truth.slider_position_m).max() for t in repeats)
     assert apart < 1e-11, f"{apart:.1e} m"  # both converge to 1e-12 m here
-    assert reach(truth, twins) == SAMPLES + 1
+    assert reach(truth, repeats) == SAMPLES + 1
 
 
-def test_pointwise_comparison_ends_where_the_twins_part(scene: Scene) -> None:
+def test_pointwise_comparison_ends_where_the_repeats_part(scene: Scene) -> None:
     truth, _ = converged(scene, SAMPLES)
     position = truth.position.copy()
     position[10:, 2, 0] += 1e-7

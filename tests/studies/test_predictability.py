@@ -310,7 +310,7 @@ def test_chaos_is_an_exponent_whose_interval_is_above_zero(exponents: tuple[floa
     assert said in sentence
 
 
-def test_a_periodic_scene_whose_twins_part_contradicts_the_chapter(
+def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(
     results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken = Path(shutil.copytree(results, tmp_path / "results"))

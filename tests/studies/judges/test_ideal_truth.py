@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from engine_models.mechanics.assembly import assembled
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Clearance, Clearances, Scene
-from studies.judges.ideal_truth import configuration, exact, exact_twins
+from studies.judges.ideal_truth import configuration, exact, exact_repeats
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 
 #: Set R: crank radius times speed squared is the scale of the accelerations.
@@ -75,9 +75,9 @@ def test_the_truth_keeps_energy_and_joints_and_agrees_with_its_twins(scene: Scen
     residual = np.abs(energy_balance_residual_J(scene, truth)).max()
     assert residual < 1e-12 * energy, f"energy residual {residual:.2e} of {energy:.2e} J"
     assert constraint_violation_m(scene, truth).max() < 1e-15
-    for twin in exact_twins(scene, 200):
-        difference = np.abs(truth.slider_position_m - twin.slider_position_m).max()
-        assert difference < 1e-13, f"twins differ by {difference:.2e} m"
+    for repeat in exact_repeats(scene, 200):
+        difference = np.abs(truth.slider_position_m - repeat.slider_position_m).max()
+        assert difference < 1e-13, f"repeats differ by {difference:.2e} m"
 
 
 def test_the_scenes_assembly_agrees_with_the_truths_own_kinematics() -> None:
