@@ -7,9 +7,9 @@ from scipy.integrate import cumulative_trapezoid
 
 from engine_models.engine import JOINTS, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record, contact_states
-from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral
+from engine_models.exudyn.settings import IMPLICIT, ExudynSettings
 from engine_models.exudyn.solver import record_every, silence, simulation_settings, solve
 from engine_models.mechanics.joints import CRANK, clearances
 from engine_models.mechanics.reactions import contact_force, guide_force, reactions
@@ -20,7 +20,7 @@ from engine_models.scene.scene import Scene
 TIME_TOLERANCE = 1e-6
 
 
-def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajectory:
+def exudyn_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> Trajectory:
     """Run a scene that the engine supports; numbers may come out that are not finite.
 
     Raises:
@@ -33,7 +33,7 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
         return read_out(scene, run, model, solve_time)
 
 
-def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> float:
+def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> float:
     """Return the wall time in s of the same solve with nothing recorded but its ends.
 
     Raises:
@@ -45,7 +45,7 @@ def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> float:
         return solve(scene, model, settings, engine.timeout_s)
 
 
-def _model(engine: ExudynEngine, scene: Scene) -> Model:
+def _model(engine: ExudynSettings, scene: Scene) -> Model:
     return build_model(scene, tree=engine.solver_of(scene) not in IMPLICIT)
 
 

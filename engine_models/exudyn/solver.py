@@ -10,8 +10,8 @@ import exudyn as exu
 
 from engine_models import progress
 from engine_models.engine import RunSettings, SimulationFailed
-from engine_models.exudyn.engine import ADAPTIVE, IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
+from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.mechanics.joints import clearances
 from engine_models.pace import Pace
@@ -51,7 +51,7 @@ def record_every(scene: Scene, run: RunSettings) -> int:
     return 1 if scene.drive.kind == "constant-speed" else run.steps_per_sample(scene.end_time_s)
 
 
-def simulation_settings(engine: ExudynEngine, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
+def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
     Of ideal joints every so manieth step is recorded, with clearance every one, however short.
@@ -81,7 +81,7 @@ def simulation_settings(engine: ExudynEngine, scene: Scene, run: RunSettings) ->
     return settings
 
 
-def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynEngine) -> None:
+def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynSettings) -> None:
     """Set up the implicit methods and their Newton iteration."""
     integration.generalizedAlpha.spectralRadius = engine.spectral_radius
     integration.generalizedAlpha.computeInitialAccelerations = True

@@ -69,7 +69,7 @@ _source_of = cache(derivative_source)
 class Derivative:
     """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
 
-    The contacts are in flight to begin with (see ``contact_loop``).
+    The contacts are in flight to begin with (see ``contact.loop``).
     ``start`` is y at t = 0; ``sums`` names the integrals behind q and q' in it.
     """
 

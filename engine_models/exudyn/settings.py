@@ -1,0 +1,67 @@
+"""Settings of Exudyn's solvers, and which of them runs a scene. Exudyn itself is not imported here."""
+
+from typing import Annotated, Literal
+
+import pydantic
+from pydantic import Field
+
+from engine_models.engine import SETTINGS_CONFIG
+from engine_models.scene.scene import Scene
+
+IMPLICIT, ADAPTIVE = ("TrapezoidalIndex2", "GeneralizedAlpha"), ("DOPRI5", "ODE23")
+
+
+@pydantic.dataclasses.dataclass(frozen=True, config=SETTINGS_CONFIG)
+class ExudynSettings:
+    """Settings of Exudyn's solvers; the defaults are its best practice.
+
+    ``solver = auto`` is the implicit trapezoidal rule for ideal joints and DOPRI5 for joints with clearance,
+    wherever its model can be built. Implicit solvers run the absolute model: every ideal joint is a
+    constraint. Explicit ones run the tree model, which has no constraint, and only scenes with clearance.
+    DOPRI5 and ODE23 choose their steps, up to the run's, for a local error of ``tolerance`` in m, rad, m/s
+    and rad/s; the others take the run's step. With ``locate_events`` steps are shortened to end on touch and
+    release, and grow again; without it they are as they come.
+
+    ``spectral_radius`` (at infinite frequency) matters to the generalized-alpha method alone: 1 would keep
+    the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps. Newton's
+    method ends when its increment, in m and rad, is below ``newton_tolerance``: residuals are forces, and no
+    bound on those fits both a light mechanism and a heavy one. ``modified_newton`` factorises one Jacobian
+    a step, not one an iteration.
+
+    ``fast`` takes Exudyn's build without range checks. A process has the build of its first run.
+    A run that takes longer than ``timeout_s`` has failed.
+    """
+
+    solver: Literal[
+        "auto",
+        "TrapezoidalIndex2",
+        "GeneralizedAlpha",
+        "DOPRI5",
+        "ODE23",
+        "RK67",
+        "RK44",
+        "RK33",
+        "ExplicitMidpoint",
+    ] = "auto"
+    tolerance: Annotated[float, Field(gt=0, le=1e-3)] = 1e-10
+    locate_events: bool = True
+    spectral_radius: Annotated[float, Field(ge=0, lt=1)] = 0.5
+    newton_tolerance: Annotated[float, Field(gt=0, le=1e-6)] = 1e-12
+    modified_newton: bool = True
+    fast: bool = False
+    timeout_s: Annotated[float, Field(gt=0)] = 120.0
+
+    def solver_of(self, scene: Scene) -> str:
+        """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""
+        if self.solver != "auto":
+            return self.solver
+        return "TrapezoidalIndex2" if no_tree(scene) else "DOPRI5"
+
+
+def no_tree(scene: Scene) -> str:
+    """Return why the scene has no model without constraints, nothing if it has one."""
+    if not scene.joints_with_clearance:
+        return "explicit solvers take no constraints, and ideal joints alone form a closed loop"
+    if scene.drive.kind == "constant-speed" and scene.joints_with_clearance == ("O",):
+        return "with clearance at O alone no coordinate is the crank's angle, whose speed is prescribed"
+    return ""
