@@ -213,7 +213,7 @@ def half(file: FileIO, content: bytes) -> None:
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-@pytest.mark.parametrize("where", ["rows", "whole_file"])
+@pytest.mark.parametrize("where", ["finished_cases", "whole_file"])
 def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
