@@ -231,7 +231,7 @@ def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
         rows.keep("c", HEAD, curves)
     assert cases_in(tmp_path) == ["a", "c"]
     whole = {path.name for path in (tmp_path / "curves").iterdir()}
-    assert whole == {"a.npz", "c.npz"} | ({"b.npz"} if where == "rows" else set())
+    assert whole == {"a.npz", "c.npz"} | ({"b.npz"} if where == "finished_cases" else set())
 
 
 def test_a_file_that_a_kill_left_unfinished_is_removed(tmp_path: Path) -> None:
