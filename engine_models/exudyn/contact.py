@@ -1,23 +1,19 @@
-"""A joint with clearance in Exudyn: its native law, the scene that this solves, and what the contact did.
-
-Exudyn's sphere in a hollow sphere knows three normal laws, f = K delta^n + d delta' and
-f = K delta^n (1 + a(e') delta'/v0) with one of two damping factors a of a restitution e' in (0, 1]:
-impact model 1 a = 3(1-e')/2 (Hunt-Crossley); impact model 2 a = 3/2 (1-e')(11-e')/(1+9e') (Carvalho-Martins)
-for e' > 1/3, else (1-e'^2)/e' (Gonthier). Model 1 reaches a < 3/2 and model 2 any a, so every law of the
-family has an e' that makes it Exudyn's own, exactly. The force is never clipped: it may pull. Friction is
-saturated linear. It follows the sign of the normal force: where that pulls, friction drives the sliding.
+"""A joint with clearance in Exudyn: a sphere in a hollow one, with the friction of both, and what it did.
 
 After a run the law is evaluated here, at the states that Exudyn recorded, because Exudyn gives forces at its
 steps only, and no energies. Geometry and signs are those of ``engine.Contact``.
 """
 
-import math
 from dataclasses import dataclass
+from typing import Any
 
+import exudyn as exu
 import numpy as np
+from exudyn import itemInterface
 from numpy.typing import NDArray
 
-from engine_models.engine import Contact, FloatArray, Impacts, UnsupportedScene
+from engine_models.engine import Contact, FloatArray, Impacts
+from engine_models.exudyn.contact_law import native_law
 from engine_models.exudyn.motion import APPROACH_SPEED, Motion, integral
 from engine_models.mechanics.contact_law import (
     damping_factor_of,
@@ -26,6 +22,7 @@ from engine_models.mechanics.contact_law import (
     stiffness_of,
 )
 from engine_models.mechanics.joints import (
+    JointGap,
     clearances,
     cross,
     directions,
@@ -36,60 +33,45 @@ from engine_models.mechanics.joints import (
 )
 from engine_models.mechanics.reactions import ContactForces
 from engine_models.mechanics.trajectory import contact_of
-from engine_models.scene.scene import Clearance, Clearances, Scene
+from engine_models.scene.scene import Clearance, Scene
 
-#: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.
-LARGEST_OF_MODEL_1, LARGEST_OF_CARVALHO_MARTINS = 1.5, 8 / 3
+items: Any = itemInterface  # its constructors carry no types
 #: A time of touch is halved down to round-off this often.
 HALVINGS = 60
 
 
-@dataclass(frozen=True)
-class NativeLaw:
-    """Exudyn's parameters of a normal law; the restitution is Exudyn's e', not that of the scene."""
+def add_contact(mbs: exu.MainSystem, markers: list[Any], clearance: Clearance, start: JointGap) -> Any:
+    """Add the contact of pin, a sphere, and bearing, a hollow one, from one state of its gap.
 
-    impact_model: int
-    restitution: float
-    damping_N_s_m: float
-
-
-def native_law(clearance: Clearance) -> NativeLaw:
-    """Return the law in Exudyn's parameters, with Exudyn's e' solved for from the law's own damping."""
-    a = damping_factor_of(clearance)
-    if a == 0:
-        return NativeLaw(0, 1.0, clearance.damping_N_s_m or 0.0)
-    if a < LARGEST_OF_MODEL_1:
-        return NativeLaw(1, 1 - 2 * a / 3, 0.0)
-    if a < LARGEST_OF_CARVALHO_MARTINS:  # 3/2 e'^2 - (18 + 9a) e' + 33/2 - a = 0, its smaller root
-        b = 18 + 9 * a
-        return NativeLaw(2, 2 * (16.5 - a) / (b + math.sqrt(b * b - 6 * (16.5 - a))), 0.0)
-    return NativeLaw(2, 2 / (a + math.sqrt(a * a + 4)), 0.0)  # e'^2 + a e' - 1 = 0
-
-
-def native_twin(scene: Scene) -> Scene:
-    """Return the scene with the contact laws as Exudyn has them.
-
-    Raises:
-        UnsupportedScene: a law has no counterpart in Exudyn.
+    Returns:
+        The node of its history: gap (negative in contact), tangential speed (of the centres, which the first
+        step corrects), approach speed of the latest touch, and a plastic depth that no law here uses. A
+        contact that is closed at the start touches there.
     """
-    twins = {name: _native_twin(name, clearance) for name, clearance in clearances(scene).items()}
-    return scene.model_copy(update={"clearance": Clearances(**twins)})
-
-
-def _native_twin(name: str, clearance: Clearance) -> Clearance:
-    if clearance.law == "rigid":
-        raise UnsupportedScene(
-            f"exudyn has no rigid contact (clearance at {name}): its contacts are compliant"
-        )
+    c, bearing_radius, law = clearance.radial_clearance_m, clearance.bearing_radius_m, native_law(clearance)
     friction = clearance.friction
-    if friction is not None:
-        if friction.law == "ambrosio":
-            raise UnsupportedScene(f"exudyn's friction has no dead band (clearance at {name})")
-        friction = friction.model_copy(update={"law": "saturated-linear"})
-    changed: dict[str, object] = {"friction": friction}
-    if damping_factor_of(clearance) != 0:
-        changed |= {"may_pull": True, "minimum_impact_speed_m_s": minimum_impact_speed_of(clearance)}
-    return clearance.model_copy(update=changed)
+    (gap,), (rate,) = start.gap_m, start.rate_m_s
+    distance = float(np.hypot(*gap))
+    normal = gap / distance if distance > 0 else np.zeros(2)
+    approach, across = normal @ rate, normal[0] * rate[1] - normal[1] * rate[0]
+    begin = [c - distance, abs(across), max(approach, 0.0) if distance > c else 0.0, 0.0]
+    history = mbs.AddNode(items.NodeGenericData(initialCoordinates=begin, numberOfDataCoordinates=len(begin)))
+    contact = items.ObjectContactSphereSphere(
+        markerNumbers=markers,
+        nodeNumber=history,
+        spheresRadii=[bearing_radius - c, bearing_radius],
+        isHollowSphere1=True,
+        contactStiffness=stiffness_of(clearance),
+        contactStiffnessExponent=exponent_of(clearance),
+        contactDamping=law.damping_N_s_m,
+        impactModel=law.impact_model,
+        restitutionCoefficient=law.restitution,
+        minimumImpactVelocity=minimum_impact_speed_of(clearance),
+        dynamicFriction=0.0 if friction is None else friction.coefficient,
+        frictionProportionalZone=1.0 if friction is None else friction.regularisation_speed_m_s,
+    )
+    mbs.AddObject(contact)
+    return history
 
 
 @dataclass(frozen=True)

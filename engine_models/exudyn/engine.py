@@ -5,7 +5,7 @@ from dataclasses import replace
 import pydantic
 
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
-from engine_models.exudyn.contact import native_twin
+from engine_models.exudyn.contact_law import native_twin
 from engine_models.exudyn.fast_build import load_build, require_build
 from engine_models.exudyn.settings import IMPLICIT, ExudynSettings, no_tree
 from engine_models.mechanics.start_check import unwound, wound

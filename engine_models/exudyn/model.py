@@ -15,13 +15,12 @@ import numpy as np
 from exudyn import itemInterface
 
 from engine_models.engine import FloatArray
-from engine_models.exudyn.contact import native_law
+from engine_models.exudyn.contact import add_contact
 from engine_models.exudyn.kinematic_tree import TreeLink, tree_links, tree_start
 from engine_models.exudyn.motion import Part
-from engine_models.mechanics.contact_law import exponent_of, minimum_impact_speed_of, stiffness_of
-from engine_models.mechanics.joints import CRANK, SLIDER, JointGap, clearances, ends, joint_gap
+from engine_models.mechanics.joints import CRANK, SLIDER, clearances, ends, joint_gap
 from engine_models.mechanics.start_check import checked_start
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.scene.scene import Scene
 
 items: Any = itemInterface  # its constructors carry no types
 
@@ -89,7 +88,7 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
         markers = [bodies.marker(*side) for side in sides]
         if clearance is not None:
             start = joint_gap(scene, joint, position[None], velocity[None])
-            history = _add_contact(mbs, markers, clearance, start)
+            history = add_contact(mbs, markers, clearance, start)
             histories[joint] = _node_sensor(mbs, history, "Coordinates")
         else:
             connector = mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers))
@@ -188,40 +187,6 @@ def _add_tree(
         gravity=[0.0, -scene.gravity_m_s2, 0.0],
     )
     return node, mbs.AddObject(tree)
-
-
-def _add_contact(mbs: exu.MainSystem, markers: list[Any], clearance: Clearance, start: JointGap) -> Any:
-    """Add the contact of pin, a sphere, and bearing, a hollow one, from one state of its gap.
-
-    Returns:
-        The node of its history: gap (negative in contact), tangential speed (of the centres, which the first
-        step corrects), approach speed of the latest touch, and a plastic depth that no law here uses. A
-        contact that is closed at the start touches there.
-    """
-    c, bearing_radius, law = clearance.radial_clearance_m, clearance.bearing_radius_m, native_law(clearance)
-    friction = clearance.friction
-    (gap,), (rate,) = start.gap_m, start.rate_m_s
-    distance = float(np.hypot(*gap))
-    normal = gap / distance if distance > 0 else np.zeros(2)
-    approach, across = normal @ rate, normal[0] * rate[1] - normal[1] * rate[0]
-    begin = [c - distance, abs(across), max(approach, 0.0) if distance > c else 0.0, 0.0]
-    history = mbs.AddNode(items.NodeGenericData(initialCoordinates=begin, numberOfDataCoordinates=len(begin)))
-    contact = items.ObjectContactSphereSphere(
-        markerNumbers=markers,
-        nodeNumber=history,
-        spheresRadii=[bearing_radius - c, bearing_radius],
-        isHollowSphere1=True,
-        contactStiffness=stiffness_of(clearance),
-        contactStiffnessExponent=exponent_of(clearance),
-        contactDamping=law.damping_N_s_m,
-        impactModel=law.impact_model,
-        restitutionCoefficient=law.restitution,
-        minimumImpactVelocity=minimum_impact_speed_of(clearance),
-        dynamicFriction=0.0 if friction is None else friction.coefficient,
-        frictionProportionalZone=1.0 if friction is None else friction.regularisation_speed_m_s,
-    )
-    mbs.AddObject(contact)
-    return history
 
 
 def _add_speed(mbs: exu.MainSystem, scene: Scene, crank_node: Any) -> Any:

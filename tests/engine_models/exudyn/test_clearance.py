@@ -12,7 +12,7 @@ import pydantic
 import pytest
 
 from engine_models.engine import Contact, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.exudyn.contact import native_law
+from engine_models.exudyn.contact_law import native_law
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.reference.engine import ReferenceEngine
