@@ -8,10 +8,8 @@ angle.
 """
 
 import math
+from statistics import median
 
-import numpy as np
-
-from engine_models.engine import FloatArray
 from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
 from studies.predictability.cases import (
@@ -74,7 +72,7 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
         times = [horizon.first_beyond_s(parted.time_s, one, tolerance) for one in parted.perturbed_m]
         halved = horizon.first_beyond_s(parted.time_s, parted.halved_m, tolerance)
         horizons = {
-            f"horizon_{words}_s": _median(times),
+            f"horizon_{words}_s": median(times),
             f"horizon_{words}_least_s": min(times),
             f"horizon_{words}_largest_s": max(times),
             f"horizon_halved_{words}_s": halved,
@@ -82,12 +80,6 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
         row |= {name: value for name, value in horizons.items() if math.isfinite(value)}
     sizes = {f"perturbed_{k}_m": one for k, one in enumerate(parted.perturbed_m)}
     return row, {"time_s": parted.time_s, **sizes, "halved_m": parted.halved_m}
-
-
-def _median(times_s: list[float]) -> float:
-    """Return the median; numpy's would be nan between a number and infinity."""
-    low, high = sorted(times_s)[(len(times_s) - 1) // 2], sorted(times_s)[len(times_s) // 2]
-    return (low + high) / 2
 
 
 def _exponent(case: Case) -> tuple[Row, Curves]:
@@ -100,5 +92,4 @@ def _exponent(case: Case) -> tuple[Row, Curves]:
         per_second = growth.exponent_per_s(skipped * period)
         row["lyapunov_exponent_per_second"] = per_second
         row["lyapunov_exponent_per_revolution"] = per_second * period
-    curves: dict[str, FloatArray] = {"time_s": growth.time_s, "log_growth": growth.log_growth}
-    return row, {name: np.asarray(curve) for name, curve in curves.items()}
+    return row, {"time_s": growth.time_s, "log_growth": growth.log_growth}

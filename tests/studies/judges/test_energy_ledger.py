@@ -38,9 +38,9 @@ def test_planted_power_is_found_with_its_sign_and_size(planted_W: float) -> None
     # Where more energy moves, all velocities are larger by the root of the ratio.
     factor = np.sqrt(1 + planted_W * truth.time_s / energy_J)
     run = replace(truth, velocity=truth.velocity * factor[:, None, None])
-    found = drift_rate(run.time_s, numerical_gain_J(scene, run), blocks=10)
-    assert found.per_s == pytest.approx(planted_W, rel=1e-9)
-    assert found.is_told_from_zero
+    power = drift_rate(run.time_s, numerical_gain_J(scene, run), blocks=10)
+    assert power.per_s == pytest.approx(planted_W, rel=1e-9)
+    assert power.low_per_s * power.high_per_s > 0, "zero is outside the interval"
     assert energy_balance_residual_J(scene, run)[-1] == pytest.approx(planted_W * scene.end_time_s, rel=1e-9)
 
 
