@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray, Impacts
-from studies.running.case import Row
 
 #: Two impacts are the same if they are no further apart than this part of the flights around them.
 PART_OF_FLIGHT = 0.25
@@ -42,14 +41,14 @@ def match(run: FloatArray, true: FloatArray, end_s: float) -> Matching:
     )
 
 
-def impact_errors(run: Impacts, true: Impacts, end_s: float) -> Row:
+def impact_errors(run: Impacts, true: Impacts, end_s: float) -> dict[str, float]:
     """Return a row's columns: impacts matched, unmatched and missed until ``end_s``, and errors.
 
     Time by its largest error; speed, impulse and energy lost by the largest error relative to the largest of
     the true ones.
     """
     pairs = match(run.time_s, true.time_s, end_s)
-    row: Row = {
+    row: dict[str, float] = {
         "impacts_matched": len(pairs.run),
         "impacts_unmatched": pairs.unmatched,
         "impacts_missed": pairs.missed,

@@ -8,6 +8,7 @@ import numpy as np
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import started_from
 from engine_models.scene.scene import Scene
+from studies.judges.metrics import in_flight
 from studies.running.case import Row
 
 #: Most restarts in a run.
@@ -20,8 +21,7 @@ def windows(truth: Trajectory, until: int) -> list[tuple[int, int]]:
     The first is the last such sample before the touch, the second the next one after it: contacts remember
     how they began, so a run can only begin in flight.
     """
-    flying = np.all([contact.penetration_m < 0 for contact in truth.contacts.values()], axis=0)
-    places = np.flatnonzero(flying[:until])
+    places = np.flatnonzero(in_flight(truth)[:until])
     touches = np.sort(np.concatenate([contact.impacts.time_s for contact in truth.contacts.values()]))
     pairs = zip(places[:-1].tolist(), places[1:].tolist(), strict=True)
     over_touches = [

@@ -18,6 +18,7 @@ from reports.chapters.stability.map_cells import VERDICTS as SHOWN
 from reports.chapters.stability.map_cells import cells, map_rows, prepared
 from reports.parts import Contradiction
 from reports.results import read_results, read_study
+from studies.judges.metrics import finite
 from studies.running.case import Case, Value
 from studies.running.runner import run_study
 from studies.stability import study as stability
@@ -41,7 +42,6 @@ from studies.stability.verdict import (
     GROWING,
     INACCURATE,
     VERDICTS,
-    finite,
     verdict_of,
 )
 from tests.helpers.row_files import read_rows, write_rows
