@@ -5,11 +5,14 @@ from functools import partial
 
 from studies.extremes.case import Extreme
 from studies.extremes.checks import braked, dropped, loose_motion
-from studies.extremes.scenes import CLEARANCE_M, WHEEL_STEP_S, driven_loose, turning_wheel, wheel
-
-#: The step of set R in parts of a turn.
-STEPS_A_TURN = 2000
-TURN_S = 60 / 5000
+from studies.extremes.scenes import (
+    CLEARANCE_M,
+    STEPS_A_TURN,
+    WHEEL_STEP_S,
+    driven_loose,
+    turning_wheel,
+    wheel,
+)
 
 
 def everyday() -> list[Extreme]:
@@ -57,29 +60,26 @@ def clearance() -> list[Extreme]:
 
 def restitution() -> list[Extreme]:
     """Return drops that lose all, nothing, and nearly nothing, by a compliant law and by a rigid one."""
-    compliant = {
-        0.0: "Lankarani-Nikravesh at e = 0 really gives back 0.66 of the speed (Lambert W).",
-        1.0: "Bounces to the same height for ever.",
-        1 - 1e-9: "Bounces to the same height, less a part of 2e-9 each time.",
-    }
-    rigid = {
-        0.0: "Touches at 10.1 ms and lies still from then on.",
-        0.5: "Infinitely many bounces end at 3√(2c/g) = 30.3 ms, then it lies still.",
-        1.0: "Bounces to the same height for ever, every 20.2 ms.",
-    }
-
-    def name(kind: str, e: float) -> str:
-        return f"{kind} e = {'nearly 1' if 0.9 < e < 1 else f'{e:g}'}"
-
-    soft = [
-        (wheel(name("compliant", e), 0.06, law="lankarani-nikravesh", restitution=e), text)
-        for e, text in compliant.items()
+    case = partial(Extreme, "restitution", check=dropped, step_s=WHEEL_STEP_S)
+    compliant = partial(wheel, end_time_s=0.06, law="lankarani-nikravesh")
+    rigid = partial(wheel, end_time_s=0.06, law="rigid", stiffness=None)
+    return [
+        case(
+            compliant("compliant e = 0", restitution=0.0),
+            "Lankarani-Nikravesh at e = 0 really gives back 0.66 of the speed (Lambert W).",
+        ),
+        case(compliant("compliant e = 1", restitution=1.0), "Bounces to the same height for ever."),
+        case(
+            compliant("compliant e = nearly 1", restitution=1 - 1e-9),
+            "Bounces to the same height, less a part of 2e-9 each time.",
+        ),
+        case(rigid("rigid e = 0", restitution=0.0), "Touches at 10.1 ms and lies still from then on."),
+        case(
+            rigid("rigid e = 0.5", restitution=0.5),
+            "Infinitely many bounces end at 3√(2c/g) = 30.3 ms, then it lies still.",
+        ),
+        case(rigid("rigid e = 1", restitution=1.0), "Bounces to the same height for ever, every 20.2 ms."),
     ]
-    hard = [
-        (wheel(name("rigid", e), 0.06, law="rigid", stiffness=None, restitution=e), text)
-        for e, text in rigid.items()
-    ]
-    return [Extreme("restitution", scene, text, dropped, WHEEL_STEP_S) for scene, text in soft + hard]
 
 
 def speed() -> list[Extreme]:
@@ -102,7 +102,7 @@ def _loose(
     name: str, end_s: float, clearance_m: float, theory: str, rpm: float = 5000.0, first: bool = False
 ) -> Extreme:
     """Return set R with clearance at B, at a step of a part of a turn but no longer than a wheel's."""
-    step = min(TURN_S * 5000 / rpm / STEPS_A_TURN, WHEEL_STEP_S)
+    step = min(60 / rpm / STEPS_A_TURN, WHEEL_STEP_S)
     group = "everyday" if first else "speed" if rpm != 5000 else "clearance"
     return Extreme(
         group, driven_loose(name, end_s, clearance_m, rpm), theory, loose_motion, step, first=first

@@ -6,12 +6,13 @@ from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import SLIDER, ideal_driven, ideal_free
 from engine_models.scene.scene import Slider
 from studies.extremes.case import Extreme
-from studies.extremes.checks import ideal_motion, impossible, long_turning
-from studies.extremes.scenes import driven, free, rod
+from studies.extremes.checks import ideal_motion, impossible, slider_by
+from studies.extremes.scenes import STEPS_A_TURN, TURN_S, driven, free, rod
+from studies.extremes.truth import turning_crank
 
 FREE, DRIVEN = ideal_free(), ideal_driven()
-#: Set F's and set R's everyday steps: 2000 a turn.
-FREE_STEP_S, STEP_S = 0.1 / 2000, 0.012 / 2000
+#: Set F's and set R's everyday steps.
+FREE_STEP_S, STEP_S = 0.1 / STEPS_A_TURN, TURN_S / STEPS_A_TURN
 REVOLUTIONS = 100_000
 
 
@@ -33,7 +34,7 @@ def speed() -> list[Extreme]:
             driven(f"{label}, ideal", 60 / rpm, rpm=rpm),
             f"Set R's motion; {forces}.",
             ideal_motion,
-            60 / rpm / 2000,
+            60 / rpm / STEPS_A_TURN,
         )
         for rpm, label, forces in (
             (1.0, "1 rpm", "inertia adds a ten-thousandth to the weights' forces"),
@@ -119,14 +120,13 @@ def loads() -> list[Extreme]:
 
 def long_runs() -> list[Extreme]:
     """Return a hundred thousand revolutions in one run, at a hundred steps each."""
-    turn = 60 / 5000
     return [
         Extreme(
             "length",
-            driven("100 000 revolutions", (REVOLUTIONS + 1 / 3) * turn),
+            driven("100 000 revolutions", (REVOLUTIONS + 1 / 3) * TURN_S),
             "Periodic: x repeats itself; only the driver's work could add up, and averages to zero.",
-            long_turning,
-            turn / 100,
+            slider_by(turning_crank),
+            TURN_S / 100,
             long=True,
         )
     ]

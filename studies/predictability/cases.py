@@ -10,10 +10,10 @@ from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import (
     EXPONENTS,
     HORIZONS_S,
+    SCENES,
     at_clearance,
     at_speed,
     following,
-    scene_named,
 )
 from studies.running.case import Case, Value
 
@@ -64,7 +64,7 @@ def cases(full: bool) -> list[Case]:
     out = [_horizon(name, end) for name, end in HORIZONS_S[full]]
     out += [_exponent(name, start) for name in EXPONENTS[full] for start in range(EXPONENT_STARTS[full])]
     for name, parts in ENSEMBLES[full]:
-        out += _ensembles(following(scene_named(name), sum(ENSEMBLE_REVOLUTIONS)), parts, MEMBERS[full])
+        out += _ensembles(following(SCENES[name](), sum(ENSEMBLE_REVOLUTIONS)), parts, MEMBERS[full])
     places = [k / (POINTS - 1) for k in range(0, POINTS, 1 if full else QUICK_EVERY)]
     (small, large), (slow, fast) = CLEARANCES_M, SPEEDS_RPM
     out += [_picture(CLEARANCES, at_clearance(small * (large / small) ** place)) for place in places]
@@ -83,14 +83,14 @@ def moves_rad(members: int, mirrored: bool = False) -> list[float]:
 
 
 def _horizon(name: str, end_s: float) -> Case:
-    scene = scene_named(name).model_copy(update={"end_time_s": end_s})
+    scene = SCENES[name]().model_copy(update={"end_time_s": end_s})
     turns = scene.drive.kind == "constant-speed"
     samples = round(SAMPLES * end_s / period_s(scene)) if turns else FREE_SAMPLES
     return _reference(scene, RunSettings(STEP_S, samples), HORIZON)
 
 
 def _exponent(name: str, start: int) -> Case:
-    scene, by = following(scene_named(name), sum(EXPONENT_REVOLUTIONS)), start * EXPONENT_SPACING_RAD
+    scene, by = following(SCENES[name](), sum(EXPONENT_REVOLUTIONS)), start * EXPONENT_SPACING_RAD
     # The pins of two joints are rarely in flight at the same time.
     run = RunSettings(STEP_S, STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2)
     return _reference(horizon.moved(scene, by), run, EXPONENT, start_moved_rad=by)

@@ -80,11 +80,6 @@ EXPONENTS = {
 }
 
 
-def scene_named(name: str) -> Scene:
-    """Return a scene of this study."""
-    return SCENES[name]()
-
-
 def following(scene: Scene, revolutions: int) -> Scene:
     """Return a driven scene that ends after some revolutions."""
     return scene.model_copy(update={"end_time_s": revolutions * period_s(scene)})

@@ -63,7 +63,6 @@ def test_every_extreme_case_meets_every_engine_within_limits() -> None:
     cases = extremes.cases(full=True)
     assert len(cases) == len(extremes.gallery()) * len(extremes.ARMS)
     assert all(case.limits for case in cases if not extremes.gallery()[case.scene.name].first)
-    assert {case.key("f") for case in extremes.cases(full=False)} <= {case.key("f") for case in cases}
     assert all(pickle.loads(pickle.dumps(case)) == case for case in cases)
 
 
