@@ -42,7 +42,7 @@ REFERENCE = make_engine("reference")
 
 def dropped(law: str, height: float) -> Scene:
     """A pin that loses nothing, dropped in its bearing: from the centre at ``height`` 1, the floor at 0."""
-    rigid, steel = law == "rigid", stiffness_of(clearance(ROOM_M, "hertz"))
+    rigid, steel = law == "rigid", stiffness_of(clearance(ROOM_M))
     return wheel(
         "dropped",
         0.2,
