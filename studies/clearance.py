@@ -12,7 +12,7 @@ from studies.judges.converged_truth import converged, followed
 from studies.judges.impact_matching import impact_errors
 from studies.judges.local_error import local_errors
 from studies.judges.metrics import errors, with_suffix
-from studies.ladders import Rung, clearance_ladder
+from studies.ladders import clearance_ladder
 from studies.running.case import Case, Curves, Row
 
 #: How far each scene is followed in s: through some ten impacts at least, and within the reach of the
@@ -51,14 +51,12 @@ def scenes(full: bool) -> list[Scene]:
 
 def cases(full: bool) -> list[Case]:
     """Return a ladder of every engine's own best settings for every scene."""
-    out = [case(scene, rung) for scene in scenes(full) for rung in clearance_ladder(scene, full, fast=False)]
+    out = [
+        Case("clearance", scene, rung.arm, RunSettings(rung.step_s, SAMPLES), rung.added)
+        for scene in scenes(full)
+        for rung in clearance_ladder(scene, full, fast=False)
+    ]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
-
-
-def case(scene: Scene, rung: Rung) -> Case:
-    """Return the recorded run of a rung of a ladder."""
-    run = RunSettings(rung.step_s, SAMPLES)
-    return Case("clearance", scene, rung.arm, run, rung.added)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

@@ -84,20 +84,16 @@ def starts() -> list[Extreme]:
     apart, sliding = position.copy(), velocity.copy()
     apart[1:, 0] += 1e-3
     sliding[2, 0] += 1.0
-    kinds = {
-        "joint A open by 1 mm": (apart, velocity, "g ≠ 0 at t = 0: an ideal joint cannot be open."),
-        "slider off by 1 m/s": (position, sliding, "B q' ≠ 0 at t = 0: the rod would have to stretch."),
-    }
+    case = partial(Extreme, "start", check=impossible, step_s=FREE_STEP_S, wanted="refusal")
     return [
-        Extreme(
-            "start",
-            started_from(free(name, 0.1), *state),
-            theory,
-            impossible,
-            FREE_STEP_S,
-            wanted="refusal",
-        )
-        for name, (*state, theory) in kinds.items()
+        case(
+            started_from(free("joint A open by 1 mm", 0.1), apart, velocity),
+            "g ≠ 0 at t = 0: an ideal joint cannot be open.",
+        ),
+        case(
+            started_from(free("slider off by 1 m/s", 0.1), position, sliding),
+            "B q' ≠ 0 at t = 0: the rod would have to stretch.",
+        ),
     ]
 
 

@@ -63,7 +63,7 @@ def gallery() -> dict[str, Extreme]:
         wheels.stability(),
         mechanisms.long_runs(),
     )
-    return {extreme.name: extreme for group in groups for extreme in group}
+    return {extreme.scene.name: extreme for group in groups for extreme in group}
 
 
 def cases(full: bool) -> list[Case]:

@@ -39,10 +39,8 @@ def moved(scene: Scene, by_rad: float) -> Scene:
     """
     if scene.start.states:
         raise ValueError(f"scene {scene.name}: expected a start by crank angle, got the state of every body")
-    angle = scene.start.crank_angle_rad + by_rad
-    return scene.model_copy(
-        update={"start": scene.start.model_copy(update={"crank_angle_rad": angle})},
-    )
+    start = scene.start.model_copy(update={"crank_angle_rad": scene.start.crank_angle_rad + by_rad})
+    return scene.model_copy(update={"start": start})
 
 
 def apart(

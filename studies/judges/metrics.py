@@ -6,23 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.energy import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
+from engine_models.mechanics.energy import energy_balance_residual_J as energy_balance_residual_J
+from engine_models.mechanics.energy import kinetic_energy_J as kinetic_energy_J
+from engine_models.mechanics.energy import potential_energy_J as potential_energy_J
 from engine_models.mechanics.joints import gaps
 from engine_models.scene.scene import Scene
-
-__all__ = [
-    "constraint_violation_m",
-    "energy_balance_residual_J",
-    "errors",
-    "finite",
-    "in_flight",
-    "kinetic_energy_J",
-    "pin_gap_m",
-    "potential_energy_J",
-    "signals",
-    "uncertainties",
-    "with_suffix",
-]
 
 
 def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:

@@ -55,7 +55,7 @@ def test_the_gallery_has_fifty_cases_each_with_a_sentence_of_theory_and_a_check(
     for extreme in gallery.values():
         assert callable(extreme.check)
         assert extreme.theory.endswith("."), extreme.theory
-        assert 20 < len(extreme.theory) < 130, f"{extreme.name}: {len(extreme.theory)} characters"
+        assert 20 < len(extreme.theory) < 130, f"{extreme.scene.name}: {len(extreme.theory)} characters"
         assert (extreme.wanted == "stop") == (extreme.stop_s is not None)
 
 
