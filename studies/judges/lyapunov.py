@@ -74,15 +74,15 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
         other = engine.simulate(second.model_copy(update=end), run)
         distance = distances_m(scene, one, other, stretch_s)
         near = int(np.argmax(np.append(distance, np.inf) >= largest_m))
-        flights = np.flatnonzero(in_flight(one, other)[1:]) + 1  # one sample on at least
-        at = int(flights[flights < near][-1]) if (flights < near).any() else near - 1
-        if not len(flights) or flights[0] >= near:
+        flights = np.flatnonzero(in_flight(one, other)[1:near]) + 1  # one sample on at least
+        if len(flights):
+            at, longer = int(flights[-1]), 1
+        else:
             longer = 2 * longer if near == len(distance) else LONGEST + 1  # no use in going on once far apart
             if longer <= LONGEST:
                 continue
+            at = near - 1
             settled = near == len(distance) and not _leaves(one) and not _leaves(other)
-        else:
-            longer = 1
         time += list(time[-1] + one.time_s[1 : at + 1])
         total += list(total[-1] + np.log(distance[1 : at + 1] / distance[0]))
         part = SIZE_M / distance[at]

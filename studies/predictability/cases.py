@@ -10,6 +10,8 @@ from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import (
     EXPONENTS,
     HORIZONS_S,
+    MORE_EXPONENTS,
+    MORE_HORIZONS_S,
     SCENES,
     at_clearance,
     at_speed,
@@ -46,10 +48,9 @@ RUNGS = {
     "native contact": Rung(arms.NATIVE_CONTACT, 2e-6),
 }
 _SAME_LAW = ("DOP853", "DOPRI5", "as the scene")
-_QUICK_ENSEMBLES = (("clearance-driven-0.5mm", _SAME_LAW),)
 #: Scenes and engines' arms of the ensembles, quick and full.
 ENSEMBLES = {
-    False: _QUICK_ENSEMBLES,
+    False: (("clearance-driven-0.5mm", _SAME_LAW),),
     True: (
         ("clearance-driven-0.5mm", tuple(RUNGS)),
         ("clearance-driven-0.1mm", _SAME_LAW),
@@ -60,8 +61,10 @@ ENSEMBLES = {
 
 def cases(full: bool) -> list[Case]:
     """Return horizons, exponents, ensembles and pictures; the full set contains the quick one."""
-    out = [_horizon(name, end) for name, end in HORIZONS_S[full]]
-    out += [_exponent(name, start) for name in EXPONENTS[full] for start in range(EXPONENT_STARTS[full])]
+    horizons = HORIZONS_S + (MORE_HORIZONS_S if full else ())
+    exponents = EXPONENTS + (MORE_EXPONENTS if full else ())
+    out = [_horizon(name, end) for name, end in horizons]
+    out += [_exponent(name, start) for name in exponents for start in range(EXPONENT_STARTS[full])]
     for name, parts in ENSEMBLES[full]:
         out += _ensembles(following(SCENES[name](), sum(ENSEMBLE_REVOLUTIONS)), parts, MEMBERS[full])
     places = [k / (POINTS - 1) for k in range(0, POINTS, 1 if full else QUICK_EVERY)]

@@ -12,20 +12,11 @@ from statistics import median
 
 from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
-from studies.predictability.cases import (
-    CLEARANCES,
-    ENSEMBLE_REVOLUTIONS,
-    EXPONENT,
-    EXPONENT_REVOLUTIONS,
-    HORIZON,
-    PICTURE_REVOLUTIONS,
-    SPEEDS,
-    cases,
-)
+from studies.predictability import cases as parts
 from studies.predictability.ensemble import period_s, statistics
 from studies.running.case import Case, Curves, Row
 
-__all__ = ["cases", "measure"]
+cases = parts.cases
 
 #: Tolerances on the slider's position by the words in the names of columns.
 TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}
@@ -34,21 +25,21 @@ TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return its part's columns and curves."""
     part = case.columns["part"]
-    if part == HORIZON:
+    if part == parts.HORIZON:
         return _horizon(case)
-    if part == EXPONENT:
+    if part == parts.EXPONENT:
         return _exponent(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    if part not in (CLEARANCES, SPEEDS):
-        return statistics(case.scene, trajectory, ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
-    after_s = PICTURE_REVOLUTIONS[0] * period_s(case.scene)
+    if part not in (parts.CLEARANCES, parts.SPEEDS):
+        return statistics(case.scene, trajectory, parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
+    after_s = parts.PICTURE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)
     clearance = case.scene.clearance.B
     assert clearance is not None
     row["radial_clearance_m"] = clearance.radial_clearance_m
     row["crank_speed_rad_s"] = case.scene.start.crank_speed_rad_s
     # At 90 degrees the rod pulls the slider through; at the dead centres the pin is pressed to one side.
-    once = slice(4 * PICTURE_REVOLUTIONS[0] + 1, None, 4)
+    once = slice(4 * parts.PICTURE_REVOLUTIONS[0] + 1, None, 4)
     gap = trajectory.contacts["B"].gap_m[once] / clearance.radial_clearance_m
     return row, {**curves, "gap_x_part": gap[:, 0], "gap_y_part": gap[:, 1]}
 
@@ -84,7 +75,7 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
 
 def _exponent(case: Case) -> tuple[Row, Curves]:
     """Return the exponent of a motion that goes on; one that settles to continuous contact has none."""
-    period, skipped = period_s(case.scene), EXPONENT_REVOLUTIONS[0]
+    period, skipped = period_s(case.scene), parts.EXPONENT_REVOLUTIONS[0]
     engine = make_engine(case.engine, **case.settings)
     growth = lyapunov.growth(engine, case.scene, case.run.step_s, period, case.run.samples)
     row: Row = {"revolutions": float(growth.time_s[-1]) / period}

@@ -88,8 +88,7 @@ def _fell(run: Trajectory, step_s: float) -> bool:
 def growth_of(depth_m: FloatArray, order: int) -> float:
     """Return the largest magnitude of the roots of the recurrence that penetrations (n,) obey around rest."""
     z = depth_m / DEPTH_M - 1
-    beyond = ~(np.abs(z) <= LARGEST_DEVIATION)
-    inside = int(np.argmax(beyond)) if beyond.any() else len(z)
+    inside = int(np.argmin(np.append(np.abs(z) <= LARGEST_DEVIATION, False)))
     if inside < 2 * order:
         return math.inf
     rows = np.array([z[k : k + order + 1] for k in range(inside - order)])

@@ -22,19 +22,9 @@ from studies.judges.metrics import finite
 from studies.running.case import Case, Value
 from studies.running.runner import run_study
 from studies.stability import study as stability
+from studies.stability import theory
 from studies.stability import verdict as stability_verdict
 from studies.stability.scalar import growth_of, measured_growth
-from studies.stability.theory import (
-    ALPHA,
-    EULER,
-    RK4,
-    TRAPEZOIDAL,
-    first_impact,
-    growth,
-    leading_loss,
-    limit,
-    step_matrix,
-)
 from studies.stability.verdict import (
     ACCURATE,
     DIVERGED,
@@ -81,19 +71,19 @@ def number(value: Value) -> float:
 
 def test_limits_of_theory_are_the_closed_forms() -> None:
     fast = 2 + sqrt(3)  # the faster rate of zeta = 2
-    assert limit(RK4, 0.0) == pytest.approx(RK4_IMAGINARY, rel=CLOSE)
-    assert limit(RK4, 2.0) == pytest.approx(RK4_REAL / fast, rel=CLOSE)
+    assert theory.limit(theory.RK4, 0.0) == pytest.approx(RK4_IMAGINARY, rel=CLOSE)
+    assert theory.limit(theory.RK4, 2.0) == pytest.approx(RK4_REAL / fast, rel=CLOSE)
     for ratio in (0.0, 0.5, 2.0):
-        assert limit(EULER, ratio) == pytest.approx(2 * (sqrt(1 + ratio**2) - ratio), rel=CLOSE)
-        assert limit(TRAPEZOIDAL, ratio) is None
-        assert limit(ALPHA, ratio) is None
+        assert theory.limit(theory.EULER, ratio) == pytest.approx(2 * (sqrt(1 + ratio**2) - ratio), rel=CLOSE)
+        assert theory.limit(theory.TRAPEZOIDAL, ratio) is None
+        assert theory.limit(theory.ALPHA, ratio) is None
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 0.9])
 def test_generalized_alpha_has_its_radius_at_infinity_and_its_loss_near_zero(radius: float) -> None:
-    assert growth(ALPHA, 1e6, 0.0, radius) == pytest.approx(radius, abs=2e-3)
-    loss = 1 - growth(ALPHA, 0.02, 0.0, radius) ** 2
-    assert loss == pytest.approx(leading_loss(ALPHA, 0.02, radius), rel=2e-3)
+    assert theory.growth(theory.ALPHA, 1e6, 0.0, radius) == pytest.approx(radius, abs=2e-3)
+    loss = 1 - theory.growth(theory.ALPHA, 0.02, 0.0, radius) ** 2
+    assert loss == pytest.approx(theory.leading_loss(theory.ALPHA, 0.02, radius), rel=2e-3)
 
 
 def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> None:
@@ -101,7 +91,7 @@ def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> No
     scene = next(
         scene for _, value, scene in stability.scenes(full=False) if scene.name.endswith("stiffness-1000")
     )
-    energy, frequency = first_impact(scene)
+    energy, frequency = theory.first_impact(scene)
     clearance, slider = scene.clearance.B, scene.crank_slider()[2]
     assert clearance is not None
     speed = sqrt(2 * energy / slider.mass_kg)
@@ -114,10 +104,10 @@ def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> No
 # The scalar problem
 
 
-@pytest.mark.parametrize("method", [RK4, EULER, ALPHA])
+@pytest.mark.parametrize("method", [theory.RK4, theory.EULER, theory.ALPHA])
 @pytest.mark.parametrize("frequency_step", [0.1, 1.0, 3.0])
 def test_growth_is_read_out_of_the_samples_of_a_step_matrix(method: str, frequency_step: float) -> None:
-    matrix = step_matrix(method, frequency_step, 0.0)
+    matrix = theory.step_matrix(method, frequency_step, 0.0)
     state = np.zeros(len(matrix))
     state[0] = 1e-3
     z = [state[0]]
@@ -125,7 +115,7 @@ def test_growth_is_read_out_of_the_samples_of_a_step_matrix(method: str, frequen
         state = matrix @ state
         z.append(state[0])
     found = growth_of(1e-4 * (1 + np.array(z)), len(matrix))
-    expected = growth(method, frequency_step, 0.0)
+    expected = theory.growth(method, frequency_step, 0.0)
     assert found == pytest.approx(expected, rel=1e-6) or (found == np.inf and expected > 5)
 
 
@@ -154,9 +144,11 @@ def test_an_implicit_engine_has_no_limit(arm: str) -> None:
 def test_generalized_alpha_loses_what_its_matrix_says(arm: str, radius: float, frequency_step: float) -> None:
     row, _ = stability.measure(the_case("exudyn", arm, frequency_step=frequency_step))
     found = number(row["energy_loss_per_step"])
-    assert found == pytest.approx(1 - growth(ALPHA, frequency_step, 0.0, radius) ** 2, rel=WITHIN)
+    assert found == pytest.approx(
+        1 - theory.growth(theory.ALPHA, frequency_step, 0.0, radius) ** 2, rel=WITHIN
+    )
     if frequency_step == stability.DAMPED_STEPS[0]:
-        assert found == pytest.approx(leading_loss(ALPHA, frequency_step, radius), rel=WITHIN)
+        assert found == pytest.approx(theory.leading_loss(theory.ALPHA, frequency_step, radius), rel=WITHIN)
 
 
 # Verdicts
@@ -192,7 +184,7 @@ def bounce() -> tuple[Case, Trajectory]:
 
 
 def judged(case: Case, run: Trajectory, true: Trajectory) -> dict[str, Value]:
-    energy, _ = first_impact(case.scene)
+    energy, _ = theory.first_impact(case.scene)
     return stability_verdict.measured(case.scene, run, true, len(true.time_s), energy)
 
 
