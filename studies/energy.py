@@ -21,7 +21,8 @@ from studies.running.case import Case, Curves, Row
 class Length:
     """How long a scene runs: ``intervals`` samples, and the steps between two of them on each rung.
 
-    A long run keeps the steps of a short one, of which it may leave out the finest.
+    Its ``name`` is the library's unless one is given. A long run keeps the steps of a short one, of which it
+    may leave out the finest.
     """
 
     scene: str
@@ -29,11 +30,6 @@ class Length:
     intervals: int
     steps_per_sample: tuple[int, ...]
     name: str = ""
-
-    def scene_cut(self) -> Scene:
-        """Return the scene with this end, under this name."""
-        update = {"end_time_s": self.end_s, "name": self.name or self.scene}
-        return SCENES[self.scene]().model_copy(update=update)
 
 
 #: One turn of set R's crank. Its runs are whole turns, sampled equally often in each.
@@ -89,7 +85,8 @@ def cases(full: bool) -> list[Case]:
 
 
 def _ladder(length: Length) -> list[Case]:
-    scene, out = length.scene_cut(), []
+    changes = {"end_time_s": length.end_s, "name": length.name or length.scene}
+    scene, out = SCENES[length.scene]().model_copy(update=changes), []
     tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
     for arm in (*_arms(scene), *arms.newcomers()):
         for rung, count in enumerate(length.steps_per_sample):

@@ -27,15 +27,11 @@ ROUNDS, FULL_ROUNDS = 3, 7
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.03, 100
 #: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows.
-QUICK_IDEAL, QUICK_CLEARANCE = (
-    ("ideal-free", "ideal-driven"),
-    ("clearance-free-0.5mm", "clearance-driven-0.5mm"),
-)
+QUICK_IDEAL = ("ideal-free", "ideal-driven")
+QUICK_CLEARANCE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 #: Scenes for which kernels are compiled anew, quick and what the full set adds.
-COMPILED, MORE_COMPILED = (
-    ("ideal-driven", "clearance-driven-0.5mm"),
-    ("clearance-free-OAB", "rigid-free-0.5mm"),
-)
+COMPILED = ("ideal-driven", "clearance-driven-0.5mm")
+MORE_COMPILED = ("clearance-free-OAB", "rigid-free-0.5mm")
 
 
 def scenes(full: bool) -> list[Scene]:

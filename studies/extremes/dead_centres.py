@@ -28,6 +28,7 @@ def dead_centres() -> list[Extreme]:
 
     equal = rod(DRIVEN, length_m=RADIUS_M)
     short = 0.8 * RADIUS_M
+    rest = Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0)
     snap = "The rod turns over the vertical and back within {0} of crank angle, at finite force"
     return [
         case(
@@ -64,12 +65,7 @@ def dead_centres() -> list[Extreme]:
             step_s=FREE_STEP_S,
         ),
         case(
-            free(
-                "at rest at a dead centre",
-                0.1,
-                gravity_m_s2=0.0,
-                start=Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0),
-            ),
+            free("at rest at a dead centre", 0.1, gravity_m_s2=0.0, start=rest),
             "No force acts: nothing ever moves.",
             check=resting,
             step_s=FREE_STEP_S,

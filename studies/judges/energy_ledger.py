@@ -26,15 +26,12 @@ def stored(scene: Scene, run: Trajectory) -> Lines:
 
 def dissipated(run: Trajectory) -> Lines:
     """Return what each contact lost, each of its ways a line of its own: ``contact_B_normal_loss_J``."""
-    lines: Lines = {}
-    for joint, contact in run.contacts.items():
-        ways = {
-            "normal": contact.normal_loss_J,
-            "friction": contact.friction_loss_J,
-            "clipped": contact.clipped_loss_J,
-        }
-        lines |= {f"contact_{joint}_{way}_loss_J": loss for way, loss in ways.items() if loss is not None}
-    return lines
+    return {
+        f"contact_{joint}_{line}": loss
+        for joint, contact in run.contacts.items()
+        for line in ("normal_loss_J", "friction_loss_J", "clipped_loss_J")
+        if (loss := getattr(contact, line)) is not None
+    }
 
 
 def ledger(scene: Scene, run: Trajectory) -> Lines:

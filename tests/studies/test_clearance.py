@@ -67,9 +67,9 @@ def test_an_engine_with_a_law_of_its_own_is_judged_by_that_law(scene: Scene) -> 
 def test_windows_begin_and_end_in_flight_with_a_touch_between(scene: Scene) -> None:
     truth, _ = converged(scene, SAMPLES)
     touches = truth.contacts["B"].impacts.time_s
-    found = windows(truth, SAMPLES + 1)
-    assert len(found) == len(touches)
-    for (k, m), touch in zip(found, touches, strict=True):
+    pairs = windows(truth, SAMPLES + 1)
+    assert len(pairs) == len(touches)
+    for (k, m), touch in zip(pairs, touches, strict=True):
         assert truth.time_s[k] < touch < truth.time_s[m]
         assert truth.contacts["B"].penetration_m[[k, m]].max() < 0
 

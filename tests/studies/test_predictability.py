@@ -80,14 +80,14 @@ TOLERANCES = {"rigid": 1e-4, "hertz": 0.01}
 @pytest.mark.parametrize("law", ["rigid", "hertz"])
 def test_the_exponent_of_a_pin_that_bounces_unstably_is_the_known_one(law: str, height: float) -> None:
     time = bounce_s(height)
-    found = growth(REFERENCE, dropped(law, height), 1e-4, 2 * time, 100)
-    exponent, known = found.exponent_per_s(SKIPPED_BOUNCES * time), known_exponent_per_s(height)
+    parting = growth(REFERENCE, dropped(law, height), 1e-4, 2 * time, 100)
+    exponent, known = parting.exponent_per_s(SKIPPED_BOUNCES * time), known_exponent_per_s(height)
     assert exponent == pytest.approx(known, rel=TOLERANCES[law]), f"{exponent} against {known} 1/s"
 
 
 def test_a_pin_that_bounces_stably_has_no_positive_exponent() -> None:
-    found = growth(REFERENCE, dropped("rigid", 0.25), 1e-4, 2 * bounce_s(0.25), 100)
-    assert found.exponent_per_s(0.0) < 0.2 * known_exponent_per_s(1.0), "distances only oscillate"
+    parting = growth(REFERENCE, dropped("rigid", 0.25), 1e-4, 2 * bounce_s(0.25), 100)
+    assert parting.exponent_per_s(0.0) < 0.2 * known_exponent_per_s(1.0), "distances only oscillate"
 
 
 def test_a_scene_that_settles_to_continuous_contact_has_no_exponent() -> None:
@@ -97,9 +97,9 @@ def test_a_scene_that_settles_to_continuous_contact_has_no_exponent() -> None:
     row, _ = run_case(case)
     assert row["status"] == "ok"
     assert not [name for name in row if "exponent" in name]
-    found = growth(REFERENCE, case.scene, case.run.step_s, REVOLUTION_S, case.run.samples)
-    assert found.settled
-    assert abs(found.log_growth[-1]) < 2, "and nothing grew"
+    parting = growth(REFERENCE, case.scene, case.run.step_s, REVOLUTION_S, case.run.samples)
+    assert parting.settled
+    assert abs(parting.log_growth[-1]) < 2, "and nothing grew"
 
 
 # The horizon
@@ -215,28 +215,28 @@ def test_false_alarms_counted_within_a_pool_are_at_the_nominal_rate() -> None:
 def test_a_shift_of_the_size_called_detectable_is_detected_four_times_of_five() -> None:
     rng = np.random.default_rng(4)
     shift = statistics.detectable_difference(rng.normal(size=100_000), 20)
-    found = sum(
+    detected = sum(
         float(statistics.permutation_p(samples("normal", rng, 20) + shift, samples("normal", rng, 20))[0])
         <= statistics.LEVEL
         for _ in range(TRIALS)
     )
-    low, high = statistics.Rate(found, TRIALS).interval
+    low, high = statistics.Rate(detected, TRIALS).interval
     # Samples of twenty estimate their own spread, which costs a normal test two or three hundredths.
-    assert low - 0.03 < 0.8 < high + 0.03, f"{found} of {TRIALS}"
+    assert low - 0.03 < 0.8 < high + 0.03, f"{detected} of {TRIALS}"
 
 
 def test_a_bootstrap_interval_covers_the_mean_nearly_as_often_as_it_says() -> None:
     rng = np.random.default_rng(5)
     inside = 0
     for _ in range(300):
-        found = statistics.mean_interval(samples("normal", rng, 20)[:, 0])
-        inside += found.low <= 0 <= found.high
+        interval = statistics.mean_interval(samples("normal", rng, 20)[:, 0])
+        inside += interval.low <= 0 <= interval.high
     assert statistics.Rate(inside, 300).interval[1] > 0.9, f"{inside} of 300"
 
 
 def test_holms_correction_is_the_textbooks() -> None:
-    found = statistics.holm(np.array([0.01, 0.04, 0.03, 0.005]))
-    assert found == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    corrected = statistics.holm(np.array([0.01, 0.04, 0.03, 0.005]))
+    assert corrected == pytest.approx([0.03, 0.06, 0.06, 0.02])
 
 
 # The chapter
