@@ -36,9 +36,8 @@ def match(run: FloatArray, true: FloatArray, end_s: float) -> Matching:
     most = PART_OF_FLIGHT * np.minimum(flights[:-1], flights[1:])
     places = np.arange(len(true))
     mutual = (back[nearest] == places) & (apart[nearest, places] <= np.maximum(most, np.finfo(float).eps))
-    return Matching(
-        nearest[mutual], places[mutual], len(run) - int(mutual.sum()), len(true) - int(mutual.sum())
-    )
+    matched = int(mutual.sum())
+    return Matching(nearest[mutual], places[mutual], len(run) - matched, len(true) - matched)
 
 
 def impact_errors(run: Impacts, true: Impacts, end_s: float) -> dict[str, float]:

@@ -221,7 +221,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = folder / "extremes/rows.jsonl"
     lines = read_rows(rows)
     for line, status in zip(lines, ("crashed", "timed out", "out of memory"), strict=False):
-        kept = {name: value for name, value in line.items() if name not in extremes.RIGHT}
+        head = {name: value for name, value in line.items() if name not in extremes.RIGHT}
         ended = {
             "case": status,
             "scene": f"the engine {status}",
@@ -229,7 +229,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "reason": "ended",
             "place": 99,
         }
-        lines.append(kept | ended)
+        lines.append(head | ended)
     write_rows(rows, lines)
     return folder
 
