@@ -1,5 +1,7 @@
 """Clearance: every engine on every scene with clearance, against the converged solution of its own law."""
 
+from itertools import chain
+
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
@@ -10,7 +12,7 @@ from studies.judges.converged_truth import converged, followed
 from studies.judges.impact_matching import impact_errors
 from studies.judges.local_error import local_errors
 from studies.judges.metrics import errors, with_suffix
-from studies.ladders import Rung, clearance_ladder
+from studies.ladders import clearance_ladder
 from studies.running.case import Case, Curves, Row
 
 #: How far each scene is followed in s: through some ten impacts at least, and within the reach of the
@@ -49,14 +51,12 @@ def scenes(full: bool) -> list[Scene]:
 
 def cases(full: bool) -> list[Case]:
     """Return a ladder of every engine's own best settings for every scene."""
-    out = [case(scene, rung) for scene in scenes(full) for rung in clearance_ladder(scene, full, fast=False)]
+    out = [
+        Case("clearance", scene, rung.arm, RunSettings(rung.step_s, SAMPLES), rung.added)
+        for scene in scenes(full)
+        for rung in clearance_ladder(scene, full, fast=False)
+    ]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
-
-
-def case(scene: Scene, rung: Rung) -> Case:
-    """Return the recorded run of a rung of a ladder."""
-    run = RunSettings(rung.step_s, SAMPLES)
-    return Case("clearance", scene, rung.arm, run, rung.added)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:
@@ -77,7 +77,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         "mean_step_s": case.scene.end_time_s / run.steps,
         **worst,
         **(_model_differences(case, own) if own != case.scene else {}),
-        **_impacts(run, truth, repeats, float(str(worst["compared_until_s"]))),
+        **_impacts(run, truth, repeats, worst["compared_until_s"]),
         **local_errors(engine, case.scene, truth, case.run, until),
         **ledger,
         "dissipated_energy_J": float(run.dissipated_energy_J[-1]),
@@ -98,17 +98,17 @@ def _model_differences(case: Case, own: Scene) -> Row:
 def _impacts(run: Trajectory, truth: Trajectory, repeats: tuple[Trajectory, ...], end_s: float) -> Row:
     """Return what all joints' impacts miss: counts summed, the largest errors; and the truth's doubt."""
     row: Row = {}
-    for joint, contact in run.contacts.items():
-        missed = impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
-        for name, value in missed.items():
-            so_far = row.get(name, 0)
-            assert isinstance(value, (int, float))
-            assert isinstance(so_far, (int, float))
-            row[name] = value + so_far if name.startswith("impacts_") else max(value, so_far)
+    by_joint = [
+        impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
+        for joint, contact in run.contacts.items()
+    ]
+    for name in dict.fromkeys(chain.from_iterable(by_joint)):
+        values = [numbers[name] for numbers in by_joint if name in numbers]
+        row[name] = sum(values) if name.startswith("impacts_") else max(values)
     doubts = [
         impact_errors(repeat.contacts[joint].impacts, contact.impacts, end_s).get("impact_time_error_s", 0.0)
         for repeat in repeats
         for joint, contact in truth.contacts.items()
     ]
-    row[with_suffix("impact_time_s", "uncertainty")] = max(float(d) for d in doubts if isinstance(d, float))
+    row[with_suffix("impact_time_s", "uncertainty")] = max(doubts)
     return row

@@ -11,7 +11,7 @@ from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.judges import energy_ledger as ledger
+from studies.judges.energy_ledger import constraint_speed_m_s, ledger, numerical_gain_J
 from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from studies.running.case import Case, Curves, Row
@@ -21,7 +21,8 @@ from studies.running.case import Case, Curves, Row
 class Length:
     """How long a scene runs: ``intervals`` samples, and the steps between two of them on each rung.
 
-    A long run keeps the steps of a short one, of which it may leave out the finest.
+    Its ``name`` is the library's unless one is given. A long run keeps the steps of a short one, of which it
+    may leave out the finest.
     """
 
     scene: str
@@ -29,11 +30,6 @@ class Length:
     intervals: int
     steps_per_sample: tuple[int, ...]
     name: str = ""
-
-    def scene_cut(self) -> Scene:
-        """Return the scene with this end, under this name."""
-        update = {"end_time_s": self.end_s, "name": self.name or self.scene}
-        return SCENES[self.scene]().model_copy(update=update)
 
 
 #: One turn of set R's crank. Its runs are whole turns, sampled equally often in each.
@@ -89,7 +85,8 @@ def cases(full: bool) -> list[Case]:
 
 
 def _ladder(length: Length) -> list[Case]:
-    scene, out = length.scene_cut(), []
+    changes = {"end_time_s": length.end_s, "name": length.name or length.scene}
+    scene, out = SCENES[length.scene]().model_copy(update=changes), []
     tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
     for arm in (*_arms(scene), *arms.newcomers()):
         for rung, count in enumerate(length.steps_per_sample):
@@ -108,7 +105,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return its hidden power, its ledger at the end, its drift, and curves of all three."""
     scene = case.scene
     run = make_engine(case.engine, **case.settings).simulate(scene, case.run)
-    gain = ledger.numerical_gain_J(scene, run)
+    gain = numerical_gain_J(scene, run)
     turns = float(np.ptp(run.position[:, 0, 2])) / (2 * math.pi)
     row: Row = {
         "steps": run.steps,
@@ -118,13 +115,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         "largest_numerical_gain_J": float(np.abs(gain).max()),
         **_powers(scene, run, gain),
     }
-    lines = {
-        **ledger.stored(scene, run),
-        **ledger.given(run),
-        **ledger.dissipated(run),
-        **ledger.stabilised(run),
-        "energy_balance_residual_J": energy_balance_residual_J(scene, run),
-    }
+    lines = {**ledger(scene, run), "energy_balance_residual_J": energy_balance_residual_J(scene, run)}
     row |= {name: float(line[-1]) for name, line in lines.items()}
     drift, curves = _drift(scene, run)
     curves |= {"numerical_gain_so_far_J": so_far(gain), "time_s": run.time_s}
@@ -160,7 +151,7 @@ def _drift(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
     round_off = (PLACES + PLACES_PER_RAD * angle) * float(np.finfo(float).eps)
     judged = {
         "constraint_violation": ("m", constraint_violation_m(scene, run), run.position),
-        "constraint_speed": ("m_s", ledger.constraint_speed_m_s(scene, run), run.velocity),
+        "constraint_speed": ("m_s", constraint_speed_m_s(scene, run), run.velocity),
     }
     for name, (unit, curve, coordinates) in judged.items():
         largest = float(curve.max())

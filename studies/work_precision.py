@@ -27,15 +27,11 @@ ROUNDS, FULL_ROUNDS = 3, 7
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.03, 100
 #: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows.
-QUICK_IDEAL, QUICK_CLEARANCE = (
-    ("ideal-free", "ideal-driven"),
-    ("clearance-free-0.5mm", "clearance-driven-0.5mm"),
-)
+QUICK_IDEAL = ("ideal-free", "ideal-driven")
+QUICK_CLEARANCE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 #: Scenes for which kernels are compiled anew, quick and what the full set adds.
-COMPILED, MORE_COMPILED = (
-    ("ideal-driven", "clearance-driven-0.5mm"),
-    ("clearance-free-OAB", "rigid-free-0.5mm"),
-)
+COMPILED = ("ideal-driven", "clearance-driven-0.5mm")
+MORE_COMPILED = ("clearance-free-OAB", "rigid-free-0.5mm")
 
 
 def scenes(full: bool) -> list[Scene]:
@@ -50,11 +46,11 @@ def cases(full: bool) -> list[Case]:
     rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
     out = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
-        out += [_case(scene, rung, 1, {"round": k}) for scene, rung in rungs]
+        out += [_case(scene, rung, 1, round=k) for scene, rung in rungs]
     compiled = COMPILED + (MORE_COMPILED if full else ())
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
-    out += [_case(scene, rung, 1, {"compiled_anew": 1}) for scene, rung in coarsest.values()]
+    out += [_case(scene, rung, 1, compiled_anew=1) for scene, rung in coarsest.values()]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
@@ -67,18 +63,10 @@ def _compiles(rung: Rung) -> bool:
     return hasattr(engine_class(rung.arm.engine), "compile_time_s")
 
 
-def _case(scene: Scene, rung: Rung, samples: int, timed: dict[str, Value] | None = None) -> Case:
-    step = RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s)
-    run = RunSettings(step, samples)
-    return Case(
-        "work-precision",
-        scene,
-        rung.arm,
-        run,
-        rung.added,
-        timed=timed is not None,
-        columns=timed or {},
-    )
+def _case(scene: Scene, rung: Rung, samples: int, **timed: Value) -> Case:
+    """Return a rung's run, at the step of the recorded one; what tells it from others if it is ``timed``."""
+    run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
+    return Case("work-precision", scene, rung.arm, run, rung.added, timed=bool(timed), columns=timed)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

@@ -38,8 +38,3 @@ class Extreme:
     stop_s: float | None = None
     first: bool = False
     long: bool = False
-
-    @property
-    def name(self) -> str:
-        """The scene's name."""
-        return self.scene.name

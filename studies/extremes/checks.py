@@ -1,14 +1,16 @@
 """Checks of the gallery: relative errors of a run against an independent truth, by what was judged."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
+from engine_models.mechanics.samples import selected
 from engine_models.scene.scene import Scene
-from studies.extremes.truth import braked_wheel, dropped_wheel, folded_rod, turning_rod
+from studies.extremes.case import Check
+from studies.extremes.truth import braked_wheel, dropped_wheel
 from studies.judges.converged_truth import converged, followed
-from studies.judges.ideal_truth import exact, slider_position_m
+from studies.judges.ideal_truth import exact
 
 Errors = Mapping[str, float]
 
@@ -40,29 +42,25 @@ def loose_motion(scene: Scene, run: Trajectory) -> Errors:
     samples = len(run.time_s) - 1
     truth, repeats = converged(scene, samples)
     until = slice(None, followed(scene, samples))
-    contact = truth.contacts["B"]
-    size = float(np.hypot(*contact.gap_m[until].T).max())
-    impulse = float(contact.normal_impulse_N_s[until][-1])
-    judged = [
-        (
-            _off(run.contacts["B"].gap_m[until], other.contacts["B"].gap_m[until], size),
-            _off(
-                run.contacts["B"].normal_impulse_N_s[until],
-                other.contacts["B"].normal_impulse_N_s[until],
-                impulse,
-            ),
-        )
-        for other in (truth, *repeats)
-    ]
-    place, push = (max(column) for column in zip(*judged, strict=True))
-    return {"place in the bearing": place, "impulse at B": push}
+    own, *others = (selected(motion.contacts["B"], until) for motion in (run, truth, *repeats))
+    size = float(np.hypot(*others[0].gap_m.T).max())
+    impulse = float(others[0].normal_impulse_N_s[-1])
+    return {
+        "place in the bearing": max(_off(own.gap_m, other.gap_m, size) for other in others),
+        "impulse at B": max(
+            _off(own.normal_impulse_N_s, other.normal_impulse_N_s, impulse) for other in others
+        ),
+    }
 
 
-def long_turning(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a crank that keeps its speed by its closed form, reduced to one turn before it is evaluated."""
-    theta = np.remainder(scene.start.crank_angle_rad + scene.start.crank_speed_rad_s * run.time_s, 2 * np.pi)
-    true = slider_position_m(scene, theta)
-    return {"slider position": _off(run.slider_position_m, true, scene.crank.length_m)}
+def slider_by(truth: Callable[[Scene, FloatArray], FloatArray]) -> Check:
+    """Return the check of the slider by its true position (n,) in m, given a scene and n times in s."""
+
+    def slider(scene: Scene, run: Trajectory) -> Errors:
+        true = truth(scene, run.time_s)
+        return {"slider position": _off(run.slider_position_m, true, scene.crank.length_m)}
+
+    return slider
 
 
 def dropped(scene: Scene, run: Trajectory) -> Errors:
@@ -95,18 +93,6 @@ def stopped(scene: Scene, run: Trajectory) -> Errors:
     of that angle.
     """
     return {"angle turned": braked(scene, run)["angle turned"]}
-
-
-def turned_over(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a rod shorter than the crank by the motion in the rod's own angle."""
-    true = turning_rod(scene, run.time_s)
-    return {"slider position": _off(run.slider_position_m, true, scene.crank.length_m)}
-
-
-def unfolded(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a crank and rod of one length by the smooth branch past their dead centre."""
-    true = folded_rod(scene, run.time_s)
-    return {"slider position": _off(run.slider_position_m, true, scene.crank.length_m)}
 
 
 def impossible(scene: Scene, run: Trajectory) -> Errors:

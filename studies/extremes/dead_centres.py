@@ -5,9 +5,10 @@ from functools import partial
 
 from engine_models.scene.scene import Start
 from studies.extremes.case import Extreme, Wanted
-from studies.extremes.checks import ideal_motion, impossible, resting, turned_over, unfolded
+from studies.extremes.checks import ideal_motion, impossible, resting, slider_by
 from studies.extremes.mechanisms import DRIVEN, FREE, FREE_STEP_S, STEP_S
 from studies.extremes.scenes import driven, free, rod
+from studies.extremes.truth import folded_rod, turning_rod
 
 RADIUS_M = DRIVEN.crank.length_m
 
@@ -27,12 +28,13 @@ def dead_centres() -> list[Extreme]:
 
     equal = rod(DRIVEN, length_m=RADIUS_M)
     short = 0.8 * RADIUS_M
+    rest = Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0)
     snap = "The rod turns over the vertical and back within {0} of crank angle, at finite force"
     return [
         case(
             driven("L = r through the fold", 0.006, rod=equal),
             "At t = 3 ms two branches cross, B has rank 8 of 9: stop there, or go on along x = 2r cos θ.",
-            check=unfolded,
+            check=slider_by(folded_rod),
             wanted="stop",
             stop_s=0.003,
         ),
@@ -59,16 +61,11 @@ def dead_centres() -> list[Extreme]:
         case(
             free("L = 0.8 r, free", 0.1, rod=rod(FREE, length_m=short)),
             "The rod turns over and over, the crank swings between ±53°: smooth in the rod's angle.",
-            check=turned_over,
+            check=slider_by(turning_rod),
             step_s=FREE_STEP_S,
         ),
         case(
-            free(
-                "at rest at a dead centre",
-                0.1,
-                gravity_m_s2=0.0,
-                start=Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0),
-            ),
+            free("at rest at a dead centre", 0.1, gravity_m_s2=0.0, start=rest),
             "No force acts: nothing ever moves.",
             check=resting,
             step_s=FREE_STEP_S,

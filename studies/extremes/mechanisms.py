@@ -6,12 +6,13 @@ from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import SLIDER, ideal_driven, ideal_free
 from engine_models.scene.scene import Slider
 from studies.extremes.case import Extreme
-from studies.extremes.checks import ideal_motion, impossible, long_turning
-from studies.extremes.scenes import driven, free, rod
+from studies.extremes.checks import ideal_motion, impossible, slider_by
+from studies.extremes.scenes import STEPS_A_TURN, TURN_S, driven, free, rod
+from studies.extremes.truth import turning_crank
 
 FREE, DRIVEN = ideal_free(), ideal_driven()
-#: Set F's and set R's everyday steps: 2000 a turn.
-FREE_STEP_S, STEP_S = 0.1 / 2000, 0.012 / 2000
+#: Set F's and set R's everyday steps.
+FREE_STEP_S, STEP_S = 0.1 / STEPS_A_TURN, TURN_S / STEPS_A_TURN
 REVOLUTIONS = 100_000
 
 
@@ -33,7 +34,7 @@ def speed() -> list[Extreme]:
             driven(f"{label}, ideal", 60 / rpm, rpm=rpm),
             f"Set R's motion; {forces}.",
             ideal_motion,
-            60 / rpm / 2000,
+            60 / rpm / STEPS_A_TURN,
         )
         for rpm, label, forces in (
             (1.0, "1 rpm", "inertia adds a ten-thousandth to the weights' forces"),
@@ -83,20 +84,16 @@ def starts() -> list[Extreme]:
     apart, sliding = position.copy(), velocity.copy()
     apart[1:, 0] += 1e-3
     sliding[2, 0] += 1.0
-    kinds = {
-        "joint A open by 1 mm": (apart, velocity, "g ≠ 0 at t = 0: an ideal joint cannot be open."),
-        "slider off by 1 m/s": (position, sliding, "B q' ≠ 0 at t = 0: the rod would have to stretch."),
-    }
+    case = partial(Extreme, "start", check=impossible, step_s=FREE_STEP_S, wanted="refusal")
     return [
-        Extreme(
-            "start",
-            started_from(free(name, 0.1), *state),
-            theory,
-            impossible,
-            FREE_STEP_S,
-            wanted="refusal",
-        )
-        for name, (*state, theory) in kinds.items()
+        case(
+            started_from(free("joint A open by 1 mm", 0.1), apart, velocity),
+            "g ≠ 0 at t = 0: an ideal joint cannot be open.",
+        ),
+        case(
+            started_from(free("slider off by 1 m/s", 0.1), position, sliding),
+            "B q' ≠ 0 at t = 0: the rod would have to stretch.",
+        ),
     ]
 
 
@@ -119,14 +116,13 @@ def loads() -> list[Extreme]:
 
 def long_runs() -> list[Extreme]:
     """Return a hundred thousand revolutions in one run, at a hundred steps each."""
-    turn = 60 / 5000
     return [
         Extreme(
             "length",
-            driven("100 000 revolutions", (REVOLUTIONS + 1 / 3) * turn),
+            driven("100 000 revolutions", (REVOLUTIONS + 1 / 3) * TURN_S),
             "Periodic: x repeats itself; only the driver's work could add up, and averages to zero.",
-            long_turning,
-            turn / 100,
+            slider_by(turning_crank),
+            TURN_S / 100,
             long=True,
         )
     ]

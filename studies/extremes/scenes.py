@@ -21,6 +21,8 @@ WHEEL = Link(length_m=0.12, mass_kg=0.21, inertia_kg_m2=2.5e-4, centre_of_mass_m
 GRAVITY_M_S2 = 9.81
 #: It falls through its clearance in 10 ms, a thousand steps.
 CLEARANCE_M, WHEEL_STEP_S = 5e-4, 1e-5
+#: A turn of set R's crank, and the everyday steps in it.
+TURN_S, STEPS_A_TURN = 60 / 5000, 2000
 
 
 def wheel(
@@ -37,21 +39,15 @@ def wheel(
     spin_rad_s: float = 0.0,
 ) -> Scene:
     """Return a wheel in its bearing, begun at a place from the bearing's centre with a spin alone."""
+    zeros = dict.fromkeys(BodyState.model_fields, 0.0)
     x, y = place_m
-    at = BodyState(
-        x_m=x,
-        y_m=y,
-        angle_rad=0.0,
-        velocity_x_m_s=0.0,
-        velocity_y_m_s=0.0,
-        angular_velocity_rad_s=spin_rad_s,
-    )
+    state = BodyState(**zeros | {"x_m": x, "y_m": y, "angular_velocity_rad_s": spin_rad_s})
     return Scene(
         name=name,
         end_time_s=end_time_s,
         gravity_m_s2=gravity_m_s2,
         crank=WHEEL,
-        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=spin_rad_s, crank=at),
+        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=spin_rad_s, crank=state),
         drive=FreeDrive(kind="free"),
         clearance=Clearances(
             O=Clearance(

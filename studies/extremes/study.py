@@ -1,21 +1,20 @@
 """Extremes: a gallery of named cases, what theory expects of each, and how near every engine came to it."""
 
 import math
-from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
 
 from engine_models import arms
 from engine_models.arms import Arm
-from engine_models.engine import FloatArray, RunSettings, Trajectory, UnsupportedScene
+from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.file import SceneError, from_toml, to_toml
 from engine_models.scene.scene import Scene
 from studies.extremes import contacts, dead_centres, mechanisms, wheels
 from studies.extremes.case import Extreme
 from studies.judges.energy_ledger import numerical_gain_J
-from studies.judges.metrics import constraint_violation_m, kinetic_energy_J, potential_energy_J
+from studies.judges.metrics import constraint_violation_m, finite, kinetic_energy_J, potential_energy_J
 from studies.running.case import Case, Curves, Limits, Row, Value
 
 #: What a run may take, and one of very many steps.
@@ -64,7 +63,7 @@ def gallery() -> dict[str, Extreme]:
         wheels.stability(),
         mechanisms.long_runs(),
     )
-    return {extreme.name: extreme for group in groups for extreme in group}
+    return {extreme.scene.name: extreme for group in groups for extreme in group}
 
 
 def cases(full: bool) -> list[Case]:
@@ -109,7 +108,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     engine = make_engine(case.engine, **case.settings)
     run = engine.simulate(scene, case.run)
     row: Row = {"steps": run.steps}
-    if not all(np.isfinite(values).all() for values in _numbers(run)):
+    if not finite(run):
         return row, {}
     errors = gallery()[scene.name].check(engine.twin(scene), run)
     judged = max(errors, key=lambda name: errors[name] if math.isfinite(errors[name]) else math.inf)
@@ -137,9 +136,3 @@ def _valid(scene: Scene) -> Scene:
         return from_toml(to_toml(scene))
     except SceneError as error:
         raise UnsupportedScene(f"no such scene: {error}") from None
-
-
-def _numbers(run: Trajectory) -> Iterable[FloatArray]:
-    """Yield every array of a trajectory and its contacts."""
-    for record in (run, *run.contacts.values(), *(contact.impacts for contact in run.contacts.values())):
-        yield from (value for value in vars(record).values() if isinstance(value, np.ndarray))

@@ -1,4 +1,4 @@
-"""Independent truths of the gallery: a ball in a bowl, a dry bearing, a rod that turns over, a folded rod.
+"""Independent truths of the gallery: a ball in a bowl, a dry bearing, crank or rod turning, a folded rod.
 
 Nothing here is shared with the solvers under test.
 """
@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from engine_models.engine import FloatArray
 from engine_models.scene.scene import Clearance, Scene
+from studies.judges.ideal_truth import slider_position_m
 
 #: Of ``solve_ivp``'s DOP853, an integrator of another kind and order than the reference's.
 TOLERANCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-16}
@@ -105,6 +106,12 @@ def braked_wheel(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArr
     braking = mu * normal * pin / wheel.inertia_kg_m2
     until = np.minimum(time_s, spin / braking) if braking else time_s
     return spin - braking * until, spin * until - braking * until**2 / 2
+
+
+def turning_crank(scene: Scene, time_s: FloatArray) -> FloatArray:
+    """Return the slider's position (n,) where the crank keeps its speed, its angle reduced to one turn."""
+    turned = scene.start.crank_angle_rad + scene.start.crank_speed_rad_s * time_s
+    return slider_position_m(scene, np.remainder(turned, 2 * np.pi))
 
 
 def turning_rod(scene: Scene, time_s: FloatArray) -> FloatArray:

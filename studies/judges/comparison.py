@@ -19,7 +19,7 @@ from studies.running.case import Curves, Row
 
 def compared(
     scene: Scene, run: Trajectory, truth: Trajectory, repeats: Sequence[Trajectory], until: int | None = None
-) -> tuple[Row, Curves]:
+) -> tuple[dict[str, float], Curves]:
     """Return the largest error of every signal with the truth's uncertainty, and errors as curves.
 
     ``scene`` is the one that the engine really solves, ``repeats`` are its truth found otherwise. Samples
@@ -28,7 +28,7 @@ def compared(
     first = slice(None, until)
     judged = selected(truth, first)
     curves: Curves = dict(errors(scene, selected(run, first), judged))
-    row: Row = {"compared_until_s": float(judged.time_s[-1])}
+    row = {"compared_until_s": float(judged.time_s[-1])}
     row |= {name: float(curve.max()) for name, curve in curves.items()}
     row["largest_kinetic_energy_J"] = float(kinetic_energy_J(scene, judged).max())
     return row | uncertainties(scene, judged, [selected(repeat, first) for repeat in repeats]), curves

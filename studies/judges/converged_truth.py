@@ -10,21 +10,18 @@ from functools import lru_cache
 
 import numpy as np
 
-from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engine import RunSettings, Trajectory
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import PERTURBATION_RAD, moved
 from studies.judges.ideal_truth import exact, exact_repeats
 from studies.judges.run_cache import kept_run
 
-#: Tolerances of the converged run and its repeat, and the longest step of the repeat by RK4.
-TOLERANCE, REPEAT_TOLERANCE, REPEAT_STEP_S = 1e-13, 1e-12, 1e-6
+#: The engines of the converged run and its repeats, and the longest step of the repeat by RK4.
+SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", tolerance=tolerance) for tolerance in (1e-13, 1e-12))
+RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
 #: Pointwise errors mean something while repeats are no further apart than this in slider position.
 POINTWISE_M = 1e-8
-
-
-def _sharp(tolerance: float) -> Engine:
-    return ReferenceEngine(method="dop853", tolerance=tolerance)
 
 
 @lru_cache(maxsize=64)
@@ -36,10 +33,10 @@ def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory,
     """
     if not scene.joints_with_clearance:
         return exact(scene, samples), tuple(exact_repeats(scene, samples))
-    whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(REPEAT_STEP_S, samples)
-    truth = kept_run(_sharp(TOLERANCE), scene, whole)
-    other = kept_run(ReferenceEngine(method="rk4"), scene, fine)
-    return truth, (kept_run(_sharp(REPEAT_TOLERANCE), scene, whole), other)
+    whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(RK4_STEP_S, samples)
+    truth = kept_run(SHARP, scene, whole)
+    other = kept_run(RK4, scene, fine)
+    return truth, (kept_run(LESS_SHARP, scene, whole), other)
 
 
 @lru_cache(maxsize=64)
@@ -53,12 +50,11 @@ def followed(scene: Scene, samples: int) -> int:
     if scene.joints_with_clearance and not scene.start.states:
         whole = RunSettings(scene.end_time_s, samples)
         sides = (moved(scene, side * PERTURBATION_RAD) for side in (-1, 1))
-        repeats = (*repeats, *(kept_run(_sharp(TOLERANCE), side, whole) for side in sides))
+        repeats = (*repeats, *(kept_run(SHARP, side, whole) for side in sides))
     return reach(truth, repeats)
 
 
 def reach(truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M) -> int:
     """Return how many samples come before a repeat's slider position is off by more than a tolerance."""
     apart = np.max([np.abs(repeat.slider_position_m - truth.slider_position_m) for repeat in repeats], axis=0)
-    beyond = apart > tolerance_m
-    return int(np.argmax(beyond)) if beyond.any() else len(beyond)
+    return int(np.argmax(np.append(apart > tolerance_m, True)))

@@ -24,28 +24,26 @@ def stored(scene: Scene, run: Trajectory) -> Lines:
     return {name: line - line[0] for name, line in lines.items()}
 
 
-def given(run: Trajectory) -> Lines:
-    """Return the work of the driver, nothing in a scene without one."""
-    return {} if run.driver_work_J is None else {"driver_work_J": run.driver_work_J}
-
-
 def dissipated(run: Trajectory) -> Lines:
     """Return what each contact lost, each of its ways a line of its own: ``contact_B_normal_loss_J``."""
-    lines: Lines = {}
-    for joint, contact in run.contacts.items():
-        ways = {
-            "normal": contact.normal_loss_J,
-            "friction": contact.friction_loss_J,
-            "clipped": contact.clipped_loss_J,
-        }
-        lines |= {f"contact_{joint}_{way}_loss_J": loss for way, loss in ways.items() if loss is not None}
-    return lines
+    return {
+        f"contact_{joint}_{line}": loss
+        for joint, contact in run.contacts.items()
+        for line in ("normal_loss_J", "friction_loss_J", "clipped_loss_J")
+        if (loss := getattr(contact, line)) is not None
+    }
 
 
-def stabilised(run: Trajectory) -> Lines:
-    """Return what the stabilisation of constraints removed, nothing where the engine does not tell it."""
-    loss = run.stabilisation_loss_J
-    return {} if loss is None else {"stabilisation_loss_J": loss}
+def ledger(scene: Scene, run: Trajectory) -> Lines:
+    """Return all lines: what is ``stored``, the driver's work, what is ``dissipated``, what was stabilised.
+
+    A scene without a driver has no line of its work, and an engine that does not tell what stabilisation
+    removed has none of that.
+    """
+    given = {"driver_work_J": run.driver_work_J}
+    stabilised = {"stabilisation_loss_J": run.stabilisation_loss_J}
+    lines = {**stored(scene, run), **given, **dissipated(run), **stabilised}
+    return {name: line for name, line in lines.items() if line is not None}
 
 
 def numerical_gain_J(scene: Scene, run: Trajectory) -> FloatArray:
@@ -54,11 +52,8 @@ def numerical_gain_J(scene: Scene, run: Trajectory) -> FloatArray:
     Unlike the energy balance residual it holds what stabilisation removed, which is not physics either and
     which most engines do not tell: so it is the same thing for every engine.
     """
-    n = len(run.time_s)
-    gained, came, went = (
-        sum(lines.values(), np.zeros(n)) for lines in (stored(scene, run), given(run), dissipated(run))
-    )
-    return np.asarray(gained - came + went)
+    work = 0.0 if run.driver_work_J is None else run.driver_work_J
+    return np.asarray(sum(stored(scene, run).values()) - work + sum(dissipated(run).values()))
 
 
 def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:

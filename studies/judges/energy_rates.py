@@ -25,11 +25,6 @@ class Rate:
     low_per_s: float
     high_per_s: float
 
-    @property
-    def is_told_from_zero(self) -> bool:
-        """Whether zero is outside the interval."""
-        return self.low_per_s > 0 or self.high_per_s < 0
-
 
 def blocks_of(periods: float) -> int:
     """Return how many blocks to cut a run of so many periods into: each whole periods long if they allow."""

@@ -6,7 +6,6 @@ time at which the first of them is off by more than that. Pointwise errors beyon
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -21,8 +20,6 @@ SIZES = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)
 #: The longest step of the runs that are perturbed, and that of the run whose step is halved, in s: a
 #: perturbation grows as well at a coarser step, while the halved run shall show what is left at a fine one.
 STEP_S, FINE_STEP_S = 1e-5, 2e-6
-#: Samples of a scene whose horizon other studies ask for.
-SAMPLES = 400
 
 
 @dataclass(frozen=True)
@@ -42,10 +39,8 @@ def moved(scene: Scene, by_rad: float) -> Scene:
     """
     if scene.start.states:
         raise ValueError(f"scene {scene.name}: expected a start by crank angle, got the state of every body")
-    angle = scene.start.crank_angle_rad + by_rad
-    return scene.model_copy(
-        update={"start": scene.start.model_copy(update={"crank_angle_rad": angle})},
-    )
+    start = scene.start.model_copy(update={"crank_angle_rad": scene.start.crank_angle_rad + by_rad})
+    return scene.model_copy(update={"start": start})
 
 
 def apart(
@@ -79,24 +74,3 @@ def first_beyond_s(time_s: FloatArray, distance_m: FloatArray, tolerance_m: floa
     """Return the first of n times at which a distance (n,) exceeds a tolerance, infinite without one."""
     beyond = distance_m > tolerance_m
     return float(time_s[np.argmax(beyond)]) if beyond.any() else np.inf
-
-
-def horizon_s(scene: Scene, tolerance_m: float) -> float:
-    """Return the time up to which a scene's slider position means something within a tolerance.
-
-    That is its end time if nothing parts before. For an engine with a law of its own, ask for
-    ``engine.twin(scene)``.
-
-    Raises:
-        UnsupportedScene, SimulationFailed: the reference cannot run the scene.
-    """
-    parted = _apart_once(scene)
-    first = min(
-        first_beyond_s(parted.time_s, one, tolerance_m) for one in (*parted.perturbed_m, parted.halved_m)
-    )
-    return min(first, scene.end_time_s)
-
-
-@lru_cache(maxsize=64)
-def _apart_once(scene: Scene) -> Apart:
-    return apart(scene, SAMPLES, sizes=(-1.0, 1.0))

@@ -157,8 +157,20 @@ def _reactions(
 
 
 @lru_cache(maxsize=64)
-def _exact(scene: Scene, end_time_s: float, samples: int, pieces: int) -> Trajectory:
-    time = np.linspace(0.0, end_time_s, samples + 1)
+def exact(scene: Scene, samples: int, pieces: int = PIECES) -> Trajectory:
+    """Return the true trajectory of an ideal scene at ``samples + 1`` equally spaced times.
+
+    ``pieces`` is the least number of pieces in which the motion is integrated.
+
+    Raises:
+        ValueError: the scene has a joint with clearance, or a rod that is too short for a full turn.
+    """
+    crank, rod, _ = scene.crank_slider()
+    if rod.length_m < crank.length_m:
+        raise ValueError(f"no truth for a rod shorter than the crank: {rod.length_m} m, {crank.length_m} m")
+    if scene.joints_with_clearance:
+        raise ValueError(f"no minimal-coordinate truth for clearance at {scene.joints_with_clearance}")
+    time = np.linspace(0.0, scene.end_time_s, samples + 1)
     theta, speed = _crank_motion(scene, time, pieces)
     X, X_1, X_2 = configuration(scene, theta)
     velocity = X_1 * speed[:, None, None]
@@ -180,26 +192,12 @@ def _exact(scene: Scene, end_time_s: float, samples: int, pieces: int) -> Trajec
         guide_normal_force_N=guide_force,
         driver_torque_N_m=None if work is None else torque,
         driver_work_J=work,
-        step_s=end_time_s / samples,
+        step_s=scene.end_time_s / samples,
         steps=samples,
         solve_time_s=0.0,
     )
 
 
-def exact(scene: Scene, samples: int) -> Trajectory:
-    """Return the true trajectory of an ideal scene at ``samples + 1`` equally spaced times.
-
-    Raises:
-        ValueError: the scene has a joint with clearance, or a rod that is too short for a full turn.
-    """
-    crank, rod, _ = scene.crank_slider()
-    if rod.length_m < crank.length_m:
-        raise ValueError(f"no truth for a rod shorter than the crank: {rod.length_m} m, {crank.length_m} m")
-    if scene.joints_with_clearance:
-        raise ValueError(f"no minimal-coordinate truth for clearance at {scene.joints_with_clearance}")
-    return _exact(scene, scene.end_time_s, samples, PIECES)
-
-
 def exact_repeats(scene: Scene, samples: int) -> list[Trajectory]:
     """Return the same truth from integrations cut otherwise: its distance from them is its uncertainty."""
-    return [_exact(scene, scene.end_time_s, samples, pieces) for pieces in REPEAT_PIECES]
+    return [exact(scene, samples, pieces) for pieces in REPEAT_PIECES]

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray, Impacts
-from studies.running.case import Row
 
 #: Two impacts are the same if they are no further apart than this part of the flights around them.
 PART_OF_FLIGHT = 0.25
@@ -37,19 +36,18 @@ def match(run: FloatArray, true: FloatArray, end_s: float) -> Matching:
     most = PART_OF_FLIGHT * np.minimum(flights[:-1], flights[1:])
     places = np.arange(len(true))
     mutual = (back[nearest] == places) & (apart[nearest, places] <= np.maximum(most, np.finfo(float).eps))
-    return Matching(
-        nearest[mutual], places[mutual], len(run) - int(mutual.sum()), len(true) - int(mutual.sum())
-    )
+    matched = int(mutual.sum())
+    return Matching(nearest[mutual], places[mutual], len(run) - matched, len(true) - matched)
 
 
-def impact_errors(run: Impacts, true: Impacts, end_s: float) -> Row:
+def impact_errors(run: Impacts, true: Impacts, end_s: float) -> dict[str, float]:
     """Return a row's columns: impacts matched, unmatched and missed until ``end_s``, and errors.
 
     Time by its largest error; speed, impulse and energy lost by the largest error relative to the largest of
     the true ones.
     """
     pairs = match(run.time_s, true.time_s, end_s)
-    row: Row = {
+    row: dict[str, float] = {
         "impacts_matched": len(pairs.run),
         "impacts_unmatched": pairs.unmatched,
         "impacts_missed": pairs.missed,

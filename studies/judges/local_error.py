@@ -4,33 +4,30 @@ A global error past a grazing impact says who was unlucky, a median of local one
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import started_from
 from engine_models.scene.scene import Scene
+from studies.judges.metrics import in_flight
 from studies.running.case import Row
 
 #: Most restarts in a run.
 RESTARTS = 12
 
 
-def windows(truth: Trajectory, until: int) -> list[tuple[int, int]]:
-    """Return pairs of samples before ``until`` at which every pin flies, with a touch between them.
+def windows(truth: Trajectory, until: int) -> NDArray[np.intp]:
+    """Return pairs of samples, (w, 2), before ``until`` at which every pin flies, with a touch between them.
 
     The first is the last such sample before the touch, the second the next one after it: contacts remember
     how they began, so a run can only begin in flight.
     """
-    flying = np.all([contact.penetration_m < 0 for contact in truth.contacts.values()], axis=0)
-    places = np.flatnonzero(flying[:until])
+    places = np.flatnonzero(in_flight(truth)[:until])
     touches = np.sort(np.concatenate([contact.impacts.time_s for contact in truth.contacts.values()]))
-    pairs = zip(places[:-1].tolist(), places[1:].tolist(), strict=True)
-    over_touches = [
-        (k, m)
-        for k, m in pairs
-        if np.searchsorted(touches, truth.time_s[m]) > np.searchsorted(touches, truth.time_s[k])
-    ]
-    some = np.unique(np.linspace(0, len(over_touches) - 1, RESTARTS).astype(int)) if over_touches else ()
-    return [over_touches[i] for i in some]
+    touched = np.diff(np.searchsorted(touches, truth.time_s[places])) > 0
+    pairs = np.stack([places[:-1], places[1:]], axis=-1)[touched]
+    some = np.linspace(0, len(pairs) - 1, min(RESTARTS, len(pairs))).astype(int)
+    return np.asarray(pairs[some])
 
 
 def local_errors(engine: Engine, scene: Scene, truth: Trajectory, run: RunSettings, until: int) -> Row:

@@ -20,6 +20,7 @@ from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFail
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import moved
+from studies.judges.metrics import in_flight
 
 #: The companion is put back to this distance in m, far above round-off, ...
 SIZE_M = 1e-12
@@ -73,15 +74,15 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
         other = engine.simulate(second.model_copy(update=end), run)
         distance = distances_m(scene, one, other, stretch_s)
         near = int(np.argmax(np.append(distance, np.inf) >= largest_m))
-        flights = _flights(one, other)
-        at = int(flights[flights < near][-1]) if (flights < near).any() else near - 1
-        if not len(flights) or flights[0] >= near:
+        flights = np.flatnonzero(in_flight(one, other)[1:near]) + 1  # one sample on at least
+        if len(flights):
+            at, longer = int(flights[-1]), 1
+        else:
             longer = 2 * longer if near == len(distance) else LONGEST + 1  # no use in going on once far apart
             if longer <= LONGEST:
                 continue
+            at = near - 1
             settled = near == len(distance) and not _leaves(one) and not _leaves(other)
-        else:
-            longer = 1
         time += list(time[-1] + one.time_s[1 : at + 1])
         total += list(total[-1] + np.log(distance[1 : at + 1] / distance[0]))
         part = SIZE_M / distance[at]
@@ -119,10 +120,3 @@ def _beside(scene: Scene, stretch_s: float) -> Scene:
 def _leaves(run: Trajectory) -> bool:
     """Return whether any pin flies at any sample after the first, where a stretch may begin in flight."""
     return any(bool((contact.penetration_m[1:] < 0).any()) for contact in run.contacts.values())
-
-
-def _flights(one: Trajectory, other: Trajectory) -> np.ndarray:
-    """Return the samples after the first at which all pins of both runs fly free."""
-    contacts = (*one.contacts.values(), *other.contacts.values())
-    free = np.all([contact.penetration_m < 0 for contact in contacts], axis=0)
-    return np.flatnonzero(free[1:]) + 1

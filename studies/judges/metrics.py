@@ -3,23 +3,14 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.energy import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
+from engine_models.mechanics.energy import energy_balance_residual_J as energy_balance_residual_J
+from engine_models.mechanics.energy import kinetic_energy_J as kinetic_energy_J
+from engine_models.mechanics.energy import potential_energy_J as potential_energy_J
 from engine_models.mechanics.joints import gaps
 from engine_models.scene.scene import Scene
-
-__all__ = [
-    "constraint_violation_m",
-    "energy_balance_residual_J",
-    "errors",
-    "kinetic_energy_J",
-    "pin_gap_m",
-    "potential_energy_J",
-    "signals",
-    "uncertainties",
-    "with_suffix",
-]
 
 
 def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
@@ -34,6 +25,20 @@ def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
     open_m = pin_gap_m(scene, trajectory)[:, ideal].max(axis=1, initial=0.0)
     off_guide = np.abs(trajectory.position[:, -1, 1]) if scene.is_crank_slider else 0.0
     return np.asarray(np.maximum(open_m, off_guide))
+
+
+def in_flight(*runs: Trajectory) -> NDArray[np.bool_]:
+    """Return at which of their n samples every pin of all the runs is in flight, (n,)."""
+    contacts = [contact for run in runs for contact in run.contacts.values()]
+    return np.asarray(np.all([contact.penetration_m < 0 for contact in contacts], axis=0))
+
+
+def finite(run: Trajectory) -> bool:
+    """Return whether every number of a trajectory is finite, its contacts' and their impacts' included."""
+    contacts = run.contacts.values()
+    records = (run, *contacts, *(contact.impacts for contact in contacts))
+    values = [value for record in records for value in vars(record).values()]
+    return all(np.isfinite(value).all() for value in values if isinstance(value, np.ndarray))
 
 
 def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:

@@ -10,14 +10,15 @@ from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import (
     EXPONENTS,
     HORIZONS_S,
+    MORE_EXPONENTS,
+    MORE_HORIZONS_S,
+    SCENES,
     at_clearance,
     at_speed,
     following,
-    scene_named,
 )
 from studies.running.case import Case, Value
 
-STUDY = "predictability"
 #: The parts that are no ensembles.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
 CLEARANCES, SPEEDS = "against clearance", "against crank speed"
@@ -36,7 +37,7 @@ MEMBERS, MOVES_RAD = {False: 20, True: 40}, (1e-6, 1e-4)
 #: has every 8th.
 CLEARANCES_M, SPEEDS_RPM, POINTS, QUICK_EVERY = (1e-5, 1e-3), (500.0, 8000.0), 97, 8
 
-
+REFERENCE = Rung(arms.REFERENCE, STEP_S)
 #: Arms of the ensembles, at steps and tolerances that resolve an impact cheaply. Distributions over 60
 #: members with Exudyn's tolerance a hundredth of this, and with half and twice Pymunk's step, could not be
 #: told from the model twin's either (Kolmogorov and Smirnov, six numbers).
@@ -47,10 +48,9 @@ RUNGS = {
     "native contact": Rung(arms.NATIVE_CONTACT, 2e-6),
 }
 _SAME_LAW = ("DOP853", "DOPRI5", "as the scene")
-_QUICK_ENSEMBLES = (("clearance-driven-0.5mm", _SAME_LAW),)
 #: Scenes and engines' arms of the ensembles, quick and full.
 ENSEMBLES = {
-    False: _QUICK_ENSEMBLES,
+    False: (("clearance-driven-0.5mm", _SAME_LAW),),
     True: (
         ("clearance-driven-0.5mm", tuple(RUNGS)),
         ("clearance-driven-0.1mm", _SAME_LAW),
@@ -61,10 +61,12 @@ ENSEMBLES = {
 
 def cases(full: bool) -> list[Case]:
     """Return horizons, exponents, ensembles and pictures; the full set contains the quick one."""
-    out = [_horizon(name, end) for name, end in HORIZONS_S[full]]
-    out += [_exponent(name, start) for name in EXPONENTS[full] for start in range(EXPONENT_STARTS[full])]
+    horizons = HORIZONS_S + (MORE_HORIZONS_S if full else ())
+    exponents = EXPONENTS + (MORE_EXPONENTS if full else ())
+    out = [_horizon(name, end) for name, end in horizons]
+    out += [_exponent(name, start) for name in exponents for start in range(EXPONENT_STARTS[full])]
     for name, parts in ENSEMBLES[full]:
-        out += _ensembles(following(scene_named(name), sum(ENSEMBLE_REVOLUTIONS)), parts, MEMBERS[full])
+        out += _ensembles(following(SCENES[name](), sum(ENSEMBLE_REVOLUTIONS)), parts, MEMBERS[full])
     places = [k / (POINTS - 1) for k in range(0, POINTS, 1 if full else QUICK_EVERY)]
     (small, large), (slow, fast) = CLEARANCES_M, SPEEDS_RPM
     out += [_picture(CLEARANCES, at_clearance(small * (large / small) ** place)) for place in places]
@@ -83,29 +85,28 @@ def moves_rad(members: int, mirrored: bool = False) -> list[float]:
 
 
 def _horizon(name: str, end_s: float) -> Case:
-    scene = scene_named(name).model_copy(update={"end_time_s": end_s})
+    scene = SCENES[name]().model_copy(update={"end_time_s": end_s})
     turns = scene.drive.kind == "constant-speed"
     samples = round(SAMPLES * end_s / period_s(scene)) if turns else FREE_SAMPLES
-    return _reference(scene, RunSettings(STEP_S, samples), HORIZON)
+    return _case(HORIZON, scene, RunSettings(STEP_S, samples))
 
 
 def _exponent(name: str, start: int) -> Case:
-    scene, by = following(scene_named(name), sum(EXPONENT_REVOLUTIONS)), start * EXPONENT_SPACING_RAD
+    scene, by = following(SCENES[name](), sum(EXPONENT_REVOLUTIONS)), start * EXPONENT_SPACING_RAD
     # The pins of two joints are rarely in flight at the same time.
     run = RunSettings(STEP_S, STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2)
-    return _reference(horizon.moved(scene, by), run, EXPONENT, start_moved_rad=by)
+    return _case(EXPONENT, horizon.moved(scene, by), run, start_moved_rad=by)
 
 
-def _reference(scene: Scene, run: RunSettings, part: str, **columns: Value) -> Case:
-    return Case(STUDY, scene, arms.REFERENCE, run, columns={"part": part, **columns})
+def _case(part: str, scene: Scene, run: RunSettings, rung: Rung = REFERENCE, **columns: Value) -> Case:
+    return Case("predictability", scene, rung.arm, run, rung.added, columns={"part": part, **columns})
 
 
 def _ensembles(scene: Scene, names: tuple[str, ...], members: int) -> list[Case]:
     """Return the reference and its repeats, then every engine's arm with its model twin if that differs."""
     starts, others = moves_rad(members), moves_rad(members, mirrored=True)
-    reference = Rung(arms.REFERENCE, STEP_S)
-    out = _members(scene, "reference (scene's law)", reference, starts)
-    out += _members(scene, "reference (other starts)", reference, others)
+    out = _members(scene, "reference (scene's law)", REFERENCE, starts)
+    out += _members(scene, "reference (other starts)", REFERENCE, others)
     out += _members(scene, "reference (half the step)", Rung(arms.REFERENCE, STEP_S / 2), starts)
     for rung in (*(RUNGS[name] for name in names), *(Rung(arm, STEP_S) for arm in arms.newcomers())):
         out += _members(scene, rung.arm.label, rung, starts)
@@ -114,27 +115,17 @@ def _ensembles(scene: Scene, names: tuple[str, ...], members: int) -> list[Case]
         except UnsupportedScene:
             continue  # the members say why
         if own != scene:
-            out += _members(own, f"reference (twin of {rung.arm.label})", reference, others)
+            out += _members(own, f"reference (twin of {rung.arm.label})", REFERENCE, others)
     return out
 
 
 def _members(scene: Scene, part: str, rung: Rung, starts: list[float]) -> list[Case]:
     run = RunSettings(rung.step_s, SAMPLES * sum(ENSEMBLE_REVOLUTIONS))
-    return [
-        Case(
-            STUDY,
-            horizon.moved(scene, by),
-            rung.arm,
-            run,
-            rung.added,
-            columns={"part": part, "start_moved_rad": by},
-        )
-        for by in starts
-    ]
+    return [_case(part, horizon.moved(scene, by), run, rung, start_moved_rad=by) for by in starts]
 
 
 def _picture(part: str, scene: Scene) -> Case:
     """Return a point of a picture; a quarter of a revolution is a whole number of samples."""
     scene = following(scene, sum(PICTURE_REVOLUTIONS))
     run = RunSettings(period_s(scene) / STEPS_OF_PICTURE, 4 * sum(PICTURE_REVOLUTIONS))
-    return _reference(scene, run, part)
+    return _case(part, scene, run)

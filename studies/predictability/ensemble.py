@@ -31,8 +31,7 @@ def statistics(scene: Scene, run: Trajectory, from_s: float) -> tuple[Row, Curve
     its mean is that of cosine and sine, since angles go round. The slider's deviation is from where ideal
     joints would put it at the crank's angle.
     """
-    window = run.time_s >= from_s * (1 - 1e-9)
-    first = int(np.argmax(window))
+    first = int(np.searchsorted(run.time_s, from_s * (1 - 1e-9)))
     revolutions = (run.time_s[-1] - run.time_s[first]) / period_s(scene)
     contacts = run.contacts.values()
     time, speed = (

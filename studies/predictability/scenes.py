@@ -3,23 +3,23 @@
 import math
 
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
-from engine_models.scene.scene import Clearances, Friction, Scene
+from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
 from studies.predictability.ensemble import period_s
 
 
 def clearance_driven_lossy() -> Scene:
     """Set R with 0.5 mm at the rod-slider pin and a restitution of 0.5 (Hu-Guo): chaotic, but slowly."""
-    return _at_slider("clearance-driven-lossy", Clearances(B=clearance(5e-4, "hu-guo", 0.5)))
+    return _at_slider("clearance-driven-lossy", clearance(5e-4, "hu-guo", 0.5))
 
 
 def clearance_driven_rubbing() -> Scene:
     """Set R with 0.5 mm at the rod-slider pin and friction 0.03."""
     friction = Friction(law="tanh", coefficient=0.03, regularisation_speed_m_s=0.01)
-    return _at_slider("clearance-driven-rubbing", Clearances(B=clearance(5e-4, friction=friction)))
+    return _at_slider("clearance-driven-rubbing", clearance(5e-4, friction=friction))
 
 
-def _at_slider(name: str, clearances: Clearances) -> Scene:
-    return ideal_driven().model_copy(update={"name": name, "clearance": clearances})
+def _at_slider(name: str, room: Clearance) -> Scene:
+    return ideal_driven().model_copy(update={"name": name, "clearance": Clearances(B=room)})
 
 
 SCENES = {
@@ -29,7 +29,8 @@ SCENES = {
     "clearance-driven-rubbing": clearance_driven_rubbing,
 }
 
-_QUICK_HORIZONS_S = (
+#: Scenes whose horizon is sought and until when in s: quick, those for which other studies have a kernel, ...
+HORIZONS_S = (
     ("clearance-driven-0.5mm", 0.06),
     ("clearance-driven-0.1mm", 0.072),
     ("clearance-driven-0.02mm", 0.072),
@@ -37,52 +38,38 @@ _QUICK_HORIZONS_S = (
     ("clearance-driven-AB", 0.036),
     ("clearance-free-0.5mm", 0.2),
 )
-#: Scenes whose horizon is sought and until when in s: quick, those for which other studies have a kernel, and
-#: full. What settles is followed for 39 revolutions, rigid contact for as long as the reference does in a
-#: minute.
-HORIZONS_S = {
-    False: _QUICK_HORIZONS_S,
-    True: (
-        *_QUICK_HORIZONS_S,
-        ("clearance-driven-A", 0.048),
-        ("clearance-driven-lossy", 0.12),
-        ("clearance-free-OAB", 0.15),
-        ("clearance-pendulum", 0.3),
-        ("clearance-driven-0.02mm", 0.468),
-        ("clearance-driven-damped", 0.468),
-        ("clearance-driven-rubbing", 0.18),
-        ("clearance-pendulum", 3.0),
-        ("rigid-driven-0.5mm", 0.048),
-        ("rigid-driven-0.1mm", 0.048),
-        ("rigid-driven-A", 0.036),
-        ("rigid-free-0.5mm", 0.1),
-    ),
-}
+#: ... and what the full set adds. What settles is followed for 39 revolutions, rigid contact for as long as
+#: the reference does in a minute.
+MORE_HORIZONS_S = (
+    ("clearance-driven-A", 0.048),
+    ("clearance-driven-lossy", 0.12),
+    ("clearance-free-OAB", 0.15),
+    ("clearance-pendulum", 0.3),
+    ("clearance-driven-0.02mm", 0.468),
+    ("clearance-driven-damped", 0.468),
+    ("clearance-driven-rubbing", 0.18),
+    ("clearance-pendulum", 3.0),
+    ("rigid-driven-0.5mm", 0.048),
+    ("rigid-driven-0.1mm", 0.048),
+    ("rigid-driven-A", 0.036),
+    ("rigid-free-0.5mm", 0.1),
+)
 
-_QUICK_EXPONENTS = (
+#: Scenes whose exponent is measured: driven ones, since a free one runs down and has no rate to converge to.
+EXPONENTS = (
     "clearance-driven-0.5mm",
     "clearance-driven-0.1mm",
     "clearance-driven-0.02mm",
     "clearance-driven-damped",
 )
-#: Scenes whose exponent is measured, quick and full: driven ones, since a free one runs down and has no rate
-#: to converge to.
-EXPONENTS = {
-    False: _QUICK_EXPONENTS,
-    True: (
-        *_QUICK_EXPONENTS,
-        "clearance-driven-A",
-        "clearance-driven-AB",
-        "clearance-driven-lossy",
-        "clearance-driven-rubbing",
-        "rigid-driven-0.5mm",
-    ),
-}
-
-
-def scene_named(name: str) -> Scene:
-    """Return a scene of this study."""
-    return SCENES[name]()
+#: What the full set adds.
+MORE_EXPONENTS = (
+    "clearance-driven-A",
+    "clearance-driven-AB",
+    "clearance-driven-lossy",
+    "clearance-driven-rubbing",
+    "rigid-driven-0.5mm",
+)
 
 
 def following(scene: Scene, revolutions: int) -> Scene:
@@ -93,11 +80,11 @@ def following(scene: Scene, revolutions: int) -> Scene:
 def at_clearance(radial_clearance_m: float) -> Scene:
     """Return set R with a clearance at the rod-slider pin."""
     name = f"set R with {radial_clearance_m * 1e3:.4f} mm"
-    return _at_slider(name, Clearances(B=clearance(radial_clearance_m)))
+    return _at_slider(name, clearance(radial_clearance_m))
 
 
 def at_speed(speed_rpm: float) -> Scene:
     """Return set R with 0.1 mm at the rod-slider pin and another speed of the crank, in rev/min."""
-    scene = _at_slider(f"set R at {speed_rpm:.0f} rpm", Clearances(B=clearance(1e-4)))
+    scene = _at_slider(f"set R at {speed_rpm:.0f} rpm", clearance(1e-4))
     start = scene.start.model_copy(update={"crank_speed_rad_s": speed_rpm * 2 * math.pi / 60})
     return scene.model_copy(update={"start": start})

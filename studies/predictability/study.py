@@ -8,26 +8,15 @@ angle.
 """
 
 import math
+from statistics import median
 
-import numpy as np
-
-from engine_models.engine import FloatArray
 from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
-from studies.predictability.cases import (
-    CLEARANCES,
-    ENSEMBLE_REVOLUTIONS,
-    EXPONENT,
-    EXPONENT_REVOLUTIONS,
-    HORIZON,
-    PICTURE_REVOLUTIONS,
-    SPEEDS,
-    cases,
-)
+from studies.predictability import cases as parts
 from studies.predictability.ensemble import period_s, statistics
 from studies.running.case import Case, Curves, Row
 
-__all__ = ["cases", "measure"]
+cases = parts.cases
 
 #: Tolerances on the slider's position by the words in the names of columns.
 TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}
@@ -36,21 +25,21 @@ TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return its part's columns and curves."""
     part = case.columns["part"]
-    if part == HORIZON:
+    if part == parts.HORIZON:
         return _horizon(case)
-    if part == EXPONENT:
+    if part == parts.EXPONENT:
         return _exponent(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    if part not in (CLEARANCES, SPEEDS):
-        return statistics(case.scene, trajectory, ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
-    after_s = PICTURE_REVOLUTIONS[0] * period_s(case.scene)
+    if part not in (parts.CLEARANCES, parts.SPEEDS):
+        return statistics(case.scene, trajectory, parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
+    after_s = parts.PICTURE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)
     clearance = case.scene.clearance.B
     assert clearance is not None
     row["radial_clearance_m"] = clearance.radial_clearance_m
     row["crank_speed_rad_s"] = case.scene.start.crank_speed_rad_s
     # At 90 degrees the rod pulls the slider through; at the dead centres the pin is pressed to one side.
-    once = slice(4 * PICTURE_REVOLUTIONS[0] + 1, None, 4)
+    once = slice(4 * parts.PICTURE_REVOLUTIONS[0] + 1, None, 4)
     gap = trajectory.contacts["B"].gap_m[once] / clearance.radial_clearance_m
     return row, {**curves, "gap_x_part": gap[:, 0], "gap_y_part": gap[:, 1]}
 
@@ -74,7 +63,7 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
         times = [horizon.first_beyond_s(parted.time_s, one, tolerance) for one in parted.perturbed_m]
         halved = horizon.first_beyond_s(parted.time_s, parted.halved_m, tolerance)
         horizons = {
-            f"horizon_{words}_s": _median(times),
+            f"horizon_{words}_s": median(times),
             f"horizon_{words}_least_s": min(times),
             f"horizon_{words}_largest_s": max(times),
             f"horizon_halved_{words}_s": halved,
@@ -84,15 +73,9 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
     return row, {"time_s": parted.time_s, **sizes, "halved_m": parted.halved_m}
 
 
-def _median(times_s: list[float]) -> float:
-    """Return the median; numpy's would be nan between a number and infinity."""
-    low, high = sorted(times_s)[(len(times_s) - 1) // 2], sorted(times_s)[len(times_s) // 2]
-    return (low + high) / 2
-
-
 def _exponent(case: Case) -> tuple[Row, Curves]:
     """Return the exponent of a motion that goes on; one that settles to continuous contact has none."""
-    period, skipped = period_s(case.scene), EXPONENT_REVOLUTIONS[0]
+    period, skipped = period_s(case.scene), parts.EXPONENT_REVOLUTIONS[0]
     engine = make_engine(case.engine, **case.settings)
     growth = lyapunov.growth(engine, case.scene, case.run.step_s, period, case.run.samples)
     row: Row = {"revolutions": float(growth.time_s[-1]) / period}
@@ -100,5 +83,4 @@ def _exponent(case: Case) -> tuple[Row, Curves]:
         per_second = growth.exponent_per_s(skipped * period)
         row["lyapunov_exponent_per_second"] = per_second
         row["lyapunov_exponent_per_revolution"] = per_second * period
-    curves: dict[str, FloatArray] = {"time_s": growth.time_s, "log_growth": growth.log_growth}
-    return row, {name: np.asarray(curve) for name, curve in curves.items()}
+    return row, {"time_s": growth.time_s, "log_growth": growth.log_growth}

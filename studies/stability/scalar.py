@@ -38,14 +38,9 @@ def oscillator(damping_ratio: float, step_s: float, steps: int, flight_first: bo
     depth, rate = DEPTH_M * (1 + DEVIATION), 0.0
     if flight_first:
         depth, rate = depth + gravity * step_s**2 / 2, -gravity * step_s
-    hanging = BodyState(
-        x_m=0.0,
-        y_m=-(CENTRE_M + CLEARANCE_M + depth),
-        angle_rad=-math.pi / 2,
-        velocity_x_m_s=0.0,
-        velocity_y_m_s=-rate,
-        angular_velocity_rad_s=0.0,
-    )
+    place = {"y_m": -(CENTRE_M + CLEARANCE_M + depth), "angle_rad": -math.pi / 2}
+    zeros = dict.fromkeys(BodyState.model_fields, 0.0)
+    hanging = BodyState(**zeros | place | {"velocity_y_m_s": -rate})
     bearing = Clearance(
         radial_clearance_m=CLEARANCE_M,
         bearing_radius_m=2 * CLEARANCE_M,
@@ -73,10 +68,11 @@ def measured_growth(
     at a start in contact, since it looks for contacts at the ends of steps only, is started a step earlier.
     """
     step = frequency_step / FREQUENCY_RAD_S
+    settings = RunSettings(step, steps)
     try:
-        run = _run(engine, oscillator(damping_ratio, step, steps), step, steps)
+        run = engine.simulate(oscillator(damping_ratio, step, steps), settings)
         if _fell(run, step):
-            run = _run(engine, oscillator(damping_ratio, step, steps, flight_first=True), step, steps)
+            run = engine.simulate(oscillator(damping_ratio, step, steps, flight_first=True), settings)
     except (SimulationFailed, OverflowError):
         return math.inf
     return growth_of(run.contacts["O"].penetration_m[FIRST:], order)
@@ -89,15 +85,10 @@ def _fell(run: Trajectory, step_s: float) -> bool:
     return bool(abs(depth[1] - depth[0] - fall) < 1e-6 * fall)
 
 
-def _run(engine: Engine, scene: Scene, step_s: float, steps: int) -> Trajectory:
-    return engine.simulate(scene, RunSettings(step_s, steps))
-
-
 def growth_of(depth_m: FloatArray, order: int) -> float:
     """Return the largest magnitude of the roots of the recurrence that penetrations (n,) obey around rest."""
     z = depth_m / DEPTH_M - 1
-    beyond = ~(np.abs(z) <= LARGEST_DEVIATION)
-    inside = int(np.argmax(beyond)) if beyond.any() else len(z)
+    inside = int(np.argmin(np.append(np.abs(z) <= LARGEST_DEVIATION, False)))
     if inside < 2 * order:
         return math.inf
     rows = np.array([z[k : k + order + 1] for k in range(inside - order)])

@@ -67,16 +67,16 @@ def _scalar_cases() -> Iterator[Case]:
     for arm, method in (*_arms(), OTHER_RADIUS):
         if arm is arms.NATIVE_CONTACT:
             continue  # no spring
-        run = RunSettings(1 / FREQUENCY_RAD_S, STEPS)
         for ratio in DAMPING_RATIOS:
-            scene = oscillator(ratio, run.step_s, STEPS)
-            columns: Row = {"damping_ratio": ratio, "method": method}
-            yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
+            yield _scalar_case(arm, ratio, 1.0, STEPS, damping_ratio=ratio, method=method)
         for x in DAMPED_STEPS if method else ():
-            run = RunSettings(x / FREQUENCY_RAD_S, DAMPED_RUN_STEPS)
-            scene = oscillator(0.0, run.step_s, DAMPED_RUN_STEPS)
-            columns = {"frequency_step": x, "method": method}
-            yield Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
+            yield _scalar_case(arm, 0.0, x, DAMPED_RUN_STEPS, frequency_step=x, method=method)
+
+
+def _scalar_case(arm: Arm, ratio: float, frequency_step: float, steps: int, /, **columns: Value) -> Case:
+    run = RunSettings(frequency_step / FREQUENCY_RAD_S, steps)
+    scene = oscillator(ratio, run.step_s, steps)
+    return Case("stability", scene, arm, run, limits=LIMITS, columns=columns)
 
 
 def _arms() -> tuple[Method, ...]:
@@ -126,11 +126,10 @@ def _clearance(radial_m: float, stiffness: float | None = None) -> Clearance:
 
 def _scene(varied: str, value: float, speed_rpm: float, clearance: Clearance) -> Scene:
     scene = ideal_driven()
-    speed = 2 * math.pi * speed_rpm / 60
-    start = scene.start.model_copy(update={"crank_speed_rad_s": speed})
+    start = scene.start.model_copy(update={"crank_speed_rad_s": 2 * math.pi * speed_rpm / 60})
     name, loose = f"stability-{varied}-{value:g}", Clearances(B=clearance)
-    changed = {"name": name, "end_time_s": END_S, "start": start, "clearance": loose}
-    return scene.model_copy(update=changed)
+    changes = {"name": name, "end_time_s": END_S, "start": start, "clearance": loose}
+    return scene.model_copy(update=changes)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

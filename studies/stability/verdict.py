@@ -4,7 +4,7 @@ import numpy as np
 
 from engine_models.engine import Trajectory
 from engine_models.scene.scene import Scene
-from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J
+from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, finite
 from studies.running.case import Row
 
 ACCURATE, INACCURATE, GROWING, DIVERGED = "accurate", "inaccurate", "energy-growing", "diverged"
@@ -87,9 +87,3 @@ def before_chaos(truth: Trajectory) -> int:
 def judged(verdict: str, reason: str) -> Row:
     """Return a verdict's columns."""
     return {"verdict": verdict, "verdict_severity": VERDICTS.index(verdict), "verdict_reason": reason}
-
-
-def finite(run: Trajectory) -> bool:
-    """Return whether every number of a trajectory is finite, its contacts' included."""
-    arrays = [*vars(run).values(), *(array for c in run.contacts.values() for array in vars(c).values())]
-    return all(np.isfinite(array).all() for array in arrays if isinstance(array, np.ndarray))

@@ -55,7 +55,7 @@ def test_the_gallery_has_fifty_cases_each_with_a_sentence_of_theory_and_a_check(
     for extreme in gallery.values():
         assert callable(extreme.check)
         assert extreme.theory.endswith("."), extreme.theory
-        assert 20 < len(extreme.theory) < 130, f"{extreme.name}: {len(extreme.theory)} characters"
+        assert 20 < len(extreme.theory) < 130, f"{extreme.scene.name}: {len(extreme.theory)} characters"
         assert (extreme.wanted == "stop") == (extreme.stop_s is not None)
 
 
@@ -63,7 +63,6 @@ def test_every_extreme_case_meets_every_engine_within_limits() -> None:
     cases = extremes.cases(full=True)
     assert len(cases) == len(extremes.gallery()) * len(extremes.ARMS)
     assert all(case.limits for case in cases if not extremes.gallery()[case.scene.name].first)
-    assert {case.key("f") for case in extremes.cases(full=False)} <= {case.key("f") for case in cases}
     assert all(pickle.loads(pickle.dumps(case)) == case for case in cases)
 
 
@@ -222,7 +221,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = folder / "extremes/rows.jsonl"
     lines = read_rows(rows)
     for line, status in zip(lines, ("crashed", "timed out", "out of memory"), strict=False):
-        kept = {name: value for name, value in line.items() if name not in extremes.RIGHT}
+        head = {name: value for name, value in line.items() if name not in extremes.RIGHT}
         ended = {
             "case": status,
             "scene": f"the engine {status}",
@@ -230,7 +229,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "reason": "ended",
             "place": 99,
         }
-        lines.append(kept | ended)
+        lines.append(head | ended)
     write_rows(rows, lines)
     return folder
 

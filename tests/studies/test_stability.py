@@ -18,32 +18,12 @@ from reports.chapters.stability.map_cells import VERDICTS as SHOWN
 from reports.chapters.stability.map_cells import cells, map_rows, prepared
 from reports.parts import Contradiction
 from reports.results import read_results, read_study
+from studies.judges.metrics import finite
 from studies.running.case import Case, Value
 from studies.running.runner import run_study
 from studies.stability import study as stability
-from studies.stability import verdict as stability_verdict
+from studies.stability import theory, verdict
 from studies.stability.scalar import growth_of, measured_growth
-from studies.stability.theory import (
-    ALPHA,
-    EULER,
-    RK4,
-    TRAPEZOIDAL,
-    first_impact,
-    growth,
-    leading_loss,
-    limit,
-    step_matrix,
-)
-from studies.stability.verdict import (
-    ACCURATE,
-    DIVERGED,
-    GAIN,
-    GROWING,
-    INACCURATE,
-    VERDICTS,
-    finite,
-    verdict_of,
-)
 from tests.helpers.row_files import read_rows, write_rows
 
 #: What the scalar problem must recover of theory's values.
@@ -57,15 +37,15 @@ CLOSE = 1e-6
 
 def the_case(engine: str, arm: str, step_s: float | None = None, **columns: Value) -> Case:
     """Return the one case of the quick set that has these columns and, if given, this step."""
-    found = [
+    matches = [
         case
         for case in stability.cases(full=False)
         if (case.engine, case.arm.name) == (engine, arm)
         and all(case.columns.get(name) == value for name, value in columns.items())
         and step_s in (None, pytest.approx(case.run.step_s))
     ]
-    assert len(found) == 1, f"{engine} {arm} {columns}: {len(found)} cases"
-    return found[0]
+    assert len(matches) == 1, f"{engine} {arm} {columns}: {len(matches)} cases"
+    return matches[0]
 
 
 def number(value: Value) -> float:
@@ -78,19 +58,19 @@ def number(value: Value) -> float:
 
 def test_limits_of_theory_are_the_closed_forms() -> None:
     fast = 2 + sqrt(3)  # the faster rate of zeta = 2
-    assert limit(RK4, 0.0) == pytest.approx(RK4_IMAGINARY, rel=CLOSE)
-    assert limit(RK4, 2.0) == pytest.approx(RK4_REAL / fast, rel=CLOSE)
+    assert theory.limit(theory.RK4, 0.0) == pytest.approx(RK4_IMAGINARY, rel=CLOSE)
+    assert theory.limit(theory.RK4, 2.0) == pytest.approx(RK4_REAL / fast, rel=CLOSE)
     for ratio in (0.0, 0.5, 2.0):
-        assert limit(EULER, ratio) == pytest.approx(2 * (sqrt(1 + ratio**2) - ratio), rel=CLOSE)
-        assert limit(TRAPEZOIDAL, ratio) is None
-        assert limit(ALPHA, ratio) is None
+        assert theory.limit(theory.EULER, ratio) == pytest.approx(2 * (sqrt(1 + ratio**2) - ratio), rel=CLOSE)
+        assert theory.limit(theory.TRAPEZOIDAL, ratio) is None
+        assert theory.limit(theory.ALPHA, ratio) is None
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 0.9])
 def test_generalized_alpha_has_its_radius_at_infinity_and_its_loss_near_zero(radius: float) -> None:
-    assert growth(ALPHA, 1e6, 0.0, radius) == pytest.approx(radius, abs=2e-3)
-    loss = 1 - growth(ALPHA, 0.02, 0.0, radius) ** 2
-    assert loss == pytest.approx(leading_loss(ALPHA, 0.02, radius), rel=2e-3)
+    assert theory.growth(theory.ALPHA, 1e6, 0.0, radius) == pytest.approx(radius, abs=2e-3)
+    loss = 1 - theory.growth(theory.ALPHA, 0.02, 0.0, radius) ** 2
+    assert loss == pytest.approx(theory.leading_loss(theory.ALPHA, 0.02, radius), rel=2e-3)
 
 
 def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> None:
@@ -98,7 +78,7 @@ def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> No
     scene = next(
         scene for _, value, scene in stability.scenes(full=False) if scene.name.endswith("stiffness-1000")
     )
-    energy, frequency = first_impact(scene)
+    energy, frequency = theory.first_impact(scene)
     clearance, slider = scene.clearance.B, scene.crank_slider()[2]
     assert clearance is not None
     speed = sqrt(2 * energy / slider.mass_kg)
@@ -111,19 +91,19 @@ def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> No
 # The scalar problem
 
 
-@pytest.mark.parametrize("method", [RK4, EULER, ALPHA])
+@pytest.mark.parametrize("method", [theory.RK4, theory.EULER, theory.ALPHA])
 @pytest.mark.parametrize("frequency_step", [0.1, 1.0, 3.0])
 def test_growth_is_read_out_of_the_samples_of_a_step_matrix(method: str, frequency_step: float) -> None:
-    matrix = step_matrix(method, frequency_step, 0.0)
+    matrix = theory.step_matrix(method, frequency_step, 0.0)
     state = np.zeros(len(matrix))
     state[0] = 1e-3
     z = [state[0]]
     for _ in range(60):
         state = matrix @ state
         z.append(state[0])
-    found = growth_of(1e-4 * (1 + np.array(z)), len(matrix))
-    expected = growth(method, frequency_step, 0.0)
-    assert found == pytest.approx(expected, rel=1e-6) or (found == np.inf and expected > 5)
+    factor = growth_of(1e-4 * (1 + np.array(z)), len(matrix))
+    expected = theory.growth(method, frequency_step, 0.0)
+    assert factor == pytest.approx(expected, rel=1e-6) or (factor == np.inf and expected > 5)
 
 
 @pytest.mark.parametrize(
@@ -136,8 +116,8 @@ def test_an_explicit_engine_has_the_limit_of_its_method(engine: str, arm: str, r
     if engine != "pymunk":
         known = {0.0: RK4_IMAGINARY, 2.0: RK4_REAL / (2 + sqrt(3))}
         expected = known.get(ratio, number(row["limit_frequency_step"]))
-    found = number(row["measured_limit_frequency_step"])
-    assert found == pytest.approx(expected, rel=WITHIN), f"{found / expected - 1:.1e} off"
+    limit = number(row["measured_limit_frequency_step"])
+    assert limit == pytest.approx(expected, rel=WITHIN), f"{limit / expected - 1:.1e} off"
 
 
 @pytest.mark.parametrize("arm", ["trapezoidal", "generalized-alpha", "generalized-alpha 0.9"])
@@ -150,41 +130,38 @@ def test_an_implicit_engine_has_no_limit(arm: str) -> None:
 @pytest.mark.parametrize(("arm", "radius"), [("generalized-alpha", 0.5), ("generalized-alpha 0.9", 0.9)])
 def test_generalized_alpha_loses_what_its_matrix_says(arm: str, radius: float, frequency_step: float) -> None:
     row, _ = stability.measure(the_case("exudyn", arm, frequency_step=frequency_step))
-    found = number(row["energy_loss_per_step"])
-    assert found == pytest.approx(1 - growth(ALPHA, frequency_step, 0.0, radius) ** 2, rel=WITHIN)
+    loss = number(row["energy_loss_per_step"])
+    assert loss == pytest.approx(
+        1 - theory.growth(theory.ALPHA, frequency_step, 0.0, radius) ** 2, rel=WITHIN
+    )
     if frequency_step == stability.DAMPED_STEPS[0]:
-        assert found == pytest.approx(leading_loss(ALPHA, frequency_step, radius), rel=WITHIN)
+        assert loss == pytest.approx(theory.leading_loss(theory.ALPHA, frequency_step, radius), rel=WITHIN)
 
 
 # Verdicts
 
 
-GOOD = {
-    stability_verdict.ERROR: 0.0,
-    stability_verdict.VIOLATION: 0.0,
-    stability_verdict.GAIN: 0.0,
-    stability_verdict.LOSS: 0.0,
-}
+GOOD = dict.fromkeys((verdict.ERROR, verdict.VIOLATION, verdict.GAIN, verdict.LOSS), 0.0)
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "verdict"),
+    ("name", "value", "expected"),
     [
-        (stability_verdict.ERROR, 0.009, ACCURATE),
-        (stability_verdict.ERROR, 0.011, INACCURATE),
-        (stability_verdict.VIOLATION, 0.011, INACCURATE),
-        (stability_verdict.VIOLATION, 1.1, DIVERGED),
-        (stability_verdict.LOSS, 0.051, INACCURATE),
-        (stability_verdict.GAIN, 0.049, ACCURATE),
-        (stability_verdict.GAIN, 0.051, GROWING),
-        (stability_verdict.GAIN, 11.0, DIVERGED),
-        (stability_verdict.LOSS, 11.0, DIVERGED),
-        (stability_verdict.ERROR, np.nan, DIVERGED),
-        (stability_verdict.GAIN, np.inf, DIVERGED),
+        (verdict.ERROR, 0.009, verdict.ACCURATE),
+        (verdict.ERROR, 0.011, verdict.INACCURATE),
+        (verdict.VIOLATION, 0.011, verdict.INACCURATE),
+        (verdict.VIOLATION, 1.1, verdict.DIVERGED),
+        (verdict.LOSS, 0.051, verdict.INACCURATE),
+        (verdict.GAIN, 0.049, verdict.ACCURATE),
+        (verdict.GAIN, 0.051, verdict.GROWING),
+        (verdict.GAIN, 11.0, verdict.DIVERGED),
+        (verdict.LOSS, 11.0, verdict.DIVERGED),
+        (verdict.ERROR, np.nan, verdict.DIVERGED),
+        (verdict.GAIN, np.inf, verdict.DIVERGED),
     ],
 )
-def test_a_bound_exceeded_decides_the_verdict(name: str, value: float, verdict: str) -> None:
-    assert verdict_of({**GOOD, name: value})[0] == verdict
+def test_a_bound_exceeded_decides_the_verdict(name: str, value: float, expected: str) -> None:
+    assert verdict.verdict_of({**GOOD, name: value})[0] == expected
 
 
 @pytest.fixture(scope="module")
@@ -194,16 +171,16 @@ def bounce() -> tuple[Case, Trajectory]:
 
 
 def judged(case: Case, run: Trajectory, true: Trajectory) -> dict[str, Value]:
-    energy, _ = first_impact(case.scene)
-    return stability_verdict.measured(case.scene, run, true, len(true.time_s), energy)
+    energy, _ = theory.first_impact(case.scene)
+    return verdict.measured(case.scene, run, true, len(true.time_s), energy)
 
 
 def test_a_trajectory_is_judged_by_its_own_numbers(bounce: tuple[Case, Trajectory]) -> None:
     case, run = bounce
-    assert judged(case, run, run)["verdict"] == ACCURATE
+    assert judged(case, run, run)["verdict"] == verdict.ACCURATE
 
     grown = replace(run, velocity=run.velocity * np.linspace(1.0, 1.1, len(run.time_s))[:, None, None])
-    assert judged(case, grown, run)["verdict"] in (GROWING, DIVERGED)
+    assert judged(case, grown, run)["verdict"] in (verdict.GROWING, verdict.DIVERGED)
 
     def moved(body: int, axis: int, by_m: float) -> FloatArray:
         position = run.position.copy()
@@ -211,9 +188,9 @@ def test_a_trajectory_is_judged_by_its_own_numbers(bounce: tuple[Case, Trajector
         return np.asarray(position)
 
     off = judged(case, replace(run, position=moved(2, 0, 1e-5)), run)
-    assert (off["verdict"], off["verdict_reason"]) == (INACCURATE, "slider off by 0.02 clearances")
-    assert judged(case, replace(run, position=moved(2, 1, 1e-3)), run)["verdict"] == DIVERGED
-    assert judged(case, replace(run, position=moved(2, 1, 1e-4)), run)["verdict"] == INACCURATE
+    assert (off["verdict"], off["verdict_reason"]) == (verdict.INACCURATE, "slider off by 0.02 clearances")
+    assert judged(case, replace(run, position=moved(2, 1, 1e-3)), run)["verdict"] == verdict.DIVERGED
+    assert judged(case, replace(run, position=moved(2, 1, 1e-4)), run)["verdict"] == verdict.INACCURATE
 
 
 def test_no_number_that_is_not_finite_is_overlooked(bounce: tuple[Case, Trajectory]) -> None:
@@ -224,13 +201,13 @@ def test_no_number_that_is_not_finite_is_overlooked(bounce: tuple[Case, Trajecto
     force[-1] = np.nan
     silent = replace(run, contacts={"B": replace(contact, normal_force_N=force)})
     assert not finite(silent)
-    assert judged(case, silent, run)["verdict"] == DIVERGED
+    assert judged(case, silent, run)["verdict"] == verdict.DIVERGED
 
     broken = run.position.copy()
     broken[-1] = np.inf
     row = judged(case, replace(run, position=broken), run)
-    assert row["verdict"] == DIVERGED
-    assert json.loads(json.dumps(row, allow_nan=False))[stability_verdict.ERROR] is None
+    assert row["verdict"] == verdict.DIVERGED
+    assert json.loads(json.dumps(row, allow_nan=False))[verdict.ERROR] is None
 
 
 def test_what_an_engine_refuses_or_fails_at_has_a_verdict() -> None:
@@ -312,8 +289,8 @@ def test_the_boundary_is_between_the_last_steady_step_and_the_next(results: Path
 
 def test_a_cell_called_accurate_beyond_its_bounds_breaks_the_chapter(results: Path, tmp_path: Path) -> None:
     rows = read_rows(results / "stability/rows.jsonl")
-    row = next(row for row in rows if row.get("verdict") == ACCURATE)
-    row[GAIN] = 1.0
+    row = next(row for row in rows if row.get("verdict") == verdict.ACCURATE)
+    row[verdict.GAIN] = 1.0
     (tmp_path / "stability").mkdir()
     write_rows(tmp_path / "stability/rows.jsonl", rows)
     with pytest.raises(Contradiction, match="are called accurate"):
@@ -321,24 +298,18 @@ def test_a_cell_called_accurate_beyond_its_bounds_breaks_the_chapter(results: Pa
 
 
 def test_study_and_report_name_the_same_verdicts() -> None:
-    assert SHOWN == VERDICTS
-
-
-def test_the_full_set_contains_the_quick_one_and_no_two_cases_are_the_same() -> None:
-    quick, full = ([case.key("") for case in stability.cases(full)] for full in (False, True))
-    assert set(quick) < set(full)
-    assert len(set(full)) == len(full)
+    assert SHOWN == verdict.VERDICTS
 
 
 def test_positions_are_compared_through_the_first_impacts_only(bounce: tuple[Case, Trajectory]) -> None:
     _, run = bounce
     contact = run.contacts["B"]
-    count = stability_verdict.COMPARED_IMPACTS + 2
+    count = verdict.COMPARED_IMPACTS + 2
     many = replace(contact.impacts, time_s=np.linspace(0.0, run.time_s[-1], count + 1)[1:])
-    until = stability_verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=many)}))
+    until = verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=many)}))
     assert run.time_s[until - 1] < many.time_s[-2] <= run.time_s[until]
     none = replace(contact.impacts, time_s=np.empty(0))
-    whole = stability_verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=none)}))
+    whole = verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=none)}))
     assert whole == len(run.time_s)
 
 
@@ -346,5 +317,5 @@ def test_what_is_left_at_an_adaptive_methods_tolerance_is_no_growth() -> None:
     # Overdamped by zeta = 2 a deviation falls to a sixtieth in this step, and soon to the method's errors.
     # Those move the factor by up to 2.5 %, as a processor's round-off has it; taken for growth it was over 1.
     x = 15.3779296875
-    found = measured_growth(make_engine("scipy"), x, 2.0, 24, order=2)
-    assert found == pytest.approx(exp(-(2 - sqrt(3)) * x), rel=0.1)
+    factor = measured_growth(make_engine("scipy"), x, 2.0, 24, order=2)
+    assert factor == pytest.approx(exp(-(2 - sqrt(3)) * x), rel=0.1)

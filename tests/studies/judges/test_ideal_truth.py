@@ -19,8 +19,8 @@ SPEED = 2 * np.pi * 5000 / 60
 )
 def test_the_free_slider_is_where_converged_runs_put_it(end: float, samples: int, position: float) -> None:
     scene = ideal_free().model_copy(update={"end_time_s": end})
-    found = exact(scene, samples).slider_position_m[-1]
-    assert abs(found - position) < 1e-11, f"off by {found - position:.2e} m"  # the digits given
+    slider = exact(scene, samples).slider_position_m[-1]
+    assert abs(slider - position) < 1e-11, f"off by {slider - position:.2e} m"  # the digits given
 
 
 def test_the_driven_slider_meets_the_closed_forms_at_both_dead_centres() -> None:

@@ -46,9 +46,9 @@ def test_an_error_is_found_in_its_signal_at_its_time_alone() -> None:
     truth = exact(scene, 4)
     force = truth.joint_force_N.copy()
     force[3, 1] += (3.0, 4.0)
-    found = errors(scene, replace(truth, joint_force_N=force), truth)
-    assert found["joint_A_force_error_N"].tolist() == pytest.approx([0, 0, 0, 5, 0])
-    assert all(not e.any() for name, e in found.items() if name != "joint_A_force_error_N")
+    curves = errors(scene, replace(truth, joint_force_N=force), truth)
+    assert curves["joint_A_force_error_N"].tolist() == pytest.approx([0, 0, 0, 5, 0])
+    assert all(not e.any() for name, e in curves.items() if name != "joint_A_force_error_N")
 
 
 def test_a_suffix_goes_before_the_unit() -> None:

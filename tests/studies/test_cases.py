@@ -1,4 +1,4 @@
-"""One catalogue of arms: a label has one meaning, in every study."""
+"""All studies' cases: a label has one meaning in every study, the full set contains the quick one."""
 
 import pytest
 
@@ -41,6 +41,14 @@ def test_no_scene_of_a_study_shows_one_engine_under_two_labels(study: str) -> No
         if "iterations" not in case.arm.name:  # one of Pymunk's sweep is the tuned one
             engine = repr(make_engine(case.engine, **case.arm.settings))
             assert labels.setdefault((case.scene.name, engine), case.arm.label) == case.arm.label
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_no_case_is_there_twice_and_the_full_set_contains_the_quick_one(study: str) -> None:
+    quick, full = ([case.key("") for case in load_study(study).cases(which)] for which in (False, True))
+    assert len(set(quick)) == len(quick)
+    assert len(set(full)) == len(full)
+    assert set(quick) < set(full)
 
 
 def test_out_of_the_box_sets_all_that_a_user_who_sets_nothing_has() -> None:
