@@ -76,37 +76,27 @@ def simulate(
     from engine_models.memory import TooLarge
     from engine_models.reference.kernels import FolderRefused
     from engine_models.step_halving import simulate_to_tolerance
-    from studies.command.options import (
-        SimulateOptions,
-        checked,
-        for_tolerance,
-        longest_step_s,
-        read_engine,
-        read_scene,
-    )
+    from studies.command import options
     from studies.command.progress_display import shown_progress
     from studies.command.trajectory_table import table, to_csv
 
-    numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
-    options = checked(SimulateOptions, "--", numbers)
-    physics = read_scene(scene)
-    if options.end is not None:
-        physics = physics.model_copy(update={"end_time_s": options.end})
+    strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
+    numbers = options.checked(options.SimulateOptions, "--", strings)
+    physics = options.read_scene(scene)
+    if numbers.end is not None:
+        physics = physics.model_copy(update={"end_time_s": numbers.end})
     if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
         raise failures.BadInput(f"--out: expected another file than the scene, got {out}")
-    chosen = read_engine(engine, assignments or [])
-    if options.tolerance is not None:
-        chosen = for_tolerance(chosen, assignments or [])
-    controls_error = getattr(chosen, "controls_error", False)
-    longest_step = longest_step_s(options, physics.end_time_s, controls_error)
+    chosen = options.read_engine(engine, assignments or [], to_tolerance=numbers.tolerance is not None)
+    longest_step = options.longest_step_s(numbers, physics.end_time_s, chosen)
     with failures.writing("--out", out or Path("stdout")), _opened(out) as file:
         try:
             # Engines look for non-finite numbers themselves.
             with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
-                if options.tolerance is not None:
-                    result = simulate_to_tolerance(chosen, physics, options.tolerance, options.samples)
+                if numbers.tolerance is not None:
+                    result = simulate_to_tolerance(chosen, physics, numbers.tolerance, numbers.samples)
                 else:
-                    result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
+                    result = chosen.simulate(physics, RunSettings(longest_step, numbers.samples))
         except TooLarge as reason:
             raise failures.BadInput(f"--{reason}") from None
         except UnsupportedScene as reason:
@@ -146,7 +136,6 @@ def run(
     from engine_models.scene.plain_words import one_of, shown
     from studies.command.options import RunOptions, checked
     from studies.running.cluster import cluster
-    from studies.running.execution import RunBroken
     from studies.running.finished_cases import DamagedRows
     from studies.running.folder_lock import FolderHeld
     from studies.running.registry import STUDIES
@@ -170,8 +159,6 @@ def run(
         raise failures.BadInput(str(reason)) from None
     except (FolderHeld, DamagedRows) as reason:
         raise failures.BadInput(f"--out: expected {reason}") from None
-    except RunBroken as reason:
-        raise failures.Failed(str(reason)) from None
     failures.say(f"note: the results are in {out}")
 
 

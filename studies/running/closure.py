@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
-from importlib.metadata import distributions
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.metadata import packages_distributions
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
@@ -34,6 +34,8 @@ NOT_COUNTED = {
 #: Parts of a syntax tree that have no meaning at run time, or that not every version of Python tells.
 UNSTEADY = ("kind", "type_comment", "type_ignores", "type_params")
 
+#: Gives the names of distributions by the modules that they install at the top level.
+_owners = cache(packages_distributions)
 #: What is known of a file without reading it.
 Stamp = tuple[int, int, int]
 
@@ -81,15 +83,16 @@ def closure(module: str) -> Closure:
     files: dict[str, Path] = {}
     imported: set[str] = set()
     seen: set[str] = set()
-    waiting = [*_with_packages(module)]
+    waiting = list(_with_packages(module))
     while waiting:
         name = waiting.pop()
-        if name in seen or not _counts(name) or (_top(name) in sys.stdlib_module_names and _top(name) != own):
+        top = _top(name)
+        if name in seen or not _counts(name) or (top in sys.stdlib_module_names and top != own):
             continue
         seen.add(name)
-        owners = () if _top(name) in NUMERICAL_CODE else _owners().get(_top(name), ())
+        owners = () if top in NUMERICAL_CODE else _owners().get(top, ())
         imported.update(owners)
-        if (not owners or _top(name) == own) and (path := _file_of(name)):
+        if (not owners or top == own) and (path := _file_of(name)):
             files[name] = path
             waiting += (part for target in _imports(name, path) for part in _with_packages(target))
     return Closure(dict(sorted(files.items())), frozenset(imported))
@@ -164,17 +167,11 @@ def _imports(name: str, path: Path) -> Iterator[str]:
 
 def _file_of(name: str) -> Path | None:
     """Return the file of a module, or None if a name is no module's."""
-    top, *rest = name.split(".")
+    top, *below = _with_packages(name)
     spec = _spec(top)
-    if spec is None or not rest:
-        return Path(spec.origin) if spec and spec.has_location and spec.origin else None
-    places = [Path(folder, *rest) for folder in spec.submodule_search_locations or ()]
-    candidates = [place / "__init__.py" for place in places]
-    candidates += [
-        place.with_name(place.name + end) for place in places for end in (".py", *EXTENSION_SUFFIXES)
-    ]
-    # Of ours, what was there at first: whether a file is there may depend on the case of its name.
-    return next((p for p in candidates if (p in _READ if top in NUMERICAL_CODE else p.is_file())), None)
+    for part in below:  # one by one with the finder of files: ``find_spec`` would import the packages
+        spec = PathFinder.find_spec(part, (spec and spec.submodule_search_locations) or ())
+    return Path(spec.origin) if spec and spec.has_location and spec.origin else None
 
 
 @cache
@@ -184,18 +181,6 @@ def _spec(top: str) -> ModuleSpec | None:
         return find_spec(top)
     except ValueError:  # it is there, and nobody knows where from
         return None
-
-
-@cache
-def _owners() -> dict[str, list[str]]:
-    """Return the names of distributions by the modules that they install at the top level."""
-    owners: dict[str, list[str]] = {}
-    for distribution in distributions():
-        listed = (distribution.read_text("top_level.txt") or "").split()
-        files = [] if listed else [file for file in distribution.files or () if file.suffix == ".py"]
-        for top in {*listed, *(file.parts[0].removesuffix(".py") for file in files)}:
-            owners.setdefault(top, []).append(distribution.metadata["Name"])
-    return owners
 
 
 def _counts(name: str) -> bool:

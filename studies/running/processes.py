@@ -14,7 +14,7 @@ from concurrent.futures import CancelledError, Future
 from functools import partial
 from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import wait
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any, ParamSpec, TypeVar
 
@@ -80,7 +80,6 @@ class Processes(LimitedExecutor):
         with self._lock:
             self._closed = True
         if cancel_futures:
-            self._drop_waiting()
             for slot in self._slots:
                 slot.kill()
         for _ in self._threads:
@@ -89,19 +88,13 @@ class Processes(LimitedExecutor):
             for thread in self._threads:
                 thread.join()
 
-    def _drop_waiting(self) -> None:
-        try:
-            while True:
-                if (item := self._waiting.get_nowait()) is not None:
-                    item[0].cancel()
-        except Empty:
-            return
-
     def _serve(self, slot: "_Slot") -> None:
         if hasattr(signal, "pthread_sigmask"):  # its processes inherit it: Ctrl-C is their parent's affair
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         while (item := self._waiting.get()) is not None:
             future, call, limits = item
+            if slot.killed:
+                future.cancel()
             if not future.set_running_or_notify_cancel():
                 continue
             try:
@@ -118,7 +111,7 @@ class _Slot:
 
     def __init__(self) -> None:
         self._process: _WorkerProcess | None = None
-        self._killed = False
+        self.killed = False
         self._lock = Lock()
 
     def run(self, call: Call, limits: Limits | None) -> Any:
@@ -140,7 +133,7 @@ class _Slot:
 
     def _run(self, call: Call, limits: Limits | None) -> Any:
         with self._lock:
-            if self._killed:
+            if self.killed:
                 raise CancelledError
             process = self._process = self._process or _WorkerProcess()
         try:
@@ -152,7 +145,7 @@ class _Slot:
     def kill(self) -> None:
         """End the process, and start no other."""
         with self._lock:
-            self._killed = True
+            self.killed = True
             if self._process is not None:
                 self._process.kill()
 
@@ -161,10 +154,6 @@ class _Slot:
             process, self._process = self._process, None
         if process is not None:
             process.close()
-
-
-class _Silent(Exception):
-    """A process did not answer in time."""
 
 
 class _WorkerProcess:
@@ -197,11 +186,11 @@ class _WorkerProcess:
             message = self._answer(BEGINNING_S)
             if begun := message == BEGUN:
                 message = self._answer(None if limits is None else limits.time_limit_s)
+        except TimeoutError as silence:
+            raise CaseEnded(TIMED_OUT if begun else NOT_BEGUN, str(silence)) from None
         except (EOFError, OSError):
             status, reason = self._death(limits)
             raise CaseEnded(status if begun else NOT_BEGUN, reason) from None
-        except _Silent as silence:
-            raise CaseEnded(TIMED_OUT if begun else NOT_BEGUN, str(silence)) from None
         value, error = pickle.loads(message)
         if not begun:
             raise CaseEnded(NOT_BEGUN, f"{type(error).__name__}: {error}")
@@ -232,7 +221,7 @@ class _WorkerProcess:
             if self._calls in ready:
                 return self._calls.recv_bytes()
             if not ready:
-                raise _Silent(f"not finished within the limit of {time_limit_s:g} s")
+                raise TimeoutError(f"not finished within the limit of {time_limit_s:g} s")
             if not self._listen():
                 watched.remove(self._stderr)
 
