@@ -3,9 +3,9 @@
 import logging
 import os
 import sys
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated
 
 import typer
 
@@ -79,6 +79,7 @@ def simulate(
     from studies.command import options
     from studies.command.progress_display import shown_progress
     from studies.command.trajectory_table import table, to_csv
+    from studies.running.whole_file import whole_file
 
     strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
     numbers = options.checked(options.SimulateOptions, "--", strings)
@@ -89,7 +90,8 @@ def simulate(
         raise failures.BadInput(f"--out: expected another file than the scene, got {out}")
     chosen = options.read_engine(engine, assignments or [], to_tolerance=numbers.tolerance is not None)
     longest_step = options.longest_step_s(numbers, physics.end_time_s, chosen)
-    with failures.writing("--out", out or Path("stdout")), _opened(out) as file:
+    output = nullcontext(sys.stdout) if out is None else whole_file(out)
+    with failures.writing("--out", out or Path("stdout")), output as file:
         try:
             # Engines look for non-finite numbers themselves.
             with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
@@ -108,7 +110,8 @@ def simulate(
         except SimulationFailed as reason:
             raise failures.Failed(str(reason)) from None
         file.write(to_csv(table(physics, result)))
-    failures.say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
+    of_method = f" of {chosen.method}" if hasattr(chosen, "method") else ""
+    failures.say(f"note: {result.steps} steps{of_method}, the longest {result.step_s:.6g} s")
 
 
 @app.command()
@@ -202,16 +205,3 @@ def main() -> None:
     if message:
         failures.say(f"error: {message}")
     sys.exit(code)
-
-
-def _of(engine: object) -> str:
-    """Return the method that an engine's steps are of, if it has a choice."""
-    method = getattr(engine, "method", None)
-    return "" if method is None else f" of {method}"
-
-
-def _opened(out: Path | None) -> AbstractContextManager[TextIO]:
-    """Return the file for the output, or stdout."""
-    from studies.running.whole_file import whole_file
-
-    return nullcontext(sys.stdout) if out is None else whole_file(out)

@@ -36,8 +36,6 @@ UNSTEADY = ("kind", "type_comment", "type_ignores", "type_params")
 
 #: Gives the names of distributions by the modules that they install at the top level.
 _owners = cache(packages_distributions)
-#: What is known of a file without reading it.
-Stamp = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
@@ -51,21 +49,13 @@ class Closure:
         return Closure({**self.files, **other.files}, self.distributions | other.distributions)
 
 
-def _stamp(path: Path) -> Stamp:
-    stat = path.stat()
-    return stat.st_mtime_ns, stat.st_size, stat.st_ino
-
-
-#: Files as they were when this process first read them: those of the project before it imports more of them.
-_READ: dict[Path, tuple[Stamp, bytes]] = {}
-
-
+@cache
 def _content(path: Path) -> bytes:
-    if path not in _READ:
-        _READ[path] = (_stamp(path), path.read_bytes())
-    return _READ[path][1]
+    """Return a file as it was when this process first read it."""
+    return path.read_bytes()
 
 
+# Files of the project are read before it imports more of them.
 for _folder in NUMERICAL_CODE:
     for _path in (ROOT / _folder).rglob("*.py"):
         with suppress(FileNotFoundError):  # an editor replaces it
@@ -111,9 +101,8 @@ def changed(path: Path) -> bool:
     """Return whether a file by now means something else than when this process first read it."""
     before = _content(path)
     try:
-        if _stamp(path) == _READ[path][0]:
-            return False
-        return _meaning(path, path.read_bytes()) != _meaning(path, before)
+        now = path.read_bytes()
+        return now != before and _meaning(path, now) != _meaning(path, before)
     except (OSError, SyntaxError, ValueError):  # gone, or half written
         return True
 

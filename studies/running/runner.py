@@ -104,12 +104,11 @@ def _run_study(
 ) -> None:
     wanted = {case.key(_fingerprint(case)): case for case in cases}
     there = rows.statuses()
-    done = {key for key in wanted if key in there and not _to_run_again(there[key], retry_failed)}
-    pending = {key: case for key, case in wanted.items() if key not in done}
+    pending = {key: case for key, case in wanted.items() if _to_run(there.get(key), retry_failed)}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
     with progress:
-        bar = progress.add_task(name, total=len(wanted), completed=len(done))
+        bar = progress.add_task(name, total=len(wanted), completed=len(wanted) - len(pending))
 
         def keep(key: str, row: Row, curves: Curves) -> None:
             rows.keep(key, row, curves)
@@ -124,8 +123,8 @@ def _run_study(
     progress.console.print(f"{name}: {', '.join(counts)}", highlight=False)
 
 
-def _to_run_again(status: str, retry_failed: bool) -> bool:
-    return status in NO_RESULT or (retry_failed and status not in ("ok", "unsupported"))
+def _to_run(status: str | None, retry_failed: bool) -> bool:
+    return status in (None, *NO_RESULT) or (retry_failed and status not in ("ok", "unsupported"))
 
 
 def _phases(

@@ -213,7 +213,7 @@ def half(file: FileIO, content: bytes) -> None:
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-@pytest.mark.parametrize("where", ["rows", "whole_file"])
+@pytest.mark.parametrize("where", ["finished_cases", "whole_file"])
 def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
@@ -231,7 +231,7 @@ def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
         rows.keep("c", HEAD, curves)
     assert cases_in(tmp_path) == ["a", "c"]
     whole = {path.name for path in (tmp_path / "curves").iterdir()}
-    assert whole == {"a.npz", "c.npz"} | ({"b.npz"} if where == "rows" else set())
+    assert whole == {"a.npz", "c.npz"} | ({"b.npz"} if where == "finished_cases" else set())
 
 
 def test_a_file_that_a_kill_left_unfinished_is_removed(tmp_path: Path) -> None:
