@@ -103,8 +103,8 @@ def _run_study(
     name: str, cases: list[Case], rows: Rows, executor: Executors, processes: Executors, retry_failed: bool
 ) -> None:
     wanted = {case.key(_fingerprint(case)): case for case in cases}
-    there = rows.statuses()
-    pending = {key: case for key, case in wanted.items() if _to_run(there.get(key), retry_failed)}
+    statuses = rows.statuses()
+    pending = {key: case for key, case in wanted.items() if _to_run(statuses.get(key), retry_failed)}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
     with progress:
