@@ -78,7 +78,7 @@ def simulate(
     from engine_models.step_halving import simulate_to_tolerance
     from studies.command import options
     from studies.command.progress_display import shown_progress
-    from studies.command.trajectory_table import table, to_csv
+    from studies.command.trajectory_table import table
     from studies.running.whole_file import whole_file
 
     strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
@@ -109,7 +109,7 @@ def simulate(
             raise failures.BadInput(str(reason)) from None
         except SimulationFailed as reason:
             raise failures.Failed(str(reason)) from None
-        file.write(to_csv(table(physics, result)))
+        table(physics, result).to_csv(file, index=False, lineterminator="\n")
     of_method = f" of {chosen.method}" if hasattr(chosen, "method") else ""
     failures.say(f"note: {result.steps} steps{of_method}, the longest {result.step_s:.6g} s")
 

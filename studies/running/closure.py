@@ -77,7 +77,9 @@ def closure(module: str) -> Closure:
     while waiting:
         name = waiting.pop()
         top = _top(name)
-        if name in seen or not _counts(name) or (top in sys.stdlib_module_names and top != own):
+        if name in seen or not NOT_COUNTED.keys().isdisjoint(_with_packages(name)):
+            continue
+        if top in sys.stdlib_module_names and top != own:
             continue
         seen.add(name)
         owners = () if top in NUMERICAL_CODE else _owners().get(top, ())
@@ -115,23 +117,18 @@ def _meaning(path: Path, content: bytes) -> str:
 
 def _canonical(part: object) -> str:
     """Return a syntax tree as text, without docstrings, and without what versions of Python tell or not."""
-    if isinstance(part, list):
-        return f"[{','.join(_canonical(item) for item in part if not _is_bare_text(item))}]"
-    if isinstance(part, ast.JoinedStr):  # Python 3.12 ends some with an empty text
-        part = ast.JoinedStr([value for value in part.values if getattr(value, "value", None) != ""])
+    match part:
+        case list():
+            return f"[{','.join(filter(None, map(_canonical, part)))}]"
+        case ast.Expr(value=ast.Constant(value=str())):  # a docstring
+            return ""
+        case ast.JoinedStr(values=values):  # Python 3.12 ends some with an empty text
+            part = ast.JoinedStr([value for value in values if getattr(value, "value", None) != ""])
     if not isinstance(part, ast.AST):
         return ascii(part)  # which characters repr escapes depends on Python's tables
     fields = ((name, getattr(part, name, None)) for name in part._fields if name not in UNSTEADY)
     shown = (f"{name}={_canonical(value)}" for name, value in fields if value is not None and value != [])
     return f"{type(part).__name__}({','.join(shown)})"
-
-
-def _is_bare_text(item: object) -> bool:
-    return (
-        isinstance(item, ast.Expr)
-        and isinstance(item.value, ast.Constant)
-        and isinstance(item.value.value, str)
-    )
 
 
 def _imports(name: str, path: Path) -> Iterator[str]:
@@ -170,10 +167,6 @@ def _spec(top: str) -> ModuleSpec | None:
         return find_spec(top)
     except ValueError:  # it is there, and nobody knows where from
         return None
-
-
-def _counts(name: str) -> bool:
-    return not any(part in NOT_COUNTED for part in _with_packages(name))
 
 
 def _with_packages(name: str) -> Iterator[str]:

@@ -87,15 +87,11 @@ def sidecar(study: str, full: bool, engines: Collection[str]) -> dict[str, objec
 @cache
 def _commit() -> str:
     """Return the commit first seen, with ``+changes`` if the work tree differed, or ``unknown``."""
+    command = ["git", "describe", "--always", "--exclude=*", "--abbrev=40", "--dirty=+changes"]
     try:
-        commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
-        commit, changes = (
-            subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-            for command in commands
-        )
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return commit + ("+changes" if changes else "")
 
 
 def _processor() -> str:
