@@ -190,18 +190,16 @@ def report(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    message = ""
     logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
         code = app(standalone_mode=False, prog_name="crankslider") or 0
+        message = "interrupted" if code == failures.INTERRUPTED else ""  # typer returns it after Ctrl-C
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads stdout has seen enough
-        code = 1
+        message, code = "", 1
         failures.silence_stdout()
     except Exception as error:
         message, code = failures.explained(error)
-    if code == failures.INTERRUPTED:  # typer returns it after Ctrl-C
-        message = "interrupted"
     if message:
         failures.say(f"error: {message}")
     sys.exit(code)
