@@ -7,17 +7,19 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option, Typer
 
 from studies import failures
 
-app = typer.Typer(
+app = Typer(
     add_completion=False,
     rich_markup_mode=None,
     help="Crank-slider simulations with the reference solver, Exudyn and Pymunk, and the study of them.",
 )
 
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A library scene or a TOML file.")]
+#: What is checked as text, and not by Typer, so that it is refused in our own words.
+Text = str | None
+SceneName = Annotated[str, Argument(metavar="SCENE", help="A library scene or a TOML file.")]
 
 
 @app.command()
@@ -48,26 +50,18 @@ def show(scene: SceneName) -> None:
 @app.command()
 def simulate(
     scene: SceneName,
-    engine: Annotated[
-        str, typer.Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")
-    ] = "reference",
+    engine: Annotated[str, Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")] = "reference",
     assignments: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."
-        ),
+        Option("--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."),
     ] = None,
-    step: Annotated[
-        str | None, typer.Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")
-    ] = None,
+    step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
     tolerance: Annotated[
-        str | None, typer.Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
+        Text, Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
     ] = None,
-    end: Annotated[
-        str | None, typer.Option(metavar="T", help="End time in s, in place of the scene's.")
-    ] = None,
-    samples: Annotated[str, typer.Option(metavar="N", help="Output intervals of equal length.")] = "200",
-    out: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Output file; stdout.")] = None,
+    end: Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")] = None,
+    samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "200",
+    out: Annotated[Path | None, Option(metavar="FILE.csv", help="Output file; stdout.")] = None,
 ) -> None:
     """Run one scene and write motion, forces and energy as CSV."""
     import numpy as np
@@ -116,22 +110,16 @@ def simulate(
 
 @app.command()
 def run(
-    studies: Annotated[
-        list[str] | None, typer.Argument(metavar="[STUDY]...", help="Studies to run; all.")
-    ] = None,
-    full: Annotated[bool, typer.Option("--full", help="The full set of cases, not the quick one.")] = False,
-    jobs: Annotated[
-        str | None, typer.Option(metavar="N", help="Cases run at once; one for each core.")
-    ] = None,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
+    studies: Annotated[list[str] | None, Argument(metavar="[STUDY]...", help="Studies to run; all.")] = None,
+    full: Annotated[bool, Option("--full", help="The full set of cases, not the quick one.")] = False,
+    jobs: Annotated[Text, Option(metavar="N", help="Cases run at once; one for each core.")] = None,
+    out: Annotated[Path, Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."
-        ),
+        Text,
+        Option(metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."),
     ] = None,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Also run again what neither finished nor was refused.")
+        bool, Option("--retry-failed", help="Also run again what neither finished nor was refused.")
     ] = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
@@ -167,8 +155,8 @@ def run(
 
 @app.command()
 def report(
-    results: Annotated[Path, typer.Option(metavar="DIR", help="Where results are.")] = Path("results"),
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
+    results: Annotated[Path, Option(metavar="DIR", help="Where results are.")] = Path("results"),
+    out: Annotated[Path, Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
 ) -> None:
     """Make tables, figures and the HTML page from results."""
     os.environ.pop("MPLBACKEND", None)  # what is in there may end Matplotlib, and figures in files need none
