@@ -185,7 +185,8 @@ def main() -> None:
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads stdout has seen enough
         message, code = "", 1
-        failures.silence_stdout()
+        # What stdout still holds cannot be written, and Python would say so once more at its end.
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process
     except Exception as error:
         message, code = failures.explained(error)
     if message:
