@@ -1,7 +1,6 @@
 """How a command fails: one line on stderr that begins with ``error:``, an exit code, never a traceback."""
 
 import logging
-import os
 import signal
 import sys
 import traceback
@@ -94,8 +93,3 @@ def _usage(error: typer.TyperException) -> str:
         return f'COMMAND: expected {", ".join([*commands, "--help"])}, got "{came}"'
     known = [p.metavar if p.param_type_name == "argument" else p.opts[0] for p in context.command.params]
     return f'{context.command_path}: expected {", ".join([*known, "--help"])}, got "{came}"'
-
-
-def silence_stdout() -> None:
-    """Drop what stdout still holds: it cannot be written, and Python would say so once more at its end."""
-    sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process

@@ -3,21 +3,23 @@
 import logging
 import os
 import sys
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated
 
-import typer
+from typer import Argument, Option, Typer
 
 from studies import failures
 
-app = typer.Typer(
+app = Typer(
     add_completion=False,
     rich_markup_mode=None,
     help="Crank-slider simulations with the reference solver, Exudyn and Pymunk, and the study of them.",
 )
 
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A library scene or a TOML file.")]
+#: What is checked as text, and not by Typer, so that it is refused in our own words.
+Text = str | None
+SceneName = Annotated[str, Argument(metavar="SCENE", help="A library scene or a TOML file.")]
 
 
 @app.command()
@@ -48,26 +50,18 @@ def show(scene: SceneName) -> None:
 @app.command()
 def simulate(
     scene: SceneName,
-    engine: Annotated[
-        str, typer.Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")
-    ] = "reference",
+    engine: Annotated[str, Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")] = "reference",
     assignments: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."
-        ),
+        Option("--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."),
     ] = None,
-    step: Annotated[
-        str | None, typer.Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")
-    ] = None,
+    step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
     tolerance: Annotated[
-        str | None, typer.Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
+        Text, Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
     ] = None,
-    end: Annotated[
-        str | None, typer.Option(metavar="T", help="End time in s, in place of the scene's.")
-    ] = None,
-    samples: Annotated[str, typer.Option(metavar="N", help="Output intervals of equal length.")] = "200",
-    out: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Output file; stdout.")] = None,
+    end: Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")] = None,
+    samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "200",
+    out: Annotated[Path | None, Option(metavar="FILE.csv", help="Output file; stdout.")] = None,
 ) -> None:
     """Run one scene and write motion, forces and energy as CSV."""
     import numpy as np
@@ -76,37 +70,29 @@ def simulate(
     from engine_models.memory import TooLarge
     from engine_models.reference.kernels import FolderRefused
     from engine_models.step_halving import simulate_to_tolerance
-    from studies.command.options import (
-        SimulateOptions,
-        checked,
-        for_tolerance,
-        longest_step_s,
-        read_engine,
-        read_scene,
-    )
+    from studies.command import options
     from studies.command.progress_display import shown_progress
-    from studies.command.trajectory_table import table, to_csv
+    from studies.command.trajectory_table import table
+    from studies.running.whole_file import whole_file
 
-    numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
-    options = checked(SimulateOptions, "--", numbers)
-    physics = read_scene(scene)
-    if options.end is not None:
-        physics = physics.model_copy(update={"end_time_s": options.end})
+    strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
+    numbers = options.checked(options.SimulateOptions, "--", strings)
+    physics = options.read_scene(scene)
+    if numbers.end is not None:
+        physics = physics.model_copy(update={"end_time_s": numbers.end})
     if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
         raise failures.BadInput(f"--out: expected another file than the scene, got {out}")
-    chosen = read_engine(engine, assignments or [])
-    if options.tolerance is not None:
-        chosen = for_tolerance(chosen, assignments or [])
-    controls_error = getattr(chosen, "controls_error", False)
-    longest_step = longest_step_s(options, physics.end_time_s, controls_error)
-    with failures.writing("--out", out or Path("stdout")), _opened(out) as file:
+    chosen = options.read_engine(engine, assignments or [], to_tolerance=numbers.tolerance is not None)
+    longest_step = options.longest_step_s(numbers, physics.end_time_s, chosen)
+    output = nullcontext(sys.stdout) if out is None else whole_file(out)
+    with failures.writing("--out", out or Path("stdout")), output as file:
         try:
             # Engines look for non-finite numbers themselves.
             with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
-                if options.tolerance is not None:
-                    result = simulate_to_tolerance(chosen, physics, options.tolerance, options.samples)
+                if numbers.tolerance is not None:
+                    result = simulate_to_tolerance(chosen, physics, numbers.tolerance, numbers.samples)
                 else:
-                    result = chosen.simulate(physics, RunSettings(longest_step, options.samples))
+                    result = chosen.simulate(physics, RunSettings(longest_step, numbers.samples))
         except TooLarge as reason:
             raise failures.BadInput(f"--{reason}") from None
         except UnsupportedScene as reason:
@@ -117,28 +103,23 @@ def simulate(
             raise failures.BadInput(str(reason)) from None
         except SimulationFailed as reason:
             raise failures.Failed(str(reason)) from None
-        file.write(to_csv(table(physics, result)))
-    failures.say(f"note: {result.steps} steps{_of(chosen)}, the longest {result.step_s:.6g} s")
+        table(physics, result).to_csv(file, index=False, lineterminator="\n")
+    of_method = f" of {chosen.method}" if hasattr(chosen, "method") else ""
+    failures.say(f"note: {result.steps} steps{of_method}, the longest {result.step_s:.6g} s")
 
 
 @app.command()
 def run(
-    studies: Annotated[
-        list[str] | None, typer.Argument(metavar="[STUDY]...", help="Studies to run; all.")
-    ] = None,
-    full: Annotated[bool, typer.Option("--full", help="The full set of cases, not the quick one.")] = False,
-    jobs: Annotated[
-        str | None, typer.Option(metavar="N", help="Cases run at once; one for each core.")
-    ] = None,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
+    studies: Annotated[list[str] | None, Argument(metavar="[STUDY]...", help="Studies to run; all.")] = None,
+    full: Annotated[bool, Option("--full", help="The full set of cases, not the quick one.")] = False,
+    jobs: Annotated[Text, Option(metavar="N", help="Cases run at once; one for each core.")] = None,
+    out: Annotated[Path, Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."
-        ),
+        Text,
+        Option(metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."),
     ] = None,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Also run again what neither finished nor was refused.")
+        bool, Option("--retry-failed", help="Also run again what neither finished nor was refused.")
     ] = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
@@ -146,7 +127,6 @@ def run(
     from engine_models.scene.plain_words import one_of, shown
     from studies.command.options import RunOptions, checked
     from studies.running.cluster import cluster
-    from studies.running.execution import RunBroken
     from studies.running.finished_cases import DamagedRows
     from studies.running.folder_lock import FolderHeld
     from studies.running.registry import STUDIES
@@ -170,15 +150,13 @@ def run(
         raise failures.BadInput(str(reason)) from None
     except (FolderHeld, DamagedRows) as reason:
         raise failures.BadInput(f"--out: expected {reason}") from None
-    except RunBroken as reason:
-        raise failures.Failed(str(reason)) from None
     failures.say(f"note: the results are in {out}")
 
 
 @app.command()
 def report(
-    results: Annotated[Path, typer.Option(metavar="DIR", help="Where results are.")] = Path("results"),
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
+    results: Annotated[Path, Option(metavar="DIR", help="Where results are.")] = Path("results"),
+    out: Annotated[Path, Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
 ) -> None:
     """Make tables, figures and the HTML page from results."""
     os.environ.pop("MPLBACKEND", None)  # what is in there may end Matplotlib, and figures in files need none
@@ -200,31 +178,17 @@ def report(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    message = ""
     logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
         code = app(standalone_mode=False, prog_name="crankslider") or 0
+        message = "interrupted" if code == failures.INTERRUPTED else ""  # typer returns it after Ctrl-C
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads stdout has seen enough
-        code = 1
-        failures.silence_stdout()
+        message, code = "", 1
+        # What stdout still holds cannot be written, and Python would say so once more at its end.
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process
     except Exception as error:
         message, code = failures.explained(error)
-    if code == failures.INTERRUPTED:  # typer returns it after Ctrl-C
-        message = "interrupted"
     if message:
         failures.say(f"error: {message}")
     sys.exit(code)
-
-
-def _of(engine: object) -> str:
-    """Return the method that an engine's steps are of, if it has a choice."""
-    method = getattr(engine, "method", None)
-    return "" if method is None else f" of {method}"
-
-
-def _opened(out: Path | None) -> AbstractContextManager[TextIO]:
-    """Return the file for the output, or stdout."""
-    from studies.running.whole_file import whole_file
-
-    return nullcontext(sys.stdout) if out is None else whole_file(out)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -45,15 +45,14 @@ def checked(kind: type[T], prefix: str, strings: dict[str, str | None]) -> T:
     Raises:
         BadInput: a field is unknown or its value is refused.
     """
-    adapter: TypeAdapter[Any] = TypeAdapter(kind)
+    adapter: TypeAdapter[T] = TypeAdapter(kind)
     given = {key: value for key, value in strings.items() if value is not None}
     if reason := no_numbers(given, kind, prefix):
         raise BadInput(reason)
     try:
-        value: T = adapter.validate_strings(given)
+        return adapter.validate_strings(given)
     except ValidationError as error:
         raise BadInput(refusal(error, kind, prefix)) from None
-    return value
 
 
 def read_scene(name: str) -> Scene:
@@ -72,8 +71,10 @@ def read_scene(name: str) -> Scene:
         raise BadInput(str(error)) from None
 
 
-def read_engine(name: str, assignments: Sequence[str]) -> Engine:
+def read_engine(name: str, assignments: Sequence[str], to_tolerance: bool = False) -> Engine:
     """Return the engine of this name with settings given as ``KEY=VALUE``, the rest at their defaults.
+
+    To keep a tolerance, an engine that can control its error does, unless ``method`` is among the settings.
 
     Raises:
         BadInput: the engine or a setting is unknown, or a value is refused.
@@ -89,19 +90,12 @@ def read_engine(name: str, assignments: Sequence[str]) -> Engine:
             raise BadInput(f"--set {key}: expected one value, got {settings[key]} and {value}")
         settings[key] = value
     engine: Engine = checked(engine_class(name), "--set ", settings)
+    if to_tolerance and hasattr(engine, "controlling_error") and "method" not in settings:
+        engine = engine.controlling_error()
     return engine
 
 
-def for_tolerance(engine: Engine, assignments: Sequence[str]) -> Engine:
-    """Return the engine to keep a tolerance with: one that can control its error does, unless told how."""
-    controlling = getattr(engine, "controlling_error", None)
-    if controlling is None or any(assignment.startswith("method=") for assignment in assignments):
-        return engine
-    chosen: Engine = controlling()
-    return chosen
-
-
-def longest_step_s(options: SimulateOptions, end_time_s: float, controls_error: bool = False) -> float:
+def longest_step_s(options: SimulateOptions, end_time_s: float, engine: Engine) -> float:
     """Return the step asked for or the default, which is the whole run for an engine that controls its error.
 
     Raises:
@@ -109,7 +103,8 @@ def longest_step_s(options: SimulateOptions, end_time_s: float, controls_error: 
     """
     if options.step is not None and options.tolerance is not None:
         raise BadInput(f"--tolerance: expected nothing beside --step, got {options.tolerance:g}")
-    step = options.step or (end_time_s if controls_error else min(DEFAULT_STEP_S, end_time_s))
+    default = end_time_s if getattr(engine, "controls_error", False) else min(DEFAULT_STEP_S, end_time_s)
+    step = options.step or default
     shortest = SHORTEST_STEP_PART * end_time_s
     if options.tolerance is None and not shortest <= step <= end_time_s:
         expected = f"a number from {shortest:g} to the end time {end_time_s:g}"

@@ -42,8 +42,3 @@ def table(scene: Scene, trajectory: Trajectory) -> pd.DataFrame:
     if trajectory.dissipated_energy_J is not None:
         columns["dissipated_energy_J"] = trajectory.dissipated_energy_J
     return pd.DataFrame(columns)
-
-
-def to_csv(frame: pd.DataFrame) -> str:
-    """Return the table as CSV text whose numbers read back to the same doubles."""
-    return str(frame.to_csv(index=False, lineterminator="\n"))

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
-from importlib.metadata import distributions
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.metadata import packages_distributions
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
@@ -34,8 +34,8 @@ NOT_COUNTED = {
 #: Parts of a syntax tree that have no meaning at run time, or that not every version of Python tells.
 UNSTEADY = ("kind", "type_comment", "type_ignores", "type_params")
 
-#: What is known of a file without reading it.
-Stamp = tuple[int, int, int]
+#: Gives the names of distributions by the modules that they install at the top level.
+_owners = cache(packages_distributions)
 
 
 @dataclass(frozen=True)
@@ -49,21 +49,13 @@ class Closure:
         return Closure({**self.files, **other.files}, self.distributions | other.distributions)
 
 
-def _stamp(path: Path) -> Stamp:
-    stat = path.stat()
-    return stat.st_mtime_ns, stat.st_size, stat.st_ino
-
-
-#: Files as they were when this process first read them: those of the project before it imports more of them.
-_READ: dict[Path, tuple[Stamp, bytes]] = {}
-
-
+@cache
 def _content(path: Path) -> bytes:
-    if path not in _READ:
-        _READ[path] = (_stamp(path), path.read_bytes())
-    return _READ[path][1]
+    """Return a file as it was when this process first read it."""
+    return path.read_bytes()
 
 
+# Files of the project are read before it imports more of them.
 for _folder in NUMERICAL_CODE:
     for _path in (ROOT / _folder).rglob("*.py"):
         with suppress(FileNotFoundError):  # an editor replaces it
@@ -81,15 +73,18 @@ def closure(module: str) -> Closure:
     files: dict[str, Path] = {}
     imported: set[str] = set()
     seen: set[str] = set()
-    waiting = [*_with_packages(module)]
+    waiting = list(_with_packages(module))
     while waiting:
         name = waiting.pop()
-        if name in seen or not _counts(name) or (_top(name) in sys.stdlib_module_names and _top(name) != own):
+        top = _top(name)
+        if name in seen or not NOT_COUNTED.keys().isdisjoint(_with_packages(name)):
+            continue
+        if top in sys.stdlib_module_names and top != own:
             continue
         seen.add(name)
-        owners = () if _top(name) in NUMERICAL_CODE else _owners().get(_top(name), ())
+        owners = () if top in NUMERICAL_CODE else _owners().get(top, ())
         imported.update(owners)
-        if (not owners or _top(name) == own) and (path := _file_of(name)):
+        if (not owners or top == own) and (path := _file_of(name)):
             files[name] = path
             waiting += (part for target in _imports(name, path) for part in _with_packages(target))
     return Closure(dict(sorted(files.items())), frozenset(imported))
@@ -108,9 +103,8 @@ def changed(path: Path) -> bool:
     """Return whether a file by now means something else than when this process first read it."""
     before = _content(path)
     try:
-        if _stamp(path) == _READ[path][0]:
-            return False
-        return _meaning(path, path.read_bytes()) != _meaning(path, before)
+        now = path.read_bytes()
+        return now != before and _meaning(path, now) != _meaning(path, before)
     except (OSError, SyntaxError, ValueError):  # gone, or half written
         return True
 
@@ -123,23 +117,18 @@ def _meaning(path: Path, content: bytes) -> str:
 
 def _canonical(part: object) -> str:
     """Return a syntax tree as text, without docstrings, and without what versions of Python tell or not."""
-    if isinstance(part, list):
-        return f"[{','.join(_canonical(item) for item in part if not _is_bare_text(item))}]"
-    if isinstance(part, ast.JoinedStr):  # Python 3.12 ends some with an empty text
-        part = ast.JoinedStr([value for value in part.values if getattr(value, "value", None) != ""])
+    match part:
+        case list():
+            return f"[{','.join(filter(None, map(_canonical, part)))}]"
+        case ast.Expr(value=ast.Constant(value=str())):  # a docstring
+            return ""
+        case ast.JoinedStr(values=values):  # Python 3.12 ends some with an empty text
+            part = ast.JoinedStr([value for value in values if getattr(value, "value", None) != ""])
     if not isinstance(part, ast.AST):
         return ascii(part)  # which characters repr escapes depends on Python's tables
     fields = ((name, getattr(part, name, None)) for name in part._fields if name not in UNSTEADY)
     shown = (f"{name}={_canonical(value)}" for name, value in fields if value is not None and value != [])
     return f"{type(part).__name__}({','.join(shown)})"
-
-
-def _is_bare_text(item: object) -> bool:
-    return (
-        isinstance(item, ast.Expr)
-        and isinstance(item.value, ast.Constant)
-        and isinstance(item.value.value, str)
-    )
 
 
 def _imports(name: str, path: Path) -> Iterator[str]:
@@ -164,17 +153,11 @@ def _imports(name: str, path: Path) -> Iterator[str]:
 
 def _file_of(name: str) -> Path | None:
     """Return the file of a module, or None if a name is no module's."""
-    top, *rest = name.split(".")
+    top, *below = _with_packages(name)
     spec = _spec(top)
-    if spec is None or not rest:
-        return Path(spec.origin) if spec and spec.has_location and spec.origin else None
-    places = [Path(folder, *rest) for folder in spec.submodule_search_locations or ()]
-    candidates = [place / "__init__.py" for place in places]
-    candidates += [
-        place.with_name(place.name + end) for place in places for end in (".py", *EXTENSION_SUFFIXES)
-    ]
-    # Of ours, what was there at first: whether a file is there may depend on the case of its name.
-    return next((p for p in candidates if (p in _READ if top in NUMERICAL_CODE else p.is_file())), None)
+    for part in below:  # one by one with the finder of files: ``find_spec`` would import the packages
+        spec = PathFinder.find_spec(part, (spec and spec.submodule_search_locations) or ())
+    return Path(spec.origin) if spec and spec.has_location and spec.origin else None
 
 
 @cache
@@ -184,22 +167,6 @@ def _spec(top: str) -> ModuleSpec | None:
         return find_spec(top)
     except ValueError:  # it is there, and nobody knows where from
         return None
-
-
-@cache
-def _owners() -> dict[str, list[str]]:
-    """Return the names of distributions by the modules that they install at the top level."""
-    owners: dict[str, list[str]] = {}
-    for distribution in distributions():
-        listed = (distribution.read_text("top_level.txt") or "").split()
-        files = [] if listed else [file for file in distribution.files or () if file.suffix == ".py"]
-        for top in {*listed, *(file.parts[0].removesuffix(".py") for file in files)}:
-            owners.setdefault(top, []).append(distribution.metadata["Name"])
-    return owners
-
-
-def _counts(name: str) -> bool:
-    return not any(part in NOT_COUNTED for part in _with_packages(name))
 
 
 def _with_packages(name: str) -> Iterator[str]:

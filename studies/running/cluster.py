@@ -114,23 +114,19 @@ class ClusterExecutor(LimitedExecutor):
         self, future: "Future[T]", remote: Any, limits: Limits | None, call: Callable[[], T]
     ) -> None:
         try:
-            value = await remote
-        except (CancelledError, OSError) as error:
-            future.set_exception(RunBroken(f"the scheduler of the cluster is gone: {error}"))
-        except self._worker_died:
-            self._local.submit_within(limits, call).add_done_callback(partial(_copy, future))
+            future.set_result(await self._answer(remote, limits, call))
         except BaseException as error:
             future.set_exception(error)
-        else:
-            future.set_result(value)
         self._calls.pop(future, None)
 
-
-def _copy(future: "Future[T]", done: "Future[T]") -> None:
-    if error := done.exception():
-        future.set_exception(error)
-    else:
-        future.set_result(done.result())
+    async def _answer(self, remote: Any, limits: Limits | None, call: Callable[[], T]) -> T:
+        try:
+            value: T = await remote
+        except (CancelledError, OSError) as error:
+            raise RunBroken(f"the scheduler of the cluster is gone: {error}") from None
+        except self._worker_died:
+            return await asyncio.wrap_future(self._local.submit_within(limits, call))
+        return value
 
 
 def _contained(limits: Limits | None, call: Callable[[], T]) -> T:

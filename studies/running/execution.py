@@ -5,6 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import ParamSpec, TypeVar
 
+from studies.failures import Failed
 from studies.running.case import Limits
 
 P = ParamSpec("P")
@@ -24,7 +25,7 @@ class CaseEnded(Exception):
         self.status, self.reason = status, reason
 
 
-class RunBroken(Exception):
+class RunBroken(Failed):
     """No case can go on; the message says why. What was finished is kept."""
 
 

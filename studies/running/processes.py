@@ -10,12 +10,12 @@ import pickle
 import signal
 import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import wait
-from queue import Empty, SimpleQueue
-from threading import Lock, Thread
+from queue import LifoQueue
+from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 from engine_models.engine import ProcessTaken
@@ -33,7 +33,6 @@ from studies.running.worker import BEGUN, serve
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Call = Callable[[], Any]
 
 #: How much of what a process said on stderr is kept, in bytes, and of its last line shown, in characters.
 KEPT_WORDS, SHOWN_WORDS = 10_000, 200
@@ -55,62 +54,43 @@ class Processes(LimitedExecutor):
     """
 
     def __init__(self, jobs: int) -> None:
-        self._waiting: SimpleQueue[tuple[Future[Any], Call, Limits | None] | None] = SimpleQueue()
-        self._closed = False
-        self._lock = Lock()
-        resource_tracker.ensure_running()  # later it would lift a slot's block of SIGINT as it starts
+        resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
         self._slots = [_Slot() for _ in range(jobs)]
-        self._threads = [Thread(target=self._serve, args=[slot], daemon=True) for slot in self._slots]
-        for thread in self._threads:
-            thread.start()
+        self._idle: LifoQueue[_Slot] = LifoQueue()
+        for slot in self._slots:
+            self._idle.put(slot)
+        self._threads = ThreadPoolExecutor(jobs, initializer=_keep_ctrl_c_from_children)
 
     def submit_within(
         self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> "Future[T]":
         """Run a call that is ended, and its process with it, when it exceeds the limits."""
-        future: Future[T] = Future()
-        with self._lock:
-            if self._closed:
-                raise RuntimeError("cannot schedule new futures after shutdown")
-            self._waiting.put((future, partial(call, *args, **kwargs), limits))
-        return future
+        bound: Callable[[], T] = partial(call, *args, **kwargs)
+        return self._threads.submit(self._run, bound, limits)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Take no more calls; ``cancel_futures`` drops those that wait and kills those that run."""
-        with self._lock:
-            self._closed = True
+        self._threads.shutdown(wait=False, cancel_futures=cancel_futures)
         if cancel_futures:
-            self._drop_waiting()
             for slot in self._slots:
                 slot.kill()
-        for _ in self._threads:
-            self._waiting.put(None)
         if wait:
-            for thread in self._threads:
-                thread.join()
+            self._threads.shutdown()
+            for slot in self._slots:
+                slot.close()
 
-    def _drop_waiting(self) -> None:
+    def _run(self, call: Callable[[], T], limits: Limits | None) -> T:
+        slot = self._idle.get_nowait()  # there is one for each thread
         try:
-            while True:
-                if (item := self._waiting.get_nowait()) is not None:
-                    item[0].cancel()
-        except Empty:
-            return
+            return slot.run(call, limits)
+        finally:
+            self._idle.put(slot)
 
-    def _serve(self, slot: "_Slot") -> None:
-        if hasattr(signal, "pthread_sigmask"):  # its processes inherit it: Ctrl-C is their parent's affair
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        while (item := self._waiting.get()) is not None:
-            future, call, limits = item
-            if not future.set_running_or_notify_cancel():
-                continue
-            try:
-                value = slot.run(call, limits)
-            except BaseException as error:
-                future.set_exception(error)
-            else:
-                future.set_result(value)
-        slot.close()
+
+def _keep_ctrl_c_from_children() -> None:
+    """Block SIGINT in this thread and the processes that it starts: Ctrl-C is their parent's affair."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 
 class _Slot:
@@ -121,7 +101,7 @@ class _Slot:
         self._killed = False
         self._lock = Lock()
 
-    def run(self, call: Call, limits: Limits | None) -> Any:
+    def run(self, call: Callable[[], T], limits: Limits | None) -> T:
         """Run a call; one that ends a process which ran others before is run again in a new one.
 
         So no call answers for the damage that another did, nor for what another loaded. Neither does one for
@@ -138,7 +118,7 @@ class _Slot:
                 raise
         return self._run(call, limits)
 
-    def _run(self, call: Call, limits: Limits | None) -> Any:
+    def _run(self, call: Callable[[], T], limits: Limits | None) -> T:
         with self._lock:
             if self._killed:
                 raise CancelledError
@@ -163,10 +143,6 @@ class _Slot:
             process.close()
 
 
-class _Silent(Exception):
-    """A process did not answer in time."""
-
-
 class _WorkerProcess:
     """A process started anew, which imports what its calls need and keeps it until it is closed.
 
@@ -184,7 +160,7 @@ class _WorkerProcess:
         stderr.close()
         self._words = b""
 
-    def run(self, call: Call, limits: Limits | None) -> Any:
+    def run(self, call: Callable[[], T], limits: Limits | None) -> T:
         """Return what the call returns there, or raise what it raises.
 
         Raises:
@@ -197,11 +173,12 @@ class _WorkerProcess:
             message = self._answer(BEGINNING_S)
             if begun := message == BEGUN:
                 message = self._answer(None if limits is None else limits.time_limit_s)
+        except TimeoutError as silence:
+            raise CaseEnded(TIMED_OUT if begun else NOT_BEGUN, str(silence)) from None
         except (EOFError, OSError):
             status, reason = self._death(limits)
             raise CaseEnded(status if begun else NOT_BEGUN, reason) from None
-        except _Silent as silence:
-            raise CaseEnded(TIMED_OUT if begun else NOT_BEGUN, str(silence)) from None
+        value: T
         value, error = pickle.loads(message)
         if not begun:
             raise CaseEnded(NOT_BEGUN, f"{type(error).__name__}: {error}")
@@ -232,7 +209,7 @@ class _WorkerProcess:
             if self._calls in ready:
                 return self._calls.recv_bytes()
             if not ready:
-                raise _Silent(f"not finished within the limit of {time_limit_s:g} s")
+                raise TimeoutError(f"not finished within the limit of {time_limit_s:g} s")
             if not self._listen():
                 watched.remove(self._stderr)
 

@@ -55,16 +55,8 @@ def changed_code(study: str, engines: Iterable[str]) -> list[str]:
 
 
 def _made_of(study: str, engines: Iterable[str]) -> Closure:
-    modules = (study_module(study), *ROW_MAKERS, *filter(None, map(_engine_module, engines)))
-    return reduce(or_, map(closure, modules))
-
-
-def _engine_module(name: str) -> str | None:
-    """Return the import path of an engine's module, or None for one that only the study knows."""
-    try:
-        return engine_module(name)
-    except KeyError:
-        return None
+    own = [engine_module(name) for name in engines if name in ENGINES]  # others only the study knows
+    return reduce(or_, map(closure, (study_module(study), *ROW_MAKERS, *own)))
 
 
 def _hash(names: list[str], made_of: Closure, with_versions: bool) -> str:
@@ -95,15 +87,11 @@ def sidecar(study: str, full: bool, engines: Collection[str]) -> dict[str, objec
 @cache
 def _commit() -> str:
     """Return the commit first seen, with ``+changes`` if the work tree differed, or ``unknown``."""
+    command = ["git", "describe", "--always", "--exclude=*", "--abbrev=40", "--dirty=+changes"]
     try:
-        commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
-        commit, changes = (
-            subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-            for command in commands
-        )
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return commit + ("+changes" if changes else "")
 
 
 def _processor() -> str:

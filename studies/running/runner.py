@@ -6,12 +6,9 @@ A study's folder holds what ``studies.running.finished_cases`` keeps there, and 
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from functools import partial
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from typing import Any
 
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
@@ -28,6 +25,7 @@ from studies.running.worker import LIMITS_MEMORY
 
 #: Makes an executor for as long as it is needed; or lends one that lives longer.
 Executors = Callable[[], AbstractContextManager[Executor]]
+Result = Future[tuple[Row, Curves]]
 
 #: How often a run looks whether its code has changed, in s; and how many cases in succession whose process
 #: cannot begin break it.
@@ -105,13 +103,12 @@ def _run_study(
     name: str, cases: list[Case], rows: Rows, executor: Executors, processes: Executors, retry_failed: bool
 ) -> None:
     wanted = {case.key(_fingerprint(case)): case for case in cases}
-    there = rows.statuses()
-    done = {key for key in wanted if key in there and not _to_run_again(there[key], retry_failed)}
-    pending = {key: case for key, case in wanted.items() if key not in done}
+    statuses = rows.statuses()
+    pending = {key: case for key, case in wanted.items() if _to_run(statuses.get(key), retry_failed)}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
     with progress:
-        bar = progress.add_task(name, total=len(wanted), completed=len(done))
+        bar = progress.add_task(name, total=len(wanted), completed=len(wanted) - len(pending))
 
         def keep(key: str, row: Row, curves: Curves) -> None:
             rows.keep(key, row, curves)
@@ -126,8 +123,8 @@ def _run_study(
     progress.console.print(f"{name}: {', '.join(counts)}", highlight=False)
 
 
-def _to_run_again(status: str, retry_failed: bool) -> bool:
-    return status in NO_RESULT or (retry_failed and status not in ("ok", "unsupported"))
+def _to_run(status: str | None, retry_failed: bool) -> bool:
+    return status in (None, *NO_RESULT) or (retry_failed and status not in ("ok", "unsupported"))
 
 
 def _phases(
@@ -139,17 +136,17 @@ def _phases(
     random: cases that start together and share a kernel would both compile it.
     """
     timed = {key: case for key, case in cases.items() if case.timed}
-    groups: list[dict[str, Case]] = [{}, {}, timed]
     alike: Counter[tuple[str, str, str]] = Counter()
     turns = {}
     for key in sorted(cases.keys() - timed.keys()):
         kind = cases[key].scene.name, cases[key].engine, cases[key].arm.name
         turns[key] = alike[kind]
         alike[kind] += 1
-    for key in sorted(turns, key=lambda key: turns[key]):
-        groups[1 if cases[key].limits else 0][key] = cases[key]
-    makers: tuple[Executors, ...] = (executor, processes, lambda: Processes(1))
-    return ((group, make) for group, make in zip(groups, makers, strict=True) if group)
+    beside = {key: cases[key] for key in sorted(turns, key=turns.__getitem__)}
+    limited = {key: case for key, case in beside.items() if case.limits}
+    others = {key: case for key, case in beside.items() if not case.limits}
+    phases = ((others, executor), (limited, processes), (timed, lambda: Processes(1)))
+    return ((group, make) for group, make in phases if group)
 
 
 def _run(
@@ -163,18 +160,11 @@ def _run(
         RunBroken: no process can begin, or the code is no longer what was imported.
     """
     again: dict[str, Case] = {}
-    answers: SimpleQueue[Future[Any]] = SimpleQueue()
-    (study,) = {case.study for case in cases.values()}
-    changed = partial(changed_code, study, _engines(list(cases.values())))
     begun, unbegun = False, 0
     with make() as pool:
         try:
-            keys = {_submitted(pool, case): key for key, case in cases.items()}
-            for future in keys:
-                future.add_done_callback(answers.put)
-            while keys:
-                future = _next(answers, changed)
-                key = keys.pop(future)
+            futures = {key: _submitted(pool, case) for key, case in cases.items()}
+            for key, future in _as_done(cases, futures):
                 row, curves = outcome(cases[key], future)
                 begun = begun or row["status"] != NOT_BEGUN
                 unbegun += not begun
@@ -190,26 +180,25 @@ def _run(
     return again
 
 
-def _submitted(pool: Executor, case: Case) -> "Future[tuple[Row, Curves]]":
+def _submitted(pool: Executor, case: Case) -> Result:
     if isinstance(pool, LimitedExecutor):
         return pool.submit_within(case.limits or ROOMY, _run_case_by, _fingerprint(case), case)
     return pool.submit(_run_case_by, _fingerprint(case), case)
 
 
-def _next(answers: "SimpleQueue[Future[Any]]", changed: Callable[[], list[str]]) -> "Future[Any]":
-    """Return the next future that is done, as long as the code is what it was: no file has ``changed``."""
-    while True:
-        try:
-            future = answers.get(timeout=LOOK_S)
-        except Empty:
-            future = None
-        if files := changed():
+def _as_done(cases: dict[str, Case], futures: dict[str, Result]) -> Iterator[tuple[str, Result]]:
+    """Yield the futures of cases when they are done, as long as the code is what was imported."""
+    (study,) = {case.study for case in cases.values()}
+    engines = _engines(list(cases.values()))
+    while futures:
+        done, _ = wait(futures.values(), LOOK_S, FIRST_COMPLETED)
+        if files := changed_code(study, engines):
             shown = ", ".join(files[:SHOWN_FILES]) + ", ..." * (len(files) > SHOWN_FILES)
             raise RunBroken(
                 f"the code changed under the run ({shown}): what was finished is kept, run it again"
             )
-        if future is not None:
-            return future
+        for key in [key for key, future in futures.items() if future in done]:
+            yield key, futures.pop(key)
 
 
 def _run_case_by(code: str, case: Case) -> tuple[Row, Curves]:

@@ -29,20 +29,22 @@ def whole_file(path: Path) -> Iterator[TextIO]:
     if path.exists():
         path.open("a").close()  # a file that may not be written may not be replaced
     new = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with new.open("x", encoding="utf-8", newline="") as file:
-            yield file
-        new.replace(path)
-    finally:
-        new.unlink(missing_ok=True)
+    with _taking_the_place(new, path), new.open("x", encoding="utf-8", newline="") as file:
+        yield file
 
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file that takes the place of ``path`` once it is on the disk, and vanishes if it fails."""
     new = path.with_name(f"{path.name}{UNFINISHED}")
+    with _taking_the_place(new, path), new.open("wb", buffering=0) as file:
+        write_through(file, content)
+
+
+@contextmanager
+def _taking_the_place(new: Path, path: Path) -> Iterator[None]:
+    """Let a file that the block writes take the place of ``path``, or vanish when the block fails."""
     try:
-        with new.open("wb", buffering=0) as file:
-            write_through(file, content)
+        yield
         new.replace(path)
     finally:
         new.unlink(missing_ok=True)

@@ -55,31 +55,30 @@ def test_engines_lists_every_setting_and_what_runs() -> None:
         assert "  runs " in block
         runs = next(line for line in block.splitlines() if line.startswith("  runs "))
         assert all(scene in runs for scene in IDEAL)
-        told = [scene in runs or f"  not {scene}: " in block for scene in SCENES]
-        assert all(told), "every scene is run or refused with a reason"
+        run_or_refused = [scene in runs or f"  not {scene}: " in block for scene in SCENES]
+        assert all(run_or_refused), "every scene is run or refused with a reason"
 
 
-@pytest.mark.parametrize("command", [["--help"], ["scenes"], ["show", "ideal-free"]])
-def test_a_quick_command_imports_nothing_heavy(command: list[str]) -> None:
+def imported_by(*command: str) -> set[str]:
+    """Return the modules that a process has imported which ran ``crankslider`` with these arguments."""
     code = (
         "import atexit, json, sys; from studies.command.main import main; sys.argv[0] = 'crankslider';"
         "atexit.register(lambda: print(json.dumps(sorted(sys.modules)), file=sys.stderr)); main()"
     )
     done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
-    heavy = {"exudyn", "pymunk", "numba", "scipy", "pandas", "matplotlib"} & set(json.loads(done.stderr))
-    assert not heavy
+    return set(json.loads(done.stderr.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("command", [["--help"], ["scenes"], ["show", "ideal-free"]])
+def test_a_quick_command_imports_nothing_heavy(command: list[str]) -> None:
+    heavy = {"exudyn", "pymunk", "numba", "scipy", "pandas", "matplotlib"}
+    assert not heavy & imported_by(*command)
 
 
 def test_a_run_by_rk4_does_not_wait_for_what_error_control_alone_needs() -> None:
-    simulated = ["simulate", "ideal-free", "--end", "0.01", "--samples", "2"]
-    code = (
-        "import atexit, sys; from studies.command.main import main; sys.argv[0] = 'crankslider';"
-        "atexit.register(lambda: print('scipy.integrate' in sys.modules, file=sys.stderr)); main()"
-    )
-    for settings, needs in ((), "False"), (("--set", "method=dop853"), "True"):
-        command = [sys.executable, "-c", code, *simulated, *settings]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        assert done.stderr.splitlines()[-1] == needs
+    simulated = ("simulate", "ideal-free", "--end", "0.01", "--samples", "2")
+    assert "scipy.integrate" not in imported_by(*simulated)
+    assert "scipy.integrate" in imported_by(*simulated, "--set", "method=dop853")
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -102,12 +101,12 @@ def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
 def test_each_column_holds_what_its_name_says(name: str) -> None:
     # The reference at this step is off by 1e-9 of each signal's size at most: a wrong column is off by 1.
     scene = SCENES[name]().model_copy(update={"end_time_s": 0.01})
-    found = read(crankslider("simulate", name, *SHORT).stdout)
+    samples = read(crankslider("simulate", name, *SHORT).stdout)
     true = table(scene, exact(scene, 4))
     for column in true.columns:
         measure = "kinetic_energy_J" if column == "energy_balance_residual_J" else column
         scale = np.abs(true[measure]).max()
-        np.testing.assert_allclose(found[column], true[column], rtol=0, atol=1e-6 * scale, err_msg=column)
+        np.testing.assert_allclose(samples[column], true[column], rtol=0, atol=1e-6 * scale, err_msg=column)
 
 
 def test_the_crank_angle_is_unwrapped() -> None:
@@ -151,12 +150,12 @@ def test_a_joint_with_clearance_has_its_own_columns(friction: str, tmp_path: Pat
         f"{MOTION},{FORCES},driver_torque_N_m,kinetic_energy_J,potential_energy_J,energy_balance_residual_J,"
         f"clearance_B_x_m,clearance_B_y_m,contact_B_penetration_m,{force}dissipated_energy_J"
     )
-    found = read(done.stdout)
-    gap = np.hypot(found["clearance_B_x_m"], found["clearance_B_y_m"])
-    np.testing.assert_allclose(found["contact_B_penetration_m"], gap - 5e-4, rtol=0, atol=1e-12)
-    flying = found["contact_B_penetration_m"] < 0
+    samples = read(done.stdout)
+    gap = np.hypot(samples["clearance_B_x_m"], samples["clearance_B_y_m"])
+    np.testing.assert_allclose(samples["contact_B_penetration_m"], gap - 5e-4, rtol=0, atol=1e-12)
+    flying = samples["contact_B_penetration_m"] < 0
     assert flying.any()
-    assert (found.loc[flying, "contact_B_normal_force_N"] == 0).all()
+    assert (samples.loc[flying, "contact_B_normal_force_N"] == 0).all()
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -164,8 +163,8 @@ def test_a_users_file_works_like_the_library_scene(name: str, tmp_path: Path) ->
     file, out = tmp_path / "mine.toml", tmp_path / "out.csv"
     file.write_text(crankslider("show", name).stdout)
     assert crankslider("show", file).stdout == file.read_text()
-    library, mine = (crankslider("simulate", scene, *SHORT) for scene in (name, file))
-    assert (mine.code, mine.stdout, mine.stderr) == (0, library.stdout, library.stderr)
+    library, users = (crankslider("simulate", scene, *SHORT) for scene in (name, file))
+    assert (users.code, users.stdout, users.stderr) == (0, library.stdout, library.stderr)
     assert crankslider("simulate", file, *SHORT, "--out", out).stdout == ""
     assert out.read_text() == library.stdout
     assert sorted(tmp_path.iterdir()) == [file, out]
@@ -176,8 +175,8 @@ def test_a_tolerance_takes_error_control_unless_the_method_is_set(settings: list
     done = crankslider("simulate", "ideal-free", "--tolerance", 1e-9, "--end", 0.1, "--samples", 4, *settings)
     assert (done.code, f" steps of {method}, " in done.stderr) == (0, True)
     scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.1})
-    found = [float(line.split(",")[3]) for line in done.stdout.splitlines()[1:]]
-    assert np.abs(found - exact(scene, 4).slider_position_m).max() < 1e-9
+    slider = [float(line.split(",")[3]) for line in done.stdout.splitlines()[1:]]
+    assert np.abs(slider - exact(scene, 4).slider_position_m).max() < 1e-9
 
 
 def test_settings_reach_the_engine() -> None:

@@ -182,9 +182,9 @@ def test_a_row_that_is_there_twice_counts_once_and_is_told(
     file = tmp_path / "rows.jsonl"
     once = file.read_bytes()
     file.write_bytes(once * 3)
-    found = read_study(tmp_path)
+    results = read_study(tmp_path)
     note = f"{file}: 4 rows are there twice and count once"
-    assert (len(found.rows), found.notes) == (2, (note,))
+    assert (len(results.rows), results.notes) == (2, (note,))
     assert cases_in(tmp_path) == ["a", "b"]
     assert capsys.readouterr().err == f"note: {note}\n"
     assert file.read_bytes() == once
@@ -203,9 +203,9 @@ def test_two_results_of_one_case_are_refused(tmp_path: Path) -> None:
 def test_a_report_leaves_out_what_was_killed_from_outside(tmp_path: Path) -> None:
     keep(tmp_path, "a")
     keep(tmp_path, "b", status="killed from outside")
-    found = read_study(tmp_path)
-    assert list(found.rows["case"]) == ["a"]
-    assert "1 cases were killed from outside" in found.notes[0]
+    results = read_study(tmp_path)
+    assert list(results.rows["case"]) == ["a"]
+    assert "1 cases were killed from outside" in results.notes[0]
 
 
 def half(file: FileIO, content: bytes) -> None:

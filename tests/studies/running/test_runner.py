@@ -39,6 +39,12 @@ def case(engine: str = "reference", step: float = 1e-3, **settings: int) -> Case
     return Case("agreement", scene, Arm(engine, "arm", settings), RunSettings(step, 4))
 
 
+def few_sweeps() -> Case:
+    """Return a case that fails."""
+    longer = ideal_free().model_copy(update={"end_time_s": 0.5})
+    return Case("agreement", longer, Arm("pymunk", "arm", {"iterations": 2}), RunSettings(1e-3, 4))
+
+
 def rows(folder: Path) -> list[dict[str, Any]]:
     return read_rows(folder / "rows.jsonl")
 
@@ -75,9 +81,7 @@ def test_a_process_with_other_code_breaks_the_run(tmp_path: Path, monkeypatch: p
 
 
 def test_a_failure_and_a_refusal_are_rows_with_a_reason() -> None:
-    longer = ideal_free().model_copy(update={"end_time_s": 0.5})
-    few_sweeps = Case("agreement", longer, Arm("pymunk", "arm", {"iterations": 2}), RunSettings(1e-3, 4))
-    row, curves = run_case(few_sweeps)
+    row, curves = run_case(few_sweeps())
     assert (row["status"], curves) == ("failed", {})
     assert "t = " in str(row["reason"])
     rigid = Clearance(radial_clearance_m=5e-4, bearing_radius_m=0.01, law="rigid", restitution=0.9)
@@ -94,10 +98,8 @@ def test_a_row_tells_what_limits_it_had_and_whether_it_was_timed() -> None:
 
 
 def test_the_last_line_counts_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    longer = ideal_free().model_copy(update={"end_time_s": 0.5})
-    few_sweeps = Case("agreement", longer, Arm("pymunk", "arm", {"iterations": 2}), RunSettings(1e-3, 4))
     for _ in range(2):  # run, then found there
-        run_study("agreement", [case(), few_sweeps], tmp_path, in_process)
+        run_study("agreement", [case(), few_sweeps()], tmp_path, in_process)
         assert capsys.readouterr().err.endswith("agreement: 2 cases, 1 failed\n")
 
 
@@ -128,8 +130,8 @@ def test_a_free_scene_has_no_driver_torque_and_the_full_set_contains_the_quick_o
 
 @pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")
 def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "studies.command.main", "run", "--jobs", "1", "--out", str(tmp_path)]
-    command[1:3] = ["-c", "from studies.command.main import main; main()"]
+    code = "from studies.command.main import main; main()"
+    command = [sys.executable, "-c", code, "run", "--jobs", "1", "--out", str(tmp_path)]
     run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
     file = tmp_path / "agreement" / "rows.jsonl"
     deadline = time.monotonic() + 120
