@@ -9,15 +9,7 @@ from typing import Protocol
 import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from reports.chapters import (
-    agreement,
-    clearance,
-    energy,
-    extremes,
-    predictability,
-    stability,
-    work_precision,
-)
+from reports.chapters import agreement, clearance, energy, extremes, predictability, stability, work_precision
 from reports.parts import Contradiction, Section
 from reports.results import BrokenResults, NoResults, Results, read_study
 from reports.style import RC

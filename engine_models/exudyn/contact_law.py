@@ -12,13 +12,8 @@ import math
 from dataclasses import dataclass
 
 from engine_models.engine import UnsupportedScene
-from engine_models.mechanics.contact_law import (
-    damping_factor_of,
-    minimum_impact_speed_of,
-)
-from engine_models.mechanics.joints import (
-    clearances,
-)
+from engine_models.mechanics.contact_law import damping_factor_of, minimum_impact_speed_of
+from engine_models.mechanics.joints import clearances
 from engine_models.scene.scene import Clearance, Clearances, Scene
 
 #: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.

@@ -17,16 +17,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
-from reference_solver.contact.types import (
-    CLIPPED,
-    CONTACT,
-    CONTACT_RECORD,
-    EVENT_RECORD,
-    FLIGHT,
-    GAP_RECORD,
-    Impact,
-    Motion,
-)
+from reference_solver.contact import types
 from reference_solver.equations import Equations
 from reference_solver.failures import SolverError
 from reference_solver.solution import Solution
@@ -82,7 +73,7 @@ class Derivative:
         self._readable = Equations(mechanism, q.ravel())
         self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self._readable.C)
         self._forces = np.empty(self._rows + 2 * len(self._joints))
-        self._contacts = np.array([contact_record(joint) for joint in self._joints], CONTACT_RECORD)
+        self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         self.n = self._readable.n
         self.sums = tuple(_integrated(self._readable))
         self.contact_count = len(self._joints)
@@ -136,7 +127,7 @@ class Derivative:
             forces.append(self.forces(t, at))
         multipliers, of_contacts = (np.array(column) for column in zip(*forces, strict=True))
         impacts = [
-            Impact(t, k, "contact", duration, speed, impulse, unknown, lost, unknown)
+            types.Impact(t, k, "contact", duration, speed, impulse, unknown, lost, unknown)
             for t, k, duration, speed, impulse, lost in ends
         ]
         return Solution(
@@ -149,7 +140,7 @@ class Derivative:
             normal_force_N=of_contacts[:, ::2],
             friction_force_N=of_contacts[:, 1::2],
             sums=self.named_sums(y),
-            events=np.zeros(0, EVENT_RECORD),
+            events=np.zeros(0, types.EVENT_RECORD),
             impacts=tuple(impacts),
             mode_changes=(),
             steps=steps,
@@ -161,8 +152,8 @@ class Derivative:
 
     def gaps(self, y: FloatArray) -> NDArray[np.void]:
         """Return every contact's gap (K,), records of ``GAP_RECORD``."""
-        gaps = np.zeros(len(self._joints), GAP_RECORD)
-        self._kernel.gaps(self._parameters, self._contacts, 0.0, Motion(self.n, y, gaps))
+        gaps = np.zeros(len(self._joints), types.GAP_RECORD)
+        self._kernel.gaps(self._parameters, self._contacts, 0.0, types.Motion(self.n, y, gaps))
         return gaps
 
     def phases(self) -> FloatArray:
@@ -175,25 +166,27 @@ class Derivative:
 
     def flying(self, contact: int) -> bool:
         """Return whether a contact is in flight."""
-        return bool(self._contacts["phase"][contact] == FLIGHT)
+        return bool(self._contacts["phase"][contact] == types.FLIGHT)
 
     def alarm(self, contact: int, kind: int, y: FloatArray) -> float:
         """Return a number positive past an event: of kind 0, touch or release, or 1, clip or resume."""
         gap, phase = self.gaps(y)[contact], self._contacts["phase"][contact]
         if kind == 0:
-            return float(gap["g"] if phase == FLIGHT else -gap["g"])
-        return -1.0 if phase == FLIGHT else float(-gap["push"] if phase == CONTACT else gap["push"])
+            return float(gap["g"] if phase == types.FLIGHT else -gap["g"])
+        return (
+            -1.0 if phase == types.FLIGHT else float(-gap["push"] if phase == types.CONTACT else gap["push"])
+        )
 
     def switch(self, contact: int, kind: int, y: FloatArray) -> None:
         """Change a contact's phase at an event, where a touch stores its a/v0."""
         phase = self._contacts["phase"]
         if kind == 1:
-            phase[contact] = CLIPPED if phase[contact] == CONTACT else CONTACT
+            phase[contact] = types.CLIPPED if phase[contact] == types.CONTACT else types.CONTACT
         elif self.flying(contact):
             self._contacts["memory"][contact] = self._memory(contact, self.gaps(y)["rate"][contact])
-            phase[contact] = CONTACT
+            phase[contact] = types.CONTACT
         else:
-            phase[contact] = FLIGHT
+            phase[contact] = types.FLIGHT
 
     def sense(self, y: FloatArray, memory: FloatArray) -> None:
         """Set every phase by the signs of penetration and force at y.
@@ -202,17 +195,19 @@ class Derivative:
         """
         gaps, contacts = self.gaps(y), self._contacts
         for k in range(len(memory)):
-            contacts["phase"][k] = CONTACT if gaps["g"][k] > 0 else FLIGHT
+            contacts["phase"][k] = types.CONTACT if gaps["g"][k] > 0 else types.FLIGHT
             if gaps["g"][k] > 0:
                 new = self._memory(k, abs(gaps["rate"][k]))
                 contacts["memory"][k] = new if np.isnan(memory[k]) else memory[k]
-        clipped = (contacts["phase"] == CONTACT) & (contacts["clipped"] > 0) & (self.gaps(y)["push"] < 0)
-        contacts["phase"][clipped] = CLIPPED
+        clipped = (
+            (contacts["phase"] == types.CONTACT) & (contacts["clipped"] > 0) & (self.gaps(y)["push"] < 0)
+        )
+        contacts["phase"][clipped] = types.CLIPPED
 
     def remember(self, y: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the memory after a step that ended at y: a/v0 of contacts begun in it, NaN in flight."""
         self.sense(y, memory)
-        return np.where(self._contacts["phase"] == FLIGHT, np.nan, self._contacts["memory"])
+        return np.where(self._contacts["phase"] == types.FLIGHT, np.nan, self._contacts["memory"])
 
     def _memory(self, contact: int, speed_m_s: float) -> float:
         law = self._joints[contact].compliance

@@ -7,13 +7,7 @@ has damaged is made again, and of processes that make the same the last one's is
 import hashlib
 import os
 
-from reference_solver.compiled.folder import (
-    is_own,
-    kernel_folder,
-    private_folder,
-    say_not_kept,
-    say_once,
-)
+from reference_solver.compiled.folder import is_own, kernel_folder, private_folder, say_not_kept, say_once
 
 CHECKSUM_BYTES = hashlib.sha256().digest_size
 

@@ -15,21 +15,6 @@ from numba.types import FunctionType, boolean, float64, int64
 from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver.contact import types
-from reference_solver.contact.types import (
-    CLIPPED,
-    CONTACT,
-    DONE,
-    END,
-    FAILED,
-    FLIGHT,
-    FULL,
-    GO,
-    SAMPLE,
-    SETTLE,
-    SPARE,
-    SPENT,
-    START,
-)
 
 #: Modules whose constants the machine code has taken over.
 COMPILED_WITH = (types,)
@@ -84,23 +69,23 @@ def alarm(contact, gap, kind):
     A rigid wall is touched by the first, and released by the second.
     """
     if kind == 0:
-        if contact.phase == FLIGHT:
+        if contact.phase == types.FLIGHT:
             return gap.g
         return -1.0 if contact.rigid != 0.0 else -gap.g
-    if contact.phase == FLIGHT:
+    if contact.phase == types.FLIGHT:
         return -1.0
     if contact.rigid != 0.0:
         return -gap.push
     if contact.clipped == 0.0:
         return -1.0
-    return -gap.push if contact.phase == CONTACT else gap.push
+    return -gap.push if contact.phase == types.CONTACT else gap.push
 
 
 @register_jitable(**INNER)
 def gone_off(contact, gap, kind):
     """Return whether an alarm has; of a pin before a rigid wall, that it is no round-off."""
     value = alarm(contact, gap, kind)
-    if contact.rigid == 0.0 or contact.phase != FLIGHT or kind == 1:
+    if contact.rigid == 0.0 or contact.phase != types.FLIGHT or kind == 1:
         return value > 0.0
     if contact.ignored != 0.0:
         return False
@@ -146,7 +131,7 @@ def locate(run, h, event):
         if high - low <= resolution:
             break
         if gone:  # aimed past the event by rounding, so as to end on its far side
-            rate = gap.rate if contact.phase == FLIGHT else -gap.rate
+            rate = gap.rate if contact.phase == types.FLIGHT else -gap.rate
             trial = trial - value / rate + resolution if rate > 0.0 else low
         else:
             trial = high - high_value * (high - low) / (high_value - low_value)
@@ -178,7 +163,7 @@ def peak(g, rise, new_g, fall, h):
 @register_jitable(**INNER)
 def turned_back(contact, gap, new_gap):
     """Return whether a pin in flight has been nearest to its wall within a step."""
-    return contact.phase == FLIGHT and contact.ignored == 0.0 and gap.rate > 0.0 and new_gap.rate < 0.0
+    return contact.phase == types.FLIGHT and contact.ignored == 0.0 and gap.rate > 0.0 and new_gap.rate < 0.0
 
 
 @register_jitable(**INNER)
@@ -217,14 +202,14 @@ def switch(run, event):
     k, kind = event // 2, event % 2
     contact, gap, n = run.contacts[k], run.old.gaps[k], run.contacts[k].exponent
     if kind == 1:
-        contact.phase = CLIPPED if contact.phase == CONTACT else CONTACT
-        return 2 if contact.phase == CLIPPED else 3
-    if contact.phase != FLIGHT:
-        contact.phase = FLIGHT
+        contact.phase = types.CLIPPED if contact.phase == types.CONTACT else types.CONTACT
+        return 2 if contact.phase == types.CLIPPED else 3
+    if contact.phase != types.FLIGHT:
+        contact.phase = types.FLIGHT
         return -1
     # The mobility tells how long the contact will take.
-    run.kernel.mobilities(run.p, run.old.y, SPARE, run.slopes)
-    contact.phase, contact.mobility = CONTACT, run.slopes[SPARE, k]
+    run.kernel.mobilities(run.p, run.old.y, types.SPARE, run.slopes)
+    contact.phase, contact.mobility = types.CONTACT, run.slopes[types.SPARE, k]
     speed = max(gap.rate, contact.slowest)
     energy = (n + 1.0) * speed * speed / (2.0 * contact.stiffness * contact.mobility)
     contact.memory = contact.factor / speed
@@ -260,7 +245,7 @@ def in_flight(contacts, gaps, h, part):
     """Return a step, h at most, in which pins fly no further than a part of the clearance, or of a radian."""
     for k in range(len(contacts)):
         far = part * contacts[k].clearance
-        if (contacts[k].phase == FLIGHT or contacts[k].rigid != 0.0) and gaps[k].speed * h > far:
+        if (contacts[k].phase == types.FLIGHT or contacts[k].rigid != 0.0) and gaps[k].speed * h > far:
             h = far / gaps[k].speed
     return h
 
@@ -271,7 +256,7 @@ def step_length(contacts, gaps, now):
     h = in_flight(contacts, gaps, now.longest, 0.25)
     for k in range(len(contacts)):
         contact, gap = contacts[k], gaps[k]
-        if contact.phase == FLIGHT or contact.rigid != 0.0:
+        if contact.phase == types.FLIGHT or contact.rigid != 0.0:
             continue
         duration, depth = contact.duration_s, max(gap.depth, 0.0)
         if depth > 0.0:
@@ -301,8 +286,8 @@ def step_length(contacts, gaps, now):
 def on_quintic(run, h, c, x):
     """Return a coordinate and its velocity at x of a step of h, on the quintic."""
     n, y, new_y, slopes = run.old.n, run.old.y, run.new.y, run.slopes
-    start, curve = h * y[n + c], 0.5 * h * h * slopes[START, n + c]
-    stop, new_curve = h * new_y[n + c], 0.5 * h * h * slopes[END, n + c]
+    start, curve = h * y[n + c], 0.5 * h * h * slopes[types.START, n + c]
+    stop, new_curve = h * new_y[n + c], 0.5 * h * h * slopes[types.END, n + c]
     rise, turn, bend = new_y[c] - y[c] - start - curve, stop - start - 2.0 * curve, new_curve - curve
     third, fourth = 10.0 * rise - 4.0 * turn + bend, -15.0 * rise + 7.0 * turn - 2.0 * bend
     fifth = 6.0 * rise - 3.0 * turn + bend
@@ -334,9 +319,9 @@ def write(run, t, motion):
     """Write the sample of a state, of which rates are found on the way; return whether it could."""
     now, samples, contacts = run.clock[0], run.records.samples, run.contacts
     row, size, width = now.taken, len(motion.y), run.slopes.shape[1]
-    ok = run.kernel.slopes(run.p, contacts, t, SAMPLE, 1.0, motion.y, run.slopes)
+    ok = run.kernel.slopes(run.p, contacts, t, types.SAMPLE, 1.0, motion.y, run.slopes)
     for c in range(width):
-        samples[row, c] = motion.y[c] if c < size else run.slopes[SAMPLE, c]
+        samples[row, c] = motion.y[c] if c < size else run.slopes[types.SAMPLE, c]
     for k in range(len(contacts)):
         samples[row, width + 2 * k] = contacts[k].phase
         samples[row, width + 2 * k + 1] = contacts[k].memory
@@ -357,7 +342,7 @@ def between(run, x, h):
     for c in range(n):
         run.at.y[c], _ = on_quintic(run, h, c, x)
     for c in range(n, len(y)):
-        slope, new_slope = h * slopes[START, c], h * slopes[END, c]
+        slope, new_slope = h * slopes[types.START, c], h * slopes[types.END, c]
         run.at.y[c] = y[c] + quartic(change_of(run, c), slope, new_slope, slopes[BUMP, c], x)
 
 
@@ -366,14 +351,14 @@ def within(run, h):
     """Write the samples before the end of a step of h; return whether it could."""
     now, p, contacts, slopes = run.clock[0], run.p, run.contacts, run.slopes
     t, end, times, slopes_at = now.time, now.time + h, run.records.time, run.kernel.slopes
-    ok = slopes_at(p, contacts, t, START, 1.0, run.old.y, slopes)
-    ok = ok and slopes_at(p, contacts, end, END, 1.0, run.new.y, slopes)
+    ok = slopes_at(p, contacts, t, types.START, 1.0, run.old.y, slopes)
+    ok = ok and slopes_at(p, contacts, end, types.END, 1.0, run.new.y, slopes)
     for c in range(len(run.old.y)):
         slopes[BUMP, c] = 0.0
     between(run, INSIDE, h)
     ok = slopes_at(p, contacts, t + INSIDE * h, BUMP, 1.0, run.at.y, slopes) and ok
     for c in range(run.old.n, len(run.old.y)):
-        slope, new_slope, inside = h * slopes[START, c], h * slopes[END, c], h * slopes[BUMP, c]
+        slope, new_slope, inside = h * slopes[types.START, c], h * slopes[types.END, c], h * slopes[BUMP, c]
         slopes[BUMP, c] = bump_of(change_of(run, c), slope, new_slope, inside)
     while now.taken < len(times) and times[now.taken] < end:
         time = times[now.taken]
@@ -440,7 +425,7 @@ def close_at_start(run):
     """Note the touch of compliant contacts that are closed at the start of a run."""
     now, contacts = run.clock[0], run.contacts
     for k in range(len(contacts)):
-        closed = contacts[k].rigid == 0.0 and contacts[k].phase == FLIGHT and run.old.gaps[k].g > 0.0
+        closed = contacts[k].rigid == 0.0 and contacts[k].phase == types.FLIGHT and run.old.gaps[k].g > 0.0
         if now.time == 0.0 and now.end > 0.0 and closed:
             note(run, 2 * k)
 
@@ -458,10 +443,10 @@ def write_due(run):
 def due(now, log_rows):
     """Return GO if a step is to come, or how the call ends."""
     if now.time >= now.end:
-        return DONE
+        return types.DONE
     if now.steps >= now.budget:
-        return SPENT
-    return FULL if now.events >= log_rows else GO
+        return types.SPENT
+    return types.FULL if now.events >= log_rows else types.GO
 
 
 @register_jitable(**INNER)
@@ -479,9 +464,9 @@ def meet(run, event):
     contact = run.contacts[event // 2]
     if contact.rigid == 0.0:
         note(run, event)
-        return GO
+        return types.GO
     run.clock[0].rigid = event // 2
-    return SETTLE
+    return types.SETTLE
 
 
 def advance(run):
@@ -495,9 +480,9 @@ def advance(run):
     close_at_start(run)
     while True:
         if now.taken < len(times) and times[now.taken] <= now.time and not write_due(run):
-            return FAILED
+            return types.FAILED
         status = due(now, len(run.records.events))
-        if status != GO:
+        if status != types.GO:
             return status
         t, h, landing = now.time, now.longest, now.end
         if now.located:
@@ -509,7 +494,7 @@ def advance(run):
             h = landing - t
         now.tried = h
         if not run.kernel.step(run.p, contacts, t, h, old, new) or not finite(new.gaps):
-            return FAILED
+            return types.FAILED
         event, whole = -1, h
         if suspicious(contacts, old.gaps, new.gaps):
             event, h = cut(run, h)
@@ -517,11 +502,11 @@ def advance(run):
         change = h + now.lost
         new_t = landing if last else t + change
         if now.taken < len(times) and times[now.taken] < new_t and not within(run, h):
-            return FAILED
+            return types.FAILED
         now.lost = 0.0 if last else change - (new_t - t)
         now.time = new_t
         take(old, new)
         now.steps += 1
         settled(now, contacts, new_t > t)
-        if event >= 0 and meet(run, event) == SETTLE:
-            return SETTLE
+        if event >= 0 and meet(run, event) == types.SETTLE:
+            return types.SETTLE

@@ -4,19 +4,11 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
+from reports import shared_tables
 from reports.parts import Figure, Section, Table
 from reports.plots.step_figures import against_step, panels_of
 from reports.quantities import uncertainty, value, with_largest
 from reports.results import Results, with_columns
-from reports.shared_tables import (
-    CASE,
-    failures_section,
-    failures_table,
-    head,
-    orders,
-    settings_table,
-    smallest_errors,
-)
 from reports.tables import error, in_text, number
 
 STUDY = "clearance"
@@ -58,7 +50,7 @@ def sections(results: Results) -> list[Section]:
                 _figure(rows, "local-error", "Local error of the bodies' positions", LOCAL),
                 _figure(rows, "contact-force", "Contact force error", CONTACT_FORCE),
             ),
-            (settings_table(rows, STUDY), smallest_table(rows, [SLIDER, LOCAL, CONTACT_FORCE])),
+            (shared_tables.settings_table(rows, STUDY), smallest_table(rows, [SLIDER, LOCAL, CONTACT_FORCE])),
         ),
         Section.of(
             "clearance-impacts",
@@ -81,7 +73,7 @@ def sections(results: Results) -> list[Section]:
             laws_found(rows),
             tables=[laws(rows)],
         ),
-        failures_section(rows, failures_table(rows, STUDY), "clearance-failures"),
+        shared_tables.failures_section(rows, shared_tables.failures_table(rows, STUDY), "clearance-failures"),
     ]
 
 
@@ -102,7 +94,7 @@ def finest(rows: pd.DataFrame) -> pd.DataFrame:
         rows.assign(size=value(rows, SLIDER))
         .dropna(subset="size")
         .sort_values("size")
-        .drop_duplicates(CASE)
+        .drop_duplicates(shared_tables.CASE)
         .sort_index()
     )
 
@@ -111,9 +103,11 @@ def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
     """Return the smallest error that each arm reaches on each scene, of those that the engine can run."""
     # Between rigid walls an error that is zero compares nothing.
     rows = rows[rows["status"] != "unsupported"]
-    cells = smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
-    until = value(rows, "compared_until_s").groupby([rows[name] for name in CASE], sort=False).max()
-    cells.insert(len(CASE), "compared until [s]", list(until.map(number)))
+    cells = shared_tables.smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
+    until = (
+        value(rows, "compared_until_s").groupby([rows[name] for name in shared_tables.CASE], sort=False).max()
+    )
+    cells.insert(len(shared_tables.CASE), "compared until [s]", list(until.map(number)))
     reading = (
         "The smallest error over the arm's ladder, against its model twin. A dash where no sample has "
         "anything to compare: between rigid walls the contact force is an impulse, and zero "
@@ -132,7 +126,7 @@ def impacts(rows: pd.DataFrame) -> Table:
         "those of the engine without a partner (unmatched), those of the twin without (missed); and the "
         "largest errors of the matched ones, relative to the largest value.",
         {
-            **head(rows, *CASE, "step_s"),
+            **shared_tables.head(rows, *shared_tables.CASE, "step_s"),
             **{name.removeprefix("impacts_"): rows[name].map("{:.0f}".format) for name in IMPACT_COUNTS},
             **{heading: rows[name].map(error) for name, heading in IMPACT_ERRORS.items()},
         },
@@ -150,7 +144,7 @@ def laws(rows: pd.DataFrame) -> Table:
         "Slider position: how far the converged solution of the law that the engine solves is from that of "
         "the scene's law, and how far the engine's most accurate run is from its own law's.",
         {
-            **head(rows, *CASE),
+            **shared_tables.head(rows, *shared_tables.CASE),
             "model form [m]": form.where(rows[MODEL_FORM].notna(), "the scene's own"),
             "numerical error [m]": map(error, rows[SLIDER], doubt),
         },
@@ -159,7 +153,7 @@ def laws(rows: pd.DataFrame) -> Table:
 
 def orders_found(rows: pd.DataFrame, column: str) -> Iterator[str]:
     """Yield the observed orders of the local error in a sentence per arm."""
-    for label, by_scene in orders(rows, column).items():
+    for label, by_scene in shared_tables.orders(rows, column).items():
         claimed = [f"{order} on {scene}" for scene, order in by_scene.items() if order.slope]
         if claimed:
             yield f"{label}: local position error of order {', '.join(claimed)}."

@@ -1,4 +1,4 @@
-"""The rows of a study's folder: one run holds them, every finished case is kept, and nothing is trusted.
+"""The rows of a study's folder: where a run resumes. Every finished case is kept, and nothing is trusted.
 
 The folder holds ``rows.jsonl`` (a line per case finished by the present code of the study and of the case's
 engine), ``rows.FINGERPRINT.jsonl`` for each other code whose rows were set aside, and ``curves/KEY.npz``.
@@ -17,6 +17,7 @@ import numpy as np
 
 from studies.failures import say
 from studies.running.case import Curves, Row
+from studies.running.execution import NO_RESULT
 from studies.running.folder_lock import held
 from studies.running.whole_file import UNFINISHED, write_through, write_whole
 
@@ -39,6 +40,11 @@ class Rows:
     def statuses(self) -> dict[str, str]:
         """Return how each case ended."""
         return {key: str(row["status"]) for key, row in self._rows.items()}
+
+    def lacks(self, key: str, retry_failed: bool) -> bool:
+        """Return whether a run that resumes has to make a case; ``retry_failed`` asks for failures, too."""
+        status = self._rows[key]["status"] if key in self._rows else None
+        return status in (None, *NO_RESULT) or (retry_failed and status not in ("ok", "unsupported"))
 
     def keep(self, key: str, row: Row, curves: Curves) -> None:
         """Keep a finished case, its curves first, in place of an earlier row of it.

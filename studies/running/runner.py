@@ -103,8 +103,7 @@ def _run_study(
     name: str, cases: list[Case], rows: Rows, executor: Executors, processes: Executors, retry_failed: bool
 ) -> None:
     wanted = {case.key(_fingerprint(case)): case for case in cases}
-    statuses = rows.statuses()
-    pending = {key: case for key, case in wanted.items() if _to_run(statuses.get(key), retry_failed)}
+    pending = {key: case for key, case in wanted.items() if rows.lacks(key, retry_failed)}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
     with progress:
@@ -121,10 +120,6 @@ def _run_study(
     failures = Counter(ended[key] for key in wanted if ended[key] != "ok")
     counts = [f"{len(wanted)} cases", *(f"{n} {status}" for status, n in failures.most_common())]
     progress.console.print(f"{name}: {', '.join(counts)}", highlight=False)
-
-
-def _to_run(status: str | None, retry_failed: bool) -> bool:
-    return status in (None, *NO_RESULT) or (retry_failed and status not in ("ok", "unsupported"))
 
 
 def _phases(
