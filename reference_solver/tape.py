@@ -63,7 +63,7 @@ class Scope:
     """The lines of a function or of a branch: nodes in the order in which they arose."""
 
     nodes: list[Node] = field(default_factory=list)
-    kept: dict[tuple[Any, ...], Node] = field(default_factory=dict)
+    by_key: dict[tuple[Any, ...], Node] = field(default_factory=dict)
 
 
 class Tape:
@@ -110,9 +110,9 @@ class Tape:
         marks = [_mark(operand) for operand in operands]
         key = (operation, *(sorted(marks) if operation in "+*" else marks))
         for scope in self.scopes:
-            if key in scope.kept:
-                return scope.kept[key]
-        node = self.scopes[-1].kept[key] = Node(operation, operands, known, name)
+            if key in scope.by_key:
+                return scope.by_key[key]
+        node = self.scopes[-1].by_key[key] = Node(operation, operands, known, name)
         self.scopes[-1].nodes.append(node)
         self.nodes.append(node)
         return node

@@ -48,8 +48,8 @@ def native_twin(scene: Scene) -> Scene:
     Raises:
         UnsupportedScene: a law has no counterpart in Exudyn.
     """
-    twins = {name: _native_twin(name, clearance) for name, clearance in clearances(scene).items()}
-    return scene.model_copy(update={"clearance": Clearances(**twins)})
+    native = {name: _native_twin(name, clearance) for name, clearance in clearances(scene).items()}
+    return scene.model_copy(update={"clearance": Clearances(**native)})
 
 
 def _native_twin(name: str, clearance: Clearance) -> Clearance:

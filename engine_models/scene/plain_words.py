@@ -84,10 +84,10 @@ def refusal(error: ValidationError, kind: Any, prefix: str = "") -> str:
 
     The prefix goes before each field: ``--`` for the options of a command line.
     """
-    root, found = TypeAdapter(kind).json_schema(), error.errors()
-    reasons = [prefix + _reason(details, root) for details in found[:MOST_REASONS]]
-    if len(found) > MOST_REASONS:
-        reasons.append(f"and {len(found) - MOST_REASONS} more")
+    root, errors = TypeAdapter(kind).json_schema(), error.errors()
+    reasons = [prefix + _reason(details, root) for details in errors[:MOST_REASONS]]
+    if len(errors) > MOST_REASONS:
+        reasons.append(f"and {len(errors) - MOST_REASONS} more")
     return "; ".join(reasons)
 
 

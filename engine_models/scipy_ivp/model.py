@@ -35,15 +35,15 @@ def derivative_source(topology: Topology) -> str:
     """
     kernel = Kernel(topology)
     draft = kernel.begin()
-    found = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
-    powers = [found.powers[name] for name in _integrated(draft.equations)]
-    stores = places("rate[{}]", [*draft.v, *found.accelerations, *powers])
-    forces = list(found.multipliers)
-    for k, friction in enumerate(found.friction_N):
-        forces += [found.powers[f"normal{k}"], friction]
+    answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+    powers = [answer.powers[name] for name in _integrated(draft.equations)]
+    stores = places("rate[{}]", [*draft.v, *answer.accelerations, *powers])
+    forces = list(answer.multipliers)
+    for k, friction in enumerate(answer.friction_N):
+        forces += [answer.powers[f"normal{k}"], friction]
     stores += places("forces[{}]", forces)
     arguments = ["p", "contacts", "t", "y", "rate", "forces"]
-    kernel.entry("evaluate", arguments, draft, found.ok, stores, "y")
+    kernel.entry("evaluate", arguments, draft, answer.ok, stores, "y")
     if topology.mechanism.contacts:
         kernel.gaps()
     return kernel.source()

@@ -63,7 +63,7 @@ def separation(joints: tuple[ClearanceJoint, ...], q: FloatArray, v: FloatArray)
         rows = speed_row(normal, bearing, pin, n), sliding_row(joint, normal, bearing, pin, n)
         sizes = np.array([joint.radial_clearance_m, 0.0])
         for body, point in ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j)):
-            arm, rate = np.abs(point).max(), np.abs(state.velocity(body))
-            sizes += np.abs(state.position(body)[:2]).max() + arm, rate[:2].max() + rate[2] * arm
+            lever, rate = np.abs(point).max(), np.abs(state.velocity(body))
+            sizes += np.abs(state.position(body)[:2]).max() + lever, rate[:2].max() + rate[2] * lever
         separations.append((distance, *rows, normal @ d_dot, turning, ROUND_OFF * sizes))
     return Separation(*(np.array(column) for column in zip(*separations, strict=True)))

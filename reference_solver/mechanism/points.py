@@ -12,12 +12,12 @@ from reference_solver.tape import Array, Scalar, array, cos, sin
 class Point:
     """A point of a body, in the global frame.
 
-    ``arm`` (2,) leads there from the body's centre of mass, ``place`` (2,) from the origin; ``rate`` (2,) is
-    its velocity, ``spin`` the body's angular velocity.
+    ``lever`` (2,) leads there from the body's centre of mass, ``place`` (2,) from the origin; ``rate`` (2,)
+    is its velocity, ``spin`` the body's angular velocity.
     """
 
     body: int
-    arm: Array
+    lever: Array
     place: Array
     rate: Array
     spin: Scalar
@@ -25,12 +25,12 @@ class Point:
     @property
     def jacobian(self) -> Array:
         """Return (2, 3): the point's velocity per unit of the rates of its body's (x, y, phi)."""
-        return array([[1.0, 0.0, -self.arm[1]], [0.0, 1.0, self.arm[0]]])
+        return array([[1.0, 0.0, -self.lever[1]], [0.0, 1.0, self.lever[0]]])
 
     @property
     def centripetal(self) -> Array:
         """Return (2,): the point's acceleration while its body turns without any."""
-        return -(self.spin * self.spin) * self.arm
+        return -(self.spin * self.spin) * self.lever
 
 
 class State:
@@ -58,10 +58,10 @@ class State:
         if body not in self._turns:
             self._turns[body] = cos(at[2]), sin(at[2])
         (c, s), (x, y) = self._turns[body], place
-        arm = array([c * x - s * y, s * x + c * y])
+        lever = array([c * x - s * y, s * x + c * y])
         spin = rate[2]
-        turning = array([-spin * arm[1], spin * arm[0]])
-        return Point(body, arm, at[:2] + arm, rate[:2] + turning, spin)
+        turning = array([-spin * lever[1], spin * lever[0]])
+        return Point(body, lever, at[:2] + lever, rate[:2] + turning, spin)
 
 
 def ends_of(part: Ends, state: State) -> tuple[Point, Point]:

@@ -21,8 +21,8 @@ def scales_of(
 ) -> Scales:
     """Return the scales at a start with q, v and {q''}, each (n,).
 
-    The length is that of the longest arm from a body to a joint, of the largest bearing without one, or what
-    else has a length. The rate is the largest by which bodies turn, move, gather speed or swing under
+    The length is that of the longest lever from a body to a joint, of the largest bearing without one, or
+    what else has a length. The rate is the largest by which bodies turn, move, gather speed or swing under
     gravity, which is all that there is at an equilibrium, or one over the end time.
     """
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)

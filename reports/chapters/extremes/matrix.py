@@ -32,7 +32,7 @@ OF_WHAT = {ENERGY: "E ", CONSTRAINT: "C "}
 _DARK = list(LOOKS)[5:]
 #: In inches: the heights of a row, the head and the legend; where the columns begin; a cell's width.
 ROW, HEAD, FOOT, NAMES, CELL = 0.2, 0.72, 0.42, 1.66, 0.44
-WRAP = 66
+WRAP = 62
 
 
 def verdict_matrix(answers: pd.DataFrame) -> Drawing:
