@@ -8,16 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from reference_solver import failures
 from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.failures import (
-    InconsistentStart,
-    NonFiniteState,
-    Stalled,
-    StepsCollapsed,
-    UnsettledEvents,
-)
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.scales import scales_of
@@ -243,17 +237,17 @@ class Solver:
             if status == types.FAILED:
                 self._refuse(following, run)
             if status in (types.SPENT, types.FULL) and now["time"] == begin:
-                raise Stalled(begin, chunk)
+                raise failures.Stalled(begin, chunk)
             if status == types.SETTLE:
                 self.settled += 1
                 at_once = at_once + 1 if now["time"] == begin else 1
                 if at_once > EVENTS_AT_ONCE * len(self._joints):
-                    raise UnsettledEvents(begin, int(now["rigid"]))
+                    raise failures.UnsettledEvents(begin, int(now["rigid"]))
                 following = self._settle(settling, following, run)
                 self._gaps(following, run)
         took = time.perf_counter() - started
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
-            raise NonFiniteState(end_time_s, float(now["longest"]))
+            raise failures.NonFiniteState(end_time_s, float(now["longest"]))
         return self._solution(run, np.concatenate(events), np.concatenate(sums), settling, took)
 
     def _settle_first(self, settling: Settling, run: types.Run) -> tuple[int, ...]:
@@ -293,9 +287,9 @@ class Solver:
         with np.errstate(all="ignore"):
             if isinstance(self._choice, ErrorControl):
                 readable.equations.required(t, motion.q, motion.v, phases_of(run.contacts))
-                raise StepsCollapsed(t, h)
+                raise failures.StepsCollapsed(t, h)
             readable.step(None, run.contacts, t, h, motion, run.new)
-        raise NonFiniteState(t + h, h)
+        raise failures.NonFiniteState(t + h, h)
 
     def _solution(
         self, run: types.Run, events: RecordArray, event_sums: FloatArray, settling: Settling, took_s: float
@@ -345,14 +339,16 @@ def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:
     equations = Equations(mechanism, q)
     gap = np.abs(equations.violation(0.0, q)).max(initial=0)
     if not gap <= START_TOLERANCE:
-        raise InconsistentStart(f"initial positions: expected g = 0, got a violation of {gap:.3g}")
+        raise failures.InconsistentStart(f"initial positions: expected g = 0, got a violation of {gap:.3g}")
     rate = np.abs(equations.constraint_matrix(q) @ v - equations.C).max(initial=0)
     if not rate <= START_TOLERANCE * (1 + np.abs(v).max()):
-        raise InconsistentStart(f"initial velocities: expected [B]q' = C, got a violation of {rate:.3g}")
+        raise failures.InconsistentStart(
+            f"initial velocities: expected [B]q' = C, got a violation of {rate:.3g}"
+        )
     rigid = [(k, joint) for k, joint in enumerate(mechanism.contacts) if joint.rigid]
     for k, joint in rigid:
         outside = float(separation((joint,), q, v).distance_m[0]) - joint.radial_clearance_m
         if not outside <= START_TOLERANCE:
-            raise InconsistentStart(
+            raise failures.InconsistentStart(
                 f"contacts[{k}]: expected the pin inside its bearing, got it {outside:.3g} m past the wall"
             )

@@ -161,15 +161,12 @@ def _row(line: bytes, where: str) -> dict[str, Any]:
 def _sidecar(path: Path, fingerprints: Mapping[str, str]) -> dict[str, Any] | None:
     """Return where the rows come from, or None if the run was not finished: then it is of other rows.
 
-    ``fingerprints`` are those of the rows by engine. A sidecar with a single one has it for all engines.
+    ``fingerprints`` are those of the rows by engine.
     """
     if not path.exists():
         return None
     try:
-        sidecar = json.loads(path.read_text(encoding="utf-8", errors="replace"))
-    except json.JSONDecodeError as error:
-        raise BrokenResults(f"{path}: expected JSON, got {error}") from error
-    if not isinstance(sidecar, dict):
-        raise BrokenResults(f"{path}: expected a JSON object")
-    of_engines = sidecar.get("fingerprints", dict.fromkeys(fingerprints, sidecar.get("fingerprint")))
-    return sidecar if isinstance(of_engines, dict) and fingerprints.items() <= of_engines.items() else None
+        sidecar: dict[str, Any] = json.loads(path.read_text(encoding="utf-8", errors="replace"))
+        return sidecar if fingerprints.items() <= sidecar.get("fingerprints", {}).items() else None
+    except (json.JSONDecodeError, AttributeError) as error:
+        raise BrokenResults(f"{path}: expected a JSON object, got {error}") from error

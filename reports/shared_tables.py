@@ -59,13 +59,14 @@ def settings_table(rows: pd.DataFrame, study: str) -> Table:
     """Return what each arm sets; what it does not is the default of the engine's model here."""
     names = sorted(name for name in rows if name.startswith("setting_"))
     arms = rows.drop_duplicates("label").sort_values("label")
+    settings = rows.groupby("label", observed=True)[names]
     return Table.of(
         f"{study}-settings",
         "Engines and arms",
         "What is not set has the default of the engine's model here, which is meant as its best practice.",
         {
             **head(arms, "engine", "arm"),
-            "settings": [_settings(arm.dropna()) or "the defaults" for _, arm in arms[names].iterrows()],
+            "settings": [_settings(of_label) or "the defaults" for _, of_label in settings],
         },
     )
 
@@ -90,10 +91,12 @@ def failures_section(rows: pd.DataFrame, table: Table | None, name: str = "failu
     return Section.of(name, "Runs that did not finish", [text], (), [table])
 
 
-def _settings(settings: pd.Series) -> str:
-    names = settings.index.str.removeprefix("setting_")
-    return ", ".join(f"{name} = {_setting(of)}" for name, of in zip(names, settings, strict=True))
-
-
-def _setting(of: object) -> str:
-    return f"{of:.4g}" if isinstance(of, float) else str(of)
+def _settings(settings: pd.DataFrame) -> str:
+    """Return the settings of one label's rows; what its ladder sets otherwise in each rung is varied."""
+    texts = settings.dropna(axis="columns", how="all").map(
+        lambda of: f"{of:.4g}" if isinstance(of, float) else str(of)
+    )
+    return ", ".join(
+        f"{name.removeprefix('setting_')} {'varied' if len(of) > 1 else f'= {of[0]}'}"
+        for name, of in ((name, texts[name].unique()) for name in texts)
+    )

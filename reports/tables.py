@@ -83,7 +83,7 @@ def latex(table: Table) -> str:
 
 def comma_separated(table: Table) -> str:
     """Return the table as CSV with a header."""
-    return str(pd.DataFrame(table.rows).to_csv(header=table.head, index=False, lineterminator="\n"))
+    return str(pd.DataFrame(table.rows, columns=table.head).to_csv(index=False, lineterminator="\n"))
 
 
 #: The formats by the end of the file's name.

@@ -38,7 +38,7 @@ IMPACT_COLUMNS = (*IMPACT_COUNTS, *IMPACT_ERRORS)
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    rows = with_columns(results.rows, "compared_until_s", MODEL_FORM, *IMPACT_COLUMNS)
+    rows = with_columns(results.rows, "compared_until_s", SLIDER, LOCAL, MODEL_FORM, *IMPACT_COLUMNS)
     rows = with_largest(rows, CONTACT_FORCE, r"contact_\w_normal_force_error_N")
     return [
         Section.of(
@@ -77,14 +77,17 @@ def sections(results: Results) -> list[Section]:
     ]
 
 
-def _figure(rows: pd.DataFrame, name: str, title: str, column: str) -> Figure:
+def _figure(rows: pd.DataFrame, name: str, title: str, column: str) -> Figure | None:
+    panels = panels_of(rows, [column])
+    if not panels:
+        return None
     return Figure(
         f"clearance-{name}",
         title,
         f"Against the model twin. {_GUIDES}; the grey area is the twin's own uncertainty. Of an engine that "
         "chooses its steps it is the mean one.",
         f"{title} against the step, log-log, one panel per scene, one line per engine and arm",
-        against_step(rows, panels_of(rows, [column])),
+        against_step(rows, panels),
     )
 
 

@@ -7,13 +7,7 @@ import numpy as np
 from engine_models.engine import Trajectory
 from engine_models.mechanics.samples import selected
 from engine_models.scene.scene import Scene
-from studies.judges.metrics import (
-    constraint_violation_m,
-    energy_balance_residual_J,
-    errors,
-    kinetic_energy_J,
-    uncertainties,
-)
+from studies.judges import metrics
 from studies.running.case import Curves, Row
 
 
@@ -27,17 +21,17 @@ def compared(
     """
     first = slice(None, until)
     judged = selected(truth, first)
-    curves: Curves = dict(errors(scene, selected(run, first), judged))
+    curves: Curves = dict(metrics.errors(scene, selected(run, first), judged))
     row = {"compared_until_s": float(judged.time_s[-1])}
     row |= {name: float(curve.max()) for name, curve in curves.items()}
-    row["largest_kinetic_energy_J"] = float(kinetic_energy_J(scene, judged).max())
-    return row | uncertainties(scene, judged, [selected(repeat, first) for repeat in repeats]), curves
+    row["largest_kinetic_energy_J"] = float(metrics.kinetic_energy_J(scene, judged).max())
+    return row | metrics.uncertainties(scene, judged, [selected(repeat, first) for repeat in repeats]), curves
 
 
 def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
     """Return what needs no truth: the energy balance and the constraints, at their worst and as curves."""
     curves = {
-        "energy_balance_residual_J": energy_balance_residual_J(scene, run),
-        "constraint_violation_m": constraint_violation_m(scene, run),
+        "energy_balance_residual_J": metrics.energy_balance_residual_J(scene, run),
+        "constraint_violation_m": metrics.constraint_violation_m(scene, run),
     }
     return {name: float(np.abs(curve).max()) for name, curve in curves.items()}, curves

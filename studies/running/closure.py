@@ -2,21 +2,24 @@
 
 An import counts wherever it stands in a file, and so does ``import_module`` of a literal. Files count by
 their meaning: comments, layout and docstrings have none. Distributions count by their version. A module from
-outside the project counts by its files too, and so does what belongs to no distribution.
+outside the project counts by its files too, and so does what belongs to no distribution, or to one that is
+installed as its developer does it.
 """
 
 import ast
 import hashlib
+import json
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.machinery import ModuleSpec, PathFinder
-from importlib.metadata import packages_distributions
+from importlib.machinery import ModuleSpec
+from importlib.metadata import distribution, packages_distributions
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
+from pkgutil import get_importer
 
 ROOT = Path(__file__).parents[2]
 #: The folders whose code decides numbers; the reports only show them.
@@ -84,7 +87,7 @@ def closure(module: str) -> Closure:
         seen.add(name)
         owners = () if top in NUMERICAL_CODE else _owners().get(top, ())
         imported.update(owners)
-        if (not owners or top == own) and (path := _file_of(name)):
+        if (not owners or top == own or any(map(_editable, owners))) and (path := _file_of(name)):
             files[name] = path
             waiting += (part for target in _imports(name, path) for part in _with_packages(target))
     return Closure(dict(sorted(files.items())), frozenset(imported))
@@ -155,8 +158,9 @@ def _file_of(name: str) -> Path | None:
     """Return the file of a module, or None if a name is no module's."""
     top, *below = _with_packages(name)
     spec = _spec(top)
-    for part in below:  # one by one with the finder of files: ``find_spec`` would import the packages
-        spec = PathFinder.find_spec(part, (spec and spec.submodule_search_locations) or ())
+    for part in below:  # by the finders of files: ``find_spec`` would import packages, or look for them
+        finders = filter(None, map(get_importer, (spec and spec.submodule_search_locations) or ()))
+        spec = next(filter(None, (finder.find_spec(part) for finder in finders)), None)
     return Path(spec.origin) if spec and spec.has_location and spec.origin else None
 
 
@@ -167,6 +171,13 @@ def _spec(top: str) -> ModuleSpec | None:
         return find_spec(top)
     except ValueError:  # it is there, and nobody knows where from
         return None
+
+
+@cache
+def _editable(distribution_name: str) -> bool:
+    """Return whether a distribution's files may change under its version: ``pip install -e`` says so."""
+    origin = json.loads(distribution(distribution_name).read_text("direct_url.json") or "{}")
+    return bool(origin.get("dir_info", {}).get("editable"))
 
 
 def _with_packages(name: str) -> Iterator[str]:

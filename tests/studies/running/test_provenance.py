@@ -119,7 +119,21 @@ def test_an_engine_from_outside_counts_by_content_and_version_and_for_no_other(
     engine, metadata = outside / "newcomer", outside / "newcomer-1.0.dist-info"
     engine.mkdir()
     (engine / "__init__.py").write_text("")
-    (engine / "engine.py").write_text("from helping import STEP\nfrom .rule import RULE\n")
+    imports = (
+        "from helping import STEP",
+        "from .rule import RULE",
+        "from newcomer.laws.hertz import K",
+        "import library",
+    )
+    (engine / "engine.py").write_text("\n".join(imports))
+    (engine / "laws").mkdir()  # without __init__.py
+    (engine / "laws/hertz.py").write_text("K = 1\n")
+    library = outside / "library-1.0.dist-info"  # installed as its developer does it
+    library.mkdir()
+    (library / "METADATA").write_text("Metadata-Version: 2.1\nName: library\nVersion: 1.0\n")
+    (library / "top_level.txt").write_text("library\n")
+    (library / "direct_url.json").write_text('{"url": "file:///library", "dir_info": {"editable": true}}')
+    (outside / "library.py").write_text("L = 1\n")
     (engine / "rule.py").write_text("RULE = 1\n")
     (outside / "helping.py").write_text("STEP = 1\n")
     add_line(code / "engine_models/engines.py", '_CLASSES["newcomer"] = ("newcomer.engine", "Newcomer")')
@@ -140,14 +154,15 @@ def test_an_engine_from_outside_counts_by_content_and_version_and_for_no_other(
     seen = [without_distribution, of_newcomer()]
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.1\n")
     seen.append(of_newcomer())
-    files = (engine / "rule.py", engine / "__init__.py", outside / "helping.py")
+    own = ("rule.py", "__init__.py", "laws/hertz.py")
+    files = (*(engine / name for name in own), outside / "helping.py", outside / "library.py")
     for file in files:
         add_line(file, "# A comment.")
     assert of_newcomer() == seen[-1]
     for file in files:
         add_line(file, "AND_MORE = 1")
         seen.append(of_newcomer())
-    assert len(set(seen)) == 6
+    assert len(set(seen)) == 8
 
 
 def test_nobody_names_an_engine_or_a_module_where_it_would_not_count() -> None:
