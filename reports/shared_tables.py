@@ -63,7 +63,8 @@ def settings_table(rows: pd.DataFrame, study: str) -> Table:
     return Table.of(
         f"{study}-settings",
         "Engines and arms",
-        "What is not set has the default of the engine's model here, which is meant as its best practice.",
+        "What is not set has the default of the engine's model here, which is meant as its best practice. "
+        "What is varied has another value in each rung of the arm's ladder.",
         {
             **head(arms, "engine", "arm"),
             "settings": [_settings(of_label) or "the defaults" for _, of_label in settings],

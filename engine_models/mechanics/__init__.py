@@ -1,1 +1,1 @@
-"""Mechanics that engines without multipliers share: geometry, laws, reactions, energies, trajectories."""
+"""Mechanics that the models of all engines share: geometry, laws, reactions, energies, trajectories."""

@@ -17,9 +17,12 @@ from reports.convergence import ABOVE_FLOOR, observed_order
 from reports.page import NoResults, write_report
 from reports.parts import Contradiction, Table, stated
 from reports.results import BrokenResults, frame, read_results
+from reports.shared_tables import settings_table
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, in_text, latex, markdown
 from studies import agreement
+from studies.running.outcome import load_study
+from studies.running.registry import STUDIES
 from studies.running.runner import run_study
 from tests.helpers import row_files
 from tests.helpers.row_files import read_rows
@@ -243,6 +246,28 @@ def test_a_last_line_cut_short_by_a_kill_is_no_row(broken: Path) -> None:
     with (broken / "agreement/rows.jsonl").open("a", encoding="utf-8") as file:
         file.write('{"case": "0123')
     pd.testing.assert_frame_equal(read_results(broken / "agreement"), whole)
+
+
+def test_the_table_of_settings_says_what_a_ladder_varies() -> None:
+    head: dict[str, object] = {"fingerprint": "0", "scene": "s", "engine": "reference", "step_s": 1.0}
+    head |= {"status": "ok", "reason": ""}
+    ladder = {"arm": "DOP853", "label": "reference (DOP853)", "setting_method": "dop853"}
+    plain = {"case": "1", "arm": "default", "label": "reference (default)"}
+    rungs = [{**head, **ladder, "case": str(k), "setting_tolerance": 10.0**-k} for k in (6, 8)]
+    shown = {row[1]: row[2] for row in settings_table(frame([*rungs, {**head, **plain}]), "s").rows}
+    assert shown == {"DOP853": "method = dop853, tolerance varied", "default": "the defaults"}
+
+
+def test_a_report_of_runs_that_all_failed_says_so_of_every_study(tmp_path: Path) -> None:
+    ended = {"fingerprint": "0", "status": "crashed", "reason": "killed by SIGSEGV"}
+    for study in STUDIES:
+        cases = enumerate(load_study(study).cases(False))
+        rows = [{"case": str(n), **case.head(), **ended} for n, case in cases]
+        (tmp_path / "results" / study).mkdir(parents=True)
+        row_files.write_rows(tmp_path / "results" / study / "rows.jsonl", rows)
+    write_report(tmp_path / "results", tmp_path / "report")
+    page = (tmp_path / "report/index.html").read_text("utf-8")
+    assert page.count("killed by SIGSEGV") >= len(STUDIES)
 
 
 def test_a_frame_has_numbers_or_nan_and_settings_as_they_were_written() -> None:
