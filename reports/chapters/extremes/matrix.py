@@ -31,8 +31,8 @@ OF_WHAT = {ENERGY: "E ", CONSTRAINT: "C "}
 #: From this verdict on symbols are white.
 _DARK = list(LOOKS)[5:]
 #: In inches: the heights of a row, the head and the legend; where the columns begin; a cell's width.
-ROW, HEAD, FOOT, NAMES, CELL = 0.2, 0.72, 0.42, 1.66, 0.44
-WRAP = 62
+ROW, HEAD, FOOT, NAMES, CELL = 0.2, 0.72, 0.42, 1.66, 0.425
+WRAP = 66
 
 
 def verdict_matrix(answers: pd.DataFrame) -> Drawing:
