@@ -114,6 +114,8 @@ class Trajectory:
     a drive. ``driver_work_J`` (n,) is the work done by that torque since t = 0 in the engine's own
     quadrature, None without a drive. ``solve_time_s`` is the wall time of the native solve alone, without
     building the model or reading results out. ``contacts`` has an entry for every joint with clearance.
+    ``load_work_J`` has the work done on the slider since t = 0 by every part of its load, (n,): "force",
+    "viscous", "spring", "gas" (see ``scene.loads``).
     ``stabilisation_loss_J`` (n,) is the energy that the stabilisation of constraints has removed since t = 0,
     None where the engine does not tell it or has none.
     """
@@ -130,6 +132,13 @@ class Trajectory:
     solve_time_s: float
     contacts: Mapping[str, Contact] = field(default_factory=dict)
     stabilisation_loss_J: FloatArray | None = None
+    load_work_J: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def work_J(self) -> FloatArray:
+        """Work done on the bodies since t = 0 by driver and loads together, (n,)."""
+        work = np.zeros(len(self.time_s)) if self.driver_work_J is None else self.driver_work_J
+        return np.asarray(sum(self.load_work_J.values(), start=work))
 
     @property
     def slider_position_m(self) -> FloatArray:
@@ -191,6 +200,7 @@ def require_finite(trajectory: Trajectory) -> Trajectory:
         trajectory.joint_force_N,
         trajectory.driver_torque_N_m,
         trajectory.driver_work_J,
+        *trajectory.load_work_J.values(),
     )
     finite = np.all([np.isfinite(a).reshape(n, -1).all(axis=1) for a in arrays if a is not None], axis=0)
     if not finite.all():

@@ -138,9 +138,9 @@ def _balances(scene: Scene, motion: Motion, time_s: FloatArray) -> Forces:
     """Return what the bodies' accelerations ask for, at the samples (n,)."""
 
     def at(time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        position, _, acceleration = motion.at(time)
+        position, velocity, acceleration = motion.at(time)
         contacts = {name: contact_states(scene, name, motion, time) for name in scene.joints_with_clearance}
-        force, _, torque = reactions(scene, position, acceleration, contacts)
+        force, _, torque = reactions(scene, position, velocity, acceleration, contacts)
         return force, torque
 
     force, torque = at(time_s)

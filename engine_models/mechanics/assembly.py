@@ -3,6 +3,7 @@
 import numpy as np
 
 from engine_models.engine import BODIES, FloatArray
+from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.scene import BodyState, Scene
 
@@ -10,18 +11,22 @@ from engine_models.scene.scene import BodyState, Scene
 def start_state(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return the positions and velocities at t = 0, as ``assembled`` does: those given, or the assembly's."""
     if not scene.start.states:
-        return assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+        motion = crank_motion(scene)
+        speed = scene.start.crank_speed_rad_s if motion is None else motion.start_speed_rad_s
+        return assembled(scene, scene.start.crank_angle_rad, speed)
     values = np.array([list(state.model_dump().values()) for state in scene.start.states])
     return values[:, :3], values[:, 3:]
 
 
-def started_from(scene: Scene, position: FloatArray, velocity: FloatArray) -> Scene:
-    """Return the scene begun at other positions and velocities, each (bodies, 3)."""
+def started_from(scene: Scene, position: FloatArray, velocity: FloatArray, time_s: float = 0.0) -> Scene:
+    """Return the scene begun at the positions and velocities, each (bodies, 3), of a time of its own."""
     states = {}
     for name, x, v in zip(BODIES, position.tolist(), velocity.tolist(), strict=False):
         states[name] = BodyState(**dict(zip(BodyState.model_fields, [*x, *v], strict=True)))
     start = scene.start.model_copy(update={"crank_angle_rad": float(position[CRANK, 2]), **states})
-    if scene.drive.kind != "constant-speed":
+    if scene.speed_is_prescribed:
+        start = start.model_copy(update={"time_s": (scene.start.time_s or 0.0) + time_s})
+    else:
         start = start.model_copy(update={"crank_speed_rad_s": float(velocity[CRANK, 2])})
     return scene.model_copy(update={"start": start})
 

@@ -43,19 +43,19 @@ def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
 def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
     energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
-    work = 0.0 if trajectory.driver_work_J is None else trajectory.driver_work_J
     losses = (trajectory.dissipated_energy_J, trajectory.stabilisation_loss_J)
-    return np.asarray(energy - energy[0] - work + sum(loss for loss in losses if loss is not None))
+    lost = sum(loss for loss in losses if loss is not None)
+    return np.asarray(energy - energy[0] - trajectory.work_J + lost)
 
 
 def require_energy(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """Return the trajectory, or raise SimulationFailed where its energy is not what work and losses explain.
 
     The bound is ``LARGEST_RESIDUAL`` of the largest of kinetic energy, potential energy gained or spent, and
-    the driver's work up to then.
+    the works of driver and loads up to then.
     """
     kinetic, potential = kinetic_energy_J(scene, trajectory), potential_energy_J(scene, trajectory)
-    parts = [kinetic, np.abs(potential - potential[0])]
+    parts = [kinetic, np.abs(potential - potential[0]), *map(np.abs, trajectory.load_work_J.values())]
     if trajectory.driver_work_J is not None:
         parts.append(np.abs(trajectory.driver_work_J))
     weight = scene.gravity_m_s2 * sum(body.mass_kg for body in scene.bodies) * scene.crank.length_m

@@ -11,6 +11,7 @@ import numpy as np
 
 from engine_models.engine import JOINTS, Contact, FloatArray
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, cross, directions, levers
+from engine_models.mechanics.slider_load import slider_forces
 from engine_models.scene.scene import Scene
 
 
@@ -27,21 +28,25 @@ class ContactForces:
 def reactions(
     scene: Scene,
     position: FloatArray,
+    velocity: FloatArray,
     acceleration: FloatArray,
     contacts: Mapping[str, Contact | ContactForces],
 ) -> tuple[FloatArray, FloatArray | None, FloatArray]:
     """Return joint forces (n, joints, 2) and guide normal force (n,) in N, driver torque (n,) in N m.
 
-    ``position`` and ``acceleration`` are (n, bodies, 3): crank, rod, slider by (x, y, phi) of the centre of
-    mass, in m, rad and s; ``contacts`` has the joints with clearance at the same times. Newton's second law,
-    slider first. With clearance in any joint its force is known, and the others follow from those of the
-    bodies between. Without, the rod's spin is needed: its levers are those of its own pins, so that its
-    balance is exact even where the pins have come apart a little; singular where the rod is at right angles
-    to the guide. The torque is what the crank's angular momentum asks for beside its joints' forces.
+    ``position``, ``velocity`` and ``acceleration`` are (n, bodies, 3): crank, rod, slider by (x, y, phi) of
+    the centre of mass, in m, rad and s; velocities matter to the slider's load alone. ``contacts`` has the
+    joints with clearance at the same times. Newton's second law, slider first. With clearance in any joint
+    its force is known, and the others follow from those of the bodies between. Without, the rod's spin is
+    needed: its levers are those of its own pins, so that its balance is exact even where the pins have come
+    apart a little; singular where the rod is at right angles to the guide. The torque is what the crank's
+    angular momentum asks for beside its joints' forces.
     """
     masses = np.array([body.mass_kg for body in scene.bodies])
-    # All forces on each body but its weight.
+    # All forces on each body but its weight and its load.
     force = masses[:, None] * (acceleration[:, :, :2] + np.array([0.0, scene.gravity_m_s2]))
+    for load in slider_forces(scene, position, velocity).values():
+        force[:, SLIDER, 0] -= load
     known = {joint: contact_force(contact) for joint, contact in contacts.items()}
     joint_force = known.get("O", force[:, CRANK])[:, None]
     if scene.is_crank_slider:

@@ -19,8 +19,12 @@ def selected(record: Record, which: slice | NDArray[np.bool_]) -> Record:
         if isinstance(value, np.ndarray):
             changed[name] = value[which]
         elif isinstance(value, Mapping):
-            changed[name] = {joint: selected(contact, which) for joint, contact in value.items()}
+            changed[name] = {key: _part(part, which) for key, part in value.items()}
     return replace(record, **changed)
+
+
+def _part(part: Any, which: slice | NDArray[np.bool_]) -> Any:
+    return part[which] if isinstance(part, np.ndarray) else selected(part, which)
 
 
 def joined(parts: Sequence[Contact]) -> Contact:

@@ -6,6 +6,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, SLIDER, joint_gap
 from engine_models.scene.scene import Scene
 
@@ -31,8 +32,8 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     if scene.is_crank_slider:
         open_by.append(np.abs(position[SLIDER, 1:]).max())
         drift.append(np.abs(velocity[SLIDER, 1:]).max())
-    if scene.drive.kind == "constant-speed":
-        drift.append(abs(velocity[CRANK, 2] - scene.start.crank_speed_rad_s))
+    if (motion := crank_motion(scene)) is not None:
+        drift.append(abs(velocity[CRANK, 2] - motion.start_speed_rad_s))
     if not max(open_by, default=0.0) <= START_TOLERANCE:
         raise SimulationFailed(f"start: ideal joints or guide are open by {max(open_by):.3g} m at t = 0 s")
     if not max(drift, default=0.0) <= START_TOLERANCE * (1 + np.abs(velocity).max()):

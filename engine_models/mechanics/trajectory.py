@@ -6,8 +6,10 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
 from engine_models.mechanics.contact_law import clips
+from engine_models.mechanics.crank_motion import motor_torque
 from engine_models.mechanics.energy import elastic_energy_J, work_of_torque_J
-from engine_models.mechanics.joints import penetration_m
+from engine_models.mechanics.joints import CRANK, penetration_m
+from engine_models.mechanics.slider_load import load_works_J
 from engine_models.scene.scene import Clearance, Scene
 
 
@@ -25,16 +27,19 @@ def trajectory_of(
     solve_time_s: float,
     contacts: Mapping[str, Contact] | None = None,
     stabilisation_loss_J: FloatArray | None = None,
+    load_work_J: Mapping[str, FloatArray] | None = None,
 ) -> Trajectory:
     """Return the trajectory with equally spaced samples from t = 0 to the scene's end.
 
-    Torque and work of a driver of constant speed are taken as given, (n,) each; those of a constant torque
-    are the scene's, and without a drive there are none.
+    Torque and work of a driver that prescribes the speed are taken as given, (n,) each, and so are a motor's
+    work and those of the load that are integrals; the others are the scene's, and what there is not, is None.
     """
     torque, work = driver_torque_N_m, driver_work_J
     if scene.drive.kind == "torque":
         torque = np.full(len(position), scene.drive.torque_N_m)
         work = work_of_torque_J(scene.drive.torque_N_m, position)
+    elif scene.drive.kind == "motor":
+        torque = motor_torque(scene, velocity[:, CRANK, 2])
     elif scene.drive.kind == "free":
         torque = work = None
     return Trajectory(
@@ -50,6 +55,7 @@ def trajectory_of(
         solve_time_s=solve_time_s,
         contacts=contacts or {},
         stabilisation_loss_J=stabilisation_loss_J,
+        load_work_J=load_works_J(scene, position, load_work_J or {}),
     )
 
 

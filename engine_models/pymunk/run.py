@@ -78,7 +78,7 @@ class Samples:
             name: log.contact(self._clearances[name], gap[name], wanted, share, dt)
             for name, log in self._logs.items()
         }
-        force, guide, torque = reactions(scene, position, acceleration, contacts)
+        force, guide, torque = reactions(scene, position, velocity, acceleration, contacts)
         driven = scene.drive.kind == "constant-speed"
         sampled = wanted % self.timing.per_sample == 0
         arrays = {

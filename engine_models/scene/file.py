@@ -1,7 +1,7 @@
 """Scenes as TOML files: written from a scene, and read with every refusal in one plain line."""
 
-import stat
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import tomli_w
@@ -9,17 +9,13 @@ from pydantic import ValidationError
 
 from engine_models.scene.plain_words import refusal, shortened
 from engine_models.scene.scene import Scene
+from engine_models.scene.tables import BadTable, with_tables
+from engine_models.scene.text_files import UnreadableFile, read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
-
-#: More than any scene needs.
-LARGEST_BYTES = 1_000_000
-#: Where a shell puts pipes that it has opened, which cannot keep us waiting for somebody to open them.
-OPENED = (Path("/dev/stdin"), Path("/dev/fd"))
-KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
 
 
 class SceneError(ValueError):
@@ -29,13 +25,11 @@ class SceneError(ValueError):
 def to_toml(scene: Scene) -> str:
     """Return the scene as a TOML file that reads back to an equal scene; what is not there is left out."""
     data = scene.model_dump(exclude_none=True)
-    if not data["clearance"]:
-        del data["clearance"]
-    return tomli_w.dumps(data)
+    return tomli_w.dumps({name: part for name, part in data.items() if part != {}})
 
 
-def from_toml(text: str) -> Scene:
-    """Return the scene that a TOML text describes.
+def from_toml(text: str, folder: Path = Path()) -> Scene:
+    """Return the scene that a TOML text describes; files of tables are looked for in a folder.
 
     Raises:
         SceneError: the text is not TOML or not a scene.
@@ -50,6 +44,18 @@ def from_toml(text: str) -> Scene:
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
     try:
+        return checked(with_tables(data, folder))
+    except BadTable as reason:
+        raise SceneError(str(reason)) from None
+
+
+def checked(data: Mapping[str, object]) -> Scene:
+    """Return the scene made of a mapping of its parts.
+
+    Raises:
+        SceneError: it is none.
+    """
+    try:
         return Scene.model_validate(data)
     except ValidationError as error:
         raise SceneError(refusal(error, Scene)) from None
@@ -62,19 +68,6 @@ def load(path: Path) -> Scene:
         SceneError: the file cannot be read, is too large, is not UTF-8 text, not TOML or not a scene.
     """
     try:
-        kind = stat.S_IFMT(path.stat().st_mode)
-        if kind not in (stat.S_IFREG, stat.S_IFDIR) and not {path, path.parent} & set(OPENED):
-            got = KINDS.get(kind, "a device")
-            raise SceneError(f"{path}: expected a file that can be read, got {got}")
-        with path.open("rb") as file:
-            data = file.read(LARGEST_BYTES + 1)
-    except OSError as error:
-        raise SceneError(f"{path}: expected a file that can be read, got '{error.strerror}'") from None
-    if len(data) > LARGEST_BYTES:
-        raise SceneError(f"{path}: expected a scene of at most {LARGEST_BYTES} bytes, got more")
-    try:
-        text = data.decode("utf-8-sig")  # Windows' editors put a mark first
-    except UnicodeDecodeError as error:
-        byte = f"byte 0x{error.object[error.start]:02x} at {error.start}"
-        raise SceneError(f"{path}: expected UTF-8 text, got {byte}") from None
-    return from_toml(text)
+        return from_toml(read_text(path, "a scene"), path.parent)
+    except UnreadableFile as reason:
+        raise SceneError(str(reason)) from None

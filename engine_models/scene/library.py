@@ -3,20 +3,8 @@
 import math
 from collections.abc import Callable
 
-from engine_models.scene.scene import (
-    Clearance,
-    Clearances,
-    ConstantSpeedDrive,
-    ContactLaw,
-    Drive,
-    FreeDrive,
-    Friction,
-    Link,
-    Scene,
-    Slider,
-    Start,
-    TorqueDrive,
-)
+from engine_models.scene.drives import ConstantSpeedDrive, Drive, FreeDrive, TorqueDrive
+from engine_models.scene.scene import Clearance, Clearances, ContactLaw, Friction, Link, Scene, Slider, Start
 
 SLIDER = Slider(mass_kg=0.14, inertia_kg_m2=1e-4)
 #: The sets' inertias of crank and rod about their centres of mass, in kg m^2.

@@ -19,6 +19,7 @@ NOUNS = {
     "integer": "an integer",
     "boolean": "true or false",
     "string": "a string",
+    "array": "a list of numbers",
 }
 NUMERIC = (NOUNS["number"], NOUNS["integer"])
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
@@ -127,7 +128,7 @@ def _follow(location: tuple[int | str, ...], root: JsonSchema) -> tuple[list[str
             schema = {"$ref": schema["discriminator"]["mapping"][part]}
         else:
             path.append(str(part))
-            schema = schema["properties"][part]
+            schema = schema["items"] if isinstance(part, int) else schema["properties"][part]
         schema = _resolved(schema, root)
     return path, schema
 

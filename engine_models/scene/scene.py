@@ -8,16 +8,22 @@ from joint O.
 """
 
 import math
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-Positive = Annotated[float, Field(gt=0)]
-#: Beyond this an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
-LARGEST_ANGLE_RAD = 1e6
-Angle = Annotated[float, Field(ge=-LARGEST_ANGLE_RAD, le=LARGEST_ANGLE_RAD)]
-NonNegative = Annotated[float, Field(ge=0)]
-Fraction = Annotated[float, Field(ge=0, le=1)]
+from engine_models.scene.data import (
+    Angle,
+    Fraction,
+    NonNegative,
+    Positive,
+    SceneData,
+    require,
+    require_presence,
+)
+from engine_models.scene.drives import PRESCRIBED, Drive, TableDrive
+from engine_models.scene.loads import Loads
 
 ContactLaw = Literal[
     "linear",
@@ -38,22 +44,9 @@ FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
 LAWS_WITHOUT_RESTITUTION: tuple[ContactLaw, ...] = ("linear", "kelvin-voigt", "hertz")
 LAWS_DIVIDING_BY_RESTITUTION: tuple[ContactLaw, ...] = ("gonthier", "flores", "hu-guo")
 
-
-def _require(holds: bool, field: str, expected: str, value: float | None) -> None:
-    """Raise a ValueError in the words of ``plain_words`` unless a condition on a field holds."""
-    if not holds:
-        raise ValueError(f"{field}: expected {expected}, got {'nothing' if value is None else f'{value:g}'}")
-
-
-def _require_presence(needed: bool, field: str, value: float | None, when: str) -> None:
-    """Refuse a number that is missing where it is needed, or there where it has no use."""
-    _require((value is not None) == needed, field, f"{'a number' if needed else 'nothing'} {when}", value)
-
-
-class SceneData(BaseModel):
-    """Base of all parts of a scene: immutable, strict about types, unknown keys and non-finite numbers."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+#: A table may end before its scene by rounding, and begin at another speed than its scene says by this part
+#: of the fastest in it: a coarse one is not differentiated more sharply, other units are far off.
+ROUND_OFF, ALIKE = 1e-12, 0.1
 
 
 class Link(SceneData):
@@ -87,11 +80,13 @@ class Start(SceneData):
     """Crank angle and speed at t = 0; everything else follows from the ideal joints.
 
     Or every body's own state is given, for a start that is elsewhere in its clearances; ``crank_speed_rad_s``
-    is then that of the drive alone.
+    is then that of the drive alone. ``time_s`` is what the drive's clock reads at t = 0; nothing is 0. Where
+    the speed fluctuates, ``crank_speed_rad_s`` is the one about which it does.
     """
 
     crank_angle_rad: Angle
     crank_speed_rad_s: float
+    time_s: NonNegative | None = None
     crank: BodyState | None = None
     rod: BodyState | None = None
     slider: BodyState | None = None
@@ -100,28 +95,6 @@ class Start(SceneData):
     def states(self) -> tuple[BodyState, ...]:
         """The bodies' given states in the order crank, rod, slider."""
         return tuple(state for state in (self.crank, self.rod, self.slider) if state is not None)
-
-
-class FreeDrive(SceneData):
-    """Nothing drives the crank."""
-
-    kind: Literal["free"]
-
-
-class ConstantSpeedDrive(SceneData):
-    """The crank keeps the speed it starts with."""
-
-    kind: Literal["constant-speed"]
-
-
-class TorqueDrive(SceneData):
-    """A constant torque on the crank, counter-clockwise positive."""
-
-    kind: Literal["torque"]
-    torque_N_m: float
-
-
-Drive = Annotated[FreeDrive | ConstantSpeedDrive | TorqueDrive, Field(discriminator="kind")]
 
 
 class Friction(SceneData):
@@ -136,9 +109,9 @@ class Friction(SceneData):
     def _dead_band_belongs_to_ambrosio(self) -> "Friction":
         dead_band, limit = self.dead_band_speed_m_s, self.regularisation_speed_m_s
         with_law = f"with law = '{self.law}'"
-        _require_presence(self.law == "ambrosio", "dead_band_speed_m_s", dead_band, with_law)
+        require_presence(self.law == "ambrosio", "dead_band_speed_m_s", dead_band, with_law)
         expected = f"a number < regularisation_speed_m_s = {limit:g}"
-        _require(dead_band is None or dead_band < limit, "dead_band_speed_m_s", expected, dead_band)
+        require(dead_band is None or dead_band < limit, "dead_band_speed_m_s", expected, dead_band)
         return self
 
 
@@ -166,17 +139,17 @@ class Clearance(SceneData):
     @model_validator(mode="after")
     def _hangs_together(self) -> "Clearance":
         c, radius = self.radial_clearance_m, self.bearing_radius_m
-        _require(c < radius, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}", c)
+        require(c < radius, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}", c)
         self._has_one_stiffness()
         law, e, with_law = self.law, self.restitution, f"with law = '{self.law}'"
-        _require_presence(law == "kelvin-voigt", "damping_N_s_m", self.damping_N_s_m, with_law)
-        _require_presence(law not in LAWS_WITHOUT_RESTITUTION, "restitution", e, with_law)
+        require_presence(law == "kelvin-voigt", "damping_N_s_m", self.damping_N_s_m, with_law)
+        require_presence(law not in LAWS_WITHOUT_RESTITUTION, "restitution", e, with_law)
         if law in LAWS_DIVIDING_BY_RESTITUTION:
-            _require(e != 0, "restitution", f"a number > 0 {with_law}", e)
+            require(e != 0, "restitution", f"a number > 0 {with_law}", e)
         if self.may_pull and (law in LAWS_WITHOUT_RESTITUTION or law == "rigid"):
             raise ValueError(f"may_pull: expected false or nothing {with_law}, got true")
         if law in ("linear", "kelvin-voigt", "rigid"):
-            _require(self.exponent in (None, 1.0), "exponent", f"1 or nothing {with_law}", self.exponent)
+            require(self.exponent in (None, 1.0), "exponent", f"1 or nothing {with_law}", self.exponent)
         return self
 
     def _has_one_stiffness(self) -> None:
@@ -185,9 +158,9 @@ class Clearance(SceneData):
         when = f"{'beside' if stiffness else 'without'} stiffness"
         if self.law == "rigid":
             when = "with law = 'rigid'"
-            _require_presence(False, "stiffness", stiffness, when)
-        _require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, when)
-        _require_presence(by_material, "poisson_ratio", self.poisson_ratio, when)
+            require_presence(False, "stiffness", stiffness, when)
+        require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, when)
+        require_presence(by_material, "poisson_ratio", self.poisson_ratio, when)
 
 
 class Clearances(SceneData):
@@ -212,23 +185,41 @@ class Scene(SceneData):
     slider: Slider | None = None
     start: Start
     drive: Drive
+    load: Loads = Loads()
     clearance: Clearances = Clearances()
 
     @model_validator(mode="after")
-    def _can_be_assembled(self) -> "Scene":
+    def _is_a_mechanism(self) -> "Scene":
+        self._can_be_assembled()
+        if isinstance(self.drive, TableDrive):
+            self._is_in_the_table(self.drive)
+        return self
+
+    def _is_in_the_table(self, table: TableDrive) -> None:
+        """Require a table that lasts as long as the scene, which begins at the table's own speed."""
+        begin, time, angle = self.start.time_s or 0.0, table.time_s, table.angle_rad
+        require(time[0] <= begin, "drive.time_s.0", f"a number <= {begin:g}, when the scene begins", time[0])
+        end, expected = begin + self.end_time_s, f"at least {begin + self.end_time_s:g}, when the scene ends"
+        require(time[-1] >= end * (1 - ROUND_OFF), f"drive.time_s.{len(time) - 1}", expected, time[-1])
+        rises = zip(pairwise(time), pairwise(angle), strict=True)
+        fastest = max(abs((b - a) / (t - s)) for (s, t), (a, b) in rises)
+        speed, own = self.start.crank_speed_rad_s, float(table.spline()(begin, 1))
+        expected = f"the speed of the drive's table when the scene begins, {own:.4g}"
+        require(abs(speed - own) <= ALIKE * fastest, "start.crank_speed_rad_s", expected, speed)
+
+    def _can_be_assembled(self) -> None:
         if self.start.states and len(self.start.states) != 1 + 2 * (self.rod is not None):
             raise ValueError("start: expected the state of every body or of none, got some")
         if self.rod is None or self.slider is None:
             self._is_a_pendulum()
-            return self
+            return
         crank, rod = self.crank.length_m, self.rod.length_m
         if self.drive.kind != "free":
             expected = f"at least crank.length_m = {crank:g} with drive.kind = '{self.drive.kind}'"
-            _require(rod >= crank, "rod.length_m", f"{expected} (else the crank cannot turn)", rod)
+            require(rod >= crank, "rod.length_m", f"{expected} (else the crank cannot turn)", rod)
         height = abs(crank * math.sin(self.start.crank_angle_rad))
         expected = f"more than crank.length_m |sin(start.crank_angle_rad)| = {height:g}"
-        _require(rod > height, "rod.length_m", f"{expected} (else the rod cannot reach the guide)", rod)
-        return self
+        require(rod > height, "rod.length_m", f"{expected} (else the rod cannot reach the guide)", rod)
 
     def _is_a_pendulum(self) -> None:
         missing, there = ("rod", "slider") if self.rod is None else ("slider", "rod")
@@ -237,6 +228,8 @@ class Scene(SceneData):
         for joint in ("A", "B"):
             if getattr(self.clearance, joint) is not None:
                 raise ValueError(f"clearance.{joint}: expected nothing without rod and slider, got a section")
+        if self.load.slider is not None:
+            raise ValueError("load.slider: expected nothing without rod and slider, got a section")
 
     @property
     def is_crank_slider(self) -> bool:
@@ -252,6 +245,11 @@ class Scene(SceneData):
         if self.rod is None or self.slider is None:
             raise ValueError(f"scene {self.name}: expected a crank-slider, got a pendulum")
         return self.crank, self.rod, self.slider
+
+    @property
+    def speed_is_prescribed(self) -> bool:
+        """Whether the driver keeps the crank's speed, constant or not, whatever torque that takes."""
+        return self.drive.kind in PRESCRIBED
 
     @property
     def bodies(self) -> tuple[Link | Slider, ...]:

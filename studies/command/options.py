@@ -9,10 +9,11 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, Engine
 from engine_models.engines import ENGINES, engine_class
+from engine_models.scene.data import Positive
 from engine_models.scene.file import SceneError, load
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import no_numbers, one_of, refusal, shown
-from engine_models.scene.scene import Positive, Scene
+from engine_models.scene.scene import Scene
 from studies.failures import BadInput
 
 T = TypeVar("T")

@@ -4,7 +4,11 @@ import pandas as pd  # type: ignore[import-untyped,unused-ignore]
 
 from engine_models.engine import Trajectory
 from engine_models.scene.scene import Scene
+from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
+
+#: Kinds of drives whose work has a column of its own, as it is no product of two others.
+OF_TIME = ("ramp", "fluctuating", "table", "motor")
 
 
 def table(scene: Scene, trajectory: Trajectory) -> pd.DataFrame:
@@ -29,6 +33,9 @@ def table(scene: Scene, trajectory: Trajectory) -> pd.DataFrame:
     columns["kinetic_energy_J"] = kinetic_energy_J(scene, trajectory)
     if scene.gravity_m_s2 > 0 or trajectory.contacts:  # a contact stores elastic energy
         columns["potential_energy_J"] = potential_energy_J(scene, trajectory)
+    if trajectory.driver_work_J is not None and (trajectory.load_work_J or scene.drive.kind in OF_TIME):
+        columns["driver_work_J"] = trajectory.driver_work_J
+    columns |= load_works(trajectory)
     columns["energy_balance_residual_J"] = energy_balance_residual_J(scene, trajectory)
     for joint, contact in trajectory.contacts.items():
         columns |= {

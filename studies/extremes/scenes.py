@@ -2,13 +2,13 @@
 
 import math
 
+from engine_models.scene.drives import FreeDrive
 from engine_models.scene.library import BEARING_RADIUS_M, clearance, ideal_driven, ideal_free
 from engine_models.scene.scene import (
     BodyState,
     Clearance,
     Clearances,
     ContactLaw,
-    FreeDrive,
     Friction,
     Link,
     Scene,

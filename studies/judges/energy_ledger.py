@@ -34,13 +34,18 @@ def dissipated(run: Trajectory) -> Lines:
     }
 
 
+def load_works(run: Trajectory) -> Lines:
+    """Return the work of each part of the slider's load: ``slider_gas_work_J``."""
+    return {f"slider_{part}_work_J": work for part, work in run.load_work_J.items()}
+
+
 def ledger(scene: Scene, run: Trajectory) -> Lines:
-    """Return all lines: what is ``stored``, the driver's work, what is ``dissipated``, what was stabilised.
+    """Return all lines: ``stored``, the works of driver and loads, what is ``dissipated``, or stabilised.
 
     A scene without a driver has no line of its work, and an engine that does not tell what stabilisation
     removed has none of that.
     """
-    given = {"driver_work_J": run.driver_work_J}
+    given = {"driver_work_J": run.driver_work_J, **load_works(run)}
     stabilised = {"stabilisation_loss_J": run.stabilisation_loss_J}
     lines = {**stored(scene, run), **given, **dissipated(run), **stabilised}
     return {name: line for name, line in lines.items() if line is not None}
@@ -52,8 +57,7 @@ def numerical_gain_J(scene: Scene, run: Trajectory) -> FloatArray:
     Unlike the energy balance residual it holds what stabilisation removed, which is not physics either and
     which most engines do not tell: so it is the same thing for every engine.
     """
-    work = 0.0 if run.driver_work_J is None else run.driver_work_J
-    return np.asarray(sum(stored(scene, run).values()) - work + sum(dissipated(run).values()))
+    return np.asarray(sum(stored(scene, run).values()) - run.work_J + sum(dissipated(run).values()))
 
 
 def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:

@@ -86,11 +86,13 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
         time += list(time[-1] + one.time_s[1 : at + 1])
         total += list(total[-1] + np.log(distance[1 : at + 1] / distance[0]))
         part = SIZE_M / distance[at]
-        first = started_from(first, one.position[at], one.velocity[at])
+        now = float(one.time_s[at])
+        first = started_from(first, one.position[at], one.velocity[at], now)
         second = started_from(
             first,
             one.position[at] + part * (other.position[at] - one.position[at]),
             one.velocity[at] + part * (other.velocity[at] - one.velocity[at]),
+            now,
         )
     return Growth(np.array(time), np.array(total), settled)
 

@@ -45,7 +45,7 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
     """Yield the compared signals by column name: ``slider_position_m`` (n,) and so on.
 
     Joint forces, and the pins' places in their bearings, are vectors, (n, 2). The driver torque is compared
-    only where it is a reaction: under a constant-speed drive.
+    only where it is a reaction: under a prescribed speed.
     """
     if scene.is_crank_slider:
         yield "slider_position_m", trajectory.slider_position_m
@@ -57,7 +57,7 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
         yield f"joint_{joint}_force_N", trajectory.joint_force_N[:, index]
     if trajectory.guide_normal_force_N is not None:
         yield "guide_normal_force_N", trajectory.guide_normal_force_N
-    if scene.drive.kind == "constant-speed" and trajectory.driver_torque_N_m is not None:
+    if scene.speed_is_prescribed and trajectory.driver_torque_N_m is not None:
         yield "driver_torque_N_m", trajectory.driver_torque_N_m
     for joint, contact in trajectory.contacts.items():
         yield f"clearance_{joint}_m", contact.gap_m

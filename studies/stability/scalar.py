@@ -11,7 +11,8 @@ import math
 import numpy as np
 
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
-from engine_models.scene.scene import BodyState, Clearance, Clearances, FreeDrive, Link, Scene, Start
+from engine_models.scene.drives import FreeDrive
+from engine_models.scene.scene import BodyState, Clearance, Clearances, Link, Scene, Start
 
 #: Mass, frequency of the contact, and penetration at rest, which sets gravity. The pin can roll sideways too,
 #: a tenth as fast where the clearance is a hundred times the penetration: never the first motion to grow.

@@ -14,8 +14,9 @@ import pytest
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.exudyn.model import build_model
+from engine_models.scene.drives import TorqueDrive
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
-from engine_models.scene.scene import Scene, TorqueDrive
+from engine_models.scene.scene import Scene
 from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors
 

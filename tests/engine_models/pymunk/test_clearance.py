@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from engine_models.engine import Contact, Impacts, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.model import build, pins
+from engine_models.scene.drives import ConstantSpeedDrive, FreeDrive, TorqueDrive
 from engine_models.scene.library import (
     CLEARANCE_SCENES,
     RIGID_SCENES,
@@ -19,15 +20,7 @@ from engine_models.scene.library import (
     ideal_driven,
     ideal_free,
 )
-from engine_models.scene.scene import (
-    Clearance,
-    Clearances,
-    ConstantSpeedDrive,
-    FreeDrive,
-    Friction,
-    Scene,
-    TorqueDrive,
-)
+from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 
 SCENES = {**CLEARANCE_SCENES, **RIGID_SCENES}

@@ -130,7 +130,7 @@ def test_the_momentum_balance_gives_the_exact_forces_of_an_exact_motion() -> Non
         X, X_1, X_2 = configuration(scene, theta)
         theta_2 = crank_acceleration(scene)(theta, speed)
         acceleration = X_1 * theta_2[:, None, None] + X_2 * (speed**2)[:, None, None]
-        force, guide, torque = reactions(scene, X, acceleration, {})
+        force, guide, torque = reactions(scene, X, truth.velocity, acceleration, {})
         assert guide is not None
         size = np.abs(truth.joint_force_N).max()
         worst_force = np.abs(force - truth.joint_force_N).max() / size

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from engine_models.scene.drives import ConstantSpeedDrive, FreeDrive, TorqueDrive
 from engine_models.scene.file import SceneError, from_toml, load, to_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import (
@@ -14,15 +15,12 @@ from engine_models.scene.scene import (
     LAWS_WITHOUT_RESTITUTION,
     Clearance,
     Clearances,
-    ConstantSpeedDrive,
     ContactLaw,
-    FreeDrive,
     Friction,
     Link,
     Scene,
     Slider,
     Start,
-    TorqueDrive,
 )
 
 positive = st.floats(1e-6, 1e6)

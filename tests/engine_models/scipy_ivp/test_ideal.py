@@ -7,8 +7,9 @@ from scipy.special import ellipj
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.assembly import started_from
+from engine_models.scene.drives import FreeDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven
-from engine_models.scene.scene import FreeDrive, Scene, Start
+from engine_models.scene.scene import Scene, Start
 from engine_models.scipy_ivp.engine import ScipyEngine
 from engine_models.scipy_ivp.model import Derivative
 from studies.judges.ideal_truth import exact

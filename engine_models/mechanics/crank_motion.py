@@ -1,0 +1,95 @@
+"""How the crank turns where its speed is prescribed: functions of the time since a run's start."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
+from engine_models.scene.scene import Scene
+
+#: Of times (n,).
+OfTime = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class CrankMotion:
+    """Functions of times (n,) in s: the angle turned since t = 0 in rad, speed and acceleration.
+
+    ``knots_s`` are the times within the run at which they are not smooth.
+    """
+
+    turned_rad: OfTime
+    speed_rad_s: OfTime
+    acceleration_rad_s2: OfTime
+    knots_s: tuple[float, ...] = ()
+
+    @property
+    def start_speed_rad_s(self) -> float:
+        """The speed at t = 0."""
+        return float(self.speed_rad_s(np.zeros(1))[0])
+
+
+def crank_motion(scene: Scene) -> CrankMotion | None:
+    """Return the crank's motion, None where its speed is not prescribed."""
+    drive, speed, clock = scene.drive, scene.start.crank_speed_rad_s, scene.start.time_s or 0.0
+    if not scene.speed_is_prescribed:
+        return None
+    knots: tuple[float, ...] = ()
+    if isinstance(drive, RampDrive):
+        own, knots = _ramp(drive, speed), (drive.ramp_time_s,)
+    elif isinstance(drive, FluctuatingDrive):
+        own = _fluctuating(drive, speed)
+    elif isinstance(drive, TableDrive):
+        own, knots = _table(drive), drive.time_s
+    else:
+        own = (lambda t: speed * t, lambda t: np.full_like(t, speed), np.zeros_like)
+    angle, rate, acceleration = own
+    begin = angle(np.array([clock]))
+    within = tuple(t - clock for t in knots if 0 < t - clock < scene.end_time_s)
+    return CrankMotion(
+        lambda t: angle(clock + t) - begin,
+        lambda t: rate(clock + t),
+        lambda t: acceleration(clock + t),
+        within,
+    )
+
+
+def motor_torque(scene: Scene, speed_rad_s: FloatArray) -> FloatArray:
+    """Return the torque in N m of a scene's motor on the crank at speeds (n,)."""
+    assert scene.drive.kind == "motor"
+    return np.asarray(scene.drive.stall_torque_N_m * (1 - speed_rad_s / scene.drive.no_load_speed_rad_s))
+
+
+def _ramp(drive: RampDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
+    gain, duration = drive.final_speed_rad_s - speed, drive.ramp_time_s
+
+    def part(t: FloatArray) -> FloatArray:
+        return np.clip(t / duration, 0.0, 1.0)
+
+    def angle(t: FloatArray) -> FloatArray:
+        x = part(t)
+        return speed * t + gain * (duration * x**4 * (2.5 - 3 * x + x**2) + np.maximum(t - duration, 0.0))
+
+    return (
+        angle,
+        lambda t: speed + gain * (x := part(t)) ** 3 * (10 - 15 * x + 6 * x**2),
+        lambda t: gain / duration * 30 * (x := part(t)) ** 2 * (1 - x) ** 2,
+    )
+
+
+def _fluctuating(drive: FluctuatingDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
+    a, rate, phase = drive.amplitude_rad_s, 2 * math.pi * drive.frequency_Hz, drive.phase_rad
+    return (
+        # Equal to -cos(rate t + phase) + cos(phase), without their difference.
+        lambda t: speed * t + 2 * a / rate * np.sin(rate * t / 2) * np.sin(rate * t / 2 + phase),
+        lambda t: speed + a * np.sin(rate * t + phase),
+        lambda t: a * rate * np.cos(rate * t + phase),
+    )
+
+
+def _table(drive: TableDrive) -> tuple[OfTime, OfTime, OfTime]:
+    spline = drive.spline()
+    return (lambda t: spline(t), lambda t: spline(t, 1), lambda t: spline(t, 2))

@@ -1,0 +1,46 @@
+"""What all parts of a scene are made of: frozen, strict data, the kinds of numbers, and refusals in words."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+#: Beyond this an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
+LARGEST_ANGLE_RAD = 1e6
+Angle = Annotated[float, Field(ge=-LARGEST_ANGLE_RAD, le=LARGEST_ANGLE_RAD)]
+#: Columns of a table; a list in a file.
+Numbers = Annotated[tuple[float, ...], Field(strict=False)]
+Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
+#: A cubic spline without conditions at its ends takes so many points.
+FEWEST_POINTS = 4
+
+
+class SceneData(BaseModel):
+    """Base of all parts of a scene: immutable, strict about types, unknown keys and non-finite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def require(holds: bool, field: str, expected: str, value: float | None) -> None:
+    """Raise a ValueError in the words of ``plain_words`` unless a condition on a field holds."""
+    if not holds:
+        raise ValueError(f"{field}: expected {expected}, got {'nothing' if value is None else f'{value:g}'}")
+
+
+def require_presence(needed: bool, field: str, value: float | None, when: str) -> None:
+    """Refuse a number that is missing where it is needed, or there where it has no use."""
+    require((value is not None) == needed, field, f"{'a number' if needed else 'nothing'} {when}", value)
+
+
+def require_table(x_name: str, x: Sequence[float], y_name: str, y: Sequence[float]) -> None:
+    """Refuse a table that is too short, whose columns differ in length, or whose x does not rise."""
+    if len(x) < FEWEST_POINTS:
+        raise ValueError(f"{x_name}: expected at least {FEWEST_POINTS} numbers, got {len(x)}")
+    if len(y) != len(x):
+        raise ValueError(f"{y_name}: expected as many numbers as {x_name} has, {len(x)}, got {len(y)}")
+    for place, (before, after) in enumerate(pairwise(x), 1):
+        require(after > before, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)

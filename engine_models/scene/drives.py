@@ -1,0 +1,108 @@
+"""What drives the crank, as data: nothing, a torque, or a speed that the driver keeps whatever it takes.
+
+Prescribed speeds are functions of time on the drive's clock, which reads ``start.time_s`` as a run begins.
+"""
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from engine_models.scene.data import Angle, Angles, NonNegative, Numbers, Positive, SceneData, require_table
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+
+class FreeDrive(SceneData):
+    """Nothing drives the crank."""
+
+    kind: Literal["free"]
+
+
+class ConstantSpeedDrive(SceneData):
+    """The crank keeps the speed it starts with."""
+
+    kind: Literal["constant-speed"]
+
+
+class RampDrive(SceneData):
+    """The crank's speed goes from the start's to another, and stays there: a start-up, or a stop.
+
+    It is w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2) with x = t/``ramp_time_s`` up to 1: twice differentiable.
+    """
+
+    kind: Literal["ramp"]
+    final_speed_rad_s: float
+    ramp_time_s: Positive
+
+
+class FluctuatingDrive(SceneData):
+    """The crank's speed is the start's plus a sine of the clock's t.
+
+    It is ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``).
+    """
+
+    kind: Literal["fluctuating"]
+    amplitude_rad_s: NonNegative
+    frequency_Hz: Positive
+    phase_rad: Angle = 0.0
+
+
+class TableDrive(SceneData):
+    """The crank turns by a table: from the start's angle on, as ``angle_rad`` does from its first entry on.
+
+    Between the entries the angle is a cubic spline of time (de Boor's, not-a-knot, at both ends).
+    """
+
+    kind: Literal["table"]
+    time_s: Numbers
+    angle_rad: Angles
+
+    @model_validator(mode="after")
+    def _is_a_table(self) -> "TableDrive":
+        require_table("time_s", self.time_s, "angle_rad", self.angle_rad)
+        return self
+
+    def spline(self) -> "CubicSpline":
+        """Return the angle in rad over the drive's clock in s."""
+        from scipy.interpolate import CubicSpline  # it takes a moment, and other drives do without
+
+        return CubicSpline(self.time_s, self.angle_rad, bc_type="not-a-knot")
+
+
+class TorqueDrive(SceneData):
+    """A constant torque on the crank, counter-clockwise positive."""
+
+    kind: Literal["torque"]
+    torque_N_m: float
+
+
+class MotorDrive(SceneData):
+    """A torque that is linear in the crank's speed, through both points given and beyond them.
+
+    At rest it is ``stall_torque_N_m``, at ``no_load_speed_rad_s`` none; faster than that the motor brakes.
+    """
+
+    kind: Literal["motor"]
+    stall_torque_N_m: float
+    no_load_speed_rad_s: float
+
+    @model_validator(mode="after")
+    def _drives(self) -> "MotorDrive":
+        stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
+        if stall == 0:
+            raise ValueError("stall_torque_N_m: expected a number other than 0, got 0")
+        if not speed * stall > 0:
+            wanted = "> 0" if stall > 0 else "< 0"
+            raise ValueError(
+                f"no_load_speed_rad_s: expected a number {wanted}, as stall_torque_N_m, got {speed:g}"
+            )
+        return self
+
+
+Drive = Annotated[
+    FreeDrive | ConstantSpeedDrive | RampDrive | FluctuatingDrive | TableDrive | TorqueDrive | MotorDrive,
+    Field(discriminator="kind"),
+]
+#: The kinds that prescribe the crank's speed.
+PRESCRIBED = ("constant-speed", "ramp", "fluctuating", "table")
