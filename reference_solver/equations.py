@@ -2,7 +2,7 @@
 
 Letters are the paper's: M, B, C, F, q, lambda. The constraint force is +B^T lambda. ``_dot`` is a time
 derivative. Position-level constraints g, needed for stabilisation only, are measured from the start: a guide
-keeps the body's initial angle, and a driver's angle is the initial one plus speed times t.
+keeps the body's initial angle, and a driver's angle is the initial one plus what it has turned by.
 
 The same text is both faces of the algorithm: of numbers it is the readable one, of a tape's values (see
 ``tape``) it writes the compiled one.
@@ -20,7 +20,7 @@ from reference_solver.contact.walls import wall_link
 from reference_solver.factorisation import Factors
 from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
 from reference_solver.mechanism.constraints import CONSTRAINTS
-from reference_solver.mechanism.loads import LOADS, Forces
+from reference_solver.mechanism.loads import INTEGRATED, LOADS, Forces, power_of
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
@@ -43,10 +43,11 @@ class Baumgarte:
 
 @dataclass(frozen=True)
 class System:
-    """The rows of all constraints at a state: [B] (m, n), and {C}, [B']{q'} and {g}, each (m,)."""
+    """The rows of all constraints at a state: [B] (m, n), and {C}, {C'}, [B']{q'} and {g}, each (m,)."""
 
     B: Array
     C: Array
+    C_dot: Array
     B_dot_v: Array
     g: Array
 
@@ -101,7 +102,7 @@ class Equations:
         self.mass = array([a for b in mechanism.bodies for a in (b.mass_kg, b.mass_kg, b.inertia_kg_m2)])
         self.inverse_mass = 1.0 / self.mass
         still = np.zeros(self.n)
-        #: {C} (m,): what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
+        #: {C} (m,) at t = 0: what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
         self.C = self.system(0.0, still, still).C
         rows = enumerate(joints, self.own_rows)
         #: The pins that follow with friction.
@@ -116,9 +117,10 @@ class Equations:
 
     @property
     def power_names(self) -> list[str]:
-        """Names of what is integrated: the drivers' power {lambda}^T{C}, then every contact's rates."""
-        contacts = enumerate(self.mechanism.contacts)
-        return ["drivers", *(name for k, joint in contacts for name in rates_of(joint, k))]
+        """Names of what is integrated: the drivers' power {lambda}^T{C}, contacts' rates, loads' powers."""
+        contacts, loads = enumerate(self.mechanism.contacts), enumerate(self.mechanism.loads)
+        rates = (name for k, joint in contacts for name in rates_of(joint, k))
+        return ["drivers", *rates, *(f"load{k}" for k, load in loads if isinstance(load, INTEGRATED))]
 
     def system(self, t: Scalar, q: Array, v: Array) -> System:
         """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}."""
@@ -132,8 +134,16 @@ class Equations:
                     if body != GROUND:
                         row[3 * body : 3 * body + 3] = block[k]
                 rows.append(row)
-        columns = (array([x for part in parts for x in getattr(part, of)]) for of in ("C", "B_dot_v", "g"))
-        return System(array(rows).reshape(-1, self.n), *columns)
+        C, B_dot_v, g = (
+            array([x for part in parts for x in getattr(part, of)]) for of in ("C", "B_dot_v", "g")
+        )
+        C_dot = array([x for part in parts for x in (0.0 * part.C if part.C_dot is None else part.C_dot)])
+        return System(array(rows).reshape(-1, self.n), C, C_dot, B_dot_v, g)
+
+    def speeds(self, t: float) -> FloatArray:
+        """Return {C} (m,) at a time."""
+        still = np.zeros(self.n)
+        return np.asarray(self.system(t, still, still).C if self.mechanism.prescribed else self.C)
 
     def constraint_matrix(self, q: FloatArray) -> FloatArray:
         """Return [B] (m, n) of (1), [B]{q'} = {C}."""
@@ -148,7 +158,7 @@ class Equations:
         return np.asarray(self.system(t, q, np.zeros(self.n)).g)
 
     def applied_force(self, q: Array, v: Array, phases: Phases = None) -> Array:
-        """Return {F(q, q')} (n,) of (2): gravity, torques, springs and dampers, compliant contacts."""
+        """Return {F(q, q')} (n,) of (2): gravity, loads, compliant contacts."""
         return self._force(q, v, phases)[0]
 
     def _compliant(self, phases: Phases) -> list[tuple[int, ClearanceJoint, Scalar, Scalar]]:
@@ -162,6 +172,9 @@ class Equations:
         state, rates = State(q, v), dict.fromkeys(self.power_names, 0.0)
         friction: list[Scalar] = [0.0] * len(self.mechanism.contacts)
         forces = [LOADS[type(load)](load, state, False) for load in self.mechanism.loads]
+        for k, load in enumerate(self.mechanism.loads):
+            if isinstance(load, INTEGRATED):
+                rates[f"load{k}"] = power_of(forces[k], state)
         for k, joint, phase, memory in self._compliant(phases):
             force, own_rates, friction[k] = contact_force(joint, phase, memory, state)
             forces.append(force)
@@ -200,8 +213,7 @@ class Equations:
         F, powers, friction = self._force(q, v, phases)
         free = named("f", self.inverse_mass * F, "(3) [M]^-1{F}")
         factors = self.factors(B)
-        # (4), (5): {C'} is zero, since prescribed speeds are constant.
-        right, removed = -system.B_dot_v - B @ free, 0.0
+        right, removed = system.C_dot - system.B_dot_v - B @ free, 0.0
         if self._baumgarte is not None:
             right, removed = self._fed_back(self._baumgarte, system, v, factors, right)
         lambda_ = named("lambda", factors.solve(named("h", right, "(5) right-hand side")), "(7), (8)")

@@ -11,19 +11,47 @@ T = TypeVar("T")
 WRITTEN_OUT = "written out"
 
 
-def lifted(data: T, number: Callable[[float], Any], written_out: tuple[float, ...] = ()) -> T:
+class Table:
+    """Numbers of any count, which a kernel has no input for each of, but a place where they are."""
+
+    rows: tuple[float, ...]
+
+    def placed(self, behind: int = 0) -> Any:
+        """Return the place as data, with so many numbers of other tables behind this one's."""
+        raise NotImplementedError
+
+
+def lifted(
+    data: T,
+    number: Callable[[float], Any],
+    written_out: tuple[float, ...] = (),
+    placed: Callable[[Table], Any] = lambda table: table.placed(),
+) -> T:
     """Return dataclasses and tuples with every number replaced, in order; zeros and ``written_out`` stay.
 
-    What equals zero is structure: a point at the centre of mass, a law without damping.
+    What equals zero is structure: a point at the centre of mass, a law without damping. Of a table the
+    numbers of its place are replaced, as ``placed`` gives it.
     """
     if isinstance(data, float):
         return 0.0 if data == 0 else data if data in written_out else number(data)  # type: ignore[return-value]
     if isinstance(data, tuple):
-        return tuple(lifted(part, number, written_out) for part in data)  # type: ignore[return-value]
+        return tuple(lifted(part, number, written_out, placed) for part in data)  # type: ignore[return-value]
+    if isinstance(data, Table):
+        return lifted(placed(data), number)  # type: ignore[no-any-return]
     if not is_dataclass(data):
         return data
     new = copy.copy(data)
     for field in fields(data):
-        value = lifted(getattr(data, field.name), number, field.metadata.get(WRITTEN_OUT, ()))
+        value = lifted(getattr(data, field.name), number, field.metadata.get(WRITTEN_OUT, ()), placed)
         object.__setattr__(new, field.name, value)  # frozen, and validated when it was made
     return new
+
+
+def tables_in(data: object) -> list[Table]:
+    """Return all tables in dataclasses and tuples, in the order of ``lifted``."""
+    if isinstance(data, Table):
+        return [data]
+    parts = data if isinstance(data, tuple) else ()
+    if is_dataclass(data):
+        parts = tuple(getattr(data, field.name) for field in fields(data))
+    return [table for part in parts for table in tables_in(part)]

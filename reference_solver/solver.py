@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
-from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
+from reference_solver.mechanism.mechanism import ClearanceJoint, GasForce, Mechanism
 from reference_solver.mechanism.scales import scales_of
 from reference_solver.methods import RK4, dop853
 from reference_solver.rigid.settling import Settling
@@ -191,6 +191,12 @@ class Solver:
         tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
         first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
         run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
+        if any(isinstance(load, GasForce) for load in self._mechanism.loads):
+            # The table's knots are within steps: they show in works first, where the motion is prescribed.
+            works = [k for k, name in enumerate(self._names) if name == "drivers" or name.startswith("load")]
+            mass = sum(body.mass_kg for body in self._mechanism.bodies)
+            energy = mass * (scales.length_m * scales.rate_s) ** 2
+            run.slopes[WEIGHT, 2 * n + np.array(works)] = 1.0 / (choice.tolerance * energy)
         run.control[0] = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part, 1.0, 0, -1)
 
     def _shortest_flight_s(self, run: types.Run) -> float:
@@ -222,6 +228,9 @@ class Solver:
             motion.sums[self._names.index(name)] += value
 
         settling = Settling(self._equations, self._shortest_flight_s(run), add)
+        knots = (t for t in self._mechanism.knots_s if 0 < t < end_time_s)
+        landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
+        now["end"] = next(landings)
         status, started = types.SPENT, time.perf_counter()
         following = self._settle_first(settling, run) if self._rigid else ()
         self._gaps(following, run)
@@ -245,6 +254,8 @@ class Solver:
                     raise failures.UnsettledEvents(begin, int(now["rigid"]))
                 following = self._settle(settling, following, run)
                 self._gaps(following, run)
+            if status == types.DONE and now["time"] < end_time_s:
+                now["end"], status = next(landings), types.GO
         took = time.perf_counter() - started
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise failures.NonFiniteState(end_time_s, float(now["longest"]))

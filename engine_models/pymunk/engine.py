@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.pymunk.contact import CompliantContact, RigidContact, Sweeps, rigid_twin
@@ -99,6 +99,8 @@ class PymunkEngine:
         Raises:
             UnsupportedScene: see ``check``.
         """
+        if scene.drive.kind not in ("free", "constant-speed", "torque") or scene.load.slider is not None:
+            raise UnsupportedScene("pymunk's model has no drive that knows the time, and no load")
         return rigid_twin(scene) if self.contact == "rigid" else scene
 
     def sharper(self) -> "PymunkEngine":

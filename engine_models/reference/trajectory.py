@@ -4,9 +4,10 @@ from dataclasses import fields
 
 import numpy as np
 
-from engine_models.engine import JOINTS, Contact, Impacts, Trajectory
+from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, Trajectory
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.trajectory import contact_of, trajectory_of
+from engine_models.reference.model import loads_of
 from engine_models.scene.scene import Clearance, Scene
 from reference_solver.equations import row_slices
 from reference_solver.solution import Solution
@@ -25,15 +26,19 @@ def trajectory_of_solution(
     for name, force in zip(joint_names, np.moveaxis(solution.joint_force_N, 1, 0), strict=True):
         joint_force[:, JOINTS.index(name)] = force
     position = solution.q.reshape(len(multipliers), -1, 3)
-    driven = scene.drive.kind == "constant-speed"
+    work, works = None, _works_of_loads(scene, solution)
+    if scene.speed_is_prescribed:
+        work = solution.constraint_work_J
+    elif scene.drive.kind == "motor":
+        work = works["drive"]
     return trajectory_of(
         scene,
         position=position,
         velocity=solution.v.reshape(position.shape),
         joint_force_N=joint_force,
         guide_normal_force_N=multipliers[:, rows_of[len(ideal)].start] if scene.is_crank_slider else None,
-        driver_torque_N_m=multipliers[:, -1] if driven else None,
-        driver_work_J=solution.constraint_work_J if driven else None,
+        driver_torque_N_m=multipliers[:, -1] if scene.speed_is_prescribed else None,
+        driver_work_J=work,
         step_s=step_s,
         steps=solution.steps,
         solve_time_s=solve_time_s,
@@ -42,7 +47,14 @@ def trajectory_of_solution(
             for k, (name, clearance) in enumerate(clearances(scene).items())
         },
         stabilisation_loss_J=solution.stabilisation_loss_J if stabilised else None,
+        load_work_J=works,
     )
+
+
+def _works_of_loads(scene: Scene, solution: Solution) -> dict[str, FloatArray]:
+    """Return the works that the solution has integrated, by the names of ``loads_of``."""
+    names = {f"load{k}": name for k, name in enumerate(loads_of(scene))}
+    return {names[sum_]: work for sum_, work in solution.sums.items() if sum_ in names}
 
 
 def _contact(clearance: Clearance, solution: Solution, k: int) -> Contact:

@@ -3,7 +3,17 @@
 import math
 from collections.abc import Callable
 
-from engine_models.scene.drives import ConstantSpeedDrive, Drive, FreeDrive, TorqueDrive
+from engine_models.scene.compressor import gas
+from engine_models.scene.drives import (
+    ConstantSpeedDrive,
+    Drive,
+    FluctuatingDrive,
+    FreeDrive,
+    MotorDrive,
+    RampDrive,
+    TorqueDrive,
+)
+from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearance, Clearances, ContactLaw, Friction, Link, Scene, Slider, Start
 
 SLIDER = Slider(mass_kg=0.14, inertia_kg_m2=1e-4)
@@ -44,6 +54,30 @@ def ideal_torque() -> Scene:
     """Set F's bodies, started from rest by a constant torque that lifts them over the top."""
     start = Start(crank_angle_rad=0.5, crank_speed_rad_s=0.0)
     return _crank_slider("ideal-torque", 0.3, SET_F, start, TorqueDrive(kind="torque", torque_N_m=0.3))
+
+
+def ideal_fluctuating() -> Scene:
+    """Set R, its speed fluctuating by a tenth twice a revolution."""
+    driven = ideal_driven()
+    tenth = driven.start.crank_speed_rad_s / 10
+    drive = FluctuatingDrive(kind="fluctuating", amplitude_rad_s=tenth, frequency_Hz=2 * 5000 / 60)
+    return driven.model_copy(update={"name": "ideal-fluctuating", "drive": drive})
+
+
+def ideal_compressor() -> Scene:
+    """A compressor: set R's links and a flywheel, turned by a motor against gas and a guide's friction."""
+    crank, rod, _ = ideal_driven().crank_slider()
+    return Scene(
+        name="ideal-compressor",
+        end_time_s=0.08,
+        gravity_m_s2=9.81,
+        crank=crank.model_copy(update={"inertia_kg_m2": 0.01}),
+        rod=rod,
+        slider=SLIDER,
+        start=Start(crank_angle_rad=0.0, crank_speed_rad_s=157.0),
+        drive=MotorDrive(kind="motor", stall_torque_N_m=60.0, no_load_speed_rad_s=165.0),
+        load=Loads(slider=SliderLoad(viscous_N_s_m=3.0, gas=gas(crank, rod))),
+    )
 
 
 #: The literature's bearing: steel on steel, 10 mm, restitution 0.9.
@@ -99,6 +133,20 @@ def clearance_free() -> Scene:
     return _named("clearance-free-0.5mm", short, B=clearance(5e-4))
 
 
+def clearance_start_up() -> Scene:
+    """Set R brought from rest to its speed in a turn, with 0.1 mm of clearance at the rod-slider pin."""
+    driven = ideal_driven()
+    drive = RampDrive(kind="ramp", final_speed_rad_s=driven.start.crank_speed_rad_s, ramp_time_s=0.024)
+    start = Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0)
+    update = {"drive": drive, "start": start, "end_time_s": 0.036}
+    return _named("clearance-start-up", driven.model_copy(update=update), B=clearance(1e-4))
+
+
+def clearance_compressor() -> Scene:
+    """The compressor with 0.1 mm of clearance at the rod-slider pin."""
+    return _named("clearance-compressor", ideal_compressor(), B=clearance(1e-4))
+
+
 def clearance_driven_crank_pin() -> Scene:
     """Set R with 0.5 mm of clearance at the crank-rod pin."""
     return _named("clearance-driven-A", ideal_driven(), A=clearance(5e-4))
@@ -133,6 +181,8 @@ IDEAL_SCENES: dict[str, Callable[[], Scene]] = {
     "ideal-free": ideal_free,
     "ideal-driven": ideal_driven,
     "ideal-torque": ideal_torque,
+    "ideal-fluctuating": ideal_fluctuating,
+    "ideal-compressor": ideal_compressor,
 }
 CLEARANCE_SCENES: dict[str, Callable[[], Scene]] = {
     "clearance-driven-0.5mm": clearance_driven_05,
@@ -144,6 +194,8 @@ CLEARANCE_SCENES: dict[str, Callable[[], Scene]] = {
     "clearance-free-0.5mm": clearance_free,
     "clearance-free-OAB": clearance_free_three,
     "clearance-pendulum": clearance_pendulum,
+    "clearance-start-up": clearance_start_up,
+    "clearance-compressor": clearance_compressor,
 }
 
 

@@ -1,8 +1,9 @@
 """The reference's equations as a right-hand side y' = f(t, y) that an integrator from outside can call.
 
 y = (q, q', sums) holds n coordinates, n velocities, and integrals since t = 0: a driver's work where there is
-one, then what every contact adds up (``contact.rates_of``). The text is the reference's own, (1)-(10)
-without stabilisation, compiled: a call from Python takes 1-2 us, most of it Python's and not the equations'.
+one, then what every contact adds up (``contact.rates_of``), then works of loads. The text is the reference's
+own, (1)-(10) without stabilisation, compiled: a call from Python takes 1-2 us, most of it Python's and not
+the equations'.
 """
 
 from collections.abc import Sequence
@@ -51,7 +52,8 @@ def derivative_source(topology: Topology) -> str:
 
 def _integrated(equations: Equations) -> list[str]:
     """Return the names of the powers that are not zero at all times."""
-    return equations.power_names[0 if any(c != 0 for c in equations.C) else 1 :]
+    driven = equations.mechanism.prescribed or any(c != 0 for c in equations.C)
+    return equations.power_names[0 if driven else 1 :]
 
 
 _source_of = cache(derivative_source)

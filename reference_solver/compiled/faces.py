@@ -35,7 +35,7 @@ class CompiledFace:
         self._of: Any = self.kernel
         loop = loop_of(topology)
         self.rows: int = loop.ROWS
-        if topology.method.embedded or topology.mechanism.contacts:
+        if topology.method.embedded or topology.by_events:
             functions = zip(loop.Kernel._fields, loop.KERNEL, strict=True)
             self._of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
             self._advance = compiled(loop.advance, loop.ADVANCE)

@@ -7,9 +7,11 @@ topology; ``parameters(r)`` makes them from the raw ones (see ``Topology.paramet
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from inspect import getsource
 from itertools import count, pairwise
 from types import ModuleType
 
@@ -17,9 +19,10 @@ import numpy as np
 
 from reference_solver.contact.force import gap
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.lifting import lifted
+from reference_solver.lifting import lifted, tables_in
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
+from reference_solver.mechanism.tables import piece
 from reference_solver.methods import RK4, Method, Step, step
 from reference_solver.tape import (
     Array,
@@ -46,6 +49,8 @@ ENTRY = {**OPTIONS, "cache": True}
 '''
 #: The header's options of what Python calls, kept on disk, and of what only compiled functions call.
 ENTRY, INNER, INLINE = "**ENTRY", "**INNER", "**INNER, forceinline=True"
+#: The text of the look-up in a table, without types, which Numba infers.
+LOOK_UP = re.sub(r"def piece.*:", "def piece(p, place, pieces, period, x):", getsource(piece)).strip()
 
 
 @dataclass(frozen=True)
@@ -72,11 +77,22 @@ class Topology:
         return replace(self, mechanism=mechanism, baumgarte=baumgarte)
 
     def parameters(self, kernel: ModuleType, q_start: FloatArray) -> FloatArray:
-        """Return p of a kernel for the mechanism's numbers and its start, in the order of ``equations``."""
-        numbers: list[float] = []
-        lifted((self.mechanism, self.baumgarte), numbers.append)
+        """Return p of a kernel for the mechanism's numbers and its start, in the order of ``equations``.
+
+        Its tables stand behind them.
+        """
+        tables, numbers = tables_in(self.mechanism), list[float]()
+        sizes = [len(table.rows) for table in tables]
+        places = (table.placed(sum(sizes[k + 1 :])) for k, table in enumerate(tables))
+        lifted((self.mechanism, self.baumgarte), numbers.append, placed=lambda _: next(places))
+        rows = (number for table in tables for number in table.rows)
         with np.errstate(all="ignore"):  # a singular mechanism is found in the run
-            return np.array(kernel.parameters(np.array([*numbers, *q_start])), dtype=float)
+            return np.array([*kernel.parameters(np.array([*numbers, *q_start])), *rows], dtype=float)
+
+    @property
+    def by_events(self) -> bool:
+        """Whether the loop that lands on events runs it: those of contacts, and knots of its motions."""
+        return bool(self.mechanism.contacts or any(motion.has_knots for motion in self.mechanism.prescribed))
 
     def equations(self, tape: Tape) -> Equations:
         """Return the equations on a tape, with the raw numbers as inputs r[...]."""
@@ -115,6 +131,7 @@ class Kernel:
         self._functions: list[str] = []
         self._reads: dict[str, list[str]] = {}
         self._answers: list[Scalar] = []
+        self._reads["piece"] = ["p"]
         self.equations = topology.equations(Tape())
         self.powers = self.equations.power_names
         self._state = [f"{letter}{c}" for letter in "qv" for c in range(self.n)]
@@ -130,7 +147,9 @@ class Kernel:
         """Return the module's text."""
         texts = "".join(f"        {text},\n" for text in self._parameters.texts)
         parameters = f"def parameters(r):\n    return [\n{texts}    ]"
-        return "\n\n".join([HEADER, parameters, *self._functions]) + "\n"
+        looked_up = any("piece(" in function for function in self._functions)
+        tables = [f"@njit({INNER})\n{LOOK_UP}"] * looked_up
+        return "\n\n".join([HEADER, parameters, *tables, *self._functions]) + "\n"
 
     def begin(self) -> Draft:
         """Return a new function."""
@@ -146,8 +165,8 @@ class Kernel:
         """Write a function that others call (see ``call``)."""
         writer = self._writer()
         texts = writer.write(draft.tape, [*results])
-        self._reads[name] = writer.reads
-        arguments = [*writer.reads, *self._phases, "t", *self._state]
+        self._reads[name] = self._all_reads(writer)
+        arguments = [*self._reads[name], *self._phases, "t", *self._state]
         self._define(INLINE, name, arguments, [*writer.lines, f"return {', '.join(texts)}"])
 
     def call(self, name: str, draft: Draft, t: Scalar, q: Array, v: Array, results: list[str]) -> list[Value]:
@@ -182,10 +201,14 @@ class Kernel:
 
     def _reading(self, writer: Writer, arguments: Sequence[str]) -> list[str]:
         """Return the lines that read parameters and phases from their arrays, if these are given."""
-        reads = [*writer.reads, *(name for inner in writer.calls for name in self._reads[inner])]
-        lines = [f"{name} = p[{name[1:]}]" for name in dict.fromkeys(reads)]
+        lines = [f"{name} = p[{name[1:]}]" for name in self._all_reads(writer) if name != "p"]
         phases = self._phases.items() if "contacts" in arguments else ()
         return lines + [f"{name} = {place}" for name, place in phases]
+
+    def _all_reads(self, writer: Writer) -> list[str]:
+        """Return what a function reads of the parameters, and those that it calls: "p" for tables in them."""
+        reads = [*writer.reads, *(name for inner in writer.calls for name in self._reads[inner])]
+        return list(dict.fromkeys(reads))
 
     def _define(self, options: str, name: str, arguments: Sequence[str], lines: list[str]) -> None:
         head = f"@njit({options})\ndef {name}({', '.join(arguments)}):"
@@ -367,7 +390,7 @@ def source_of(topology: Topology) -> str:
         kernel.move()
         kernel.gaps()
         kernel.mobilities()
-    elif topology.mechanism.contacts:
+    elif topology.by_events:
         kernel.gaps()
         kernel.contact_step()
         kernel.mobilities()

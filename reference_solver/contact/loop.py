@@ -488,7 +488,7 @@ def advance(run):
         if now.located:
             h = step_length(contacts, old.gaps, now)
         elif now.taken < len(times):
-            landing = times[now.taken]
+            landing = min(landing, times[now.taken])
         last = t + h >= landing - 1e-6 * h
         if last:
             h = landing - t

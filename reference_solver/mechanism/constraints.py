@@ -1,7 +1,7 @@
 """The rows that each kind of constraint has in [B]{q'} = {C}, (1): one function for each.
 
 Above each function stand the constraint g = 0, its time derivative g' = [B]{q'} - {C} = 0, and of the next
-one, (4), the right-hand side -[B']{q'} of [B]{q''}; {C'} = 0, since prescribed speeds are constant. There p
+one, (4), the right-hand side {C'} - [B']{q'} of [B]{q''}; {C'} = 0 but for prescribed motions. There p
 is a point of a body in the global frame and a leads to it from the body's centre of mass, so that
 p' = (x', y') + phi' (-a_y, a_x) and p'' = (x'', y'') + phi'' (-a_y, a_x) - phi'^2 a.
 
@@ -13,7 +13,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from reference_solver.mechanism.mechanism import MasslessLink, PrescribedSpeed, RevoluteJoint, StraightGuide
+from reference_solver.mechanism.mechanism import (
+    MasslessLink,
+    PrescribedMotion,
+    PrescribedSpeed,
+    RevoluteJoint,
+    StraightGuide,
+)
+from reference_solver.mechanism.motions import MOTIONS
 from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import Array, Scalar, array, cos, sin
 
@@ -24,12 +31,14 @@ class Rows:
 
     ``blocks`` has (k, 3) of [B] for each body under the constraint, GROUND's dropped later; ``C`` (k,),
     ``B_dot_v`` (k,) of (4), and ``g`` (k,), gaps in m, angles in rad, links' in m^2: dg/dt = [B]{q'} - {C}.
+    ``C_dot`` (k,) is {C'}, zeros where nothing is given.
     """
 
     blocks: dict[int, Array]
     C: Array
     B_dot_v: Array
     g: Array
+    C_dot: Array | None = None
 
 
 # g = p_j - p_i = 0
@@ -66,6 +75,17 @@ def prescribed_speed(driver: PrescribedSpeed, state: State, t: Scalar, start: Ar
     )
 
 
+# g = phi - phi(0) - turned(t) = 0
+# g' = phi' - C(t) = 0, so [B] is (0, 0, 1) and {C} is C(t), the rate of turned(t)
+# [B]{q''} = C'(t)
+def prescribed_motion(driver: PrescribedMotion, state: State, t: Scalar, start: Array) -> Rows:
+    """Return the row of a body that turns as a function of time says."""
+    turned, speed, acceleration = MOTIONS[type(driver.motion)](driver.motion, t)
+    angle = state.position(driver.body)[2] - start[3 * driver.body + 2] - turned
+    block, zero = array([[0.0, 0.0, 1.0]]), array([0.0])
+    return Rows({driver.body: block}, array([speed]), zero, array([angle]), array([acceleration]))
+
+
 # g = (d.d - length^2)/2 = 0, d = p_j - p_i
 # g' = d.d' = 0, so [B] is d times the rows of a revolute joint
 # [B]{q''} = -d'.d' + d.(phi_j'^2 a_j - phi_i'^2 a_i)
@@ -85,6 +105,7 @@ CONSTRAINTS: Mapping[type, Callable[[Any, State, Scalar, Array], Rows]] = Mappin
         RevoluteJoint: revolute_joint,
         StraightGuide: straight_guide,
         PrescribedSpeed: prescribed_speed,
+        PrescribedMotion: prescribed_motion,
         MasslessLink: massless_link,
     }
 )

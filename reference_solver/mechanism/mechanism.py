@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall, require
+from reference_solver.mechanism.motions import Motion
+from reference_solver.mechanism.tables import PiecewiseCubic
 
 Point = tuple[float, float]
 
@@ -67,6 +69,17 @@ class PrescribedSpeed:
 
 
 @dataclass(frozen=True)
+class PrescribedMotion:
+    """One row of [B]: the body turns as a function of time says.
+
+    g = phi - phi(0) - (the angle turned since t = 0) in rad. The multiplier is the torque in N m on the body.
+    """
+
+    body: int
+    motion: Motion
+
+
+@dataclass(frozen=True)
 class MasslessLink(Ends):
     """One row of [B]: two points keep their distance, as a pin that follows the wall of its bearing.
 
@@ -87,6 +100,56 @@ class Torque:
 
     body: int
     torque_N_m: float
+
+
+@dataclass(frozen=True)
+class MotorTorque:
+    """A torque on a body that falls with its speed: stall torque (1 - speed/no-load speed)."""
+
+    body: int
+    stall_torque_N_m: float
+    no_load_speed_rad_s: float
+
+
+@dataclass(frozen=True)
+class AlongLine:
+    """What acts on a body's centre of mass along a fixed direction, at ``angle_rad`` from the x axis.
+
+    s is the centre's coordinate along it, from the origin; forces are positive along it.
+    """
+
+    body: int
+    angle_rad: float
+
+
+@dataclass(frozen=True)
+class ConstantForce(AlongLine):
+    """A constant force."""
+
+    force_N: float
+
+
+@dataclass(frozen=True)
+class LineSpring(AlongLine):
+    """A spring that pulls the centre to s = ``free_position_m``."""
+
+    stiffness_N_m: float
+    free_position_m: float
+
+
+@dataclass(frozen=True)
+class LineDamper(AlongLine):
+    """A damper of the centre's speed along the line: viscous friction of a guide."""
+
+    damping_N_s_m: float
+
+
+@dataclass(frozen=True)
+class GasForce(AlongLine):
+    """A force that goes by the angle of another body, the crank of a cylinder."""
+
+    crank: int
+    force_N: PiecewiseCubic
 
 
 @dataclass(frozen=True)
@@ -140,8 +203,8 @@ class ClearanceJoint(Ends):
         return self.law
 
 
-Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed | MasslessLink
-Load = Torque | SpringDamper
+Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed | PrescribedMotion | MasslessLink
+Load = Torque | MotorTorque | SpringDamper | ConstantForce | LineSpring | LineDamper | GasForce
 
 
 @dataclass(frozen=True)
@@ -163,11 +226,21 @@ class Mechanism:
                 if not 0 < value < float("inf"):
                     raise ValueError(f"bodies[{index}].{field}: expected a positive number, got {value}")
         for part in (*self.constraints, *self.loads, *self.contacts):
-            for field in ("body", "body_i", "body_j"):
+            for field in ("body", "crank", "body_i", "body_j"):
                 body_index = getattr(part, field, 0)
-                lowest = 0 if field == "body" else GROUND
+                lowest = GROUND if field.startswith("body_") else 0
                 if not lowest <= body_index < len(self.bodies):
                     raise ValueError(
                         f"{type(part).__name__}.{field}: expected a body index from {lowest} to "
                         f"{len(self.bodies) - 1}, got {body_index}"
                     )
+
+    @property
+    def prescribed(self) -> tuple[Motion, ...]:
+        """The prescribed motions that are functions of time."""
+        return tuple(c.motion for c in self.constraints if isinstance(c, PrescribedMotion))
+
+    @property
+    def knots_s(self) -> tuple[float, ...]:
+        """Times, rising, at which prescribed motions are not smooth: steps are to land on them."""
+        return tuple(sorted({t for motion in self.prescribed for t in motion.knots_s}))

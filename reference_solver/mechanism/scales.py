@@ -22,13 +22,14 @@ def scales_of(
     """Return the scales at a start with q, v and {q''}, each (n,).
 
     The length is that of the longest lever from a body to a joint, of the largest bearing without one, or
-    what else has a length. The rate is the largest by which bodies turn, move, gather speed or swing under
-    gravity, which is all that there is at an equilibrium, or one over the end time.
+    what else has a length. The rate is the largest by which bodies turn, move, gather speed, are driven later
+    or swing under gravity, which is all that there is at an equilibrium, or one over the end time.
     """
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
     length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
     swing = np.sqrt(abs(mechanism.gravity_m_s2) / length)
-    rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)), swing)
+    driven = max((motion.fastest_rad_s for motion in mechanism.prescribed), default=0.0)
+    rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)), swing, driven)
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
     return Scales(length, float(rate))

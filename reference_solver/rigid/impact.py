@@ -117,7 +117,7 @@ def impact(equations: Equations, t: float, q: FloatArray, v: FloatArray, touchin
         tangential,
         lost,
         1 / W.diagonal()[:k],
-        float(eliminated.reactions.T @ equations.C @ impulse),
+        float(eliminated.reactions.T @ equations.speeds(t) @ impulse),
     )
 
 

@@ -150,7 +150,7 @@ class Settling:
         answer = Eliminated(self._equations, t, q, rows, len(rows))
         speeds = rows @ v
         impulse = -np.linalg.lstsq(answer.W, speeds, rcond=None)[0]
-        self._add("drivers", float(answer.reactions.T @ self._equations.C @ impulse))
+        self._add("drivers", float(answer.reactions.T @ self._equations.speeds(t) @ impulse))
         for k, outward, lost in zip(self.numbers[caught], impulse, -speeds * impulse / 2, strict=True):
             self._add(f"normal{k}", -float(outward))
             self._add(f"closing{k}", float(lost))

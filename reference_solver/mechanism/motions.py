@@ -1,0 +1,115 @@
+"""Prescribed motions: how a driven body turns, as functions of time, {C(t)} with its integral and {C'}.
+
+A new motion is a function and a line in ``MOTIONS``. One that ``has_knots`` is not smooth at ``knots_s``.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from reference_solver.mechanism.tables import PiecewiseCubic
+from reference_solver.tape import Scalar, cos, larger, sin, smaller
+
+#: The angle turned since t = 0 in rad, the speed, which is C, and the acceleration, which is C'.
+Turn = tuple[Scalar, Scalar, Scalar]
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A speed that goes from one to another within ``duration_s`` from ``start_s`` on, and stays there.
+
+    w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2), x the part of the duration that has passed: C'' is continuous.
+    """
+
+    first_rad_s: float
+    last_rad_s: float
+    duration_s: float
+    start_s: float = 0.0
+    has_knots: ClassVar[bool] = True
+
+    @property
+    def knots_s(self) -> tuple[float, ...]:
+        """Times in s."""
+        return self.start_s, self.start_s + self.duration_s
+
+    @property
+    def fastest_rad_s(self) -> float:
+        """The largest speed."""
+        return max(abs(self.first_rad_s), abs(self.last_rad_s))
+
+
+@dataclass(frozen=True)
+class Fluctuation:
+    """A speed of mean + amplitude sin(frequency t + phase), frequency in rad/s."""
+
+    mean_rad_s: float
+    amplitude_rad_s: float
+    frequency_rad_s: float
+    phase_rad: float = 0.0
+    has_knots: ClassVar[bool] = False
+    knots_s: ClassVar[tuple[float, ...]] = ()
+
+    @property
+    def fastest_rad_s(self) -> float:
+        """The largest speed."""
+        return abs(self.mean_rad_s) + abs(self.amplitude_rad_s)
+
+
+@dataclass(frozen=True)
+class Course:
+    """An angle turned by a piecewise cubic function of time, which is 0 at t = 0."""
+
+    turned: PiecewiseCubic
+    has_knots: ClassVar[bool] = True
+
+    @property
+    def knots_s(self) -> tuple[float, ...]:
+        """Times in s."""
+        return tuple(self.turned.begins.tolist())
+
+    @property
+    def fastest_rad_s(self) -> float:
+        """The largest speed at a knot."""
+        return float(np.abs([self.turned.at(t)[1] for t in self.knots_s]).max())
+
+
+Motion = Ramp | Fluctuation | Course
+
+
+def ramp(motion: Ramp, t: Scalar) -> Turn:
+    """Return the turn of a ramp."""
+    T, gain = motion.duration_s, motion.last_rad_s - motion.first_rad_s
+
+    def gained(t: Scalar) -> tuple[Scalar, Scalar]:
+        x = larger(0.0, smaller(1.0, (t - motion.start_s) / T))
+        past = larger(0.0, t - motion.start_s - T)
+        return x, T * (x * x * x * x * (2.5 + x * (x - 3.0))) + past
+
+    x, angle = gained(t)
+    angle = motion.first_rad_s * t + gain * (angle - gained(0.0)[1])
+    speed = motion.first_rad_s + gain * (x * x * x * (10.0 + x * (6.0 * x - 15.0)))
+    return angle, speed, 30.0 * (gain / T) * (x * x * (1.0 - x) * (1.0 - x))
+
+
+def fluctuation(motion: Fluctuation, t: Scalar) -> Turn:
+    """Return the turn of a fluctuating speed."""
+    amplitude, rate, phase = motion.amplitude_rad_s, motion.frequency_rad_s, motion.phase_rad
+    half, now = 0.5 * (rate * t), rate * t + phase
+    # Equal to cos(phase) - cos(now), without their difference.
+    angle = motion.mean_rad_s * t + 2.0 * (amplitude / rate) * (sin(half) * sin(half + phase))
+    return angle, motion.mean_rad_s + amplitude * sin(now), amplitude * rate * cos(now)
+
+
+def course(motion: Course, t: Scalar) -> Turn:
+    """Return the turn by a table."""
+    angle, speed, acceleration = motion.turned.at(t)
+    return angle, speed, acceleration
+
+
+#: The function of each kind of motion, of it and the time.
+MOTIONS: Mapping[type, Callable[[Any, Scalar], Turn]] = MappingProxyType(
+    {Ramp: ramp, Fluctuation: fluctuation, Course: course}
+)

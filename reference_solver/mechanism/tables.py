@@ -1,0 +1,76 @@
+"""Piecewise cubic functions given by tables of any length, which a kernel looks up in its parameters."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from reference_solver.lifting import Table
+from reference_solver.tape import FloatArray, Scalar
+
+#: What a piece has in a table: where it begins, and coefficients of 1, s, s^2, s^3, s counted from there.
+ROW = 5
+
+
+def piece(p: FloatArray, place: float, pieces: float, period: float, x: float) -> tuple[float, ...]:
+    """Return s and the four coefficients of the piece that x is in, of a table that begins at len(p) + place.
+
+    The first and the last piece go on for ever; with a period, x is taken back into it.
+    """
+    first, low, high = len(p) + int(place), 0, int(pieces)
+    if period > 0.0:
+        x -= period * ((x - p[first]) // period)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if x < p[first + 5 * middle]:
+            high = middle
+        else:
+            low = middle
+    row = first + 5 * low
+    return x - p[row], p[row + 1], p[row + 2], p[row + 3], p[row + 4]
+
+
+@dataclass(frozen=True)
+class PiecewiseCubic(Table):
+    """A function of one variable by its pieces: of each, one after the other, a ``ROW`` of numbers.
+
+    With a ``period`` other than 0 it repeats.
+    """
+
+    rows: tuple[float, ...] = field(repr=False)
+    period: float = 0.0
+
+    @cached_property
+    def _array(self) -> FloatArray:
+        return np.array(self.rows)
+
+    @property
+    def begins(self) -> FloatArray:
+        """Return where the pieces begin."""
+        return self._array[::ROW]
+
+    def placed(self, behind: int = 0) -> "PlacedTable":
+        """Return what a kernel knows of it, with so many numbers of other tables behind this one's."""
+        return PlacedTable(-float(len(self.rows) + behind), len(self.rows) / ROW, self.period)
+
+    def at(self, x: Scalar) -> tuple[Scalar, ...]:
+        """Return the function and its first two derivatives at a number or at a tape's value."""
+        return _cubic(*piece(self._array, -len(self.rows), len(self.rows) / ROW, self.period, x))
+
+
+@dataclass(frozen=True)
+class PlacedTable:
+    """A table among a kernel's parameters: where it begins, from their end on, its pieces and its period."""
+
+    place: Scalar
+    pieces: Scalar
+    period: Scalar
+
+    def at(self, x: Scalar) -> tuple[Scalar, ...]:
+        """Return the function and its first two derivatives on the tape that the place is on."""
+        names = ["s", "c0", "c1", "c2", "c3"]
+        return _cubic(*self.place.tape.call("piece", ["p", self.place, self.pieces, self.period, x], names))
+
+
+def _cubic(s: Scalar, a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> tuple[Scalar, ...]:
+    return a + s * (b + s * (c + s * d)), b + s * (2.0 * c + s * (3.0 * d)), 2.0 * c + 6.0 * (s * d)
