@@ -8,6 +8,7 @@ import pytest
 from engine_models.engine import Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.slider_load import slider_forces
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.ideal_truth import exact
@@ -135,6 +136,8 @@ def test_forces_are_those_that_the_accelerations_need(engine: str, name: str) ->
         force[:, 2] = trajectory.joint_force_N[:, 2]
         assert trajectory.guide_normal_force_N is not None
         force[:, 2, 1] += trajectory.guide_normal_force_N
+    for load in slider_forces(scene, trajectory.position, trajectory.velocity).values():
+        force[:, 2, 0] += load
     masses = np.array([body.mass_kg for body in scene.bodies])[:, None]
     force[:, :, 1] -= masses[:, 0] * scene.gravity_m_s2
     needed = masses * (trajectory.velocity[2:, :, :2] - trajectory.velocity[:-2, :, :2]) / (2 * interval)

@@ -14,6 +14,7 @@ from reference_solver.contact.types import CLIPPED, CONTACT
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of
 from reference_solver.solver import StepChoice, solve
+from tests.helpers.crank_sliders import HORIZON_S
 
 FloatArray = NDArray[np.float64]
 #: By how much states are moved off the constraints, in m and m/s, so that a stabilisation has work to do.
@@ -77,8 +78,7 @@ def moments(name: str) -> dict[str, Moment]:
     """Return from a run of a scene a moment in flight, the deepest one in contact, and that one clipped."""
     scene = CLEARANCE_SCENES[name]()
     mechanism, (q, v) = mechanism_of(scene), (part.ravel() for part in start_state(scene))
-    end = 0.003 if "driven" in name else 0.07 if "pendulum" in name else 0.016
-    run = solve(mechanism, q, v, end_time_s=end, samples=2000, step=StepChoice(2e-5, 100))
+    run = solve(mechanism, q, v, end_time_s=HORIZON_S[name], samples=2000, step=StepChoice(2e-5, 100))
     clearances = [joint.radial_clearance_m for joint in mechanism.contacts]
     depths = (np.hypot(run.gap_m[..., 0], run.gap_m[..., 1]) - clearances).max(axis=1)
     flying = np.flatnonzero(~run.closed.any(axis=1))[-1]

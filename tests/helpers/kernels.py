@@ -90,14 +90,21 @@ def topology_of(mechanism: Mechanism, stabilisation: Stabilisation) -> Topology:
 
 
 def stepped(
-    face: CompiledFace | ReadableFace, rows: int, q: FloatArray, v: FloatArray, h: float, count: int
+    face: CompiledFace | ReadableFace,
+    mechanism: Mechanism,
+    q: FloatArray,
+    v: FloatArray,
+    h: float,
+    count: int,
 ) -> tuple[Motion, FloatArray]:
     """Return the motion after steps from q and v at t = 0, off the constraints or not, and {lambda} there.
 
-    The mechanism has no contacts, and ``rows`` rows. The sums are the drivers' work, and what is removed.
+    The mechanism has no contacts.
     """
     times, contacts = np.array([0.0, count * h]), np.zeros(0, CONTACT_RECORD)
-    run = new_run(contacts, (len(q), 2, rows), times, ROWS, 1)
+    equations = Equations(mechanism, q)
+    sizes = len(q), len(equations.power_names) + 1, len(equations.C)
+    run = new_run(contacts, sizes, times, ROWS, 1)
     run.old.q[:], run.old.v[:] = q, v
     (now,) = run.clock
     now["longest"], now["end"], now["located"], now["budget"] = h, count * h, 1, count
@@ -117,11 +124,11 @@ def check_faces(
     round_off: float,
 ) -> FloatArray:
     """Compare a step of both faces, relative to the largest of each kind; return q after it."""
-    ends, rows = [], len(Equations(mechanism, q).C)
+    ends = []
     for kind in (CompiledFace, ReadableFace):
         face = kind(topology_of(mechanism, stabilisation), q)
-        motion, multipliers = stepped(face, rows, q, v, h, 1)
-        ends.append((motion.q, motion.v, multipliers, motion.sums[:1]))
+        motion, multipliers = stepped(face, mechanism, q, v, h, 1)
+        ends.append((motion.q, motion.v, multipliers, motion.sums[:-1]))
     # A driver's torque may be small beside the other multipliers, but it is rounded as they are.
     most_work = h * np.abs(ends[1][2]).max() * np.abs(v).max()
     for name, one, other in zip(("q", "v", "multipliers", "work"), *ends, strict=True):
