@@ -1,8 +1,10 @@
 """How a command fails: one line on stderr that begins with ``error:``, an exit code, never a traceback."""
 
 import logging
+import os
 import signal
 import sys
+import threading
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +13,8 @@ from pathlib import Path
 import typer
 
 INTERRUPTED = 130
+#: After this time an interrupt comes again that got lost.
+AGAIN_S = 0.01
 
 
 class BadInput(Exception):
@@ -56,6 +60,39 @@ def terminated_as_interrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def interrupted_in_silence() -> Iterator[None]:
+    """Let Ctrl-C end the block, and nothing be said of what it leaves half done.
+
+    It may strike inside a constructor, of which the destructor then complains, or inside a destructor, whose
+    exceptions are printed and forgotten: from there it comes again.
+    """
+    before, hook, heard = signal.getsignal(signal.SIGINT), sys.unraisablehook, False
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(*_: object) -> None:
+        nonlocal heard
+        heard = True
+        raise KeyboardInterrupt
+
+    def say(unraisable: "sys.UnraisableHookArgs") -> None:
+        if isinstance(unraisable.exc_value, KeyboardInterrupt):
+            threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+        elif not heard:
+            hook(unraisable)
+
+    signal.signal(signal.SIGINT, interrupt)
+    sys.unraisablehook = say
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if not heard:  # what is half done may go as late as with the process
+            sys.unraisablehook = hook
 
 
 def explained(error: Exception) -> tuple[str, int]:

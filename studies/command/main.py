@@ -180,7 +180,8 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
-        code = app(standalone_mode=False, prog_name="crankslider") or 0
+        with failures.interrupted_in_silence():
+            code = app(standalone_mode=False, prog_name="crankslider") or 0
         message = "interrupted" if code == failures.INTERRUPTED else ""  # typer returns it after Ctrl-C
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads stdout has seen enough

@@ -241,6 +241,39 @@ def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path:
     assert list(tmp_path.iterdir()) == [out]
 
 
+#: An object that Ctrl-C finds half made, one whose destructor it strikes, and a command that meets them.
+HALF_MADE = """
+import signal, sys, time
+from studies import failures
+from studies.command import main
+
+class HalfMade:
+    def __init__(self):
+        if "made" in sys.argv:
+            signal.raise_signal(signal.SIGINT)
+        self.made = True
+
+    def __del__(self):
+        if "deleted" in sys.argv:
+            signal.raise_signal(signal.SIGINT)
+        self.made
+
+@main.app.command()
+def meet(how: str) -> None:
+    HalfMade()
+    time.sleep(30)
+
+main.main()
+"""
+
+
+@pytest.mark.parametrize("how", ["made", "deleted"])
+def test_an_interrupt_that_strikes_in_another_library_is_said_in_one_line_and_never_lost(how: str) -> None:
+    command = [sys.executable, "-c", HEAR + HALF_MADE, "meet", how]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=25, check=False)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "error: interrupted\n")
+
+
 def test_a_reader_that_has_seen_enough_causes_no_complaint() -> None:
     reading, writing = os.pipe()
     os.close(reading)
