@@ -36,7 +36,8 @@ def with_tables(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             part[name] = dict(part[name])
             part = part[name]
         else:
-            part[path[-1]] = _with_lists(part[path[-1]], columns, ".".join(path), folder)
+            if path[-1] in part:
+                part[path[-1]] = _with_lists(part[path[-1]], columns, ".".join(path), folder)
     return out
 
 

@@ -77,9 +77,7 @@ def simulate(
 
     strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
     numbers = options.checked(options.SimulateOptions, "--", strings)
-    physics = options.read_scene(scene)
-    if numbers.end is not None:
-        physics = physics.model_copy(update={"end_time_s": numbers.end})
+    physics = options.read_scene(scene, numbers.end)
     if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
         raise failures.BadInput(f"--out: expected another file than the scene, got {out}")
     chosen = options.read_engine(engine, assignments or [], to_tolerance=numbers.tolerance is not None)

@@ -11,6 +11,7 @@ from engine_models.engine import SETTINGS_CONFIG, Engine
 from engine_models.engines import ENGINES, engine_class
 from engine_models.scene.data import Positive
 from engine_models.scene.file import SceneError, load
+from engine_models.scene.file import checked as checked_scene
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import no_numbers, one_of, refusal, shown
 from engine_models.scene.scene import Scene
@@ -56,18 +57,17 @@ def checked(kind: type[T], prefix: str, strings: dict[str, str | None]) -> T:
         raise BadInput(refusal(error, kind, prefix)) from None
 
 
-def read_scene(name: str) -> Scene:
-    """Return a library scene by its name, or the scene in a TOML file.
+def read_scene(name: str, end_s: float | None = None) -> Scene:
+    """Return a library scene by its name, or the scene in a TOML file; if given, with another end.
 
     Raises:
-        BadInput: there is no such scene, or its file was refused.
+        BadInput: there is no such scene, or it was refused.
     """
-    if name in SCENES:
-        return SCENES[name]()
-    if not Path(name).exists():
+    if name not in SCENES and not Path(name).exists():
         raise BadInput(f"SCENE: expected {one_of(list(SCENES))}, or a TOML file, got {shown(name)}")
     try:
-        return load(Path(name))
+        scene = SCENES[name]() if name in SCENES else load(Path(name))
+        return scene if end_s is None else checked_scene({**scene.model_dump(), "end_time_s": end_s})
     except SceneError as error:
         raise BadInput(str(error)) from None
 
