@@ -27,16 +27,22 @@ END_S = {
     "clearance-free-0.5mm": 0.05,
     "clearance-free-OAB": 0.02,
     "clearance-pendulum": 0.08,
+    "clearance-start-up": 0.03,
+    "clearance-compressor": 0.02,
     "rigid-driven-0.5mm": 0.004,
     "rigid-driven-damped": 0.006,
     "rigid-free-0.5mm": 0.05,
     "rigid-pendulum": 0.07,
+    "rigid-start-up": 0.012,
+    "rigid-compressor": 0.012,
 }
 #: The scenes of the quick set; the full set has all.
 QUICK = (
     "clearance-driven-0.5mm",
     "clearance-driven-AB",
     "clearance-free-0.5mm",
+    "clearance-start-up",
+    "clearance-compressor",
     "rigid-free-0.5mm",
 )
 SAMPLES = 120

@@ -9,6 +9,7 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
+from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import constraint_speed_m_s, ledger, numerical_gain_J
@@ -38,6 +39,9 @@ TURN_S = 60 / 5000
 SHORT = (
     Length("ideal-free", 6.0, 600, (25, 50, 100)),
     Length("ideal-driven", 100 * TURN_S, 1000, (15, 30, 60)),
+    Length("ideal-fluctuating", 20 * TURN_S, 400, (8, 16, 32)),
+    Length("ideal-compressor", 0.4, 400, (5, 10, 20)),
+    Length("clearance-start-up", 0.036, 360, (10, 20, 40)),
     Length("clearance-free-0.5mm", 0.4, 200, (50, 100, 200)),
     Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20, 40)),
     Length("rigid-free-0.5mm", 0.4, 200, (50, 100, 200)),
@@ -126,7 +130,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 def _powers(scene: Scene, run: Trajectory, gain: FloatArray) -> Row:
     """Return the power that no physics accounts for with its interval, and mean powers over the whole run."""
-    nominal = abs(scene.start.crank_speed_rad_s) * scene.end_time_s / (2 * math.pi)
+    nominal = abs(float(expected_speeds_rad_s(scene).mean())) * scene.end_time_s / (2 * math.pi)
     rate = drift_rate(run.time_s, gain, blocks_of(nominal))
     row: Row = {
         "hidden_power_W": rate.per_s,

@@ -7,6 +7,7 @@ import numpy as np
 
 from engine_models import arms
 from engine_models.arms import Arm, Setting
+from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.scene.scene import Scene
 
 
@@ -31,7 +32,7 @@ def by_tolerance(arm: Arm, longest_s: float, exponents: range, **added: Setting)
 
 def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
     """Return all engines' ladders for a scene of ideal joints, from fifty steps a revolution on."""
-    turns = max(1.0, scene.end_time_s * abs(scene.start.crank_speed_rad_s) / (2 * np.pi))
+    turns = max(1.0, scene.end_time_s * _fastest_rad_s(scene) / (2 * np.pi))
     longest, whole, more = scene.end_time_s / (50 * turns), scene.end_time_s, 2 if full else 0
     every = 1 if full else 2
     return [
@@ -49,13 +50,17 @@ def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
     ]
 
 
+def _fastest_rad_s(scene: Scene) -> float:
+    return float(np.abs(expected_speeds_rad_s(scene)).max())
+
+
 def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list[Rung]:
     """Return all engines' ladders for a scene with clearance; ``fast`` is Exudyn's build for speed.
 
     Steps of engines that locate impacts begin at some hundred a revolution; without that a contact has to
     be resolved by the same steps as the flight.
     """
-    turn = 2 * np.pi / max(abs(scene.start.crank_speed_rad_s), 20.0)
+    turn = 2 * np.pi / max(_fastest_rad_s(scene), 20.0)
     flight, contact, whole, more = turn / 100, turn / 3000, scene.end_time_s, 2 if full else 0
     others = [rung for arm in arms.newcomers() for rung in by_step(arm, contact, 4 + more)]
     if all(getattr(scene.clearance, joint).law == "rigid" for joint in scene.joints_with_clearance):

@@ -10,6 +10,8 @@ from engine_models.engine import FloatArray
 from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
 from engine_models.scene.scene import Scene
 
+#: Times at which a speed that changes is looked at.
+SPEEDS = 1001
 #: Of times (n,).
 OfTime = Callable[[FloatArray], FloatArray]
 
@@ -55,6 +57,15 @@ def crank_motion(scene: Scene) -> CrankMotion | None:
         lambda t: acceleration(clock + t),
         within,
     )
+
+
+def expected_speeds_rad_s(scene: Scene) -> FloatArray:
+    """Return the crank's speed at equal intervals of a run, (n,), as far as it is known: else the start's."""
+    motion = crank_motion(scene)
+    speed = scene.start.crank_speed_rad_s
+    if motion is None:
+        return np.full(SPEEDS, speed)
+    return motion.speed_rad_s(np.linspace(0.0, scene.end_time_s, SPEEDS))
 
 
 def motor_torque(scene: Scene, speed_rad_s: FloatArray) -> FloatArray:
