@@ -2,141 +2,39 @@
 
 With the crank angle theta as the only coordinate every body coordinate is a function X(theta), so the
 motion is  J(theta) theta'' + J'(theta) theta'^2 / 2 = Q - V'(theta)  (Eksergian 1930), and the forces follow
-by Newton's law body by body, slider first. Nothing here is shared with the solvers under test.
+by Newton's law body by body, slider first. Q is the drive's torque and the slider's load times dx/dtheta.
+Nothing here is shared with the solvers under test.
 """
 
-import math
-from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.scene import Scene
+from studies.judges.ideal_drive import drive_torque
+from studies.judges.ideal_load import load_works_J, slider_force
+from studies.judges.ideal_motion import configuration as configuration
+from studies.judges.ideal_motion import crank_acceleration as crank_acceleration
+from studies.judges.ideal_motion import crank_motion, masses, slider_slope
+from studies.judges.ideal_motion import slider_position_m as slider_position_m
 
-RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-13, 1e-17
 #: Least number of pieces that a run is cut into, for the truth and for its repeats: from 200 on the energy
 #: integral of the library's ideal scenes holds to 5e-14, which is round-off.
 PIECES, REPEAT_PIECES = 400, (500, 640)
 
-#: Nine coordinates or their derivatives, each a number or an array: crank, rod, slider by (x, y, phi).
-Rows = tuple[Any, ...]
-
-
-def configuration(scene: Scene, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return X, dX/dtheta and d2X/dtheta2, each (n, 3, 3): crank, rod, slider by (x, y, phi)."""
-    X, X_1, X_2 = (
-        np.stack(np.broadcast_arrays(theta, *rows)[1:], axis=-1).reshape(*theta.shape, 3, 3)
-        for rows in _coordinates(scene, theta, np)
-    )
-    return X, X_1, X_2
-
-
-def slider_position_m(scene: Scene, theta: FloatArray) -> FloatArray:
-    """Return where the slider is, (n,) in m, with ideal joints at crank angles (n,) in rad."""
-    return np.asarray(_coordinates(scene, theta, np)[0][6])
-
-
-def _coordinates(scene: Scene, theta: Any, of: Any) -> tuple[Rows, Rows, Rows]:
-    """Return the nine rows of ``configuration`` with the functions of ``of``: numpy, or math for a number."""
-    crank, rod, _ = scene.crank_slider()
-    r, length = crank.length_m, rod.length_m
-    s, d = crank.centre_of_mass_m, rod.centre_of_mass_m
-    cos, sin = of.cos(theta), of.sin(theta)
-    # Loop closure r sin(theta) + L sin(phi) = 0, differentiated twice.
-    sin_phi = -r / length * sin
-    cos_phi = of.sqrt(1 - sin_phi**2)
-    phi_1 = -r / length * cos / cos_phi
-    phi_2 = (r / length * sin + sin_phi * phi_1**2) / cos_phi
-    rod_x_1, rod_y_1 = -sin_phi * phi_1, cos_phi * phi_1
-    rod_x_2 = -cos_phi * phi_1**2 - sin_phi * phi_2
-    rod_y_2 = -sin_phi * phi_1**2 + cos_phi * phi_2
-    return (
-        (
-            *(s * cos, s * sin, theta),
-            *(r * cos + d * cos_phi, r * sin + d * sin_phi, of.asin(sin_phi)),
-            *(r * cos + length * cos_phi, 0.0, 0.0),
-        ),
-        (
-            *(-s * sin, s * cos, 1.0),
-            *(-r * sin + d * rod_x_1, r * cos + d * rod_y_1, phi_1),
-            *(-r * sin + length * rod_x_1, 0.0, 0.0),
-        ),
-        (
-            *(-s * cos, -s * sin, 0.0),
-            *(-r * cos + d * rod_x_2, -r * sin + d * rod_y_2, phi_2),
-            *(-r * cos + length * rod_x_2, 0.0, 0.0),
-        ),
-    )
-
-
-def _masses(scene: Scene) -> FloatArray:
-    """Return the diagonal of the mass matrix by body and coordinate, (3, 3)."""
-    return np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
-
-
-def crank_acceleration(scene: Scene, of: Any = np) -> Callable[[Any, Any], Any]:
-    """Return theta'' in rad/s^2 as a function of theta and theta' by Eksergian's equation.
-
-    Of arrays (n,), or with ``math`` for ``of`` of numbers, ten times as fast. It is zero under a
-    constant-speed drive.
-    """
-    if scene.drive.kind == "constant-speed":
-        return lambda theta, _: 0.0 * theta
-    m, g = _masses(scene).ravel().tolist(), scene.gravity_m_s2
-    Q = scene.drive.torque_N_m if scene.drive.kind == "torque" else 0.0
-
-    def acceleration(theta: Any, speed: Any) -> Any:
-        _, X_1, X_2 = _coordinates(scene, theta, of)
-        J = sum(mass * x * x for mass, x in zip(m, X_1, strict=True))
-        J_1 = 2 * sum(mass * x * y for mass, x, y in zip(m, X_1, X_2, strict=True))
-        V_1 = g * sum(mass * y for mass, y in zip(m[1::3], X_1[1::3], strict=True))
-        return (Q - V_1 - J_1 * speed**2 / 2) / J
-
-    return acceleration
-
-
-def _crank_motion(scene: Scene, time_s: FloatArray, pieces: int) -> tuple[FloatArray, FloatArray]:
-    """Return theta and theta' (n,) at the times; every sample ends an integration, none is interpolated."""
-    start = scene.start
-    if scene.drive.kind == "constant-speed":
-        speed = np.full_like(time_s, start.crank_speed_rad_s)
-        return start.crank_angle_rad + start.crank_speed_rad_s * time_s, speed
-
-    acceleration = crank_acceleration(scene, math)
-    per_sample = -(-pieces // (len(time_s) - 1))
-    cuts = np.linspace(time_s[0], time_s[-1], per_sample * (len(time_s) - 1) + 1)
-    states, lost = [np.array([start.crank_angle_rad, start.crank_speed_rad_s])], np.zeros(2)
-    for begin, end in pairwise(cuts):
-        # Only the deviation from uniform turning is integrated, and the rounding of each sum is carried on
-        # (Kahan 1965): round-off does not build up with the number of turns.
-        theta, speed = states[-1].tolist()
-
-        def derivative(
-            elapsed: float, y: FloatArray, theta: float = theta, speed: float = speed
-        ) -> list[float]:
-            deviation, rate = y.tolist()
-            return [rate, acceleration(theta + speed * elapsed + deviation, speed + rate)]
-
-        run = solve_ivp(
-            derivative, (0, end - begin), [0, 0], "DOP853", rtol=RELATIVE_TOLERANCE, atol=ABSOLUTE_TOLERANCE
-        )
-        change = run.y[:, -1] + [speed * (end - begin), 0] + lost
-        states.append(states[-1] + change)
-        lost = change - (states[-1] - states[-2])
-    angles, speeds = np.array(states[::per_sample]).T
-    return angles, speeds
-
 
 def _reactions(
-    scene: Scene, X: FloatArray, acceleration: FloatArray
+    scene: Scene, X: FloatArray, acceleration: FloatArray, load_N: FloatArray | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return joint forces (n, 3, 2), guide force (n,) and driver torque (n,), slider first."""
-    inertial = _masses(scene) * acceleration
-    inertial[..., 1] += _masses(scene)[:, 0] * scene.gravity_m_s2  # every force but the joints' moved left
+    """Return joint forces (n, 3, 2), guide force (n,) and driver torque (n,), slider first.
+
+    ``load_N`` (n,) is the load on the slider, None without one.
+    """
+    inertial = masses(scene) * acceleration
+    inertial[..., 1] += masses(scene)[:, 0] * scene.gravity_m_s2  # every force but the joints' moved left
+    if load_N is not None:
+        inertial[:, 2, 0] -= load_N
     crank, rod, slider = (inertial[:, i] for i in range(3))
     _, link, _ = scene.crank_slider()
     length, d = link.length_m, link.centre_of_mass_m
@@ -171,19 +69,24 @@ def exact(scene: Scene, samples: int, pieces: int = PIECES) -> Trajectory:
     if scene.joints_with_clearance:
         raise ValueError(f"no minimal-coordinate truth for clearance at {scene.joints_with_clearance}")
     time = np.linspace(0.0, scene.end_time_s, samples + 1)
-    theta, speed = _crank_motion(scene, time, pieces)
+    motion = crank_motion(scene, time, pieces)
+    theta, speed, theta_2 = motion.theta, motion.speed, motion.theta_2
     X, X_1, X_2 = configuration(scene, theta)
     velocity = X_1 * speed[:, None, None]
-    theta_2 = crank_acceleration(scene)(theta, speed)
     acceleration = X_1 * theta_2[:, None, None] + X_2 * (speed**2)[:, None, None]
-    joint_force, guide_force, torque = _reactions(scene, X, acceleration)
-    work = None
+    x, load = X[:, 2, 0], slider_force(scene)
+    load_N = None if load is None else load(theta, x, velocity[:, 2, 0])
+    joint_force, guide_force, torque = _reactions(scene, X, acceleration, load_N)
+    load_works = load_works_J(scene, theta, x, motion.squares, slider_slope(scene))
+    work = motion.motor_work_J
     if scene.drive.kind == "torque":
         work = scene.drive.torque_N_m * (theta - theta[0])
-    elif scene.drive.kind == "constant-speed":
-        m, g = _masses(scene), scene.gravity_m_s2
+    elif scene.drive.kind == "motor":
+        torque = drive_torque(scene)(speed)
+    elif scene.speed_is_prescribed:
+        m, g = masses(scene), scene.gravity_m_s2
         energy = np.sum(m * velocity**2, axis=(1, 2)) / 2 + g * np.sum(m[:, 0] * X[:, :, 1], axis=1)
-        work = energy - energy[0]
+        work = energy - energy[0] - sum(load_works.values())
     return Trajectory(
         time_s=time,
         position=X,
@@ -192,6 +95,7 @@ def exact(scene: Scene, samples: int, pieces: int = PIECES) -> Trajectory:
         guide_normal_force_N=guide_force,
         driver_torque_N_m=None if work is None else torque,
         driver_work_J=work,
+        load_work_J=load_works,
         step_s=scene.end_time_s / samples,
         steps=samples,
         solve_time_s=0.0,

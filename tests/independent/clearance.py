@@ -14,6 +14,8 @@ from scipy.integrate import solve_ivp
 
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.scene.scene import Clearance, Scene
+from tests.independent.prescribed_speed import PrescribedSpeed, prescribed_speed, speed_at_start
+from tests.independent.slider_load import slider_load, torque_on_crank
 
 FloatArray = NDArray[np.float64]
 
@@ -64,9 +66,12 @@ class Tree:
     places: list[Place] = field(init=False)
     joints: dict[str, tuple[Place, Place, int | None, int]] = field(init=False)
     size: int = field(init=False)
+    motion: PrescribedSpeed | None = field(init=False)
 
     def __post_init__(self) -> None:
-        self.free = [0, 1, 2]
+        self.motion, self.load_at = prescribed_speed(self.scene), slider_load(self.scene)
+        prescribed = self.motion is not None
+        self.free = [0, 1, 2][prescribed:]
         if not self.scene.is_crank_slider:  # a pendulum: theta, then its centre's y and x
             place = Place({0: 2, 1: 1})
             self.size, self.places = 3, [place]
@@ -96,10 +101,12 @@ class Tree:
             "B": (rod_place.plus(length - d, phi), slider, phi, -1),
         }
         self.joints = {name: self.joints[name] for name in self.scene.joints_with_clearance}
-        self.free = [k for k in range(count) if k or self.scene.drive.kind != "constant-speed"]
+        self.free = list(range(prescribed, count))
 
-    def accelerations(self, u: FloatArray, rate: FloatArray, contacts: dict[str, float]) -> FloatArray:
-        """Return u'' (n,) with the contacts named in force, each with its a/v0."""
+    def accelerations(
+        self, t: float, u: FloatArray, rate: FloatArray, contacts: dict[str, float]
+    ) -> tuple[FloatArray, float]:
+        """Return u'' (n,) with the contacts named in force, each with its a/v0, and the drive's torque."""
         M, Q = np.zeros((self.size, self.size)), np.zeros(self.size)
         for part, place in zip(self.scene.bodies, self.places, strict=True):
             J, bias = place.slopes(u, rate)
@@ -108,21 +115,31 @@ class Tree:
         M[0, 0] += self.scene.crank.inertia_kg_m2
         if self.scene.rod is not None:
             M[1, 1] += self.scene.rod.inertia_kg_m2
-        Q[0] += getattr(self.scene.drive, "torque_N_m", 0.0)
+        if self.scene.is_crank_slider:
+            Q[2] += sum(self.load_at(u[0], u[2], rate[2]).values())
         for name, damping in contacts.items():
-            Q += self.contact_force(name, u, rate, damping)
-        acceleration = np.zeros(self.size)
+            Q += self.contact_force(name, u, rate, damping)[0]
+        acceleration, torque = np.zeros(self.size), 0.0
+        if self.motion is None:
+            torque = torque_on_crank(self.scene, rate[0])
+            Q[0] += torque
+        else:
+            acceleration[0] = self.motion.acceleration(t)
         free = np.ix_(self.free, self.free)
-        acceleration[self.free] = np.linalg.solve(M[free], Q[self.free])
-        return acceleration
+        acceleration[self.free] = np.linalg.solve(M[free], (Q - M @ acceleration)[self.free])
+        if self.motion is not None:
+            torque = float(M[0] @ acceleration - Q[0])
+        return acceleration, torque
 
     def gap(self, name: str, u: FloatArray) -> FloatArray:
         """Return pin centre less bearing centre, (2,)."""
         bearing, pin, *_ = self.joints[name]
         return pin.at(u) - bearing.at(u)
 
-    def contact_force(self, name: str, u: FloatArray, rate: FloatArray, damping: float) -> FloatArray:
-        """Return the generalised force (n,) of one contact."""
+    def contact_force(
+        self, name: str, u: FloatArray, rate: FloatArray, damping: float
+    ) -> tuple[FloatArray, float]:
+        """Return the generalised force (n,) of one contact, and its normal force."""
         bearing, pin, turn_i, turn_j = self.joints[name]
         clearance: Clearance = getattr(self.scene.clearance, name)
         J = pin.slopes(u, rate)[0] - bearing.slopes(u, rate)[0]
@@ -132,6 +149,8 @@ class Tree:
         t = np.array([-n[1], n[0]])
         depth, d_rate = max(distance - clearance.radial_clearance_m, 0.0), J @ rate
         force = stiffness_of(clearance) * depth ** exponent_of(clearance) * (1 + damping * n @ d_rate)
+        if not clearance.may_pull:
+            force = max(force, 0.0)
         Q = -force * J.T @ n
         if clearance.friction is not None:
             arms = {turn_i: clearance.bearing_radius_m + depth / 2}
@@ -143,28 +162,36 @@ class Tree:
             speed = slide @ rate
             share = np.tanh(speed / clearance.friction.regularisation_speed_m_s)
             Q = Q - clearance.friction.coefficient * force * share * slide
-        return np.asarray(Q)
+        return np.asarray(Q), float(force)
 
 
 @dataclass(frozen=True)
 class Run:
-    """Slider positions at the times, and touches (time, joint, approach speed)."""
+    """Slider positions at the times, and touches (time, joint, approach speed).
+
+    At the times too, (n,) each: the slider's velocity, the torque on the crank and each contact's normal
+    force.
+    """
 
     slider_position_m: FloatArray
     touches: list[tuple[float, str, float]]
+    slider_velocity_m_s: FloatArray
+    driver_torque_N_m: FloatArray
+    normal_force_N: dict[str, FloatArray]
 
 
 def integrate(scene: Scene, times: FloatArray, rtol: float) -> Run:
     """Integrate from the ideal joints' assembly, event by event, with DOP853 at a relative tolerance."""
     tree = Tree(scene)
     y, active, touches = _start(tree), dict[str, float](), list[tuple[float, str, float]]()
-    n, t, positions = tree.size, times[0], [y[2]]
+    n, t, states = tree.size, times[0], [(times[0], y, dict(active))]
 
-    def make_event(name: str, sign: float) -> Callable[[float, FloatArray], float]:
+    def make_event(name: str, sign: float, begin: float) -> Callable[[float, FloatArray], float]:
         c = getattr(scene.clearance, name).radial_clearance_m
 
-        def event(_: float, y: FloatArray) -> float:
-            return float(np.hypot(*tree.gap(name, y[:n])) - c)
+        def event(t: float, y: FloatArray) -> float:
+            # A leg may begin on the surface, inside or outside by rounding: its end is yet to come.
+            return -sign if t == begin else float(np.hypot(*tree.gap(name, y[:n])) - c)
 
         event.terminal, event.direction = True, sign  # type: ignore[attr-defined]
         return event
@@ -172,10 +199,10 @@ def integrate(scene: Scene, times: FloatArray, rtol: float) -> Run:
     while t < times[-1]:
         now = dict(active)
 
-        def derivative(_: float, y: FloatArray, now: dict[str, float] = now) -> FloatArray:
-            return np.concatenate([y[n:], tree.accelerations(y[:n], y[n:], now)])
+        def derivative(t: float, y: FloatArray, now: dict[str, float] = now) -> FloatArray:
+            return np.concatenate([y[n:], tree.accelerations(t, y[:n], y[n:], now)[0]])
 
-        events = [make_event(name, -1.0 if name in active else 1.0) for name in tree.joints]
+        events = [make_event(name, -1.0 if name in active else 1.0, t) for name in tree.joints]
         longest = 2e-6 if active else 2e-5
         wanted = times[times > t]
         run = solve_ivp(
@@ -189,19 +216,38 @@ def integrate(scene: Scene, times: FloatArray, rtol: float) -> Run:
             max_step=longest,
             dense_output=True,
         )
-        positions += [float(run.sol(at)[2]) for at in wanted[wanted <= run.t[-1]]]
+        states += [(at, run.sol(at), now) for at in wanted[wanted <= run.t[-1]]]
         t, y = run.t[-1], run.y[:, -1]
         for name, hits in zip(tree.joints, run.t_events, strict=True):
             if len(hits) and hits[-1] == t:
                 _switch(tree, name, t, y, active, touches)
-    return Run(np.array(positions), touches)
+    return _run(tree, states, touches)
+
+
+def _run(
+    tree: Tree,
+    states: list[tuple[float, FloatArray, dict[str, float]]],
+    touches: list[tuple[float, str, float]],
+) -> Run:
+    """Return the run from its states at the times, each with the contacts then in force."""
+    n = tree.size
+    normal: dict[str, list[float]] = {name: [] for name in tree.joints}
+    torque = []
+    for at, y, active in states:
+        torque.append(tree.accelerations(at, y[:n], y[n:], active)[1])
+        for name, forces in normal.items():
+            in_force = name in active
+            forces.append(tree.contact_force(name, y[:n], y[n:], active[name])[1] if in_force else 0.0)
+    sampled = np.array([y for _, y, _ in states])
+    forces_N = {name: np.array(forces) for name, forces in normal.items()}
+    return Run(sampled[:, 2], touches, sampled[:, n + 2], np.array(torque), forces_N)
 
 
 def _start(tree: Tree) -> FloatArray:
     """Return coordinates and rates of the ideal assembly at the scene's start angle, which must be zero."""
     scene = tree.scene
     assert scene.start.crank_angle_rad == 0
-    s, r, omega = scene.crank.centre_of_mass_m, scene.crank.length_m, scene.start.crank_speed_rad_s
+    s, r, omega = scene.crank.centre_of_mass_m, scene.crank.length_m, speed_at_start(scene)
     u, rate = np.zeros((2, tree.size))
     if scene.rod is None:
         u[2], rate[0], rate[1] = s, omega, s * omega
