@@ -7,7 +7,7 @@ import pydantic
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
 from engine_models.exudyn.contact_law import native_twin
 from engine_models.exudyn.fast_build import load_build, require_build
-from engine_models.exudyn.settings import IMPLICIT, ExudynSettings, no_tree
+from engine_models.exudyn.settings import IMPLICIT, ExudynSettings, integrates_work, no_tree
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.scene.scene import Scene
@@ -78,5 +78,5 @@ class ExudynEngine(ExudynSettings):
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""
         if scene.joints_with_clearance:
             return run.samples * run.steps_per_sample(scene.end_time_s), BYTES_PER_STEP_WITH_CONTACT
-        driven = scene.drive.kind == "constant-speed"
-        return driven * run.samples * run.steps_per_sample(scene.end_time_s), BYTES_PER_STEP
+        steps = run.samples * run.steps_per_sample(scene.end_time_s)
+        return integrates_work(scene) * steps, BYTES_PER_STEP

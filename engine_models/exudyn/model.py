@@ -2,7 +2,7 @@
 
 The absolute model has planar bodies and a constraint for every ideal joint; implicit solvers run it. The
 slider is a mass on its own guide coordinate, so the guide needs no constraint and costs no multiplier. The
-tree model has no constraint at all: the ideal joints are those of a kinematic tree, and a constant crank
+tree model has no constraint at all: the ideal joints are those of a kinematic tree, and a prescribed crank
 speed is kept by a flywheel. Explicit solvers run it. A joint with clearance is a contact in both. All
 coordinates that Exudyn solves for are displacements from the assembled start.
 """
@@ -16,16 +16,15 @@ from exudyn import itemInterface
 
 from engine_models.engine import FloatArray
 from engine_models.exudyn.contact import add_contact
+from engine_models.exudyn.drive import FLYWHEEL_KG_M2, add_speed
 from engine_models.exudyn.kinematic_tree import TreeLink, tree_links, tree_start
+from engine_models.exudyn.loads import add_loads
 from engine_models.exudyn.motion import Part
 from engine_models.mechanics.joints import CRANK, SLIDER, clearances, ends, joint_gap
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.scene import Scene
 
 items: Any = itemInterface  # its constructors carry no types
-
-#: With this inertia in kg m^2 at the crank, no torque of a mechanism changes its speed by a rounding.
-FLYWHEEL_KG_M2 = 1e15
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,9 @@ class Model:
 
     ``joint_forces`` are those of the absolute model's ideal joints, each on the body further from the crank
     pivot. ``driver`` measures minus the torque on the crank and is None without the constraint of a
-    constant-speed drive. ``histories`` are those of the contacts, by joint. ``reference`` (bodies, 3) is the
-    start. Only the tree model has no constraint, ``tree`` being true.
+    prescribed speed. ``histories`` are those of the contacts, by joint. ``reference`` (bodies, 3) is the
+    start. Only the tree model has no constraint, ``tree`` being true. ``functions`` are those that Exudyn
+    evaluates in the run, kept because it does not keep them.
     """
 
     container: exu.SystemContainer
@@ -46,6 +46,7 @@ class Model:
     driver: int | None
     histories: dict[str, int]
     tree: bool
+    functions: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -93,14 +94,15 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
         else:
             connector = mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers))
             forces[joint] = _force_sensor(mbs, connector)
-    driver = None
-    if scene.drive.kind == "constant-speed" and not tree:
-        driver = _force_sensor(mbs, _add_speed(mbs, scene, bodies.parts[CRANK].node))
+    driver, functions = None, add_loads(mbs, scene, bodies.parts, position, flywheel=tree)
+    if scene.speed_is_prescribed and not tree:
+        constraint, of_time = add_speed(mbs, scene, bodies.parts[CRANK].node)
+        driver, functions = _force_sensor(mbs, constraint), functions + of_time
     if scene.drive.kind == "torque":
         torque = [0.0, 0.0, scene.drive.torque_N_m]
         mbs.AddLoad(items.LoadTorqueVector(markerNumber=bodies.marker(CRANK), loadVector=torque))
     mbs.Assemble()
-    return Model(container, mbs, position, bodies.parts, forces, driver, histories, tree)
+    return Model(container, mbs, position, bodies.parts, forces, driver, histories, tree, functions)
 
 
 def _add_bodies(
@@ -109,7 +111,7 @@ def _add_bodies(
     """Add all bodies at their start, each (bodies, 3), with their weights; those in chains as one tree."""
     links = tree_links(scene) if tree else ()
     inertias = [part.inertia_kg_m2 for part in scene.bodies]
-    if tree and scene.drive.kind == "constant-speed":
+    if tree and scene.speed_is_prescribed:
         inertias[CRANK] += FLYWHEEL_KG_M2
     parts: list[Part] = []
     objects: dict[int, Any] = {}
@@ -187,17 +189,6 @@ def _add_tree(
         gravity=[0.0, -scene.gravity_m_s2, 0.0],
     )
     return node, mbs.AddObject(tree)
-
-
-def _add_speed(mbs: exu.MainSystem, scene: Scene, crank_node: Any) -> Any:
-    """Add and return the constraint that keeps the crank's speed."""
-    crank_angle = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=crank_node, coordinate=2))
-    ground_node = mbs.AddNode(items.NodePointGround())
-    at_rest = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=ground_node, coordinate=0))
-    constraint = items.ObjectConnectorCoordinate(
-        markerNumbers=[at_rest, crank_angle], offset=scene.start.crank_speed_rad_s, velocityLevel=True
-    )
-    return mbs.AddObject(constraint)
 
 
 def _node_sensor(mbs: exu.MainSystem, node: Any, quantity: str) -> Any:

@@ -11,8 +11,10 @@ from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral
 from engine_models.exudyn.settings import IMPLICIT, ExudynSettings
 from engine_models.exudyn.solver import record_every, silence, simulation_settings, solve
-from engine_models.mechanics.joints import CRANK, clearances
+from engine_models.mechanics.crank_motion import crank_motion, motor_torque
+from engine_models.mechanics.joints import CRANK, SLIDER, clearances
 from engine_models.mechanics.reactions import contact_force, guide_force, reactions
+from engine_models.mechanics.slider_load import integrated_parts, slider_forces
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.scene.scene import Scene
 
@@ -60,26 +62,44 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
         for state, sensor in zip(states, part.sensors, strict=True):
             state[:, part.body, : len(part.start)] = _read(model, sensor, grid)
     forces = [_read(model, sensor, grid)[samples, :2] for sensor in model.joint_forces.values()]
-    torque: FloatArray | None = None
-    work: FloatArray | None = None
+    states[0] += model.reference
+    powers, torque = _powers(scene, states[0], states[1]), None
     if model.driver is not None:
         torque = -_read(model, model.driver, grid)[:, 0]
-        work = cumulative_trapezoid(torque * states[1, :, CRANK, 2], dx=step, initial=0.0)[samples]
+        powers["driver"] = torque * states[1, :, CRANK, 2]
         torque = torque[samples]
+    works = {
+        name: cumulative_trapezoid(power, dx=step, initial=0.0)[samples] for name, power in powers.items()
+    }
     force = np.stack(forces, axis=1)
     position, velocity = states[:, samples].copy()  # not a view, which would keep all steps
     return trajectory_of(
         scene,
-        position=position + model.reference,
+        position=position,
         velocity=velocity,
         joint_force_N=force,
         guide_normal_force_N=guide_force(scene, force),
         driver_torque_N_m=torque,
-        driver_work_J=work,
+        driver_work_J=works.pop("driver", None),
         step_s=step,
         steps=run.samples * per_sample,
         solve_time_s=solve_time_s,
+        load_work_J=works,
     )
+
+
+def _powers(scene: Scene, position: FloatArray, velocity: FloatArray) -> dict[str, FloatArray]:
+    """Return the powers (n,) in W, in states (n, bodies, 3), of what has no other work than their integral.
+
+    These are parts of the slider's load and, as "driver", a motor; a driver that prescribes the speed has
+    its torque from the run.
+    """
+    forces = slider_forces(scene, position, velocity)
+    powers = {part: forces[part] * velocity[:, SLIDER, 0] for part in integrated_parts(scene)}
+    if scene.drive.kind == "motor":
+        speed = velocity[:, CRANK, 2]
+        powers["driver"] = motor_torque(scene, speed) * speed
+    return powers
 
 
 def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
@@ -95,6 +115,7 @@ def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: 
         force, torque, work = _balances(scene, motion, time)
     else:
         force, torque, work = _multipliers(scene, model, motion, time)
+    works = _works(scene, motion, time)
     return trajectory_of(
         scene,
         position=position,
@@ -102,15 +123,30 @@ def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: 
         joint_force_N=force,
         guide_normal_force_N=guide_force(scene, force),
         driver_torque_N_m=torque,
-        driver_work_J=work,
+        driver_work_J=works.pop("driver", work),
         step_s=run.step_used_s(scene.end_time_s),
         steps=len(motion.time_s) - 1,
         solve_time_s=solve_time_s,
         contacts={name: contact_record(scene, name, motion, time) for name in scene.joints_with_clearance},
+        load_work_J=works,
     )
 
 
-#: Joint forces (n, joints, 2), driver torque (n,), driver work (n,); the last two for a constant speed only.
+def _works(scene: Scene, motion: Motion, time_s: FloatArray) -> dict[str, FloatArray]:
+    """Return the integrals of ``_powers`` since t = 0, at the samples (n,)."""
+
+    def at(time: FloatArray) -> FloatArray:
+        return np.stack([*_powers(scene, *motion.at(time)[:2]).values()])
+
+    names = [*_powers(scene, *motion.at(time_s[:1])[:2])]
+    if not names:
+        return {}
+    grid = np.union1d(motion.time_s, time_s)
+    sums = integral(grid, at)[:, np.searchsorted(grid, time_s)]
+    return dict(zip(names, sums, strict=True))
+
+
+#: Joint forces (n, joints, 2), driver torque (n,) and driver work (n,); these two for prescribed speeds only.
 Forces = tuple[FloatArray, FloatArray | None, FloatArray | None]
 
 
@@ -129,7 +165,7 @@ def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray)
         return force, None, None
     grid = np.union1d(motion.time_s, time_s)
     torque = at_samples(-_stored(model, model.driver)[:, 1:2], grid)[:, 0]
-    work = cumulative_trapezoid(torque * scene.start.crank_speed_rad_s, grid, initial=0.0)
+    work = cumulative_trapezoid(torque * _speed(scene, grid), grid, initial=0.0)
     sampled = np.searchsorted(grid, time_s)
     return force, torque[sampled], work[sampled]
 
@@ -144,11 +180,18 @@ def _balances(scene: Scene, motion: Motion, time_s: FloatArray) -> Forces:
         return force, torque
 
     force, torque = at(time_s)
-    if scene.drive.kind != "constant-speed":
+    if not scene.speed_is_prescribed:
         return force, None, None
     grid = np.union1d(motion.time_s, time_s)
-    work = scene.start.crank_speed_rad_s * integral(grid, lambda time: at(time)[1][None])[0]
+    work = integral(grid, lambda time: (at(time)[1] * _speed(scene, time))[None])[0]
     return force, torque, work[np.searchsorted(grid, time_s)]
+
+
+def _speed(scene: Scene, time_s: FloatArray) -> FloatArray:
+    """Return the crank's prescribed speed at times (n,)."""
+    motion = crank_motion(scene)
+    assert motion is not None
+    return motion.speed_rad_s(time_s)
 
 
 def _recorded_motion(scene: Scene, model: Model) -> Motion:

@@ -6,6 +6,7 @@ import pydantic
 from pydantic import Field
 
 from engine_models.engine import SETTINGS_CONFIG
+from engine_models.mechanics.slider_load import integrated_parts
 from engine_models.scene.scene import Scene
 
 IMPLICIT, ADAPTIVE = ("TrapezoidalIndex2", "GeneralizedAlpha"), ("DOPRI5", "ODE23")
@@ -62,6 +63,11 @@ def no_tree(scene: Scene) -> str:
     """Return why the scene has no model without constraints, nothing if it has one."""
     if not scene.joints_with_clearance:
         return "explicit solvers take no constraints, and ideal joints alone form a closed loop"
-    if scene.drive.kind == "constant-speed" and scene.joints_with_clearance == ("O",):
+    if scene.speed_is_prescribed and scene.joints_with_clearance == ("O",):
         return "with clearance at O alone no coordinate is the crank's angle, whose speed is prescribed"
     return ""
+
+
+def integrates_work(scene: Scene) -> bool:
+    """Return whether a work of the driver or of the load is an integral over every step."""
+    return scene.speed_is_prescribed or scene.drive.kind == "motor" or bool(integrated_parts(scene))

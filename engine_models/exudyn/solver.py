@@ -11,7 +11,7 @@ import exudyn as exu
 from engine_models import progress
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.exudyn.model import Model
-from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings
+from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.mechanics.joints import clearances
 from engine_models.pace import Pace
@@ -46,9 +46,9 @@ def silence() -> Iterator[None]:
 def record_every(scene: Scene, run: RunSettings) -> int:
     """Return how many steps of a run of ideal joints go by between two that are recorded.
 
-    It is 1 where the driver's work has to be integrated over every step, else samples are enough.
+    It is 1 where a work has to be integrated over every step, else samples are enough.
     """
-    return 1 if scene.drive.kind == "constant-speed" else run.steps_per_sample(scene.end_time_s)
+    return 1 if integrates_work(scene) else run.steps_per_sample(scene.end_time_s)
 
 
 def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
