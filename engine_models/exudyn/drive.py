@@ -19,24 +19,21 @@ items: Any = itemInterface  # its constructors carry no types
 FLYWHEEL_KG_M2 = HEAVY_KG = 1e15
 
 
-def add_speed(mbs: exu.MainSystem, scene: Scene, crank_node: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Add the constraint that keeps the crank's speed; return it, and the functions to be kept."""
+def add_speed(mbs: exu.MainSystem, scene: Scene, crank_node: Any) -> Any:
+    """Add and return the constraint that keeps the crank's speed."""
     crank_angle = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=crank_node, coordinate=2))
-    functions: tuple[Any, ...]
     if scene.drive.kind == "constant-speed":
         ground_node = mbs.AddNode(items.NodePointGround())
         other = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=ground_node, coordinate=0))
-        offset, functions = {"offset": scene.start.crank_speed_rad_s}, ()
+        beside: dict[str, Any] = {"offset": scene.start.crank_speed_rad_s}
     else:
-        other, offset, functions = _add_changing(mbs, scene)
-    constraint = items.ObjectConnectorCoordinate(
-        markerNumbers=[other, crank_angle], velocityLevel=True, **offset
-    )
-    return mbs.AddObject(constraint), functions
+        other, beside = _add_changing(mbs, scene)
+    sides = [other, crank_angle]
+    return mbs.AddObject(items.ObjectConnectorCoordinate(markerNumbers=sides, velocityLevel=True, **beside))
 
 
-def _add_changing(mbs: exu.MainSystem, scene: Scene) -> tuple[Any, dict[str, Any], tuple[Any, ...]]:
-    """Add what a crank of changing speed is held against; return its marker, the speed beside it, functions.
+def _add_changing(mbs: exu.MainSystem, scene: Scene) -> tuple[Any, dict[str, Any]]:
+    """Add what a crank of changing speed is held against; return its marker, and the speed beside its own.
 
     It is a heavy mass, pushed by a force. The ground would do, with all of the speed as a function of time
     beside it, which is exact at every step. But Exudyn takes that for a speed without acceleration as it
@@ -48,22 +45,21 @@ def _add_changing(mbs: exu.MainSystem, scene: Scene) -> tuple[Any, dict[str, Any
     motion, t = crank_motion(scene), symbolic.Real("t", 0.0)
     assert motion is not None
     unused = [symbolic.Real(name, 0.0) for name in ("itemNumber", "parameter")]
+    beside: dict[str, Any] = {}
     if isinstance(scene.drive, TableDrive):
-        force = HEAVY_KG * acceleration(scene, t)
+        own_speed, force = motion.start_speed_rad_s, HEAVY_KG * acceleration(scene, t)
         function = user_function(mbs, "LoadCoordinate", "loadUserFunction", [t, *unused[1:]], force)
-        speed_m_s, push = motion.start_speed_rad_s, {"load": 0.0, "loadUserFunction": function}
-        offset = {}
+        push: dict[str, Any] = {"load": 0.0, "loadUserFunction": function}
     else:
-        begin = float(motion.acceleration_rad_s2(np.zeros(1))[0])
-        rest = speed(scene, t) - begin * t
+        own_speed, begin = 0.0, float(motion.acceleration_rad_s2(np.zeros(1))[0])
+        push, rest = {"load": HEAVY_KG * begin}, speed(scene, t) - begin * t
         function = user_function(mbs, "ObjectConnectorCoordinate", "offsetUserFunction_t", [t, *unused], rest)
-        speed_m_s, push = 0.0, {"load": HEAVY_KG * begin}
-        offset = {"offsetUserFunction_t": function}
-    node = mbs.AddNode(items.Node1D(initialVelocities=[speed_m_s]))
+        beside = {"offsetUserFunction_t": function}
+    node = mbs.AddNode(items.Node1D(initialVelocities=[own_speed]))
     mbs.AddObject(items.ObjectMass1D(mass=HEAVY_KG, nodeNumber=node))
     marker = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
     mbs.AddLoad(items.LoadCoordinate(markerNumber=marker, **push))
-    return marker, offset, (function,)
+    return marker, beside
 
 
 def speed(scene: Scene, t: Any) -> Any:

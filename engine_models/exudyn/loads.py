@@ -26,14 +26,14 @@ items: Any = itemInterface  # its constructors carry no types
 
 def add_loads(
     mbs: exu.MainSystem, scene: Scene, parts: tuple[Part, ...], start: FloatArray, flywheel: bool
-) -> tuple[Any, ...]:
-    """Add the loads of a scene that starts at positions (bodies, 3), if it has any; return what to keep.
+) -> None:
+    """Add the loads of a scene that starts at positions (bodies, 3), if it has any.
 
     ``flywheel``: the crank has one and no constraint, so that a changing speed takes a torque here.
     """
     spins_up = flywheel and scene.speed_is_prescribed and scene.drive.kind != "constant-speed"
     if not (spins_up or scene.drive.kind == "motor" or parts_of(scene)):
-        return ()
+        return
     crank, slider = _coordinates(parts, CRANK), _coordinates(parts, SLIDER)
     load = scene.load.slider or SliderLoad(force_N=0.0)
     stiffness, free = load.spring_N_m or 0.0, load.free_position_m or 0.0
@@ -53,20 +53,17 @@ def add_loads(
     if spins_up:
         for k in _places(crank):
             forces[k] = forces[k] + FLYWHEEL_KG_M2 * acceleration(scene, t)
-    matrices = {
+    what: dict[str, Any] = {
         "massMatrix": np.zeros_like(damping),
         "stiffnessMatrix": stiffness * np.outer(slider, slider),
         "dampingMatrix": damping,
         "forceVector": constant,
     }
-    nodes = [part.node for part in parts]
-    if load.gas is None and not spins_up:
-        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=nodes, **matrices))
-        return ()
-    value, arguments = symbolic.Vector(forces), [t, number, q, rates]
-    function = user_function(mbs, "ObjectGenericODE2", "forceUserFunction", arguments, value)
-    mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=nodes, forceUserFunction=function, **matrices))
-    return (function,)
+    if spins_up or load.gas is not None:
+        value, arguments = symbolic.Vector(forces), [t, number, q, rates]
+        function = user_function(mbs, "ObjectGenericODE2", "forceUserFunction", arguments, value)
+        what["forceUserFunction"] = function
+    mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[part.node for part in parts], **what))
 
 
 def _places(coordinates: FloatArray) -> list[int]:

@@ -34,8 +34,7 @@ class Model:
     ``joint_forces`` are those of the absolute model's ideal joints, each on the body further from the crank
     pivot. ``driver`` measures minus the torque on the crank and is None without the constraint of a
     prescribed speed. ``histories`` are those of the contacts, by joint. ``reference`` (bodies, 3) is the
-    start. Only the tree model has no constraint, ``tree`` being true. ``functions`` are those that Exudyn
-    evaluates in the run, kept because it does not keep them.
+    start. Only the tree model has no constraint, ``tree`` being true.
     """
 
     container: exu.SystemContainer
@@ -46,7 +45,6 @@ class Model:
     driver: int | None
     histories: dict[str, int]
     tree: bool
-    functions: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -94,15 +92,15 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
         else:
             connector = mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers))
             forces[joint] = _force_sensor(mbs, connector)
-    driver, functions = None, add_loads(mbs, scene, bodies.parts, position, flywheel=tree)
+    add_loads(mbs, scene, bodies.parts, position, flywheel=tree)
+    driver = None
     if scene.speed_is_prescribed and not tree:
-        constraint, of_time = add_speed(mbs, scene, bodies.parts[CRANK].node)
-        driver, functions = _force_sensor(mbs, constraint), functions + of_time
+        driver = _force_sensor(mbs, add_speed(mbs, scene, bodies.parts[CRANK].node))
     if scene.drive.kind == "torque":
         torque = [0.0, 0.0, scene.drive.torque_N_m]
         mbs.AddLoad(items.LoadTorqueVector(markerNumber=bodies.marker(CRANK), loadVector=torque))
     mbs.Assemble()
-    return Model(container, mbs, position, bodies.parts, forces, driver, histories, tree, functions)
+    return Model(container, mbs, position, bodies.parts, forces, driver, histories, tree)
 
 
 def _add_bodies(

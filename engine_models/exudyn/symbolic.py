@@ -16,13 +16,13 @@ symbolic: Any = exu.symbolic  # type: ignore[attr-defined]
 def user_function(mbs: exu.MainSystem, item: str, name: str, arguments: Sequence[Any], value: Any) -> Any:
     """Return an item's user function of a name: a value, recorded of the arguments behind the system itself.
 
-    It has to be kept as long as the system is used. Exudyn's own ``CreateSymbolicUserFunction`` records
-    vectors without entries, of which nothing can be taken.
+    The item that gets it keeps it. Exudyn's own ``CreateSymbolicUserFunction`` records vectors without
+    entries, of which nothing can be taken, and the system among the arguments: then neither is ever freed.
     """
     kinds, _, (result, *_), *_ = itemInterface.userFunctionArgsDict[f"{item},{name}"]
     recorded = {
         "functionName": name,
-        "argList": [mbs, *arguments],
+        "argList": [None, *arguments],
         "argTypeList": kinds,
         "returnValue": value,
         "returnType": result,
