@@ -28,8 +28,6 @@ class ExudynEngine(ExudynSettings):
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
         native_twin(scene)
-        if scene.drive.kind not in ("free", "constant-speed", "torque") or scene.load.slider is not None:
-            raise UnsupportedScene("exudyn's model has no drive that knows the time, and no load")
         if self.solver_of(scene) not in IMPLICIT:
             reason = no_tree(scene)
             if reason:
