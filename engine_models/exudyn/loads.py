@@ -31,11 +31,16 @@ def add_loads(
 
     ``flywheel``: the crank has one and no constraint, so that a changing speed takes a torque here.
     """
+    load = scene.load.slider or SliderLoad(force_N=0.0)
     spins_up = flywheel and scene.speed_is_prescribed and scene.drive.kind != "constant-speed"
-    if not (spins_up or scene.drive.kind == "motor" or parts_of(scene)):
+    bodies = {SLIDER} if parts_of(scene) else set()
+    if spins_up or scene.drive.kind == "motor" or load.gas is not None:
+        bodies.add(CRANK)
+    # No node that is not needed: implicit solvers difference these forces by every coordinate.
+    parts = tuple(part for part in parts if bodies & {part.body, *(link.body for link in part.links)})
+    if not parts:
         return
     crank, slider = _coordinates(parts, CRANK), _coordinates(parts, SLIDER)
-    load = scene.load.slider or SliderLoad(force_N=0.0)
     stiffness, free = load.spring_N_m or 0.0, load.free_position_m or 0.0
     constant = ((load.force_N or 0.0) - stiffness * (start[-1, 0] - free)) * slider
     damping = (load.viscous_N_s_m or 0.0) * np.outer(slider, slider)
@@ -66,15 +71,15 @@ def add_loads(
     mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[part.node for part in parts], **what))
 
 
-def _places(coordinates: FloatArray) -> list[int]:
-    """Return where ones are among coordinates (n,)."""
-    return [int(k) for k in np.flatnonzero(coordinates)]
-
-
 def gas_force(gas: Gas, angle: Any) -> Any:
     """Return the force in N on the slider as an expression of the crank's angle in rad."""
     turn, first = 2 * math.pi, gas.crank_angle_rad[0]
     return piecewise(angle - turn * symbolic.floor((angle - first) / turn), gas.spline())
+
+
+def _places(coordinates: FloatArray) -> list[int]:
+    """Return where ones are among coordinates (n,)."""
+    return [int(k) for k in np.flatnonzero(coordinates)]
 
 
 def _coordinates(parts: tuple[Part, ...], body: int) -> FloatArray:
