@@ -1,0 +1,291 @@
+"""Speeds that change, motors and loads in the reference, held against minimal coordinates and themselves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine_models.engine import FloatArray, RunSettings, Trajectory
+from engine_models.mechanics.assembly import started_from
+from engine_models.mechanics.energy import energy_balance_residual_J, kinetic_energy_J
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.run import reference_run
+from engine_models.scene.drives import FluctuatingDrive, FreeDrive, MotorDrive, RampDrive, TableDrive
+from engine_models.scene.library import clearance, ideal_compressor, ideal_driven
+from engine_models.scene.loads import Loads, SliderLoad
+from engine_models.scene.scene import Clearances, Scene
+from reference_solver.equations import Equations, System
+from reference_solver.mechanism.motions import Course, Fluctuation, Ramp
+from reference_solver.mechanism.tables import PiecewiseCubic, piece
+from reference_solver.solver import Stabilisation, StepChoice
+from reference_solver.tape import Array, Scalar
+from studies.judges.ideal_truth import exact
+from studies.judges.metrics import errors
+from tests.independent.clearance import Run, integrate
+
+SAMPLES, END_S = 40, 0.016
+SPEED = ideal_driven().start.crank_speed_rad_s
+KNOTS = np.linspace(0.0, 0.0176, 12)
+TURNED = SPEED * KNOTS + 0.3 * np.sin(300 * KNOTS)
+LOAD = SliderLoad(force_N=30.0, viscous_N_s_m=5.0, spring_N_m=2000.0, free_position_m=0.1)
+GAS = ideal_compressor().load.slider.gas  # type: ignore[union-attr]
+
+
+def table(time_s: FloatArray, angle_rad: FloatArray) -> TableDrive:
+    return TableDrive(kind="table", time_s=tuple(time_s.tolist()), angle_rad=tuple(angle_rad.tolist()))
+
+
+def scene(speed: float, load: SliderLoad | None = None, **changes: object) -> Scene:
+    """Return set R without clearance, begun at a speed, with another drive and a load."""
+    start = ideal_driven().start.model_copy(update={"crank_speed_rad_s": speed})
+    new = {"start": start, "load": Loads(slider=load), "end_time_s": END_S, **changes}
+    return Scene.model_validate(ideal_driven().model_copy(update=new).model_dump())
+
+
+FLUCTUATING = FluctuatingDrive(kind="fluctuating", amplitude_rad_s=60.0, frequency_Hz=170.0, phase_rad=0.3)
+TABLE = table(KNOTS, TURNED)
+FIRST = float(TABLE.spline()(0.0, 1))
+CASES = {
+    # The ramp ends between two samples, and so do the table's pieces.
+    "ramp": scene(0.0, drive=RampDrive(kind="ramp", final_speed_rad_s=SPEED, ramp_time_s=0.0107)),
+    "fluctuating": scene(
+        SPEED,
+        drive=FluctuatingDrive(kind="fluctuating", amplitude_rad_s=60.0, frequency_Hz=170.0, phase_rad=0.3),
+    ),
+    "table": scene(float(table(KNOTS, TURNED).spline()(0.0, 1)), drive=table(KNOTS, TURNED)),
+    "motor": scene(50.0, drive=MotorDrive(kind="motor", stall_torque_N_m=20.0, no_load_speed_rad_s=300.0)),
+    "loads": scene(200.0, LOAD, drive=FreeDrive(kind="free")),
+    "loads of a driven crank": scene(SPEED, LOAD),
+    "gas": scene(100.0, SliderLoad(gas=GAS), drive=FreeDrive(kind="free")),
+    "gas by a table": scene(FIRST, SliderLoad(gas=GAS), drive=TABLE),
+}
+#: Steps of the ladder in s: the finest is still above round-off, the longest in the range of the order.
+STEPS = 4e-4 / np.array([3.0, 4.0, 6.0, 8.0])
+#: Where the crank's motion is given, RK4 has no error in what follows from it but round-off.
+ROUND_OFF = 1e-10
+#: The gas's force has a third derivative that jumps: RK4 keeps its order over that, but errors scatter with
+#: where steps lie on the knots, mostly to the better side.
+ORDER, ORDER_OF_GAS = (3.9, 4.1), (3.4, 5.5)
+
+
+def run(of: Scene, step: float, **settings: object) -> Trajectory:
+    engine = replace(ReferenceEngine(), **settings)  # type: ignore[arg-type]
+    return engine.simulate(of, RunSettings(step, SAMPLES))
+
+
+def misses(of: Scene, found: Trajectory, true: Trajectory) -> dict[str, float]:
+    """Return the largest error of every signal, of the works, and of the ledger."""
+    out = {name: float(error.max()) for name, error in errors(of, found, true).items()}
+    for name, work in found.load_work_J.items():
+        out[f"{name} work"] = float(np.abs(work - true.load_work_J[name]).max())
+    if true.driver_work_J is not None and found.driver_work_J is not None:
+        out["driver work"] = float(np.abs(found.driver_work_J - true.driver_work_J).max())
+    return out | {"ledger": float(np.abs(energy_balance_residual_J(of, found)).max())}
+
+
+def sizes_of(of: Scene, true: Trajectory) -> dict[str, float]:
+    """Return how large each of these is, works and ledger by the kinetic energy."""
+    nothing = replace(
+        true,
+        position=0 * true.position,
+        velocity=0 * true.velocity,
+        joint_force_N=0 * true.joint_force_N,
+        guide_normal_force_N=0 * true.joint_force_N[:, 0, 0],
+        driver_torque_N_m=None if true.driver_torque_N_m is None else 0 * true.driver_torque_N_m,
+    )
+    sizes, energy = misses(of, nothing, true), float(kinetic_energy_J(of, true).max())
+    return {name: energy if "work" in name or name == "ledger" else size for name, size in sizes.items()}
+
+
+#: Without stabilisation even a prescribed position is integrated, and drifts by the method's error.
+VARIANTS = [(name, "projection") for name in CASES] + [(name, "none") for name in ("ramp", "table")]
+
+
+@pytest.mark.parametrize(("name", "stabilisation"), VARIANTS)
+def test_every_signal_and_work_converges_at_order_four_to_minimal_coordinates(
+    name: str, stabilisation: str
+) -> None:
+    of, true = CASES[name], exact(CASES[name], SAMPLES)
+    sizes = sizes_of(of, true)
+    ladder = [misses(of, run(of, step, stabilisation=stabilisation), true) for step in STEPS]
+    judged = 0
+    for signal, size in sizes.items():
+        found = np.array([rung[signal] for rung in ladder])
+        if found.max() < ROUND_OFF * size:
+            continue
+        order = float(np.polyfit(np.log(STEPS), np.log(found), 1)[0])
+        low, high = ORDER_OF_GAS if "gas" in name else ORDER
+        assert low < order < high, f"{signal}: order {order:.2f} of {found}"
+        judged += 1
+    assert judged >= (len(sizes) if stabilisation == "none" else 2), "works and ledger at least"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_error_control_meets_minimal_coordinates(name: str) -> None:
+    of, true = CASES[name], exact(CASES[name], SAMPLES)
+    found = misses(of, run(of, END_S, method="dop853", tolerance=1e-12), true)
+    for signal, size in sizes_of(of, true).items():
+        # The embedded estimate of a step's error sees little of the gas's knots in it.
+        part = 1e-7 if "gas" in name else 1e-9
+        assert found[signal] < part * size, f"{signal}: {found[signal]:.1e} of {size:.1e}"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_both_faces_agree_to_round_off(name: str) -> None:
+    short = CASES[name].model_copy(update={"end_time_s": 0.002})
+    one, other = (run(short, 2e-4, kernel=kernel) for kernel in ("compiled", "readable"))
+    sizes = sizes_of(short, other)
+    for signal, apart in misses(short, one, other).items():
+        assert signal == "ledger" or apart < 1e-12 * sizes[signal], (
+            f"{signal}: {apart:.1e} of {sizes[signal]:.1e}"
+        )
+
+
+@pytest.mark.parametrize("name", ["ramp", "fluctuating", "table"])
+def test_a_frozen_C_dot_shows_in_position_forces_and_torque(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, right = CASES[name].model_copy(update={"end_time_s": END_S / 4}), Equations.system
+    true = exact(of, SAMPLES)
+
+    def frozen(self: Equations, t: Scalar, q: Array, v: Array) -> System:
+        system = right(self, t, q, v)
+        return replace(system, C_dot=0.0 * system.C_dot)
+
+    monkeypatch.setattr(Equations, "system", frozen)
+    sizes = sizes_of(of, true)
+    forces = ("joint_A_force_error_N", "driver_torque_error_N_m")
+    # A projection puts positions and speeds right again, and would hide what is wrong.
+    seen: dict[Stabilisation, tuple[str, ...]]
+    seen = {"none": ("slider_position_error_m", *forces), "projection": forces}
+    for stabilisation, signals in seen.items():
+        found = reference_run(of, RunSettings(1e-4, SAMPLES), StepChoice(1e-4), stabilisation, compiled=False)
+        off = misses(of, found, true)
+        for signal in signals:
+            assert off[signal] > 1e-3 * sizes[signal], f"{stabilisation}, {signal}: {off[signal]:.1e}"
+
+
+@pytest.mark.parametrize("settings", [{}, {"method": "dop853"}], ids=["rk4", "dop853"])
+@pytest.mark.parametrize("loose", [False, True], ids=["ideal", "clearance"])
+def test_a_table_of_a_straight_line_is_a_constant_speed(loose: bool, settings: dict[str, str]) -> None:
+    joints = Clearances(B=clearance(1e-4)) if loose else Clearances()
+    straight = table(KNOTS, 1.0 + SPEED * KNOTS)
+    of, constant = (
+        scene(SPEED, drive=drive, end_time_s=0.002, clearance=joints)
+        for drive in (straight, ideal_driven().drive)
+    )
+    one, other = (run(each, 5e-5, **settings) for each in (of, constant))
+    # Steps differ, since they land on the knots; contacts amplify what rounding leaves.
+    part = 1e-7 if loose else 1e-9
+    sizes = sizes_of(constant, other)
+    for signal in ("slider_position_error_m", "joint_B_force_error_N", "driver_torque_error_N_m"):
+        apart = misses(constant, one, other)[signal]
+        assert apart < part * sizes[signal], f"{signal}: {apart:.1e} of {sizes[signal]:.1e}"
+
+
+def test_the_end_of_a_ramp_goes_on_as_a_constant_speed() -> None:
+    drive, half = RampDrive(kind="ramp", final_speed_rad_s=SPEED, ramp_time_s=END_S / 2), SAMPLES // 2
+    whole = run(scene(0.0, drive=drive), 2e-5)
+    rest = scene(SPEED).model_copy(update={"end_time_s": END_S / 2})
+    rest = started_from(rest, whole.position[half], whole.velocity[half])
+    then = ReferenceEngine().simulate(rest, RunSettings(2e-5, half))
+    assert whole.velocity[half, 0, 2] == pytest.approx(SPEED, rel=1e-14)
+    assert then.driver_torque_N_m is not None
+    assert whole.driver_torque_N_m is not None
+    assert np.abs(then.slider_position_m - whole.slider_position_m[half:]).max() < 1e-12
+    assert np.abs(then.joint_force_N - whole.joint_force_N[half:]).max() < 1e-8
+    assert np.abs(then.driver_torque_N_m - whole.driver_torque_N_m[half:]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["ramp", "fluctuating", "table"])
+def test_a_run_begun_later_goes_by_the_drives_clock(name: str) -> None:
+    half, whole = SAMPLES // 2, run(CASES[name], 2e-5)
+    at = float(whole.time_s[half])
+    rest = started_from(CASES[name], whole.position[half], whole.velocity[half], at)
+    rest = rest.model_copy(update={"end_time_s": END_S - at})
+    then = ReferenceEngine().simulate(rest, RunSettings(2e-5, SAMPLES - half))
+    assert np.abs(then.position - whole.position[half:]).max() < 1e-11
+    assert np.abs(then.joint_force_N - whole.joint_force_N[half:]).max() < 1e-7
+
+
+#: With clearance: to the second contact, or further.
+LOOSE_S = {"ramp": 0.0038, "fluctuating": 5e-4, "motor": 0.003, "loads of a driven crank": 5e-4}
+JOINT = Clearances(B=clearance(1e-4, "hu-guo", 0.5))
+LOOSE = {n: CASES[n].model_copy(update={"end_time_s": end, "clearance": JOINT}) for n, end in LOOSE_S.items()}
+
+
+@pytest.mark.parametrize("name", LOOSE)
+def test_with_clearance_signals_converge_at_order_four_at_least_to_minimal_coordinates(name: str) -> None:
+    of, steps = LOOSE[name], 2e-5 / np.array([1.0, 1.5, 2.0])
+    times = np.linspace(0.0, of.end_time_s, SAMPLES + 1)
+    true, other = integrate(of, times, 1e-12), integrate(of, times, 3e-13)
+    assert len(true.touches) > 1
+    runs = [run(of, step) for step in steps]
+    for signal in sampled(runs[0]):
+        expected = sampled(true)[signal]
+        found = np.array([np.abs(sampled(one)[signal] - expected).max() for one in runs])
+        doubt, size = np.abs(sampled(other)[signal] - expected).max(), np.abs(expected).max()
+        assert found.max() > 10 * doubt, f"{signal}: {found} of an uncertainty of {doubt:.1e}"
+        assert found.min() < 1e-7 * size, f"{signal}: {found} of {size:.1e}"
+        order = float(np.polyfit(np.log(steps), np.log(found), 1)[0])
+        # Where two contacts' errors cancel at one of the steps it is higher.
+        assert order > 3.9, f"{signal}: order {order:.2f} of {found}"
+
+
+def sampled(of: Trajectory | Run) -> dict[str, FloatArray]:
+    """Return what runs of both kinds tell at the samples."""
+    normal = of.normal_force_N if isinstance(of, Run) else of.contacts["B"].normal_force_N
+    forces = normal["B"] if isinstance(normal, dict) else normal
+    out = {"position": of.slider_position_m, "velocity": of.slider_velocity_m_s, "normal force": forces}
+    return out if of.driver_torque_N_m is None else {**out, "torque": of.driver_torque_N_m}
+
+
+def test_a_table_is_its_spline_at_any_place_and_repeats() -> None:
+    from scipy.interpolate import CubicSpline
+
+    from engine_models.reference.model import _pieces
+
+    x = np.array([0.3, 0.5, 1.1, 1.6, 2.4])
+    for kind, y, period in (
+        ("not-a-knot", [1.0, -2.0, 0.5, 3.0, 2.0], 0.0),
+        ("periodic", [1.0, -2.0, 0.5, 3.0, 1.0], 2.1),
+    ):
+        spline = CubicSpline(x, y, bc_type=kind)
+        table = _pieces(spline, period)
+        for at in (0.3, 0.31, 0.5, 1.0999, 1.6, 2.3999, 2.4, -1.0, 4.0, 17.3):
+            assert table.at(at) == pytest.approx([float(spline(at, k)) for k in range(3)], rel=1e-9, abs=1e-9)
+        # Of two tables in one array, each is found from the end.
+        behind = np.concatenate([table.rows, np.arange(15.0)])
+        found = piece(behind, table.placed(15).place, table.placed(15).pieces, period, 1.3)
+        assert found == piece(np.array(table.rows), -len(table.rows), 4.0, period, 1.3)
+
+
+def test_motions_are_integral_and_derivative_of_their_speeds() -> None:
+    from numpy.polynomial.legendre import leggauss
+
+    from reference_solver.mechanism.motions import MOTIONS
+
+    rows = (0.0, 0.0, 2.0, 0.5, -1.0, 0.7, 0.7 * (2.0 + 0.7 * (0.5 - 0.7)), 1.0, -1.0, 2.0)
+    motions = [
+        Ramp(3.0, -5.0, 0.4),
+        Ramp(0.0, 5.0, 0.4, -0.1),
+        Fluctuation(3.0, 2.0, 7.0, 0.4),
+        Course(PiecewiseCubic(rows)),
+    ]
+    nodes, weights = leggauss(12)
+    for motion in motions:
+        turn = MOTIONS[type(motion)]
+        for begin, end in ((0.0, 0.2), (0.25, 0.29), (0.5, 0.65)):
+            half = (end - begin) / 2
+            points = [begin + half * (1 + node) for node in nodes]
+            turned, gained = (
+                half * sum(w * turn(motion, t)[k] for w, t in zip(weights, points, strict=True))
+                for k in (1, 2)
+            )
+            assert turn(motion, end)[0] - turn(motion, begin)[0] == pytest.approx(
+                turned, rel=1e-12, abs=1e-13
+            )
+            assert turn(motion, end)[1] - turn(motion, begin)[1] == pytest.approx(
+                gained, rel=1e-12, abs=1e-13
+            )
+        assert turn(motion, 0.0)[0] == 0
