@@ -29,21 +29,21 @@ class Model:
 
 
 def crank_is_kinematic(scene: Scene) -> bool:
-    """Return whether the crank is a kinematic body with its origin at O: at constant speed in an ideal joint.
+    """Return whether the crank is a kinematic body with its origin at O: at a given speed in an ideal joint.
 
     It needs no joint there, and no mass.
     """
-    return scene.drive.kind == "constant-speed" and scene.clearance.O is None
+    return scene.speed_is_prescribed and scene.clearance.O is None
 
 
 def build(scene: Scene, iterations: int, error_bias: float) -> tuple[pymunk.Space, Bodies]:
     """Return the space at t = 0 and its crank, rod and slider, or its crank alone.
 
-    The slider cannot turn. A crank at constant speed with clearance at O is free to move but cannot change
-    its spin: its moment of inertia is infinite. There are no shapes, so nothing can ever touch.
+    The slider cannot turn. A crank at a given speed with clearance at O is free to move, but its spin is not:
+    its moment of inertia is infinite. There are no shapes, so nothing can ever touch.
     """
     position, velocity = checked_start(scene)
-    driven = scene.drive.kind == "constant-speed"
+    driven = scene.speed_is_prescribed
     if crank_is_kinematic(scene):
         crank = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         position[0, :2] = velocity[0, :2] = 0.0

@@ -1,5 +1,6 @@
 """One run of a Pymunk model: what the states and contacts of its steps say at the samples."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, gaps
 from engine_models.mechanics.reactions import reactions
 from engine_models.mechanics.samples import joined, selected
@@ -22,6 +24,7 @@ from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.pymunk.contact_log import ContactLog
 from engine_models.pymunk.model import Model, crank_is_kinematic
 from engine_models.pymunk.stepping import Block, Timing, run
+from engine_models.pymunk.works import DRIVER, Works
 from engine_models.scene.scene import Scene
 
 #: With a joint this many crank lengths apart the bodies are no mechanism any more, and the run has failed.
@@ -47,9 +50,10 @@ class Samples:
         self._clearances, self._half_kick_start = clearances(model.scene), half_kick_start
         self._logs = {name: ContactLog() for name in model.contacts}
         self._parts: list[dict[str, FloatArray]] = []
+        self._load_works: list[dict[str, FloatArray]] = []
         self._contact_parts: dict[str, list[Contact]] = {name: [] for name in self._logs}
         self._last_v: FloatArray | None = None
-        self._work = 0.0
+        self._works = Works(model.scene, self.timing.dt)
 
     def take(self, block: Block, x: FloatArray, v: FloatArray) -> None:
         """Work off a block from what was read of it.
@@ -69,17 +73,18 @@ class Samples:
         if not len(wanted):
             return
         struck = np.isin(wanted, np.concatenate(rigid)) if rigid else np.zeros(len(wanted), dtype=bool)
-        position, velocity, acceleration = self._motion(block, x, v, before, struck)
+        position, velocity, mean, acceleration = self._motion(block, x, v, before, struck)
         gap = gaps(scene, position)
-        require_the_mechanism(scene, position, gap, np.asarray(dt * wanted, dtype=np.float64))
+        require_the_mechanism(scene, position, gap, self.timing.times_s(wanted))
         # A kick's work is half done at its own time, unless it strikes: then all is to come (or all over).
         share = np.where(struck, 0.0 if self._half_kick_start else 1.0, 0.5)
         contacts = {
             name: log.contact(self._clearances[name], gap[name], wanted, share, dt)
             for name, log in self._logs.items()
         }
-        force, guide, torque = reactions(scene, position, velocity, acceleration, contacts)
-        driven = scene.drive.kind == "constant-speed"
+        felt = mean if self._half_kick_start else velocity  # by dampers in these kicks
+        force, guide, torque = reactions(scene, position, felt, acceleration, contacts)
+        works = self._works.since_start(wanted, share, position, felt, mean, torque)
         sampled = wanted % self.timing.per_sample == 0
         arrays = {
             "position": position,
@@ -87,18 +92,17 @@ class Samples:
             "joint_force_N": force,
             "guide_normal_force_N": guide,
             "driver_torque_N_m": torque,
-            "driver_work_J": self._driver_work(torque, share, wanted) if driven else None,
+            "driver_work_J": works.pop(DRIVER, None),
         }
         self._parts.append({name: array[sampled] for name, array in arrays.items() if array is not None})
+        self._load_works.append({part: work[sampled] for part, work in works.items()})
         for name, contact in contacts.items():
             self._contact_parts[name].append(selected(contact, sampled))
 
     def trajectory(self, solve_time_s: float) -> Trajectory:
         """Return the trajectory at all samples."""
         dt, steps = self.timing.dt, self.timing.steps
-        arrays: dict[str, Any] = {
-            name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]
-        }
+        arrays: dict[str, Any] = _joined(self._parts)
         contacts = {
             name: replace(joined(self._contact_parts[name]), impacts=log.impacts(dt, steps))
             for name, log in self._logs.items()
@@ -110,6 +114,7 @@ class Samples:
             steps=steps,
             solve_time_s=solve_time_s,
             contacts=contacts,
+            load_work_J=_joined(self._load_works),
         )
 
     def _motion(
@@ -119,10 +124,11 @@ class Samples:
         v: FloatArray,
         last_v: FloatArray | None,
         struck: NDArray[np.bool_],
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return position, velocity, acceleration (n, bodies, 3) at the wanted steps, from all that was read.
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return position, velocity, mean velocity, acceleration (n, bodies, 3) at the wanted steps.
 
-        ``last_v`` (bodies, 3) was read before the block.
+        They come from all that was read of the block, and ``last_v`` (bodies, 3), which was read before it.
+        The mean is that of the velocities before and after a kick.
         """
         scene, dt, wanted = self._scene, self.timing.dt, block.wanted
         at = np.searchsorted(block.read, wanted)
@@ -134,42 +140,38 @@ class Samples:
         kick_1, kick_2, kick_3, kick_4 = np.diff(v[:5], axis=0) / dt if begins else np.zeros(4)
         if begins:
             acceleration[0] = kick_1
+            before[0] = start_state(scene)[1]
+        if begins and self._half_kick_start:
+            acceleration[0] = 6 * kick_2 - 8 * kick_3 + 3 * kick_4
+            acceleration[wanted == 1] = 3 * kick_2 - 3 * kick_3 + kick_4
+        mean = velocity - acceleration * dt / 2
+        if begins:
+            mean[0] = before[0]
         if self._half_kick_start:
-            if begins:
-                acceleration[0] = 6 * kick_2 - 8 * kick_3 + 3 * kick_4
-                acceleration[wanted == 1] = 3 * kick_2 - 3 * kick_3 + kick_4
-            velocity = np.where(struck[:, None, None], before, velocity - acceleration * dt / 2)
-            if begins:
-                velocity[0] = start_state(scene)[1]
+            velocity = np.where(struck[:, None, None], before, mean)
         if crank_is_kinematic(scene):
-            _place_driven_crank(scene, position, velocity, acceleration)
-        return position, velocity, acceleration
+            _place_driven_crank(scene, self.timing.times_s(wanted), position, velocity, acceleration)
+        return position, velocity, mean, acceleration
 
-    def _driver_work(self, torque: FloatArray, share: FloatArray, wanted: NDArray[np.int64]) -> FloatArray:
-        """Return the work since t = 0 in J of a driver of constant speed: kick by kick, the last one in part.
 
-        Without impacts that is the trapezoidal rule.
-        """
-        kick = self.timing.dt * self._scene.start.crank_speed_rad_s * torque
-        if wanted[0] == 0:
-            kick[0] /= 2
-        sums = np.cumsum(np.append(self._work, kick))
-        self._work = float(sums[-1])
-        work = sums[:-1] + share * kick
-        work[wanted == 0] = 0.0
-        return np.asarray(work)
+def _joined(parts: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
+    """Return the arrays of all parts, put together by name."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _place_driven_crank(
-    scene: Scene, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    scene: Scene, time_s: FloatArray, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> None:
     """Fill in the motion of the crank's centre of mass, which circles about the kinematic body's origin O."""
-    omega, s = scene.start.crank_speed_rad_s, scene.crank.centre_of_mass_m
+    motion, s = crank_motion(scene), scene.crank.centre_of_mass_m
+    assert motion is not None
+    omega, alpha = motion.speed_rad_s(time_s), motion.acceleration_rad_s2(time_s)
     radial = axis(position[:, CRANK, 2])
     tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=-1)
     position[:, CRANK, :2] = s * radial
-    velocity[:, CRANK, :2], velocity[:, CRANK, 2] = s * omega * tangential, omega
-    acceleration[:, CRANK, :2], acceleration[:, CRANK, 2] = -s * omega * omega * radial, 0.0
+    velocity[:, CRANK, :2], velocity[:, CRANK, 2] = (s * omega)[:, None] * tangential, omega
+    towards, along = (-s * omega * omega)[:, None] * radial, (s * alpha)[:, None] * tangential
+    acceleration[:, CRANK, :2], acceleration[:, CRANK, 2] = towards + along, alpha
 
 
 def require_the_mechanism(

@@ -15,6 +15,8 @@ from engine_models.engine import FloatArray, RunSettings, SimulationFailed
 from engine_models.progress import tell
 from engine_models.pymunk.model import Bodies, Model
 from engine_models.pymunk.pin import PinLost
+from engine_models.pymunk.step_inputs import Input, StepInputs
+from engine_models.pymunk.works import add_up
 from engine_models.scene.scene import Scene
 
 #: Steps that are worked off at once.
@@ -51,8 +53,8 @@ class Timing:
     def __init__(self, scene: Scene, settings: RunSettings) -> None:
         self.per_sample = settings.steps_per_sample(scene.end_time_s)
         self.dt, self.steps = settings.step_used_s(scene.end_time_s), settings.samples * self.per_sample
-        # The driver's work needs the torque at every step, all else is asked for at the samples alone.
-        self._every = 1 if scene.drive.kind == "constant-speed" else self.per_sample
+        # Works need forces and torques at every step, all else is asked for at the samples alone.
+        self._every = 1 if add_up(scene) else self.per_sample
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks, in order; memory holds no more of a run than one of them, and the samples."""
@@ -62,6 +64,10 @@ class Timing:
             # The step before a wanted one tells the kick, the first few what kicks 0 and 1 should have been.
             read = np.concatenate([wanted, ahead[ahead <= self.steps] - 1, np.arange(0 if first else 5)])
             yield Block(last, wanted, np.unique(read))
+
+    def times_s(self, steps: NDArray[np.int64]) -> FloatArray:
+        """Return the times in s of steps (n,), counted from the start."""
+        return np.asarray(self.dt * steps, dtype=np.float64)
 
     def _wanted(self, first: int, last: int) -> NDArray[np.int64]:
         every = self._every
@@ -80,24 +86,24 @@ def run(
     velocities of crank, rod, slider by (x, y, phi) of the body's origin.
 
     Returns:
-        The wall time in s of the calls of ``space.step`` and what must go with each (the loop, a torque that
-        has to be set again, contacts' callbacks), without the reading and the work.
+        The wall time in s of the calls of ``space.step`` and what must go with each (the loop, what has to be
+        set again, contacts' callbacks), without the reading and the work.
 
     Raises:
         SimulationFailed: a pin went through the wall of its bearing, or a contact's numbers overflowed.
         BaseException: whatever else a callback raised, or a signal's handler while one ran.
     """
-    space, bodies, dt, drive = model.space, model.bodies, timing.dt, model.scene.drive
+    space, bodies, dt, inputs = model.space, model.bodies, timing.dt, StepInputs(model, timing.dt)
     log, (listed, order) = batch.Buffer(), _order_of_reading(space, bodies)
     iterations, done, solve_time = space.iterations, 0, 0.0
     with _exceptions_of_callbacks() as raised:
 
-        def advance(step_s: float, first: int, last: int) -> float:
-            step, crank = space.step, bodies[0]
+        def advance(step_s: float, first: int, last: int, given: Sequence[Input]) -> float:
+            step = space.step
             started = perf_counter()
             for k in range(first, last + 1):
-                if drive.kind == "torque":
-                    crank.torque = drive.torque_N_m  # every step ends by clearing the loads
+                for give in given:
+                    give(k)
                 step(step_s)
                 if raised:
                     _raise(raised, k * dt)
@@ -107,16 +113,16 @@ def run(
             space.iterations = max(iterations, START_ITERATIONS)
             for body in bodies:
                 body.position_func = _stay
-            solve_time += advance(dt / 2, 0, 0)
+            solve_time += advance(dt / 2, 0, 0, inputs.of(0, 0))
             for body in bodies:
                 body.position_func = pymunk.Body.update_position
         for block in timing.blocks():
             log.clear()
-            reads = block.read.tolist()
+            reads, given = block.read.tolist(), inputs.of(done + 1, block.last)
             for number, target in enumerate([*reads, block.last]):
                 if done == START_KICKS - 1:
                     space.iterations = iterations
-                solve_time += advance(dt, done + 1, target)
+                solve_time += advance(dt, done + 1, target, given)
                 done = max(done, target)
                 if number < len(reads):
                     batch.get_space_bodies(space, STATE, log)

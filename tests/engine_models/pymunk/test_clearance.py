@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from engine_models.engine import Contact, Impacts, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.mechanics.slider_load import slider_forces
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.model import build, pins
 from engine_models.scene.drives import ConstantSpeedDrive, FreeDrive, TorqueDrive
@@ -32,9 +33,10 @@ DIFFERENCING = 1e-5
 
 
 def short(scene: Scene) -> Scene:
-    """Return a scene's beginning: 2 ms of the driven ones, 20 ms of others, as long again in a pendulum."""
-    driven, pendulum = scene.drive.kind == "constant-speed", not scene.is_crank_slider
-    return scene.model_copy(update={"end_time_s": 2e-3 if driven else 4e-2 if pendulum else 2e-2})
+    """Return a scene's beginning: 2 ms at full speed, 20 ms else, 10 of a start-up and 40 of a pendulum."""
+    kind = "pendulum" if not scene.is_crank_slider else scene.drive.kind
+    end_time_s = {"constant-speed": 2e-3, "ramp": 1e-2, "pendulum": 4e-2}.get(kind, 2e-2)
+    return scene.model_copy(update={"end_time_s": end_time_s})
 
 
 def run(
@@ -124,6 +126,9 @@ def test_forces_and_accelerations_agree_body_by_body(name: str) -> None:
     dt, x = trajectory.step_s, trajectory.position
     acceleration = np.zeros_like(x)
     acceleration[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) / dt**2
+    velocity = np.gradient(x, dt, axis=0)  # the mean of before and after the kick
+    load = np.zeros((len(x), 2))
+    load[:, 0] = sum(slider_forces(scene, x, velocity).values())
     kicked = slice(2, -1)  # kicks 0 and 1 are reported as what they should have been
     force, guide = trajectory.joint_force_N, trajectory.guide_normal_force_N
     assert guide is not None
@@ -138,6 +143,7 @@ def test_forces_and_accelerations_agree_body_by_body(name: str) -> None:
 
     residues = {
         "slider": slider.mass_kg * (acceleration[:, 2, :2] + weight)
+        - load
         - force[:, 2]
         - guide[:, None] * np.array([0.0, 1.0]),
         "rod": rod.mass_kg * (acceleration[:, 1, :2] + weight) - force[:, 1] + force[:, 2],
@@ -320,7 +326,7 @@ def test_only_what_a_scene_needs_is_built() -> None:
         ("clearance-free-OAB", 0, 4),
         ("rigid-free-OAB", 6, 1),
     ):
-        model = PymunkEngine()._model(SCENES[name]())
+        model = PymunkEngine()._model(SCENES[name](), 1e-5)
         assert (len(model.space.shapes), len(model.space.constraints)) == (shapes, constraints), name
     space, bodies = build(ideal_free(), 20, 0.0)
     assert not pins(ideal_free(), space, bodies)
