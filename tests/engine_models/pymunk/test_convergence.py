@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine_models.engine import RunSettings, Trajectory
+from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import (
@@ -11,7 +11,10 @@ from engine_models.scene.library import (
     clearance_driven_05,
     clearance_driven_damped,
     clearance_free,
+    ideal_compressor,
+    ideal_fluctuating,
 )
+from engine_models.scene.loads import Loads
 from engine_models.scene.scene import Clearances, Scene
 from studies.judges.metrics import energy_balance_residual_J
 
@@ -42,7 +45,27 @@ def compliant_damped() -> Scene:
     return clearance_driven_damped().model_copy(update={"end_time_s": 3e-3})
 
 
-SCENES = {scene.__name__: scene for scene in (rigid_driven, rigid_free, compliant_damped)}
+def fluctuating_pivot() -> Scene:
+    """Set R with room at the crank's pivot, its speed rising and falling by a tenth in the time given."""
+    room = compliant_damped().clearance.B
+    scene = ideal_fluctuating().model_copy(update={"clearance": Clearances(O=room)})
+    return scene.model_copy(update={"end_time_s": 3e-3})
+
+
+def loaded_crank_pin() -> Scene:
+    """The compressor with room at the crank pin, and a spring and a constant force beside its gas."""
+    scene, room = ideal_compressor(), compliant_damped().clearance.B
+    assert scene.load.slider is not None
+    more = {"force_N": 30.0, "spring_N_m": 2000.0, "free_position_m": 0.1, "viscous_N_s_m": 50.0}
+    load = Loads(slider=scene.load.slider.model_copy(update=more))
+    update = {"end_time_s": 6e-3, "load": load, "clearance": Clearances(A=room)}
+    return scene.model_copy(update=update)
+
+
+SCENES = {
+    scene.__name__: scene
+    for scene in (rigid_driven, rigid_free, compliant_damped, fluctuating_pivot, loaded_crank_pin)
+}
 _truths: dict[str, Trajectory] = {}
 
 
@@ -50,7 +73,7 @@ def truth(scene: Scene) -> Trajectory:
     """Return the reference's run, once for each scene."""
     key = scene.model_dump_json()
     if key not in _truths:
-        step = 1e-6 if scene.drive.kind == "constant-speed" else 5e-6
+        step = 5e-6 if scene.drive.kind == "free" else 1e-6
         _truths[key] = ReferenceEngine().simulate(scene, RunSettings(step, SAMPLES))
     return _truths[key]
 
@@ -79,6 +102,27 @@ def test_motion_tends_to_the_references_at_order_one(name: str) -> None:
     slope = {key: float(np.log10(mean[COARSE[0]][key] / mean[COARSE[1]][key])) for key in mean[COARSE[0]]}
     assert slope["position"] == pytest.approx(1.0, abs=ORDER_TOLERANCE), (slope, mean)
     assert slope["velocity"] == pytest.approx(1.0, abs=ORDER_TOLERANCE), (slope, mean)
+
+
+@pytest.mark.parametrize("name", ["fluctuating_pivot", "loaded_crank_pin"])
+def test_forces_torques_and_works_of_drives_and_loads_tend_to_the_references_at_order_one(name: str) -> None:
+    scene = SCENES[name]()
+    runs = [signals(trajectory) for trajectory in (truth(scene), *(run(scene, n) for n in COARSE))]
+    for signal, true in runs[0].items():
+        error = [np.abs(one[signal] - true).max() for one in runs[1:]]
+        assert np.log10(error[0] / error[1]) == pytest.approx(1.0, abs=ORDER_TOLERANCE), (signal, error)
+
+
+def signals(trajectory: Trajectory) -> dict[str, FloatArray]:
+    """Return the forces, the torque and the works by name."""
+    assert trajectory.driver_torque_N_m is not None
+    assert trajectory.driver_work_J is not None
+    return {
+        "joint_force_N": trajectory.joint_force_N,
+        "driver_torque_N_m": trajectory.driver_torque_N_m,
+        "driver_work_J": trajectory.driver_work_J,
+        **trajectory.load_work_J,
+    }
 
 
 @pytest.mark.parametrize("name", ["rigid_driven", "rigid_free"])
