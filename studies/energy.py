@@ -35,12 +35,12 @@ class Length:
 
 #: One turn of set R's crank. Its runs are whole turns, sampled equally often in each.
 TURN_S = 60 / 5000
-#: Quick: some 40 to 100 turns without clearance, 2 to 6 with it.
+#: Quick: some 25 to 100 turns without clearance, 2 to 6 with it.
 SHORT = (
     Length("ideal-free", 6.0, 600, (25, 50, 100)),
     Length("ideal-driven", 100 * TURN_S, 1000, (15, 30, 60)),
-    Length("ideal-fluctuating", 20 * TURN_S, 400, (8, 16, 32)),
-    Length("ideal-compressor", 0.4, 400, (5, 10, 20)),
+    Length("ideal-fluctuating", 100 * TURN_S, 1000, (15, 30, 60)),
+    Length("ideal-compressor", 1.0, 400, (10, 20, 40)),
     Length("clearance-start-up", 0.036, 360, (10, 20, 40)),
     Length("clearance-free-0.5mm", 0.4, 200, (50, 100, 200)),
     Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20, 40)),
@@ -50,6 +50,9 @@ SHORT = (
 LONG = (
     Length("ideal-free", 100.0, 5000, (50, 100, 200), "ideal-free-long"),
     Length("ideal-driven", 1000 * TURN_S, 5000, (30, 60, 120), "ideal-driven-long"),
+    Length("ideal-fluctuating", 1000 * TURN_S, 5000, (30, 60, 120), "ideal-fluctuating-long"),
+    Length("ideal-compressor", 10.0, 2000, (20, 40, 80), "ideal-compressor-long"),
+    Length("clearance-start-up", 0.36, 1800, (20, 40, 80), "clearance-start-up-long"),
     Length("clearance-free-0.5mm", 10.0, 2000, (125, 250), "clearance-free-0.5mm-long"),
     Length("clearance-driven-damped", 100 * TURN_S, 1200, (100, 200), "clearance-driven-damped-long"),
     Length("rigid-free-0.5mm", 10.0, 2000, (125,), "rigid-free-0.5mm-long"),

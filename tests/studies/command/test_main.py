@@ -81,6 +81,13 @@ def test_a_run_by_rk4_does_not_wait_for_what_error_control_alone_needs() -> None
     assert "scipy.integrate" in imported_by(*simulated, "--set", "method=dop853")
 
 
+#: Columns of works, where the driver's speed changes or the slider is loaded.
+WORKS = {
+    "ideal-fluctuating": "driver_work_J,",
+    "ideal-compressor": "driver_work_J,slider_viscous_work_J,slider_gas_work_J,",
+}
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", IDEAL)
 def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
@@ -92,7 +99,8 @@ def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
     of = {"reference": " of rk4", "scipy": " of DOP853"}.get(engine, "")
     assert (done.code, done.stderr) == (0, f"note: {run.steps} steps{of}, the longest 1e-05 s\n")
     assert done.stdout.splitlines()[0] == (
-        f"{MOTION},{FORCES}{torque},kinetic_energy_J,potential_energy_J,energy_balance_residual_J"
+        f"{MOTION},{FORCES}{torque},kinetic_energy_J,potential_energy_J,{WORKS.get(name, '')}"
+        "energy_balance_residual_J"
     )
     pd.testing.assert_frame_equal(read(done.stdout), table(scene, run), check_exact=True)
 
