@@ -158,10 +158,10 @@ def test_a_scene_without_a_driver_has_no_driver_torque(report: Path) -> None:
     with (report / "tables/agreement-orders.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     with_torque = {row["scene"] for row in rows if row["driver torque"] != "–"}
-    assert with_torque == {"ideal-driven"}
+    assert with_torque == {"ideal-driven", "ideal-fluctuating"}
     alts = Page((report / "index.html").read_text("utf-8")).alts
     panels = [panel for alt in alts for panel in re.findall(r"driver torque error \[N·m\] on ([\w-]+)", alt)]
-    assert panels == ["ideal-driven"]
+    assert panels == ["ideal-driven", "ideal-fluctuating"]
 
 
 def test_every_failed_run_is_listed_with_its_reason(results: Path, report: Path) -> None:

@@ -117,8 +117,9 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     drawing, axes = grid(len(rows), height_in=1.9)
     used: list[str] = []
     for ax, (_, row) in zip(axes, rows.iterrows(), strict=True):
-        time, work = results.curve(row["case"], "time_s"), results.curve(row["case"], "driver_work_J")
-        base, present = np.zeros(len(time)), row.dropna().index
+        time, present = results.curve(row["case"], "time_s"), row.dropna().index
+        base = np.zeros(len(time))
+        work = sum(results.curve(row["case"], name) for name in present if name.endswith("_work_J"))
         for name in (name for name in present if name.endswith("_loss_J")):
             if abs(row[name]) < SEEN * np.abs(work).max():
                 continue

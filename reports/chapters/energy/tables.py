@@ -12,7 +12,7 @@ from reports.style import axis_label
 from reports.tables import ABSENT, number
 
 #: The ends of the columns that are lines of the ledger, in its order.
-LINES = ("_change_J", "driver_work_J", "_loss_J")
+LINES = ("_change_J", "_work_J", "_loss_J")
 
 
 def power_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
@@ -56,8 +56,9 @@ def ledger_table(at_rung: pd.DataFrame) -> Table:
     cells = {axis_label(name): at_rung[name].map(_digits) for name in lines}
     cells["residual [J]"] = at_rung["energy_balance_residual_J"].map(number)
     reading = (
-        "Changes from start to end of the run. What is stored (changes) less what the driver gave plus "
-        f"what was lost is the residual: zero if exact. {ABSENT}: the engine or its law has no such line."
+        "Changes from start to end of the run. What is stored (changes) less what driver and loads gave "
+        f"(works) plus what was lost is the residual: zero if exact. {ABSENT}: the engine or its law has no "
+        "such line."
     )
     return Table.of(
         f"energy-ledger-{scene}",
