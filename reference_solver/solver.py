@@ -13,7 +13,7 @@ from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
-from reference_solver.mechanism.mechanism import ClearanceJoint, GasForce, Mechanism
+from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.scales import scales_of
 from reference_solver.methods import RK4, dop853
 from reference_solver.rigid.settling import Settling
@@ -167,7 +167,8 @@ class Solver:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
         contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         sizes = len(q), len(self._names), len(self._equations.C)
-        run, choice = types.new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS), self._choice
+        knots, choice = self._mechanism.knots_by_angle, self._choice
+        run = types.new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS, knots)
         run.old.q[:], run.old.v[:] = q, v
         (now,) = run.clock
         now["longest"], now["end"], now["rigid"] = choice.longest_s, end_time_s, -1
@@ -191,12 +192,6 @@ class Solver:
         tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
         first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
         run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
-        if any(isinstance(load, GasForce) for load in self._mechanism.loads):
-            # The table's knots are within steps: they show in works first, where the motion is prescribed.
-            works = [k for k, name in enumerate(self._names) if name == "drivers" or name.startswith("load")]
-            mass = sum(body.mass_kg for body in self._mechanism.bodies)
-            energy = mass * (scales.length_m * scales.rate_s) ** 2
-            run.slopes[WEIGHT, 2 * n + np.array(works)] = 1.0 / (choice.tolerance * energy)
         run.control[0] = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part, 1.0, 0, -1)
 
     def _shortest_flight_s(self, run: types.Run) -> float:

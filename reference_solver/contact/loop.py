@@ -24,9 +24,9 @@ OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 ARRAY, TABLE = float64[::1], float64[:, ::1]
-CONTACTS, GAPS, EVENTS, CLOCK, CONTROL = (
+CONTACTS, GAPS, EVENTS, CLOCK, CONTROL, KNOTS = (
     from_dtype(getattr(types, f"{name}_RECORD"))[::1]
-    for name in ("CONTACT", "GAP", "EVENT", "CLOCK", "CONTROL")
+    for name in ("CONTACT", "GAP", "EVENT", "CLOCK", "CONTROL", "KNOT")
 )
 MOTION = NumbaTuple((int64, ARRAY, GAPS), types.Motion)
 RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), types.Records)
@@ -45,7 +45,7 @@ class Kernel(NamedTuple):
 
 def advance_type(kernel):
     """Return the signature of a loop by the types of a kernel's functions."""
-    parts = (kernel, ARRAY, CONTACTS, MOTION, MOTION, MOTION, TABLE, CONTROL, CLOCK, RECORDS)
+    parts = (kernel, ARRAY, CONTACTS, MOTION, MOTION, MOTION, TABLE, CONTROL, CLOCK, RECORDS, KNOTS)
     return int64(NumbaTuple(parts, types.Run))
 
 

@@ -1,5 +1,6 @@
 """What the loop of contacts and the kernels that it calls share: records of contacts, arrays of a state."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,6 +51,9 @@ CLOCK_RECORD = record("time lost longest per_contact tried end", "located events
 #: last flight, a contact's first step as a part of its duration, and the last error over the tolerance; how
 #: many steps in a row have been rejected, and the contact that has just begun, or -1.
 CONTROL_RECORD = record("tolerance length rate step flight_step first_part error", "rejected fresh")
+
+#: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
+KNOT_RECORD = record("angle period", "coordinate")
 
 
 class Impact(NamedTuple):
@@ -118,7 +122,8 @@ class Run(NamedTuple):
 
     ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y, and
     behind them {lambda} and the contacts' forces as samples do; the last ones are ``START`` to ``SPARE``.
-    ``control`` (1,) is error control, ``clock`` (1,) where the run is.
+    ``control`` (1,) is error control, ``clock`` (1,) where the run is, ``knots`` are where steps by error
+    control are to end.
     """
 
     kernel: Any
@@ -131,6 +136,7 @@ class Run(NamedTuple):
     control: RecordArray
     clock: RecordArray
     records: Records
+    knots: RecordArray
 
 
 #: Rows of a run's slopes: at both ends of a step, at a sample, and a number per contact.
@@ -138,12 +144,17 @@ START, END, SAMPLE, SPARE = -4, -3, -2, -1
 
 
 def new_run(
-    contacts: RecordArray, sizes: tuple[int, int, int], times: FloatArray, rows: int, log_rows: int
+    contacts: RecordArray,
+    sizes: tuple[int, int, int],
+    times: FloatArray,
+    rows: int,
+    log_rows: int,
+    knots: Sequence[tuple[float, float, int]] = (),
 ) -> Run:
     """Return a run of zeros, without a kernel.
 
     Sizes are the numbers of coordinates, sums and {lambda}; ``rows`` is the number of slopes, ``log_rows``
-    that of events.
+    that of events, ``knots`` are as in ``KNOT_RECORD``.
     """
     (n, sums, multipliers), K = sizes, len(contacts)
     old, new, at = (Motion(n, np.zeros(2 * n + sums), np.zeros(K, GAP_RECORD)) for _ in range(3))
@@ -151,4 +162,5 @@ def new_run(
     log = np.zeros(log_rows, EVENT_RECORD), np.zeros((log_rows, sums))
     records = Records(*log, times, np.zeros((len(times), slopes.shape[1] + 2 * K)))
     control, clock = np.zeros(1, CONTROL_RECORD), np.zeros(1, CLOCK_RECORD)
-    return Run(None, None, contacts, old, new, at, slopes, control, clock, records)
+    where = np.array(list(knots), KNOT_RECORD)
+    return Run(None, None, contacts, old, new, at, slopes, control, clock, records, where)

@@ -244,3 +244,11 @@ class Mechanism:
     def knots_s(self) -> tuple[float, ...]:
         """Times, rising, at which prescribed motions are not smooth: steps are to land on them."""
         return tuple(sorted({t for motion in self.prescribed for t in motion.knots_s}))
+
+    @property
+    def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:
+        """Angles in rad at which loads are not smooth, with their period and the coordinate's number."""
+        gas = [load for load in self.loads if isinstance(load, GasForce)]
+        return tuple(
+            (angle, load.force_N.period, 3 * load.crank + 2) for load in gas for angle in load.force_N.knots
+        )

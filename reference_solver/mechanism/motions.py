@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from reference_solver.mechanism.tables import PiecewiseCubic
+from reference_solver.mechanism.tables import ROW, PiecewiseCubic
 from reference_solver.tape import Scalar, cos, larger, sin, smaller
 
 #: The angle turned since t = 0 in rad, the speed, which is C, and the acceleration, which is C'.
@@ -68,12 +68,12 @@ class Course:
     @property
     def knots_s(self) -> tuple[float, ...]:
         """Times in s."""
-        return tuple(self.turned.begins.tolist())
+        return tuple(self.turned.knots)
 
     @property
     def fastest_rad_s(self) -> float:
         """The largest speed at a knot."""
-        return float(np.abs([self.turned.at(t)[1] for t in self.knots_s]).max())
+        return float(np.abs(self.turned.rows[2::ROW]).max())
 
 
 Motion = Ramp | Fluctuation | Course

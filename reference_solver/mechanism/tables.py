@@ -10,6 +10,8 @@ from reference_solver.tape import FloatArray, Scalar
 
 #: What a piece has in a table: where it begins, and coefficients of 1, s, s^2, s^3, s counted from there.
 ROW = 5
+#: A jump of the third derivative that makes less than this part of the largest value across a piece is none.
+SMOOTH = 1e-12
 
 
 def piece(p: FloatArray, place: float, pieces: float, period: float, x: float) -> tuple[float, ...]:
@@ -45,9 +47,13 @@ class PiecewiseCubic(Table):
         return np.array(self.rows)
 
     @property
-    def begins(self) -> FloatArray:
-        """Return where the pieces begin."""
-        return self._array[::ROW]
+    def knots(self) -> list[float]:
+        """Where pieces begin that are no more than round-off from being the one before, gone on."""
+        begins, cubic, value = self._array[::ROW], self._array[4::ROW], np.abs(self._array[1::ROW])
+        jump, wide = cubic - np.roll(cubic, 1), np.diff(begins, append=begins[-1])
+        wide = np.maximum(wide, np.roll(wide, 1))
+        matters = np.abs(jump) * wide**3 > SMOOTH * value.max()
+        return [float(x) for x in begins[matters]]
 
     def placed(self, behind: int = 0) -> "PlacedTable":
         """Return what a kernel knows of it, with so many numbers of other tables behind this one's."""

@@ -24,8 +24,8 @@ WAYS = {
     "clipped": ("#F7F7F7", "xxxx"),
     "stabilisation": ("#969696", "...."),
 }
-#: A loss below this part of the driver's work is too thin to draw; an arm that hides more than the other part
-#: of what contacts dissipate has a panel of its own.
+#: A loss below this part of what is not stored is too thin to draw; an arm that hides more than the other
+#: part of what contacts dissipate has a panel of its own.
 SEEN, MISSING = 1e-3, 1e-2
 
 
@@ -120,14 +120,14 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
         time, present = results.curve(row["case"], "time_s"), row.dropna().index
         base = np.zeros(len(time))
         work = sum(results.curve(row["case"], name) for name in present if name.endswith("_work_J"))
+        stored = sum(results.curve(row["case"], name) for name in present if name.endswith("_change_J"))
         for name in (name for name in present if name.endswith("_loss_J")):
-            if abs(row[name]) < SEEN * np.abs(work).max():
+            if abs(row[name]) < SEEN * np.abs(work - stored).max():
                 continue
             top = base + results.curve(row["case"], name)
             face, hatch = _look(name)
             ax.fill_between(time, base, top, facecolor=face, hatch=hatch, edgecolor="#5A5A5A", linewidth=0.3)
             base, used = top, [*used, name]
-        stored = sum(results.curve(row["case"], name) for name in present if name.endswith("_change_J"))
         ax.plot(time, work - stored, color=BLACK, linewidth=1.4)
         ax.set(title=row["label"], xlabel=axis_label("time_s"), ylabel="energy [J]")
     highest = max(ax.get_ylim()[1] for ax in axes)
@@ -146,8 +146,8 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
         f"Where the driver's work goes on {scene}",
         f"At {resolution(at_rung)}. Losses are stacked. The line is the work that is not "
         "stored in motion, height or contacts: it ends on the top of the stack if the ledger closes, "
-        "above it if the method loses energy, below it if it makes some. Losses below a thousandth are "
-        "left out. Shown are the first arm of each engine, and those with more than a hundredth missing.",
+        "above it if the method loses energy, below it if it makes some. Losses below a thousandth of it "
+        "are left out. Shown are the first arm of each engine, and those with more than a hundredth missing.",
         f"{len(rows)} panels over time with stacked losses and a line. Panels: {', '.join(labels(rows))}.",
         drawing,
     )
