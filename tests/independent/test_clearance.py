@@ -7,7 +7,7 @@ import pytest
 
 from engine_models.engine import RunSettings
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.drives import Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
+from engine_models.scene.drives import Drive, FluctuatingDrive, TableDrive
 from engine_models.scene.library import clearance, ideal_driven
 from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Clearances, Scene
@@ -53,10 +53,8 @@ def table() -> TableDrive:
 
 
 DRIVES: dict[str, tuple[Drive, str]] = {
-    "ramp": (RampDrive(kind="ramp", final_speed_rad_s=700.0, ramp_time_s=0.0071), "B"),
     "fluctuating": (FluctuatingDrive(kind="fluctuating", amplitude_rad_s=30.0, frequency_Hz=170.0), "O"),
     "table": (table(), "A"),
-    "motor": (MotorDrive(kind="motor", stall_torque_N_m=60.0, no_load_speed_rad_s=540.0), "B"),
 }
 
 

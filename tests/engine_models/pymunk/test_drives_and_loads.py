@@ -98,7 +98,11 @@ def test_tuned_every_signal_and_work_converges_at_order_two(name: str) -> None:
     assert slopes == pytest.approx(dict.fromkeys(slopes, 2.0), abs=ORDER_TOLERANCE), slopes
 
 
-@pytest.mark.parametrize("name", SCENES)
+#: Every drive, and all loads together.
+SOME = ("ramp", "fluctuating, all", "table", "motor, all")
+
+
+@pytest.mark.parametrize("name", SOME)
 def test_out_of_the_box_every_signal_and_work_converges_at_order_one_once_started(name: str) -> None:
     scene = SCENES[name]
     slopes = orders(scene, PymunkEngine.out_of_the_box(), steps_of(scene, 3), since=1)
