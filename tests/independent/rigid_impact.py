@@ -9,8 +9,12 @@ from tests.independent.rigid_kinematics import FloatArray, Pins
 State = tuple[FloatArray, FloatArray]
 
 
-def impact(pins: Pins, state: State, name: str, following: tuple[str, ...], restitution: float) -> State:
+def impact(
+    pins: Pins, state: State, name: str, following: tuple[str, ...], restitution: float
+) -> tuple[State, float]:
     """Return the state after a pin has hit while others follow, by Newton's and Coulomb's laws.
+
+    Beside it, the impulse in N m s that a prescribed speed takes of its driver, 0 without one.
 
     Every pin that touches gets no impulse, or one that leaves it Newton's speed, and sticks or slides one
     way: the first case whose signs and limits hold is it.
@@ -47,5 +51,7 @@ def impact(pins: Pins, state: State, name: str, following: tuple[str, ...], rest
             for k, kind in enumerate(case)
         ):
             assert impulse @ (u + after) <= 0, "energy would grow"
-            return w, rate + inverse @ D.T @ impulse
+            jump = inverse @ D.T @ impulse
+            driver = 0.0 if pins.motion is None else float(motion.M[0] @ jump - D[:, 0] @ impulse)
+            return (w, rate + jump), driver
     raise AssertionError(f"no impulses of {touching} fit")

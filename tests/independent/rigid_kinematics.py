@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.scene.scene import Clearance, Scene
+from tests.independent.prescribed_speed import prescribed_speed, speed_at_start
+from tests.independent.slider_load import PARTS, slider_load, torque_on_crank
 
 FloatArray = NDArray[np.float64]
 PLACES = {"O": slice(1, 3), "A": slice(3, 5), "B": slice(5, 7)}
@@ -28,7 +30,8 @@ def across(angle: float) -> FloatArray:
 class Dynamics:
     """M w'' = Q of no contact force; the rows of the angular velocities; the slider's place, or a pendulum's.
 
-    That of a pendulum is its centre's along x.
+    That of a pendulum is its centre's along x. ``Q`` is without the torque of a prescribed speed.
+    ``load_W`` are the powers (4,) of the slider's load by ``PARTS``.
     """
 
     M: FloatArray
@@ -36,6 +39,7 @@ class Dynamics:
     crank: FloatArray
     rod: FloatArray
     place_m: float
+    load_W: FloatArray
 
 
 class Pins:
@@ -44,9 +48,10 @@ class Pins:
     def __init__(self, scene: Scene) -> None:
         self.scene, self.size = scene, 7 if scene.is_crank_slider else 3
         self.loose = scene.joints_with_clearance
-        driven = scene.drive.kind == "constant-speed"
+        self.motion, self.load_at = prescribed_speed(scene), slider_load(scene)
         #: The coordinates that move on their own: a driven crank does not, nor do ideal joints.
-        self.free = ([] if driven else [0]) + [k for name in self.loose for k in range(7)[PLACES[name]]]
+        crank = [0] if self.motion is None else []
+        self.free = crank + [k for name in self.loose for k in range(7)[PLACES[name]]]
 
     def clearance(self, name: str) -> Clearance:
         clearance = getattr(self.scene.clearance, name)
@@ -61,7 +66,7 @@ class Pins:
         centre = unit[1:3] + s * np.outer(across(theta), unit[0])
         J, bias = [*centre, unit[0]], [*(-s * omega**2 * along(theta)), 0.0]
         masses = [crank.mass_kg, crank.mass_kg, crank.inertia_kg_m2]
-        slope = np.zeros(self.size)
+        slope, load_W = np.zeros(self.size), np.zeros(len(PARTS))
         place = w[1] + s * np.cos(theta)
         if self.scene.is_crank_slider:
             _, rod, block = self.scene.crank_slider()
@@ -86,8 +91,14 @@ class Pins:
         rows, m = np.array(J), np.array(masses)
         force = np.zeros(len(m))
         force[[1, 4][: len(m) // 3]] = -self.scene.gravity_m_s2 * m[[1, 4][: len(m) // 3]]
-        force[2] = getattr(self.scene.drive, "torque_N_m", 0.0)
-        return Dynamics((rows.T * m) @ rows, rows.T @ (force - m * bias), unit[0], slope, float(place))
+        force[2] = torque_on_crank(self.scene, omega)
+        if self.scene.is_crank_slider:
+            speed = float(rows[5] @ rate)
+            load = self.load_at(theta, float(place), speed)
+            force[5] = sum(load.values())
+            load_W = speed * np.array([load[part] for part in PARTS])
+        Q = rows.T @ (force - m * bias)
+        return Dynamics((rows.T * m) @ rows, Q, unit[0], slope, float(place), load_W)
 
     def normal(self, name: str, w: FloatArray) -> FloatArray:
         """Return the row (size,) of a joint's speed outwards."""
@@ -113,5 +124,5 @@ class Pins:
     def start(self) -> tuple[FloatArray, FloatArray]:
         """Return w and its rate with all pins in the middle at rest there: the ideal joints' motion."""
         w, rate = np.zeros(self.size), np.zeros(self.size)
-        w[0], rate[0] = self.scene.start.crank_angle_rad, self.scene.start.crank_speed_rad_s
+        w[0], rate[0] = self.scene.start.crank_angle_rad, speed_at_start(self.scene)
         return w, rate

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine_models.mechanics.assembly import assembled
-from engine_models.reference.model import mechanism_of
+from engine_models.mechanics.assembly import start_state
+from engine_models.reference.model import loads_of, mechanism_of
+from engine_models.scene.drives import RampDrive
 from engine_models.scene.library import RIGID_SCENES
+from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearances, Friction, Scene
 from reference_solver.solution import Solution
 from reference_solver.solver import solve
 from tests.helpers.mechanism_energy import energy_residual_J
 from tests.independent.rigid_clearance import integrate
+from tests.independent.slider_load import PARTS
 
 FloatArray = NDArray[np.float64]
 
@@ -23,6 +26,7 @@ TIME, PLACE = 1e-10, 1e-9
 #: An approach speed in m/s: the times' tolerance times the largest acceleration, 3e4 m/s^2.
 APPROACH = 3e-6
 #: A normal force, as a part of the largest: an acceleration's relative error, that of the places' tolerance.
+#: So it is of torques and of works, which are made by those forces (measured 4e-7 and 1.1e-8 at most).
 FORCE = 1e-6
 #: A pin comes to rest after ever shorter flights, of which both sides leave out the last, differently. Those
 #: below a thousandth of the step take less than step/1000/(1 - e), and those that round-off hides this.
@@ -59,13 +63,16 @@ CASES = {
     "rigid-free-0.5mm": Case(0.08, 1e-5, 2e-4, 12, 0),
     "rigid-free-OAB": Case(0.03, 1e-5, 2e-4, 40, 0),
     "rigid-pendulum": Case(0.2, 1e-4, 1e-3, 15, 1),
+    "rigid-start-up": Case(0.012, 2e-6, 2e-5, 30, 1),
+    "rigid-compressor": Case(0.012, 2e-6, 4e-5, 30, 1),
     "two rubbing joints": Case(0.006, 1e-6, 2e-5, 15, 4),
+    "two rubbing joints sped up under load": Case(0.006, 1e-6, 2e-5, 15, 9),
 }
 SAMPLES = 100
 
 
 def run(scene: Scene, end: float, step: float, compiled: bool) -> Solution:
-    q, v = assembled(scene, scene.start.crank_angle_rad, scene.start.crank_speed_rad_s)
+    q, v = start_state(scene)
     return solve(
         mechanism_of(scene),
         q.ravel(),
@@ -83,9 +90,24 @@ def restitution(scene: Scene) -> float:
 
 
 def scene_of(name: str) -> Scene:
-    """Return the library's scene, or one of two joints with friction that support each other's impacts."""
+    """Return the library's scene, or one of two joints with friction that support each other's impacts.
+
+    That one also under every kind of load, with a crank whose speed changes until 3 ms, while pins follow.
+    """
     if name in RIGID_SCENES:
         return RIGID_SCENES[name]()
+    if name.endswith("sped up under load"):
+        scene = scene_of("two rubbing joints")
+        full, compressor = scene.start.crank_speed_rad_s, RIGID_SCENES["rigid-compressor"]().load.slider
+        assert compressor is not None
+        work = {"force_N": -300.0, "viscous_N_s_m": 40.0, "spring_N_m": 2e4, "free_position_m": 0.12}
+        return scene.model_copy(
+            update={
+                "start": scene.start.model_copy(update={"crank_speed_rad_s": 0.6 * full, "time_s": 0.021}),
+                "drive": RampDrive(kind="ramp", final_speed_rad_s=full, ramp_time_s=0.024),
+                "load": Loads(slider=SliderLoad(gas=compressor.gas, **work)),
+            }
+        )
     scene = RIGID_SCENES["rigid-driven-AB"]()
     friction = Friction(law="tanh", coefficient=0.1, regularisation_speed_m_s=0.05)
     assert scene.clearance.B is not None
@@ -95,6 +117,13 @@ def scene_of(name: str) -> Scene:
 
 def test_every_rigid_scene_has_its_case() -> None:
     assert RIGID_SCENES.keys() < CASES.keys()
+
+
+def works_J(found: Solution, scene: Scene) -> dict[str, FloatArray]:
+    """Return the works of the drive and of the slider's load that a run has integrated, by part."""
+    loads = {f"load{k}": part for k, part in enumerate(loads_of(scene))}
+    works = {part: found.sums[name] for name, part in loads.items() if name in found.sums}
+    return works | ({"drive": found.constraint_work_J} if scene.speed_is_prescribed else {})
 
 
 Hits = list[tuple[float, str, float]]
@@ -139,6 +168,14 @@ def test_up_to_its_horizon_a_scene_moves_as_in_minimal_coordinates(name: str) ->
     forces = np.array([[walls.get(joint, 0.0) for joint in joints] for walls in expected.forces_N])
     wrong = np.abs(found.normal_force_N - forces)[inside]
     assert wrong.max() <= FORCE * np.abs(forces).max(), f"forces up to {wrong.max():.1e} N off"
+    if scene.speed_is_prescribed:
+        torque = np.array(expected.torque_N_m)
+        wrong = np.abs(found.multipliers[:, -1] - torque)[inside]
+        assert wrong.max() <= FORCE * np.abs(torque).max(), f"torques up to {wrong.max():.1e} N m off"
+    works = dict(zip(["drive", *PARTS], np.array(expected.works_J).T, strict=True))
+    for part, work in works_J(found, scene).items():
+        wrong = np.abs(work - works[part])[inside]
+        assert wrong.max() <= FORCE * np.abs(works[part]).max(), f"{part}: {wrong.max():.1e} J off"
 
 
 def test_the_ledger_of_the_damped_scene_closes_at_order_four_with_friction_in_following() -> None:
