@@ -223,7 +223,7 @@ class Solver:
             motion.sums[self._names.index(name)] += value
 
         settling = Settling(self._equations, self._shortest_flight_s(run), add)
-        knots = (t for t in self._mechanism.knots_s if 0 < t < end_time_s)
+        knots = (t for t in self._mechanism.knots_s(float(now["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
         now["end"] = next(landings)
         status, started = types.SPENT, time.perf_counter()
@@ -249,7 +249,7 @@ class Solver:
                     raise failures.UnsettledEvents(begin, int(now["rigid"]))
                 following = self._settle(settling, following, run)
                 self._gaps(following, run)
-            if status == types.DONE and now["time"] < end_time_s:
+            if status == types.DONE and now["end"] < end_time_s:
                 now["end"], status = next(landings), types.GO
         took = time.perf_counter() - started
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):

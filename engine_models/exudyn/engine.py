@@ -7,7 +7,8 @@ import pydantic
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
 from engine_models.exudyn.contact_law import native_twin
 from engine_models.exudyn.fast_build import load_build, require_build
-from engine_models.exudyn.settings import IMPLICIT, ExudynSettings, integrates_work, no_tree
+from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work, no_tree
+from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.scene.scene import Scene
@@ -63,10 +64,13 @@ class ExudynEngine(ExudynSettings):
 
         Raises:
             UnsupportedScene: see ``check``.
-            SimulationFailed: Exudyn gave up, stopped short, ran out of time or returned non-finite numbers.
+            SimulationFailed: Exudyn gave up, stopped short, ran out of time or returned non-finite numbers;
+                or the driver's speed changes within a step.
         """
         self.check(scene)
         require_memory(scene, settings, *self._recorded(scene, settings))
+        if self.solver_of(scene) not in ADAPTIVE:
+            require_followed(scene, settings.step_used_s(scene.end_time_s))
         load_build(self.fast)
         from engine_models.exudyn.run import exudyn_run
 

@@ -1,5 +1,6 @@
 """Exudyn's solver settings, all of them that matter to the answer, and the run with its ways to fail."""
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work
 from engine_models.mechanics.contact_law import stiffness_of
+from engine_models.mechanics.crank_motion import FEWEST_STEPS, quickest_s
 from engine_models.mechanics.joints import clearances
 from engine_models.pace import Pace
 from engine_models.scene.scene import Scene
@@ -77,7 +79,7 @@ def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) 
     else:
         _set_explicit(integration)
     if solver in ADAPTIVE:
-        _set_adaptive(integration, engine.tolerance)
+        _set_adaptive(integration, engine.tolerance, quickest_s(scene) / FEWEST_STEPS)
     return settings
 
 
@@ -104,7 +106,7 @@ def _set_explicit(integration: exu.TimeIntegrationSettings) -> None:
     explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
 
 
-def _set_adaptive(integration: exu.TimeIntegrationSettings, tolerance: float) -> None:
+def _set_adaptive(integration: exu.TimeIntegrationSettings, tolerance: float, first_s: float) -> None:
     """Let an embedded Runge-Kutta pair choose its steps, up to the longest one.
 
     The tolerance is absolute, in m, rad, m/s and rad/s. A relative one counts the sign of the coordinate:
@@ -112,7 +114,8 @@ def _set_adaptive(integration: exu.TimeIntegrationSettings, tolerance: float) ->
     """
     integration.automaticStepSize = True
     integration.absoluteTolerance, integration.relativeTolerance = tolerance, 0.0
-    integration.initialStepSize = 0.0  # begin with the longest
+    # Begin with the longest (0), but for what the driver does in a time that no error estimate would see.
+    integration.initialStepSize = first_s if math.isfinite(first_s) else 0.0
     integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, 0.9
 
 

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import FloatArray
+from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
 from engine_models.scene.scene import Scene
 
 #: Times at which a speed that changes is looked at.
 SPEEDS = 1001
+#: Steps of a ramp, or of a period of a fluctuation, below which what an engine says of it is nonsense.
+FEWEST_STEPS = 4
 #: Of times (n,).
 OfTime = Callable[[FloatArray], FloatArray]
 
@@ -66,6 +68,27 @@ def expected_speeds_rad_s(scene: Scene) -> FloatArray:
     if motion is None:
         return np.full(SPEEDS, speed)
     return motion.speed_rad_s(np.linspace(0.0, scene.end_time_s, SPEEDS))
+
+
+def quickest_s(scene: Scene) -> float:
+    """Return how long a ramp or a period of a fluctuation takes in s, infinite without one."""
+    if isinstance(scene.drive, RampDrive):
+        return scene.drive.ramp_time_s
+    return 1.0 / scene.drive.frequency_Hz if isinstance(scene.drive, FluctuatingDrive) else math.inf
+
+
+def require_followed(scene: Scene, step_s: float) -> None:
+    """Refuse a run whose steps of one length are too long for what the driver does.
+
+    Raises:
+        SimulationFailed: a ramp, or a period of a fluctuation, has fewer than ``FEWEST_STEPS`` of them.
+    """
+    if quickest_s(scene) < FEWEST_STEPS * step_s:
+        field = "ramp_time_s" if scene.drive.kind == "ramp" else "frequency_Hz"
+        raise SimulationFailed(
+            f"drive.{field}: expected at least {FEWEST_STEPS} steps in {quickest_s(scene):.3g} s, "
+            f"got steps of {step_s:.3g} s: shorten the step"
+        )
 
 
 def motor_torque(scene: Scene, speed_rad_s: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
+from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.pymunk.contact import CompliantContact, RigidContact, Sweeps, rigid_twin
@@ -118,9 +119,11 @@ class PymunkEngine:
         Raises:
             UnsupportedScene: see ``check``.
             SimulationFailed: a joint came apart by more than a tenth of the crank, a pin went through the
-                wall of its bearing, the rod turned over, or the numbers overflowed.
+                wall of its bearing, the rod turned over, the numbers overflowed, or the driver's speed
+                changes within a step.
         """
         require_memory(scene, settings)
+        require_followed(scene, settings.step_used_s(scene.end_time_s))
         model = self._model(wound(self.twin(scene)), settings.step_used_s(scene.end_time_s))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
             return unwound(scene, pymunk_run(model, settings, self.half_kick_start))

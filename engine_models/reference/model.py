@@ -63,7 +63,8 @@ def _driver(scene: Scene) -> tuple[mechanism.Constraint, ...]:
         motion = motions.Ramp(speed, drive.final_speed_rad_s, drive.ramp_time_s, -clock)
     elif isinstance(drive, FluctuatingDrive):
         rate = 2 * math.pi * drive.frequency_Hz
-        motion = motions.Fluctuation(speed, drive.amplitude_rad_s, rate, drive.phase_rad + rate * clock)
+        phase = math.remainder(drive.phase_rad + rate * clock, 2 * math.pi)
+        motion = motions.Fluctuation(speed, drive.amplitude_rad_s, rate, phase)
     elif isinstance(drive, TableDrive):
         spline = drive.spline()
         motion = motions.Course(_pieces(spline, x=-clock, y=-float(spline(clock))))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from engine_models.engine import RunSettings, Trajectory
+from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start
 from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell
@@ -49,6 +50,8 @@ def reference_run(
         stabilised = stabilisation != "none"
         return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
 
+    if not isinstance(choice, ErrorControl) and scene.drive.kind == "fluctuating":
+        require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
     if isinstance(choice, ErrorControl):  # which friction does not make unstable
         return run(choice)
     coarse = settings.steps_per_sample(scene.end_time_s) == 1

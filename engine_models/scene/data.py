@@ -1,5 +1,6 @@
 """What all parts of a scene are made of: frozen, strict data, the kinds of numbers, and refusals in words."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated
@@ -44,3 +45,13 @@ def require_table(x_name: str, x: Sequence[float], y_name: str, y: Sequence[floa
         raise ValueError(f"{y_name}: expected as many numbers as {x_name} has, {len(x)}, got {len(y)}")
     for place, (before, after) in enumerate(pairwise(x), 1):
         require(after > before, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
+        expected = f"a number neither at {before:g} nor endlessly far from it"
+        require(_has_cubic(after - before, y[place] - y[place - 1]), f"{x_name}.{place}", expected, after)
+
+
+def _has_cubic(step: float, rise: float) -> bool:
+    """Return whether coefficients of a cubic that rises so far within a step are finite numbers."""
+    try:
+        return math.isfinite(step**3) and math.isfinite((1.0 + abs(rise)) / step**3)
+    except (OverflowError, ZeroDivisionError):
+        return False

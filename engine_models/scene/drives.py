@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 
+#: What is slower is constant for as long as anybody waits.
+LOWEST_FREQUENCY_HZ = 1e-9
+
+
 class FreeDrive(SceneData):
     """Nothing drives the crank."""
 
@@ -44,7 +48,7 @@ class FluctuatingDrive(SceneData):
 
     kind: Literal["fluctuating"]
     amplitude_rad_s: NonNegative
-    frequency_Hz: Positive
+    frequency_Hz: Annotated[float, Field(ge=LOWEST_FREQUENCY_HZ)]
     phase_rad: Angle = 0.0
 
 
@@ -92,7 +96,7 @@ class MotorDrive(SceneData):
         stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
         if stall == 0:
             raise ValueError("stall_torque_N_m: expected a number other than 0, got 0")
-        if not speed * stall > 0:
+        if speed == 0 or (speed > 0) != (stall > 0):
             wanted = "> 0" if stall > 0 else "< 0"
             raise ValueError(
                 f"no_load_speed_rad_s: expected a number {wanted}, as stall_torque_N_m, got {speed:g}"

@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from engine_models.scene.plain_words import refusal, shortened
 from engine_models.scene.scene import Scene
-from engine_models.scene.tables import BadTable, with_tables
-from engine_models.scene.text_files import UnreadableFile, read_text
+from engine_models.scene.tables import BadTable, files_of, with_tables
+from engine_models.scene.text_files import OPENED, UnreadableFile, read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -68,6 +68,16 @@ def load(path: Path) -> Scene:
         SceneError: the file cannot be read, is too large, is not UTF-8 text, not TOML or not a scene.
     """
     try:
-        return from_toml(read_text(path, "a scene"), path.parent)
+        return from_toml(read_text(path, "a scene"), folder_of(path))
     except UnreadableFile as reason:
         raise SceneError(str(reason)) from None
+
+
+def sources(path: Path) -> list[Path]:
+    """Return the files that a scene was loaded from: its own and those of its tables."""
+    return [path, *files_of(tomllib.loads(read_text(path, "a scene")), folder_of(path))]
+
+
+def folder_of(path: Path) -> Path:
+    """Return where the tables of a scene's file are looked for: beside it, or where we are."""
+    return Path() if {path, path.parent} & set(OPENED) else path.parent

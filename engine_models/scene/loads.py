@@ -39,6 +39,8 @@ class Gas(SceneData):
         turn, last = 2 * math.pi, f"crank_angle_rad.{len(angle) - 1}"
         expected = f"one revolution after the first, {angle[0] + turn:.6g}"
         require(abs(angle[-1] - angle[0] - turn) <= REVOLUTION_RAD, last, expected, angle[-1])
+        expected = f"a number < {angle[0] + turn:.6g}, one revolution after the first"
+        require(angle[-2] < angle[0] + turn, f"crank_angle_rad.{len(angle) - 2}", expected, angle[-2])
         closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
         require(closes, f"force_N.{len(force) - 1}", f"the first one again, {force[0]:g}", force[-1])
         return self

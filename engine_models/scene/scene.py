@@ -47,6 +47,8 @@ LAWS_DIVIDING_BY_RESTITUTION: tuple[ContactLaw, ...] = ("gonthier", "flores", "h
 #: A table may end before its scene by rounding, and begin at another speed than its scene says by this part
 #: of the fastest in it: a coarse one is not differentiated more sharply, other units are far off.
 ROUND_OFF, ALIKE = 1e-12, 0.1
+#: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
+LATEST_CLOCK_S = 1e4
 
 
 class Link(SceneData):
@@ -86,7 +88,7 @@ class Start(SceneData):
 
     crank_angle_rad: Angle
     crank_speed_rad_s: float
-    time_s: NonNegative | None = None
+    time_s: Annotated[float, Field(ge=0, le=LATEST_CLOCK_S)] | None = None
     crank: BodyState | None = None
     rod: BodyState | None = None
     slider: BodyState | None = None

@@ -5,6 +5,7 @@ columns, in any order and among others.
 """
 
 import csv
+import io
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -41,6 +42,18 @@ def with_tables(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     return out
 
 
+def files_of(data: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Return the files of all tables in the data of a scene."""
+    found = []
+    for path in TABLES:
+        part: Any = data
+        for name in path:
+            part = part.get(name) if isinstance(part, dict) else None
+        if isinstance(part, dict) and isinstance(part.get("file"), str):
+            found.append(folder / part["file"])
+    return found
+
+
 def _with_lists(part: Any, columns: tuple[str, ...], name: str, folder: Path) -> Any:
     """Return a part of a scene with the columns of its file."""
     is_table = isinstance(part, dict) and "file" in part and part.get("kind", "table") == "table"
@@ -59,18 +72,20 @@ def _with_lists(part: Any, columns: tuple[str, ...], name: str, folder: Path) ->
 def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list[float]]:
     """Return columns of a CSV file by name."""
     try:
-        lines = list(csv.reader(read_text(path, "a table").splitlines()))
-    except (UnreadableFile, csv.Error) as reason:
+        reader = csv.reader(io.StringIO(read_text(path, "a table"), newline=""), skipinitialspace=True)
+        lines = [(reader.line_num, line) for line in reader if any(cell.strip() for cell in line)]
+    except UnreadableFile as reason:
         raise BadTable(f"{field}: {reason}") from None
-    head = [name.strip() for name in lines[0]] if lines else []
+    except csv.Error as reason:
+        raise BadTable(f"{field}: {path}: expected a table of numbers, got '{reason}'") from None
+    head = [name.strip() for name in lines[0][1]] if lines else []
     for column in columns:
         if head.count(column) != 1:
             came = shown(", ".join(head)) if head else "nothing"
-            raise BadTable(f"{field}: {path} line 1: expected the columns {', '.join(columns)}, got {came}")
+            expected = f"{field}: {path}: expected the columns {', '.join(columns)} in its first line"
+            raise BadTable(f"{expected}, got {came}")
     out: dict[str, list[float]] = {column: [] for column in columns}
-    for number, line in enumerate(lines[1:], 2):
-        if not any(cell.strip() for cell in line):
-            continue
+    for number, line in lines[1:]:
         for column in columns:
             place = head.index(column)
             text = line[place].strip() if place < len(line) else ""

@@ -3,8 +3,8 @@
 import stat
 from pathlib import Path
 
-#: More than any scene or table needs.
-LARGEST_BYTES = 1_000_000
+#: More than any table needs, and any scene with two tables of that size in it.
+LARGEST_BYTES = {"a table": 1_000_000, "a scene": 5_000_000}
 #: Where a shell puts pipes that it has opened, which cannot keep us waiting for somebody to open them.
 OPENED = (Path("/dev/stdin"), Path("/dev/fd"))
 KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
@@ -17,7 +17,7 @@ class UnreadableFile(ValueError):
 def read_text(path: Path, what: str) -> str:
     """Return the text in a file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
 
-    ``what`` it is to hold is for the message.
+    ``what`` it is to hold is a key of ``LARGEST_BYTES``.
 
     Raises:
         UnreadableFile: it cannot be read, is too large, or not UTF-8 text.
@@ -28,11 +28,11 @@ def read_text(path: Path, what: str) -> str:
             got = KINDS.get(kind, "a device")
             raise UnreadableFile(f"{path}: expected a file that can be read, got {got}")
         with path.open("rb") as file:
-            data = file.read(LARGEST_BYTES + 1)
+            data = file.read(LARGEST_BYTES[what] + 1)
     except OSError as error:
         raise UnreadableFile(f"{path}: expected a file that can be read, got '{error.strerror}'") from None
-    if len(data) > LARGEST_BYTES:
-        raise UnreadableFile(f"{path}: expected {what} of at most {LARGEST_BYTES} bytes, got more")
+    if len(data) > LARGEST_BYTES[what]:
+        raise UnreadableFile(f"{path}: expected {what} of at most {LARGEST_BYTES[what]} bytes, got more")
     try:
         return data.decode("utf-8-sig")  # Windows' editors put a mark first
     except UnicodeDecodeError as error:

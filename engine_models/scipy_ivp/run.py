@@ -46,6 +46,8 @@ class LocatedRun:
 
     def __init__(self, derivative: Derivative, calls: Calls, times: FloatArray) -> None:
         self._derivative, self._calls, self._times = derivative, calls, times
+        #: Where the driver's speed is not smooth: the integration begins anew, as from an event.
+        self._knots = [t for t in derivative.mechanism.knots_s(float(times[-1])) if t < times[-1]]
         self.record = Record(derivative)
 
     def run(self) -> Record:
@@ -84,8 +86,9 @@ class LocatedRun:
         watched = alarms(derivative, y, answered)
         in_flight = [k for k in range(derivative.contact_count) if derivative.flying(k)]
         marks = [nearest(derivative, k) for k in in_flight]
-        states, roots = self._calls.solve(t, y, times, [*watched, *marks])
-        stop = float(times[-1])
+        stop = min([knot for knot in self._knots if knot > t], default=float(times[-1]))
+        times = times[times <= stop]
+        states, roots = self._calls.solve(t, y, np.union1d(times, stop), [*watched, *marks])
         parting = [root for root in roots if root.watch.event is None and root.t > t]
         missed = [root.t for root in parting if derivative.gaps(root.y)["g"][root.watch.contact] > 0]
         if missed:  # a step that ends where the pin is nearest to the wall shows its touch

@@ -240,10 +240,9 @@ class Mechanism:
         """The prescribed motions that are functions of time."""
         return tuple(c.motion for c in self.constraints if isinstance(c, PrescribedMotion))
 
-    @property
-    def knots_s(self) -> tuple[float, ...]:
-        """Times, rising, at which prescribed motions are not smooth: steps are to land on them."""
-        return tuple(sorted({t for motion in self.prescribed for t in motion.knots_s}))
+    def knots_s(self, longest_step_s: float) -> tuple[float, ...]:
+        """Return times, rising, for steps to land on: where prescribed motions are not smooth, or quick."""
+        return tuple(sorted({t for motion in self.prescribed for t in motion.knots_s(longest_step_s)}))
 
     @property
     def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:

@@ -13,6 +13,8 @@ import numpy as np
 from reference_solver.mechanism.tables import ROW, PiecewiseCubic
 from reference_solver.tape import Scalar, cos, larger, sin, smaller
 
+#: A ramp takes so many steps at least: its work is an integral of a polynomial of degree 9.
+FEWEST_STEPS = 16
 #: The angle turned since t = 0 in rad, the speed, which is C, and the acceleration, which is C'.
 Turn = tuple[Scalar, Scalar, Scalar]
 
@@ -30,10 +32,10 @@ class Ramp:
     start_s: float = 0.0
     has_knots: ClassVar[bool] = True
 
-    @property
-    def knots_s(self) -> tuple[float, ...]:
-        """Times in s."""
-        return self.start_s, self.start_s + self.duration_s
+    def knots_s(self, longest_step_s: float) -> tuple[float, ...]:
+        """Return times in s: both ends, and where steps are long for the ramp, places within it."""
+        parts = 1 if self.duration_s >= FEWEST_STEPS * longest_step_s else FEWEST_STEPS
+        return tuple(self.start_s + k * self.duration_s / parts for k in range(parts + 1))
 
     @property
     def fastest_rad_s(self) -> float:
@@ -50,7 +52,10 @@ class Fluctuation:
     frequency_rad_s: float
     phase_rad: float = 0.0
     has_knots: ClassVar[bool] = False
-    knots_s: ClassVar[tuple[float, ...]] = ()
+
+    def knots_s(self, longest_step_s: float) -> tuple[float, ...]:  # noqa: ARG002
+        """Return no times."""
+        return ()
 
     @property
     def fastest_rad_s(self) -> float:
@@ -65,9 +70,8 @@ class Course:
     turned: PiecewiseCubic
     has_knots: ClassVar[bool] = True
 
-    @property
-    def knots_s(self) -> tuple[float, ...]:
-        """Times in s."""
+    def knots_s(self, longest_step_s: float) -> tuple[float, ...]:  # noqa: ARG002
+        """Return times in s."""
         return tuple(self.turned.knots)
 
     @property

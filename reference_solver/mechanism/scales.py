@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference_solver.mechanism.mechanism import GROUND, Mechanism
+from reference_solver.mechanism.mechanism import GROUND, ConstantForce, GasForce, Load, Mechanism
+from reference_solver.mechanism.tables import ROW
 from reference_solver.tape import FloatArray
 
 
@@ -28,6 +29,8 @@ def scales_of(
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
     length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
     swing = np.sqrt(abs(mechanism.gravity_m_s2) / length)
+    pushed = max((_push(load, mechanism) for load in mechanism.loads), default=0.0)
+    swing = max(swing, np.sqrt(pushed / length))
     driven = max((motion.fastest_rad_s for motion in mechanism.prescribed), default=0.0)
     rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)), swing, driven)
     if not (np.isfinite(rate) and rate > 0):
@@ -43,6 +46,13 @@ def _longest_arm(mechanism: Mechanism) -> float:
     return max(
         (float(np.hypot(*point)) for body, point in ends if body != GROUND and len(point)), default=0.0
     )
+
+
+def _push(load: Load, mechanism: Mechanism) -> float:
+    """Return the largest acceleration that a force along a line gives its body alone, in m/s^2."""
+    if isinstance(load, GasForce):
+        return float(np.abs(load.force_N.rows[1::ROW]).max()) / mechanism.bodies[load.body].mass_kg
+    return abs(load.force_N) / mechanism.bodies[load.body].mass_kg if isinstance(load, ConstantForce) else 0.0
 
 
 def _rate(change: FloatArray, length_m: float) -> float:

@@ -78,8 +78,8 @@ def simulate(
     strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
     numbers = options.checked(options.SimulateOptions, "--", strings)
     physics = options.read_scene(scene, numbers.end)
-    if out is not None and Path(scene).exists() and out.exists() and out.samefile(scene):
-        raise failures.BadInput(f"--out: expected another file than the scene, got {out}")
+    if out is not None and options.is_source(out, scene):
+        raise failures.BadInput(f"--out: expected another file than the scene or its tables, got {out}")
     chosen = options.read_engine(engine, assignments or [], to_tolerance=numbers.tolerance is not None)
     longest_step = options.longest_step_s(numbers, physics.end_time_s, chosen)
     output = nullcontext(sys.stdout) if out is None else whole_file(out)

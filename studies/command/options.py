@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 from engine_models.engine import SETTINGS_CONFIG, Engine
 from engine_models.engines import ENGINES, engine_class
 from engine_models.scene.data import Positive
-from engine_models.scene.file import SceneError, load
+from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.file import checked as checked_scene
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import no_numbers, one_of, refusal, shown
@@ -70,6 +70,16 @@ def read_scene(name: str, end_s: float | None = None) -> Scene:
         return scene if end_s is None else checked_scene({**scene.model_dump(), "end_time_s": end_s})
     except SceneError as error:
         raise BadInput(str(error)) from None
+
+
+def is_source(file: Path, scene: str) -> bool:
+    """Return whether a file is one that a scene was read from."""
+    if scene in SCENES or not Path(scene).is_file():
+        return False
+    try:
+        return any(file.samefile(source) for source in sources(Path(scene)))
+    except OSError:  # what is not there yet is none
+        return False
 
 
 def read_engine(name: str, assignments: Sequence[str], to_tolerance: bool = False) -> Engine:

@@ -49,17 +49,17 @@ def test_no_file_is_read_beyond_the_largest_scene(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(TEXT)
     os.truncate(file, 10**12)  # all of it would not fit in memory
-    assert refusal(file) == f"{file}: expected a scene of at most {LARGEST_BYTES} bytes, got more"
+    assert refusal(file) == f"{file}: expected a scene of at most {LARGEST_BYTES['a scene']} bytes, got more"
 
 
 def test_an_endless_opened_file_is_not_read_to_its_end() -> None:
     with Path("/dev/zero").open("rb") as endless:
-        assert "at most 1000000 bytes, got more" in refusal(Path(f"/dev/fd/{endless.fileno()}"))
+        assert "at most 5000000 bytes, got more" in refusal(Path(f"/dev/fd/{endless.fileno()}"))
 
 
 def test_many_unknown_keys_are_counted_in_one_line(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
-    count = LARGEST_BYTES // 12
+    count = LARGEST_BYTES["a scene"] // 12
     file.write_text("".join(f"k{k} = 1\n" for k in range(count)) + TEXT)
     done = crankslider("show", file)
     assert done.code == 2
