@@ -91,8 +91,9 @@ class Topology:
 
     @property
     def by_events(self) -> bool:
-        """Whether the loop that lands on events runs it: those of contacts, and knots of its motions."""
-        return bool(self.mechanism.contacts or any(motion.has_knots for motion in self.mechanism.prescribed))
+        """Whether the loop that lands on events runs it: of contacts, or knots of motions and loads."""
+        knots = any(motion.has_knots for motion in self.mechanism.prescribed)
+        return knots or bool(self.mechanism.contacts or self.mechanism.gas)
 
     def equations(self, tape: Tape) -> Equations:
         """Return the equations on a tape, with the raw numbers as inputs r[...]."""

@@ -57,8 +57,6 @@ LEFT = 0.05
 LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
 #: Part of a step by which one that ends short of a change of the force's sign is made longer at first.
 PAST = 1e-10
-#: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
-REACHED = 1e-4
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
 
@@ -415,30 +413,10 @@ def within(run, step):
 
 
 @register_jitable(**INNER)
-def to_knot(run, h):
-    """Return a step, h at most, that ends near the next knot of a load by a body's angle, if it gets there.
-
-    What is left of the knot in the step after it is of the fourth power of the distance.
-    """
-    n, y = run.old.n, run.old.y
-    for k in range(len(run.knots)):
-        knot = run.knots[k]
-        c, ahead = knot.coordinate, knot.period
-        speed, gain = y[n + c], run.slopes[START, n + c]
-        if speed < 0.0:
-            ahead, speed, gain = (y[c] - knot.angle) % ahead, -speed, -gain
-        else:
-            ahead = (knot.angle - y[c]) % ahead
-        if ahead > REACHED * knot.period and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
-            h = min(h, 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead)))
-    return h
-
-
-@register_jitable(**INNER)
 def chosen(run):
     """Return the step to try, and the contact that is released at its end, or -1."""
     contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
-    h = loop.in_flight(contacts, gaps, to_knot(run, min(control.step, now.longest)), FLIGHT_PART)
+    h = loop.in_flight(contacts, gaps, loop.to_knot(run, min(control.step, now.longest), 1.0), FLIGHT_PART)
     course, H, releasing = course_of(contacts, gaps, now.time, h, control.rejected != 0)
     end, _ = time_at(course, course.begin + H)
     if end >= now.end - 1e-9 * (now.end - now.time):

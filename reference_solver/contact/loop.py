@@ -54,6 +54,8 @@ ADVANCE = advance_type(KERNEL)
 
 #: The slope that makes dense output a quartic; rows of slopes in all.
 BUMP, ROWS = 0, 5
+#: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
+REACHED = 1e-4
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
 #: share it.
 INSIDE = 1.0 / 3.0
@@ -274,6 +276,27 @@ def step_length(contacts, gaps, now):
     return h
 
 
+@register_jitable(**INNER)
+def to_knot(run, h, curved):
+    """Return a step, h at most, that ends near the next knot of a load by a body's angle, if it gets there.
+
+    It goes by the body's speed, and ``curved`` times its acceleration at the step's start, if that is known.
+    What is left of the knot in the step after it is of the fourth power of the distance.
+    """
+    n, y = run.old.n, run.old.y
+    for k in range(len(run.knots)):
+        knot = run.knots[k]
+        c, ahead = knot.coordinate, knot.period
+        speed, gain = y[n + c], curved * run.slopes[types.START, n + c]
+        if speed < 0.0:
+            ahead, speed, gain = (y[c] - knot.angle) % ahead, -speed, -gain
+        else:
+            ahead = (knot.angle - y[c]) % ahead
+        if ahead > REACHED * knot.period and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
+            h = min(h, 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead)))
+    return h
+
+
 # -------------------------------------------------------------------------------- dense output
 #
 # Over x = (time - t)/h, positions are the quintic through q, q' and q'' at both ends, in error by O(h^6).
@@ -489,6 +512,7 @@ def advance(run):
             h = step_length(contacts, old.gaps, now)
         elif now.taken < len(times):
             landing = min(landing, times[now.taken])
+        h = to_knot(run, h, 0.0)
         last = t + h >= landing - 1e-6 * h
         if last:
             h = landing - t

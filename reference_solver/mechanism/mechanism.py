@@ -245,9 +245,13 @@ class Mechanism:
         return tuple(sorted({t for motion in self.prescribed for t in motion.knots_s(longest_step_s)}))
 
     @property
+    def gas(self) -> tuple[GasForce, ...]:
+        """The loads that go by another body's angle."""
+        return tuple(load for load in self.loads if isinstance(load, GasForce))
+
+    @property
     def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:
         """Angles in rad at which loads are not smooth, with their period and the coordinate's number."""
-        gas = [load for load in self.loads if isinstance(load, GasForce)]
         return tuple(
-            (angle, load.force_N.period, 3 * load.crank + 2) for load in gas for angle in load.force_N.knots
+            (x, load.force_N.period, 3 * load.crank + 2) for load in self.gas for x in load.force_N.knots
         )
