@@ -32,10 +32,11 @@ class Solution:
     along t.
 
     ``sums`` are integrals since t = 0 (s,) by RK4's own quadrature: "drivers", their work in J, that of
-    impulses included; "loadk", that of load k, if it is no function of where the bodies are; of contact k "normalk", the normal impulse in N s, and energies dissipated in J:
-    "lossk" by a compliant wall, "clipk" where its force was clipped, "impactk" and "closingk" by a rigid one
-    (friction's part included), and "slidek" by friction; "removed" is what the stabilisation has removed,
-    negative where it has added some: by projection or by Baumgarte's feedback (see ``Equations``).
+    impulses included; "loadk", that of load k, if it is no function of where the bodies are; of contact k
+    "normalk", the normal impulse in N s, and energies dissipated in J: "lossk" by a compliant wall, "clipk"
+    where its force was clipped, "impactk" and "closingk" by a rigid one (friction's part included), and
+    "slidek" by friction; "removed" is what the stabilisation has removed, negative where it has added some:
+    by projection or by Baumgarte's feedback (see ``Equations``).
 
     ``events`` (E,) is the log (see ``contact.types.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
     the order of the contacts' ends; ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all

@@ -101,7 +101,7 @@ def solve(
     ``step`` is the longest one in s, or both rates, of the paper's RK4; or the error control of DOP853. Where
     events are located, and with error control, steps are the run's own, whatever the samples: those within a
     step are interpolated, at the order of the step. Else all steps of RK4 have one length that fits into the
-    samples' interval.
+    samples' interval. Steps end where prescribed motions, and loads by a body's angle, are not smooth.
 
     Raises:
         ValueError: rigid walls without projection or without location of events.
