@@ -151,7 +151,7 @@ def test_up_to_its_horizon_a_scene_moves_as_in_minimal_coordinates(name: str) ->
     changes = [change for change in expected.following if change[0] < horizon - settled]
     assert len(changes) >= case.mode_changes, f"the horizon of {horizon} s has {changes}"
 
-    found = run(scene, case.end_s, case.step_s, compiled=False)
+    found = run(scene, case.end_s, case.step_s, compiled=True)
     joints = scene.joints_with_clearance
     fast = [hit for hit in found.impacts if hit.approach_speed_m_s > SLOW][: len(known)]
     assert [joints[hit.contact] for hit in fast] == [hit[1] for hit in known]
