@@ -84,7 +84,7 @@ Motion = Ramp | Fluctuation | Course
 
 
 def ramp(motion: Ramp, t: Scalar) -> Turn:
-    """Return the turn of a ramp."""
+    """Return the turn of a ramp: a sextic in time within it, straight lines outside."""
     T, gain = motion.duration_s, motion.last_rad_s - motion.first_rad_s
 
     def gained(t: Scalar) -> tuple[Scalar, Scalar]:

@@ -24,7 +24,8 @@ def scales_of(
 
     The length is that of the longest lever from a body to a joint, of the largest bearing without one, or
     what else has a length. The rate is the largest by which bodies turn, move, gather speed, are driven later
-    or swing under gravity, which is all that there is at an equilibrium, or one over the end time.
+    or swing under gravity or a load's largest force, which are all that there is at an equilibrium, or one
+    over the end time.
     """
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
     length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0

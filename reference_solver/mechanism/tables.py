@@ -48,7 +48,7 @@ class PiecewiseCubic(Table):
 
     @property
     def knots(self) -> list[float]:
-        """Where pieces begin that are no more than round-off from being the one before, gone on."""
+        """Where pieces begin that are more than round-off away from the one before, gone on."""
         begins, cubic, value = self._array[::ROW], self._array[4::ROW], np.abs(self._array[1::ROW])
         jump, wide = cubic - np.roll(cubic, 1), np.diff(begins, append=begins[-1])
         wide = np.maximum(wide, np.roll(wide, 1))

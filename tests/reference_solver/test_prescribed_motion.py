@@ -57,6 +57,7 @@ CASES = {
     "loads": scene(200.0, LOAD, drive=FreeDrive(kind="free")),
     "loads of a driven crank": scene(SPEED, LOAD),
     "gas": scene(100.0, SliderLoad(gas=GAS), drive=FreeDrive(kind="free")),
+    "gas on a crank that turns back": scene(-100.0, SliderLoad(gas=GAS), drive=FreeDrive(kind="free")),
     "gas by a table": scene(FIRST, SliderLoad(gas=GAS), drive=TABLE),
 }
 #: Steps of the ladder in s: the finest is still above round-off, the longest in the range of the order.
@@ -235,6 +236,14 @@ def sampled(of: Trajectory | Run) -> dict[str, FloatArray]:
     forces = normal["B"] if isinstance(normal, dict) else normal
     out = {"position": of.slider_position_m, "velocity": of.slider_velocity_m_s, "normal force": forces}
     return out if of.driver_torque_N_m is None else {**out, "torque": of.driver_torque_N_m}
+
+
+def test_error_control_takes_a_slow_crank_under_gas_in_few_steps() -> None:
+    of = scene(0.01, SliderLoad(gas=GAS), end_time_s=400 * np.pi)  # two turns of a hand crank
+    steps = [run(of, of.end_time_s, method="dop853", tolerance=tolerance).steps for tolerance in (1e-7, 1e-9)]
+    assert max(steps) < 1000, (
+        f"{steps}: 300 measured; a million, were the gas's own size not among the scales"
+    )
 
 
 def test_a_table_is_its_spline_at_any_place_and_repeats() -> None:
