@@ -1,6 +1,7 @@
 """Data with its numbers replaced: by parameters, for the tape, or by marks, to tell topologies apart."""
 
 import copy
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
@@ -11,14 +12,14 @@ T = TypeVar("T")
 WRITTEN_OUT = "written out"
 
 
-class Table:
+class Table(ABC):
     """Numbers of any count, which a kernel has no input for each of, but a place where they are."""
 
     rows: tuple[float, ...]
 
+    @abstractmethod
     def placed(self, behind: int = 0) -> Any:
         """Return the place as data, with so many numbers of other tables behind this one's."""
-        raise NotImplementedError
 
 
 def lifted(

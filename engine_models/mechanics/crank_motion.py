@@ -20,15 +20,11 @@ OfTime = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class CrankMotion:
-    """Functions of times (n,) in s: the angle turned since t = 0 in rad, speed and acceleration.
-
-    ``knots_s`` are the times within the run at which they are not smooth.
-    """
+    """Functions of times (n,) in s: the angle turned since t = 0 in rad, speed and acceleration."""
 
     turned_rad: OfTime
     speed_rad_s: OfTime
     acceleration_rad_s2: OfTime
-    knots_s: tuple[float, ...] = ()
 
     @property
     def start_speed_rad_s(self) -> float:
@@ -41,23 +37,20 @@ def crank_motion(scene: Scene) -> CrankMotion | None:
     drive, speed, clock = scene.drive, scene.start.crank_speed_rad_s, scene.start.time_s or 0.0
     if not scene.speed_is_prescribed:
         return None
-    knots: tuple[float, ...] = ()
     if isinstance(drive, RampDrive):
-        own, knots = _ramp(drive, speed), (drive.ramp_time_s,)
+        own = _ramp(drive, speed)
     elif isinstance(drive, FluctuatingDrive):
         own = _fluctuating(drive, speed)
     elif isinstance(drive, TableDrive):
-        own, knots = _table(drive), drive.time_s
+        own = _table(drive)
     else:
         own = (lambda t: speed * t, lambda t: np.full_like(t, speed), np.zeros_like)
     angle, rate, acceleration = own
     begin = angle(np.array([clock]))
-    within = tuple(t - clock for t in knots if 0 < t - clock < scene.end_time_s)
     return CrankMotion(
         lambda t: angle(clock + t) - begin,
         lambda t: rate(clock + t),
         lambda t: acceleration(clock + t),
-        within,
     )
 
 

@@ -122,8 +122,8 @@ class Run(NamedTuple):
 
     ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y, and
     behind them {lambda} and the contacts' forces as samples do; the last ones are ``START`` to ``SPARE``.
-    ``control`` (1,) is error control, ``clock`` (1,) where the run is, ``knots`` are angles of bodies at which
-    steps are to end.
+    ``control`` (1,) is error control, ``clock`` (1,) where the run is, ``knots`` are angles of bodies at
+    which steps are to end.
     """
 
     kernel: Any

@@ -109,8 +109,7 @@ def fluctuation(motion: Fluctuation, t: Scalar) -> Turn:
 
 def course(motion: Course, t: Scalar) -> Turn:
     """Return the turn by a table."""
-    angle, speed, acceleration = motion.turned.at(t)
-    return angle, speed, acceleration
+    return motion.turned.at(t)
 
 
 #: The function of each kind of motion, of it and the time.

@@ -59,7 +59,7 @@ class PiecewiseCubic(Table):
         """Return what a kernel knows of it, with so many numbers of other tables behind this one's."""
         return PlacedTable(-float(len(self.rows) + behind), len(self.rows) / ROW, self.period)
 
-    def at(self, x: Scalar) -> tuple[Scalar, ...]:
+    def at(self, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Return the function and its first two derivatives at a number or at a tape's value."""
         return _cubic(*piece(self._array, -len(self.rows), len(self.rows) / ROW, self.period, x))
 
@@ -72,11 +72,11 @@ class PlacedTable:
     pieces: Scalar
     period: Scalar
 
-    def at(self, x: Scalar) -> tuple[Scalar, ...]:
+    def at(self, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Return the function and its first two derivatives on the tape that the place is on."""
         names = ["s", "c0", "c1", "c2", "c3"]
         return _cubic(*self.place.tape.call("piece", ["p", self.place, self.pieces, self.period, x], names))
 
 
-def _cubic(s: Scalar, a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> tuple[Scalar, ...]:
+def _cubic(s: Scalar, a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     return a + s * (b + s * (c + s * d)), b + s * (2.0 * c + s * (3.0 * d)), 2.0 * c + 6.0 * (s * d)

@@ -44,8 +44,6 @@ def test_a_ramp_within_a_step_is_cut_into_steps_enough(engine: Engine, step_s: f
 @pytest.mark.parametrize("engine", ["exudyn", "pymunk"])
 def test_an_engine_of_equal_steps_says_which_field_is_too_quick(engine: str, drive: Drive) -> None:
     field = "ramp_time_s" if drive is RAMP else "frequency_Hz"
-    with pytest.raises(
-        SimulationFailed, match=rf"drive\.{field}: expected at least 4 steps .* shorten the step"
-    ):
+    with pytest.raises(SimulationFailed, match=rf"drive\.{field}: expected at least 4 steps .* shorten"):
         make_engine(engine).simulate(scene(drive), RunSettings(STEP_S, SAMPLES))
     make_engine(engine).simulate(scene(drive), RunSettings(2e-7, SAMPLES))

@@ -241,9 +241,7 @@ def sampled(of: Trajectory | Run) -> dict[str, FloatArray]:
 def test_error_control_takes_a_slow_crank_under_gas_in_few_steps() -> None:
     of = scene(0.01, SliderLoad(gas=GAS), end_time_s=400 * np.pi)  # two turns of a hand crank
     steps = [run(of, of.end_time_s, method="dop853", tolerance=tolerance).steps for tolerance in (1e-7, 1e-9)]
-    assert max(steps) < 1000, (
-        f"{steps}: 300 measured; a million, were the gas's own size not among the scales"
-    )
+    assert max(steps) < 1000, f"{steps}: 300 measured; a million without the gas among the scales"
 
 
 def test_a_table_is_its_spline_at_any_place_and_repeats() -> None:
