@@ -16,7 +16,7 @@ import numpy as np
 from reference_solver.contact.force import contact_force, elastic_force, rates_of
 from reference_solver.contact.types import FLIGHT
 from reference_solver.contact.wall_friction import Rubbing, rubbed
-from reference_solver.contact.walls import wall_link
+from reference_solver.contact.walls import sliding_row, wall_link
 from reference_solver.factorisation import Factors
 from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
 from reference_solver.mechanism.constraints import CONSTRAINTS
@@ -24,7 +24,7 @@ from reference_solver.mechanism.loads import INTEGRATED, LOADS, Forces, power_of
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
-from reference_solver.tape import Array, FloatArray, Scalar, array, both, named
+from reference_solver.tape import Array, FloatArray, Scalar, array, both, named, sqrt
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
@@ -247,19 +247,28 @@ class Equations:
         return right - feedback, factors.solve(drift) @ feedback
 
     def mobilities(self, q: Array) -> list[Scalar]:
-        """Return every contact's mobility in 1/kg: the rate of its gap per unit of normal impulse (K,).
+        """Return three mobilities in 1/kg of every contact, (3K,): a speed per unit of its own impulse.
 
-        It is N ([M]^-1 - [M]^-1 [B]^T ([B][M]^-1[B]^T)^-1 [B][M]^-1) N^T, N the row of the normal speed.
+        They are along the normal, of sliding (0 without friction), and of the pin's centre along its wall. A
+        row N of a speed has N ([M]^-1 - [M]^-1 [B]^T ([B][M]^-1[B]^T)^-1 [B][M]^-1) N^T.
         """
         still = np.zeros(self.n)
         state, B = State(q, still), self.system(0.0, q, still).B
-        factors, mobilities = self.factors(B), []
+        factors, mobilities = self.factors(B), list[Scalar]()
+
+        def mobility(row: Array) -> Scalar:
+            held = B @ (self.inverse_mass * row)
+            return row @ (self.inverse_mass * row) - held @ factors.solve(held)
+
         for joint in self.mechanism.contacts:
             bearing, pin = ends_of(joint, state)
             d = pin.place - bearing.place
-            N = speed_row(d, bearing, pin, self.n)
-            held = B @ (self.inverse_mass * N)
-            mobilities.append((N @ (self.inverse_mass * N) - held @ factors.solve(held)) / (d @ d))
+            distance = sqrt(d @ d)
+            n = array([d[0] / distance, d[1] / distance])
+            t = array([-n[1], n[0]])
+            mobilities.append(mobility(speed_row(n, bearing, pin, self.n)))
+            sliding = 0.0 if joint.friction is None else mobility(sliding_row(joint, n, bearing, pin, self.n))
+            mobilities += [sliding, mobility(speed_row(t, bearing, pin, self.n))]
         return mobilities
 
     def accelerations(

@@ -328,10 +328,10 @@ class Solver:
 def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
     """Return a contact in flight as ``CONTACT_RECORD`` has it."""
     law, clearance, friction = joint.law, joint.radial_clearance_m, joint.friction
-    state = (types.FLIGHT, 0.0, 0.0, 0.0, 0.0)
-    if isinstance(law, RigidWall):
-        return *state, clearance, *[0.0] * 6, 1.0, 0.0, 0.0, 0.0
+    state = (types.FLIGHT, *[0.0] * 6)
     slope = 0.0 if friction is None else friction.coefficient * steepest(friction)
+    if isinstance(law, RigidWall):
+        return *state, clearance, *[0.0] * 4, slope, 0.0, 1.0, 0.0, 0.0, 0.0
     compliant = (law.stiffness, law.exponent, law.damping_factor, law.minimum_impact_speed_m_s, slope)
     return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0
 

@@ -20,7 +20,7 @@ from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
-from engine_models.reference.run import reference_run
+from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
@@ -28,8 +28,6 @@ from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, ErrorControl, Stab
 
 #: The smallest tolerance, some times round-off, and one to begin with.
 SHARPEST, LOOSE = 1e-14, 1e-6
-#: The step at which a contact takes ``steps_per_contact`` steps.
-STEP_OF_CONTACT_STEPS_S = 1e-5
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -40,8 +38,8 @@ class ReferenceEngine:
 
     ``method = rk4`` is the paper's. In a scene with clearance the run's step is the longest one, taken in
     flight; a contact takes ``steps_per_contact`` shorter ones, graded at both ends, and touch and release are
-    located. That number is for a step of 1e-5 s and grows as the step falls, so that halving the step halves
-    both. Without ``locate_events`` every step has the run's length, as in the paper.
+    located. That number is for steps in which the mechanism turns by 0.3 degrees at the rate of its start (see
+    ``scales``), and grows as the step falls, so that halving the step halves both. Without ``locate_events`` every step has the run's length, as in the paper.
 
     ``method = dop853`` takes steps up to the run's longest that are in error by the ``tolerance``: a part of
     the mechanism's longest lever, a radian, and both times the rate of its start (see ``ErrorControl``).
@@ -121,5 +119,7 @@ class ReferenceEngine:
         if self.method == "dop853":
             return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s))
         step = settings.step_used_s(scene.end_time_s)
-        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * STEP_OF_CONTACT_STEPS_S / step)
-        return StepChoice(step, per_contact, self.locate_events)
+        if not (scene.joints_with_clearance and self.locate_events):
+            return StepChoice(step, locate_events=self.locate_events)
+        per_contact = self.steps_per_contact * TURN_OF_STEP_RAD / (rate_s(scene) * step)
+        return StepChoice(step, max(FEWEST_STEPS_PER_CONTACT, per_contact))

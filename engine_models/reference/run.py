@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from engine_models.engine import RunSettings, Trajectory
@@ -12,7 +13,9 @@ from engine_models.progress import tell
 from engine_models.reference.model import mechanism_of
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Scene
+from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff
+from reference_solver.mechanism.scales import scales_of
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
@@ -21,6 +24,22 @@ MOST_TRIES, ROOM = 5, 0.8
 #: Steps of contacts, and events on rigid walls, after which their pace is judged: some seconds; and events
 #: that there is no time for.
 LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS = 2_000_000, 2_000, 1e8
+
+#: The turn in a step, at the mechanism's own rate, for which steps per contact are given: 0.3 degrees.
+TURN_OF_STEP_RAD = math.pi / 600
+
+
+def rate_s(scene: Scene) -> float:
+    """Return the mechanism's own rate at the start in 1/s (see ``reference_solver.mechanism.scales``).
+
+    Raises:
+        SingularConfiguration: there are no accelerations.
+        SimulationFailed: see ``checked_start``.
+    """
+    q, v = (part.ravel() for part in checked_start(scene))
+    mechanism = mechanism_of(scene)
+    accelerations, _ = Equations(mechanism, q).accelerations(0.0, q, v)
+    return scales_of(mechanism, q, v, accelerations, scene.end_time_s).rate_s
 
 
 def reference_run(

@@ -150,7 +150,7 @@ class ReadableFace:
         return True
 
     def mobilities(self, _: object, y: FloatArray, row: int, out: FloatArray) -> bool:
-        """Set a row of ``out`` to the contacts' mobilities."""
+        """Set a row of ``out`` to those of ``Equations.mobilities``."""
         mobilities = self.equations.mobilities(y[: self.equations.n])
         out[row, : len(mobilities)] = mobilities
         return True

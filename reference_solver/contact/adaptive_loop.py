@@ -560,6 +560,7 @@ def advance(run):
         status = loop.due(now, len(run.records.events))
         if status != GO:
             return status
+        loop.probe_now_and_then(run)
         first, releasing = chosen(run)
         error, factor = tried(run, first)
         if not error <= 1.0:

@@ -56,6 +56,8 @@ ADVANCE = advance_type(KERNEL)
 BUMP, ROWS = 0, 5
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
+#: Mobilities are looked up again after so many steps, in which bodies turn little.
+STEPS_BETWEEN_PROBES = 16
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
 #: share it.
 INSIDE = 1.0 / 3.0
@@ -199,6 +201,26 @@ def approach(run, h, skip):
 
 
 @register_jitable(**INNER)
+def probe(run):
+    """Look up the mobilities of all contacts where the bodies are now."""
+    contacts, looked_up = run.contacts, run.slopes[types.SPARE]
+    run.kernel.mobilities(run.p, run.old.y, types.SPARE, run.slopes)
+    for k in range(len(contacts)):
+        contacts[k].mobility, contacts[k].sliding = looked_up[3 * k], looked_up[3 * k + 1]
+        contacts[k].following = looked_up[3 * k + 2]
+
+
+@register_jitable(**INNER)
+def probe_now_and_then(run):
+    """Look up the mobilities where a contact has lasted for some steps: its bodies have turned."""
+    closed = False
+    for k in range(len(run.contacts)):
+        closed = closed or run.contacts[k].phase != types.FLIGHT
+    if closed and run.clock[0].steps % STEPS_BETWEEN_PROBES == 0:
+        probe(run)
+
+
+@register_jitable(**INNER)
 def switch(run, event):
     """Change a contact's phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume."""
     k, kind = event // 2, event % 2
@@ -209,9 +231,8 @@ def switch(run, event):
     if contact.phase != types.FLIGHT:
         contact.phase = types.FLIGHT
         return -1
-    # The mobility tells how long the contact will take.
-    run.kernel.mobilities(run.p, run.old.y, types.SPARE, run.slopes)
-    contact.phase, contact.mobility = types.CONTACT, run.slopes[types.SPARE, k]
+    probe(run)  # the mobility tells how long the contact will take
+    contact.phase = types.CONTACT
     speed = max(gap.rate, contact.slowest)
     energy = (n + 1.0) * speed * speed / (2.0 * contact.stiffness * contact.mobility)
     contact.memory = contact.factor / speed
@@ -254,21 +275,32 @@ def in_flight(contacts, gaps, h, part):
 
 @register_jitable(**INNER)
 def step_length(contacts, gaps, now):
-    """Return the longest step that the phases allow."""
-    h = in_flight(contacts, gaps, now.longest, 0.25)
+    """Return the longest step that the phases allow.
+
+    A contact's own times are its duration, half a period of its spring, the time in which its damper or its
+    friction, below the regularisation speed, takes a speed away, and the period of the pin that swings along
+    its wall, pressed onto it by N: 2 pi/sqrt(N w/c) with w the mobility there. All are cut alike.
+    """
+    h, decay = in_flight(contacts, gaps, now.longest, 0.25), min(0.5, 50.0 / now.per_contact)
     for k in range(len(contacts)):
         contact, gap = contacts[k], gaps[k]
-        if contact.phase == types.FLIGHT or contact.rigid != 0.0:
+        if contact.phase == types.FLIGHT:
+            continue
+        rigid = contact.rigid != 0.0
+        pressing = gap.push if rigid else gap.elastic * max(1.0, gap.push)
+        swing = np.sqrt(max(pressing, 0.0) * contact.following / contact.clearance)
+        if swing > 0.0:
+            h = min(h, 2.0 * np.pi / (swing * now.per_contact))
+        # RK4 follows a damper of rate r up to r h = 2.785, accurately well below it.
+        rate = max(contact.mobility * gap.damper, contact.sliding * pressing * contact.friction)
+        if rate > 0.0:
+            h = min(h, decay / rate)
+        if rigid:
             continue
         duration, depth = contact.duration_s, max(gap.depth, 0.0)
         if depth > 0.0:
             slope = contact.exponent * gap.elastic / depth
             duration = min(duration, np.pi / np.sqrt(slope * contact.mobility))
-            # A law's damping is stiff in a contact that began slowly, friction below its regularisation
-            # speed: a damper of rate r is followed by RK4 up to r h = 2.785, accurately well below it.
-            rate = contact.mobility * max(gap.damper, gap.elastic * contact.friction)
-            if rate > 0.0:
-                h = min(h, 0.5 / rate)
         shortest = duration / now.per_contact
         h = min(h, graded(shortest, duration, now.time - contact.began_s))
         if gap.rate < 0.0:
@@ -501,6 +533,8 @@ def advance(run):
     """
     now, contacts, old, new, times = run.clock[0], run.contacts, run.old, run.new, run.records.time
     close_at_start(run)
+    if now.located:  # pins may have begun to follow rigid walls
+        probe(run)
     while True:
         if now.taken < len(times) and times[now.taken] <= now.time and not write_due(run):
             return types.FAILED
@@ -509,6 +543,7 @@ def advance(run):
             return status
         t, h, landing = now.time, now.longest, now.end
         if now.located:
+            probe_now_and_then(run)
             h = step_length(contacts, old.gaps, now)
         elif now.taken < len(times):
             landing = min(landing, times[now.taken])

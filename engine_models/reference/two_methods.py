@@ -1,0 +1,82 @@
+"""A scene solved by two methods of different order, step control and search for events: RK4 and DOP853.
+
+What one of them claims is tested by the other. What they share is the equations, and that bounces on rigid
+walls below round-off are not followed: RK4 gives these up at longer flights, so that this too is seen.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s
+from engine_models.scene.scene import Scene
+
+#: Tolerances of DOP853, first as a part of the one asked for in lengths of the crank, then each the part of
+#: the one before.
+FIRST_PART, SHARPER, SHARPEST, LOOSEST = 1e-2, 1e-2, 1e-14, 1e-6
+#: RK4's error in lengths of the crank at its usual steps, roughly; and by how much they are shortened at once.
+USUAL_ERROR, LEAST_CUT, LARGEST_CUT = 1e-8, 2.0, 8.0
+#: Pairs tried, and steps of RK4 between two samples without clearance, at the most.
+MOST_PAIRS, MOST_STEPS = 6, 20_000_000
+
+
+@dataclass(frozen=True)
+class SolvedTwice:
+    """DOP853's run, and how far RK4's slider position has been from it up to each of n times, (n,) in m."""
+
+    run: Trajectory
+    apart_m: FloatArray
+
+
+def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
+    """Return the solution on which both methods agree to a tolerance of slider position at all samples.
+
+    Raises:
+        UnsupportedScene: the reference cannot run the scene.
+        SimulationFailed: one of them fails, or they part: from when on, and how far.
+    """
+    part = tolerance_m / scene.crank.length_m
+    sharp = min(LOOSEST, max(SHARPEST, FIRST_PART * part))
+    step = _usual_step_s(scene) * (part / USUAL_ERROR) ** 0.25
+    best = np.inf
+    for _ in range(MOST_PAIRS):
+        pair = _pair(scene, sharp, step, samples)
+        apart = float(pair.apart_m[-1])
+        if apart <= tolerance_m:
+            return pair
+        if apart > 0.5 * best and sharp == SHARPEST:
+            break
+        best, sharp = min(best, apart), max(SHARPEST, SHARPER * sharp)
+        step /= min(LARGEST_CUT, max(LEAST_CUT, 1.5 * (apart / tolerance_m) ** 0.25))
+        if scene.end_time_s > MOST_STEPS * step:
+            break
+    when = pair.run.time_s[int(np.argmax(pair.apart_m > tolerance_m))]
+    raise SimulationFailed(
+        f"RK4 and DOP853 part at t = {when:.6g} s, and are {apart:.3g} m apart at the end: what comes then "
+        "depends on round-off, or on steps too short to take; end the run before"
+    )
+
+
+def sharp_pair(scene: Scene, samples: int) -> SolvedTwice:
+    """Return the solution by both methods at steps near round-off, whether they agree or not.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: as the reference does.
+    """
+    return _pair(scene, 10 * SHARPEST, _usual_step_s(scene) / LARGEST_CUT, samples)
+
+
+def _usual_step_s(scene: Scene) -> float:
+    """Return a step of RK4 in which the mechanism turns by as much as steps per contact are given for."""
+    return TURN_OF_STEP_RAD / rate_s(scene)
+
+
+def _pair(scene: Scene, tolerance: float, step_s: float, samples: int) -> SolvedTwice:
+    # RK4 first: where steps collapse, it is quick to say so.
+    other = ReferenceEngine().simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
+    sharp = ReferenceEngine(method="dop853", tolerance=tolerance)
+    run = sharp.simulate(scene, RunSettings(scene.end_time_s, samples))
+    apart = np.abs(run.slider_position_m - other.slider_position_m)
+    return SolvedTwice(run, np.maximum.accumulate(apart))
