@@ -75,6 +75,12 @@ class ReferenceEngine:
             return self
         return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
 
+    def finer(self) -> "ReferenceEngine":
+        """Return the engine that a run is held against to see whether it has converged."""
+        if self.method == "rk4":
+            return replace(self, steps_per_contact=2 * self.steps_per_contact)
+        return replace(self, tolerance=max(self.tolerance / 100, SHARPEST))
+
     @property
     def controls_error(self) -> bool:
         """Whether the tolerance decides, and the step is no more than a limit."""

@@ -24,10 +24,16 @@ MOST_PAIRS, MOST_STEPS = 6, 20_000_000
 
 @dataclass(frozen=True)
 class SolvedTwice:
-    """DOP853's run, and how far RK4's slider position has been from it up to each of n times, (n,) in m."""
+    """DOP853's run, and RK4's."""
 
     run: Trajectory
-    apart_m: FloatArray
+    other: Trajectory
+
+    @property
+    def apart_m(self) -> FloatArray:
+        """How far their slider positions have been apart up to each of n times, (n,)."""
+        apart = np.abs(self.run.slider_position_m - self.other.slider_position_m)
+        return np.asarray(np.maximum.accumulate(apart))
 
 
 def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
@@ -77,6 +83,4 @@ def _pair(scene: Scene, tolerance: float, step_s: float, samples: int) -> Solved
     # RK4 first: where steps collapse, it is quick to say so.
     other = ReferenceEngine().simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
     sharp = ReferenceEngine(method="dop853", tolerance=tolerance)
-    run = sharp.simulate(scene, RunSettings(scene.end_time_s, samples))
-    apart = np.abs(run.slider_position_m - other.slider_position_m)
-    return SolvedTwice(run, np.maximum.accumulate(apart))
+    return SolvedTwice(sharp.simulate(scene, RunSettings(scene.end_time_s, samples)), other)
