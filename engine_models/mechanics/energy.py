@@ -2,13 +2,11 @@
 
 import numpy as np
 
-from engine_models.engine import FloatArray, SimulationFailed, Trajectory
+from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.joints import CRANK
 from engine_models.scene.scene import Clearance, Scene
 
-#: A run with a larger part of its energy unexplained has gone wrong.
-LARGEST_RESIDUAL = 0.1
 #: What lies below these, in parts of weight times crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9
 
@@ -40,32 +38,31 @@ def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     return np.asarray(gravitational + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
 
 
+def numerical_gain_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the energy since t = 0 that no physics accounts for, (n,): positive if made, negative if lost.
+
+    Unlike the energy balance residual it holds what stabilisation removed, which is not physics either and
+    which most engines do not tell: so it is the same thing for every engine.
+    """
+    energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
+    lost = trajectory.dissipated_energy_J
+    return np.asarray(energy - energy[0] - trajectory.work_J + (0.0 if lost is None else lost))
+
+
 def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
-    energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
-    losses = (trajectory.dissipated_energy_J, trajectory.stabilisation_loss_J)
-    lost = sum(loss for loss in losses if loss is not None)
-    return np.asarray(energy - energy[0] - trajectory.work_J + lost)
+    gain, removed = numerical_gain_J(scene, trajectory), trajectory.stabilisation_loss_J
+    return gain if removed is None else gain + removed
 
 
-def require_energy(scene: Scene, trajectory: Trajectory) -> Trajectory:
-    """Return the trajectory, or raise SimulationFailed where its energy is not what work and losses explain.
+def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the largest energy that there has been since t = 0, with a little more for round-off, (n,) > 0.
 
-    The bound is ``LARGEST_RESIDUAL`` of the largest of kinetic energy, potential energy gained or spent, and
-    the works of driver and loads up to then.
+    It is the largest of kinetic energy, potential energy gained or spent, and the works of driver and loads.
     """
     kinetic, potential = kinetic_energy_J(scene, trajectory), potential_energy_J(scene, trajectory)
     parts = [kinetic, np.abs(potential - potential[0]), *map(np.abs, trajectory.load_work_J.values())]
     if trajectory.driver_work_J is not None:
         parts.append(np.abs(trajectory.driver_work_J))
     weight = scene.gravity_m_s2 * sum(body.mass_kg for body in scene.bodies) * scene.crank.length_m
-    there = np.maximum.accumulate(np.max(parts, axis=0)) + ROUND_OFF * weight + LEAST_J
-    off = np.abs(energy_balance_residual_J(scene, trajectory))
-    wrong = off > LARGEST_RESIDUAL * there
-    if wrong.any():
-        k = int(np.argmax(wrong))
-        raise SimulationFailed(
-            f"energy off by {100 * off[k] / there[k]:.3g} % at t = {trajectory.time_s[k]:.6g} s with step "
-            f"{trajectory.step_s:.3g} s: shorten the step"
-        )
-    return trajectory
+    return np.asarray(np.maximum.accumulate(np.max(parts, axis=0)) + ROUND_OFF * weight + LEAST_J)

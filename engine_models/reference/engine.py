@@ -15,7 +15,6 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
-from engine_models.mechanics.energy import require_energy
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
@@ -101,8 +100,7 @@ class ReferenceEngine:
         require_memory(scene, settings)
         try:
             with np.errstate(all="ignore"):  # require_finite is the judge
-                run = require_finite(self._run(wound(scene), settings))
-                return unwound(scene, require_energy(scene, run))
+                return unwound(scene, require_finite(self._run(wound(scene), settings)))
         except SolverError as error:
             raise SimulationFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite

@@ -67,6 +67,7 @@ def simulate(
     import numpy as np
 
     from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+    from engine_models.mechanics.quality import quality_of
     from engine_models.memory import TooLarge
     from engine_models.reference.kernels import FolderRefused
     from engine_models.step_halving import simulate_to_tolerance
@@ -101,7 +102,12 @@ def simulate(
             raise failures.BadInput(str(reason)) from None
         except SimulationFailed as reason:
             raise failures.Failed(str(reason)) from None
+        quality = quality_of(physics, result)
+        if (failure := quality.failure()) is not None:
+            raise failures.Failed(failure)
         table(physics, result).to_csv(file, index=False, lineterminator="\n")
+    for warning in quality.warnings():
+        failures.say(f"warning: {warning}")
     of_method = f" of {chosen.method}" if hasattr(chosen, "method") else ""
     failures.say(f"note: {result.steps} steps{of_method}, the longest {result.step_s:.6g} s")
 

@@ -13,8 +13,13 @@ from engine_models.scene.file import SceneError, from_toml, to_toml
 from engine_models.scene.scene import Scene
 from studies.extremes import contacts, dead_centres, mechanisms, wheels
 from studies.extremes.case import Extreme
-from studies.judges.energy_ledger import numerical_gain_J
-from studies.judges.metrics import constraint_violation_m, finite, kinetic_energy_J, potential_energy_J
+from studies.judges.metrics import (
+    constraint_violation_m,
+    finite,
+    kinetic_energy_J,
+    numerical_gain_J,
+    potential_energy_J,
+)
 from studies.running.case import Case, Curves, Limits, Row, Value
 
 #: What a run may take, and one of very many steps.

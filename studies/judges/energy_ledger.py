@@ -51,15 +51,6 @@ def ledger(scene: Scene, run: Trajectory) -> Lines:
     return {name: line for name, line in lines.items() if line is not None}
 
 
-def numerical_gain_J(scene: Scene, run: Trajectory) -> FloatArray:
-    """Return the energy since t = 0 that no physics accounts for, (n,): positive if made, negative if lost.
-
-    Unlike the energy balance residual it holds what stabilisation removed, which is not physics either and
-    which most engines do not tell: so it is the same thing for every engine.
-    """
-    return np.asarray(sum(stored(scene, run).values()) - run.work_J + sum(dissipated(run).values()))
-
-
 def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:
     """Return the largest speed at which an ideal joint opens or the slider leaves its guide, (n,).
 

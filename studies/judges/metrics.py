@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.energy import energy_balance_residual_J as energy_balance_residual_J
 from engine_models.mechanics.energy import kinetic_energy_J as kinetic_energy_J
+from engine_models.mechanics.energy import numerical_gain_J as numerical_gain_J
 from engine_models.mechanics.energy import potential_energy_J as potential_energy_J
 from engine_models.mechanics.joints import gaps
+from engine_models.mechanics.quality import constraint_violation_m as constraint_violation_m
 from engine_models.scene.scene import Scene
 
 
@@ -17,14 +19,6 @@ def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the distance between the two sides of each joint, (n, joints) over O, A, B."""
     sides = gaps(scene, trajectory.position).values()
     return np.stack([np.hypot(*gap.T) for gap in sides], axis=-1)
-
-
-def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the largest gap of the ideal joints and of the slider from its guide, (n,)."""
-    ideal = [k for k, joint in enumerate(scene.joints) if joint not in scene.joints_with_clearance]
-    open_m = pin_gap_m(scene, trajectory)[:, ideal].max(axis=1, initial=0.0)
-    off_guide = np.abs(trajectory.position[:, -1, 1]) if scene.is_crank_slider else 0.0
-    return np.asarray(np.maximum(open_m, off_guide))
 
 
 def in_flight(*runs: Trajectory) -> NDArray[np.bool_]:

@@ -14,12 +14,16 @@ from studies.judges.energy_ledger import (
     constraint_speed_m_s,
     dissipated,
     ledger,
-    numerical_gain_J,
     stored,
 )
 from studies.judges.energy_rates import drift_rate
 from studies.judges.ideal_truth import exact
-from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from studies.judges.metrics import (
+    constraint_violation_m,
+    energy_balance_residual_J,
+    kinetic_energy_J,
+    numerical_gain_J,
+)
 
 
 @pytest.fixture(scope="module")
