@@ -7,10 +7,13 @@ import pandas as pd
 from reports.convergence import Order, observed_order
 from reports.parts import Section, Table
 from reports.quantities import uncertainty, value
+from reports.results import with_columns
 from reports.style import axis_label, labels
 from reports.tables import ABSENT, error, number
 
 CASE = ("scene", "engine", "arm")
+#: The column of why the check after every run fails one that finished; empty where it does not.
+QUALITY = "quality_failure"
 
 
 def head(rows: pd.DataFrame, *columns: str) -> dict[str, pd.Series]:
@@ -85,11 +88,38 @@ def failures_table(rows: pd.DataFrame, study: str) -> Table | None:
     )
 
 
-def failures_section(rows: pd.DataFrame, table: Table | None, name: str = "failures") -> Section:
-    """Return the section on runs that did not finish, with the table of them if there are any."""
+def quality_failures(rows: pd.DataFrame) -> pd.Series:
+    """Return why the check fails each run, empty where it does not or was not made."""
+    found = with_columns(rows, QUALITY)[QUALITY].astype(object)
+    return found.where(found.notna(), "")
+
+
+def quality_table(rows: pd.DataFrame, study: str) -> Table | None:
+    """Return the runs that finished and that the check after every run fails; None if it fails none."""
+    found = quality_failures(rows)
+    failed = rows[found != ""]
+    if failed.empty:
+        return None
+    return Table.of(
+        f"{study}-quality",
+        "Runs that fail the check",
+        "What `crankslider simulate` says of such a run in place of its numbers.",
+        {**head(failed, *CASE, "step_s"), "found": found[failed.index]},
+    )
+
+
+def failures_section(rows: pd.DataFrame, study: str, name: str = "failures") -> Section:
+    """Return the section on runs that did not finish, or fail the check, with tables of them if any did."""
+    table, failing = failures_table(rows, study), quality_table(rows, study)
     count = (rows["status"] != "ok").sum()
-    text = f"{count} of {len(rows)} runs did not finish." if table else f"All {len(rows)} runs finished."
-    return Section.of(name, "Runs that did not finish", [text], (), [table])
+    text = [f"{count} of {len(rows)} runs did not finish." if table else f"All {len(rows)} runs finished."]
+    if failing:
+        text.append(
+            f"{len(failing.rows)} finished and fail the check that is made after every run: of energy that "
+            "no physics accounts for, gaps of ideal joints, and pins outside their bearings. They are in all "
+            "figures and tables with the numbers that they gave."
+        )
+    return Section.of(name, "Runs that did not finish", text, (), [table, failing])
 
 
 def _settings(settings: pd.DataFrame) -> str:

@@ -12,6 +12,7 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
+from studies.judges.comparison import checked
 from studies.judges.energy_ledger import constraint_speed_m_s, ledger
 from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
 from studies.judges.metrics import (
@@ -128,7 +129,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         **_powers(scene, run, gain),
     }
     lines = {**ledger(scene, run), "energy_balance_residual_J": energy_balance_residual_J(scene, run)}
-    row |= {name: float(line[-1]) for name, line in lines.items()}
+    row |= {name: float(line[-1]) for name, line in lines.items()} | checked(scene, run)
     drift, curves = _drift(scene, run)
     curves |= {"numerical_gain_so_far_J": so_far(gain), "time_s": run.time_s}
     if run.contacts:  # without, none of them says where energy goes

@@ -15,7 +15,7 @@ from engine_models.engines import engine_class, make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
-from studies.judges.comparison import compared
+from studies.judges.comparison import checked, compared
 from studies.judges.converged_truth import converged, followed
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
@@ -82,7 +82,7 @@ def _errors(case: Case) -> Row:
     own, samples = engine.twin(case.scene), case.run.samples
     run = engine.simulate(case.scene, case.run)
     errors, _ = compared(own, run, *converged(own, samples), followed(own, samples))
-    return {"steps": run.steps, **errors}
+    return {"steps": run.steps, **errors, **checked(case.scene, run)}
 
 
 def _solve_time_s(engine: Engine, case: Case) -> float:

@@ -73,7 +73,7 @@ def sections(results: Results) -> list[Section]:
             laws_found(rows),
             tables=[laws(rows)],
         ),
-        shared_tables.failures_section(rows, shared_tables.failures_table(rows, STUDY), "clearance-failures"),
+        shared_tables.failures_section(rows, STUDY, "clearance-failures"),
     ]
 
 

@@ -13,6 +13,7 @@ from engine_models.scene.file import SceneError, from_toml, to_toml
 from engine_models.scene.scene import Scene
 from studies.extremes import contacts, dead_centres, mechanisms, wheels
 from studies.extremes.case import Extreme
+from studies.judges.comparison import checked
 from studies.judges.metrics import (
     constraint_violation_m,
     finite,
@@ -112,7 +113,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     scene = _valid(case.scene)
     engine = make_engine(case.engine, **case.settings)
     run = engine.simulate(scene, case.run)
-    row: Row = {"steps": run.steps}
+    row: Row = {"steps": run.steps} | checked(scene, run)
     if not finite(run):
         return row, {}
     errors = gallery()[scene.name].check(engine.twin(scene), run)

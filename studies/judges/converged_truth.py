@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from engine_models.engine import RunSettings, Trajectory
+from engine_models.mechanics.quality import require_quality
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import PERTURBATION_RAD, moved
@@ -29,14 +30,14 @@ def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory,
     """Return the converged trajectory and its repeats.
 
     Raises:
-        UnsupportedScene, SimulationFailed: the reference cannot run the scene.
+        UnsupportedScene, SimulationFailed: the reference cannot run the scene, or not well.
     """
     if not scene.joints_with_clearance:
         return exact(scene, samples), tuple(exact_repeats(scene, samples))
     whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(RK4_STEP_S, samples)
-    truth = kept_run(SHARP, scene, whole)
-    other = kept_run(RK4, scene, fine)
-    return truth, (kept_run(LESS_SHARP, scene, whole), other)
+    runs = ((SHARP, whole), (LESS_SHARP, whole), (RK4, fine))
+    truth, *repeats = (require_quality(scene, kept_run(engine, scene, run)) for engine, run in runs)
+    return truth, tuple(repeats)
 
 
 @lru_cache(maxsize=64)

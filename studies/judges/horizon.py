@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings
+from engine_models.mechanics.quality import require_quality
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 
@@ -55,12 +56,12 @@ def apart(
     ``sizes`` are the perturbations in parts of ``PERTURBATION_RAD``.
 
     Raises:
-        UnsupportedScene, SimulationFailed: the reference cannot run the scene.
+        UnsupportedScene, SimulationFailed: the reference cannot run the scene, or not well.
     """
     reference = ReferenceEngine()
 
     def position(of: Scene, step: float) -> FloatArray:
-        return reference.simulate(of, RunSettings(step, samples)).slider_position_m
+        return require_quality(of, reference.simulate(of, RunSettings(step, samples))).slider_position_m
 
     base = position(scene, step_s)
     # What the moved angle itself does to a driven crank stays of its size and is part of the distance.

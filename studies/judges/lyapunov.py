@@ -18,6 +18,7 @@ import numpy as np
 
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.mechanics.quality import require_quality
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import moved
 from studies.judges.metrics import in_flight
@@ -62,7 +63,7 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
     shorter than a stretch is not run: it would count as one that ends in another phase of the motion.
 
     Raises:
-        UnsupportedScene, SimulationFailed: as ``simulate`` does.
+        UnsupportedScene, SimulationFailed: as ``simulate`` and ``require_quality`` do.
     """
     first, second = scene, _beside(scene, stretch_s)
     loose = [getattr(scene.clearance, joint) for joint in scene.joints_with_clearance]
@@ -70,8 +71,8 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
     time, total, longer, settled = [0.0], [0.0], 1, False
     while longer <= LONGEST and scene.end_time_s - time[-1] > stretch_s * (1 - 1e-9):
         run, end = RunSettings(step_s, longer * samples), {"end_time_s": longer * stretch_s}
-        one = engine.simulate(first.model_copy(update=end), run)
-        other = engine.simulate(second.model_copy(update=end), run)
+        begun = (scene.model_copy(update=end) for scene in (first, second))
+        one, other = (require_quality(scene, engine.simulate(scene, run)) for scene in begun)
         distance = distances_m(scene, one, other, stretch_s)
         near = int(np.argmax(np.append(distance, np.inf) >= largest_m))
         flights = np.flatnonzero(in_flight(one, other)[1:near]) + 1  # one sample on at least

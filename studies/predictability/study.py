@@ -12,6 +12,7 @@ from statistics import median
 
 from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
+from studies.judges.comparison import checked
 from studies.predictability import cases as parts
 from studies.predictability.ensemble import period_s, statistics
 from studies.running.case import Case, Curves, Row
@@ -31,9 +32,12 @@ def measure(case: Case) -> tuple[Row, Curves]:
         return _exponent(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
     if part not in (parts.CLEARANCES, parts.SPEEDS):
-        return statistics(case.scene, trajectory, parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene))
+        after_s = parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene)
+        row, curves = statistics(case.scene, trajectory, after_s)
+        return row | checked(case.scene, trajectory), curves
     after_s = parts.PICTURE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)
+    row |= checked(case.scene, trajectory)
     clearance = case.scene.clearance.B
     assert clearance is not None
     row["radial_clearance_m"] = clearance.radial_clearance_m

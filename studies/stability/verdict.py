@@ -4,6 +4,7 @@ import numpy as np
 
 from engine_models.engine import Trajectory
 from engine_models.scene.scene import Scene
+from studies.judges.comparison import checked
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, finite
 from studies.running.case import Row
 
@@ -19,7 +20,8 @@ POSITION_BOUND, VIOLATION_BOUND, ENERGY_BOUND = 0.01, 0.01, 0.05
 #: Positions are compared up to the end of so many impacts: without losses every impact makes errors some
 #: twice as large, and twenty of them tell who was lucky. Energy and gaps are judged to the end.
 COMPARED_IMPACTS = 5
-#: Bounds of what is still the mechanism: a residual of so many first impacts, a gap of so many clearances.
+#: Bounds of what is still the mechanism: a residual of so many first impacts, a gap of so many clearances;
+#: and the check that every run has to pass.
 DIVERGED_ENERGY, DIVERGED_VIOLATION = 10.0, 1.0
 
 ERROR, VIOLATION = "position_error_per_clearance", "constraint_violation_per_clearance"
@@ -34,7 +36,7 @@ BOUNDS: Row = {
 
 
 def measured(scene: Scene, run: Trajectory, truth: Trajectory, until: int, impact_energy_J: float) -> Row:
-    """Return the verdict on a finished run, its reason, and the four numbers that it rests on.
+    """Return the verdict on a finished run, its reason, the check's columns and the four numbers besides.
 
     ``truth`` is the converged solution of the law that the engine solves, to be compared with before the
     sample ``until``. A number that is not finite is None in the row.
@@ -52,15 +54,18 @@ def measured(scene: Scene, run: Trajectory, truth: Trajectory, until: int, impac
         GAIN: float(residual.max()),
         LOSS: float(-residual.min()),
     }
+    check = checked(scene, run)
     shown: Row = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
-    return judged(*verdict_of(numbers, finite(run))) | shown
+    return judged(*verdict_of(numbers, finite(run), str(check["quality_failure"]))) | shown | check
 
 
-def verdict_of(numbers: dict[str, float], all_finite: bool = True) -> tuple[str, str]:
-    """Return the verdict on a finished run and its reason, by the numbers of ``measured``."""
+def verdict_of(numbers: dict[str, float], all_finite: bool = True, failure: str = "") -> tuple[str, str]:
+    """Return the verdict on a finished run and its reason, by the numbers of ``measured`` and the check's."""
     gain, loss, gap, error = numbers[GAIN], numbers[LOSS], numbers[VIOLATION], numbers[ERROR]
     if not all_finite or not all(np.isfinite(value) for value in numbers.values()):
         return DIVERGED, "not all numbers are finite"
+    if failure:
+        return DIVERGED, failure
     if max(gain, loss) > DIVERGED_ENERGY:
         return DIVERGED, f"energy off by that of {max(gain, loss):.2g} impacts"
     if gap > DIVERGED_VIOLATION:

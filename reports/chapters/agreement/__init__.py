@@ -8,7 +8,7 @@ from reports.chapters.agreement.findings import ENERGY, LARGEST_ENERGY, VIOLATIO
 from reports.parts import Section
 from reports.quantities import with_largest
 from reports.results import Results, with_columns
-from reports.shared_tables import failures_section, failures_table, settings_table
+from reports.shared_tables import failures_section, settings_table
 
 STUDY = "agreement"
 POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
@@ -33,7 +33,7 @@ def sections(results: Results) -> list[Section]:
         _one_step(results, at_step),
         _conservation(results, ladder, at_step),
         *(_sweep(of_setting, setting) for setting, of_setting in rows.groupby(swept)),
-        failures_section(rows, failures_table(rows, STUDY)),
+        failures_section(rows, STUDY),
     ]
 
 

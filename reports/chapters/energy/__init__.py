@@ -9,7 +9,7 @@ from reports.chapters.energy.rungs import at_rungs, middle_rungs, prepared, reso
 from reports.parts import Section, stated
 from reports.quantities import finished
 from reports.results import Results
-from reports.shared_tables import failures_section, failures_table
+from reports.shared_tables import failures_section
 from reports.tables import in_text, listed
 
 STUDY = "energy"
@@ -56,7 +56,7 @@ def sections(results: Results) -> list[Section]:
             [figures.growth(results, at_middle)],
             [tables.drift_table(at_middle, rows)],
         ),
-        failures_section(rows, failures_table(rows, STUDY)),
+        failures_section(rows, STUDY),
     ]
 
 

@@ -19,7 +19,8 @@ INTRODUCTION = (
     "would do; every engine runs every case in a process of its own with limits on time and memory, so that "
     "a crash or a hang is a verdict and not the end. Engines take the step they would take at ordinary "
     "numbers, or one that theory asks for; those that choose their steps choose. A wrong number told with "
-    "confidence is worse than a refusal, and the verdicts are ordered so."
+    "confidence is worse than a refusal, and the verdicts are ordered so. Nonsense is noticed where the "
+    "check fails it that `crankslider simulate` makes after every run of every engine."
 )
 REFERENCE = "reference (default)"
 #: Ways to end that no engine chooses.
@@ -77,12 +78,16 @@ def _outcomes(answered: pd.DataFrame) -> Iterator[str]:
     """Yield for every label what it gave without a word of warning that was nonsense."""
     for label, of_label in answered.groupby("label", observed=True):
         asked = f"{label} does what theory asks in {of_label['as_wanted'].sum()} of {len(of_label)} cases"
-        nonsense = of_label["scene"][of_label["verdict"] == Verdict.NONSENSE]
-        yield (
-            f"{asked}, and returns nonsense without a word in {len(nonsense)}: {'; '.join(nonsense)}."
-            if len(nonsense)
-            else f"{asked}, and never returns nonsense."
+        noticed, nonsense = (
+            of_label["scene"][of_label["verdict"] == verdict]
+            for verdict in (Verdict.NOTICED, Verdict.NONSENSE)
         )
+        found = [
+            f"returns nonsense {how} in {len(cases)}: {'; '.join(cases)}"
+            for how, cases in (("that the check notices", noticed), ("that nothing notices", nonsense))
+            if len(cases)
+        ]
+        yield f"{asked}, and {', and '.join(found) or 'never returns nonsense'}."
 
 
 def _reference(answered: pd.DataFrame) -> Iterator[str]:
@@ -104,7 +109,7 @@ def counts(answers: pd.DataFrame) -> Table:
     tally["as theory asks"] = by_label["as_wanted"].sum()
     reading = (
         "“As theory asks” counts what is right, refusals where there is no motion, and failures that say so "
-        "in time where it ends or where the step is too long."
+        "in time where it ends or where the step is too long, by the engine or by the check after the run."
     )
     cells = {**head(arms, "engine", "arm"), **{name: of.map(str) for name, of in tally.items()}}
     return Table.of("extremes-counts", "Verdicts by engine", reading, cells)
@@ -135,7 +140,8 @@ def verdicts(answers: pd.DataFrame) -> Table:
         f"Errors are relative to the motion's own size; right is below {motion:g}. "
         "Energy that no physics accounts for is in parts of the largest energy there is, right below "
         f"{energy:g}; constraints in parts of the crank's length, right below {constraint:g}. Beyond "
-        f"{nonsense:g} times these two a run is nonsense. Reasons are the engines' own words."
+        f"{nonsense:g} times these two a run is nonsense. Reasons are the engines' own words, or the "
+        "check's."
     )
     cells = {
         "case": answers["scene"],

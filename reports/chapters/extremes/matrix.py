@@ -17,7 +17,8 @@ LOOKS = {
     Verdict.RIGHT: ("✓", "#F4F8FB"),
     Verdict.REFUSED: ("⊘", "#CFE3F1"),
     Verdict.FAILED: ("F", "#A2C8E4"),
-    Verdict.INACCURATE: ("≈", "#E9A13B"),
+    Verdict.NOTICED: ("N", "#7FB2D6"),
+    Verdict.INACCURATE: ("≈", "#D98D2B"),
     Verdict.FAILED_OBSCURELY: ("f", "#D27328"),
     Verdict.TIMED_OUT: ("T", "#B0502A"),
     Verdict.OUT_OF_MEMORY: ("M", "#8F2F26"),
@@ -29,7 +30,7 @@ WANTED = {"answer": "✓", "answer or word": "✓ F", "refusal": "⊘", "stop": 
 #: What an inaccurate run's number is of, where it is not the error of the motion.
 OF_WHAT = {ENERGY: "E ", CONSTRAINT: "C "}
 #: From this verdict on symbols are white.
-_DARK = list(LOOKS)[5:]
+_DARK = list(LOOKS)[6:]
 #: In inches: the heights of a row, the head and the legend; where the columns begin; a cell's width.
 ROW, HEAD, FOOT, NAMES, CELL = 0.2, 0.72, 0.42, 1.66, 0.425
 WRAP = 66

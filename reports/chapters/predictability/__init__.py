@@ -7,6 +7,7 @@ import pandas as pd
 from reports.chapters.predictability import comparison, data, figures, findings, tables
 from reports.parts import Figure, Section
 from reports.results import Results
+from reports.shared_tables import quality_table
 
 STUDY = "predictability"
 TITLE = "Predictability"
@@ -127,4 +128,6 @@ def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
 def _failures(rows: pd.DataFrame) -> Section:
     table = tables.failures(rows)
     text = f"{(rows['status'] != 'ok').sum()} of {len(rows)} runs did not finish."
-    return Section.of("failures", "Runs that did not finish", [text], tables=[table])
+    return Section.of(
+        "failures", "Runs that did not finish", [text], tables=[table, quality_table(rows, STUDY)]
+    )

@@ -51,7 +51,8 @@ def _map(rows: pd.DataFrame, varied: str) -> Section:
         f"Verdicts over the step and the {what}",
         "A cell is a run, dark is bad. Right of the black line the step is beyond the limit of theory at the "
         "deepest point of the first impact. G: the energy balance gains more than its bound; I: any bound is "
-        "exceeded otherwise; D: the engine gave up, a number is not finite or the mechanism came apart.",
+        "exceeded otherwise; D: the engine gave up, a number is not finite, the mechanism came apart or its "
+        "energy is off by a tenth.",
         f"Maps of verdicts over the step and the {what}, logarithmic, one panel each for "
         f"{', '.join(labels(rows))}.",
         verdict_map(rows, varied),

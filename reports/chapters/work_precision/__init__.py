@@ -6,6 +6,7 @@ from reports.chapters.work_precision import figures, tables
 from reports.parts import Section
 from reports.quantities import finished, with_largest
 from reports.results import Results, with_columns
+from reports.shared_tables import quality_table
 
 STUDY = "work-precision"
 TITLE = "Work and precision"
@@ -50,5 +51,5 @@ def _costs(rows: pd.DataFrame) -> Section:
         "Compiling kernels, building the model and reading results out are outside all times above; this is "
         "what they take. Only the reference's rigid contact loads kernels as it goes, within its times."
     )
-    shown = (tables.building(rows), tables.compiling(rows), tables.failures(rows))
+    shown = (tables.building(rows), tables.compiling(rows), tables.failures(rows), quality_table(rows, STUDY))
     return Section.of("work-precision-costs", "What is outside the times", [text], tables=shown)
