@@ -30,6 +30,8 @@ LIMITS = Limits(time_limit_s=120.0, memory_limit_bytes=2 * 10**9)
 CODES = {0: "ran", 1: "failed", 2: "refused"}
 #: What a case comes to when it breaks the rules.
 BROKEN = "broken"
+#: What lines begin with that are said beside a result.
+ASIDE = ("note: ", "warning: ")
 
 NASTY: list[Any] = [0, -1, 1, 2, 0.5, 1e-9, -0.0, 1e6, 1e300, 5e-324, 2**70, float("nan"), float("inf")]
 NASTY += ["", "x", "\u2028", "1e3", "free", "rigid", "hertz", True, False, [], [1.0], {}, {"a": 1}]
@@ -142,7 +144,7 @@ def run(each: Attempt, file: Path) -> tuple[str, str]:
 
 def wrongs(done: Finished, each: Attempt) -> str:
     """Return what is wrong with a finished call, empty if nothing is."""
-    lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
+    lines = [line for line in done.stderr.splitlines() if not line.startswith(ASIDE)]
     if done.code not in CODES or "bug at" in done.stderr or "Traceback" in done.stderr:
         return f"exit {done.code}: {done.stderr}"
     if done.code != 0:

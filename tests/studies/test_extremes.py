@@ -116,6 +116,9 @@ def test_hertzs_contact_lasts_as_long_as_its_closed_form() -> None:
         ({"relative_error": None}, Verdict.NONSENSE),
         ({"energy_relative": None}, Verdict.NONSENSE),
         ({"wanted": "refusal"}, Verdict.NONSENSE),
+        ({"energy_relative": 0.2, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
+        ({"relative_error": None, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
+        ({"quality_failure": ""}, Verdict.RIGHT),
         ({"status": "unsupported", "reason": "no"}, Verdict.REFUSED),
         ({"status": "failed", "reason": "overflow at t = 1.2e-05 s"}, Verdict.FAILED),
         ({"status": "failed", "reason": "something went wrong"}, Verdict.FAILED_OBSCURELY),
@@ -139,6 +142,10 @@ def test_the_verdict_follows_from_status_numbers_and_bounds(
         ("answer", {"status": "failed", "reason": "at t = 0.003 s"}, False),
         ("answer or word", {"status": "failed", "reason": "at t = 0.003 s"}, True),
         ("answer or word", {"relative_error": 0.1}, False),
+        ("answer or word", {"quality_failure": "energy off at t = 0.1 s"}, True),
+        ("answer", {"quality_failure": "energy off at t = 0.1 s"}, False),
+        ("refusal", {"quality_failure": "energy off at t = 0.1 s"}, True),
+        ("stop", {"quality_failure": "energy off at t = 0.003 s"}, True),
         ("refusal", {"status": "unsupported"}, True),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.003 s"}, True),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.009 s"}, False),
@@ -173,6 +180,17 @@ def test_the_reference_does_what_theory_asks(name: str) -> None:
     measured = row(name)
     answer = judged(measured)
     assert answer["as_wanted"], f"{answer['verdict'].value}: {measured}"
+
+
+@pytest.mark.parametrize("name", ["slider × 1e6, long step", "step beyond the limit"])
+def test_nonsense_of_the_reference_is_a_row_that_the_check_has_noticed(name: str) -> None:
+    """RK4 at a step too long for the scene gains half of its energy and more; it is not the engine's word."""
+    measured = row(name, arm="plain RK4")
+    answer = judged(measured)
+    assert measured["status"] == "ok"
+    assert float(str(measured["energy_relative"])) > 0.1
+    assert answer["verdict"] is Verdict.NOTICED
+    assert answer["reason"] == measured["quality_failure"] != ""
 
 
 def test_the_reference_tells_rank_time_and_configuration_of_a_singularity() -> None:
