@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
+from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.reference.two_methods import solved_twice
 from engine_models.scene.scene import Scene
@@ -42,7 +43,7 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
         raise SimulationFailed(f"slider position not known to {tolerance_m:g} m: {failure}") from None
     for present, step in _ever_sharper(engine, scene, compared):
         try:
-            run = present.simulate(scene, RunSettings(step, compared))
+            run = require_quality(scene, present.simulate(scene, RunSettings(step, compared)))
         except SimulationFailed as failure:
             trouble = str(failure)
             continue

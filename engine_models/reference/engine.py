@@ -37,8 +37,9 @@ class ReferenceEngine:
 
     ``method = rk4`` is the paper's. In a scene with clearance the run's step is the longest one, taken in
     flight; a contact takes ``steps_per_contact`` shorter ones, graded at both ends, and touch and release are
-    located. That number is for steps in which the mechanism turns by 0.3 degrees at the rate of its start (see
-    ``scales``), and grows as the step falls, so that halving the step halves both. Without ``locate_events`` every step has the run's length, as in the paper.
+    located. That number is for a step in which the mechanism turns by 0.3 degrees, at the rate of its start
+    (see ``scales``), and grows as the step falls, so that halving the step halves both. Without
+    ``locate_events`` every step has the run's length, as in the paper.
 
     ``method = dop853`` takes steps up to the run's longest that are in error by the ``tolerance``: a part of
     the mechanism's longest lever, a radian, and both times the rate of its start (see ``ErrorControl``).
@@ -77,8 +78,8 @@ class ReferenceEngine:
     def finer(self) -> "ReferenceEngine":
         """Return the engine that a run is held against to see whether it has converged."""
         if self.method == "rk4":
-            return replace(self, steps_per_contact=2 * self.steps_per_contact)
-        return replace(self, tolerance=max(self.tolerance / 100, SHARPEST))
+            return replace(self, steps_per_contact=2 * self.steps_per_contact, kernel="compiled")
+        return replace(self, tolerance=max(self.tolerance / 100, SHARPEST), kernel="compiled")
 
     @property
     def controls_error(self) -> bool:

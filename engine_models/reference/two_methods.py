@@ -13,10 +13,10 @@ from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s
 from engine_models.scene.scene import Scene
 
-#: Tolerances of DOP853, first as a part of the one asked for in lengths of the crank, then each the part of
-#: the one before.
+#: Tolerances of DOP853: the first as a part of the one asked for in lengths of the crank, then each as a part
+#: of the one before; within bounds.
 FIRST_PART, SHARPER, SHARPEST, LOOSEST = 1e-2, 1e-2, 1e-14, 1e-6
-#: RK4's error in lengths of the crank at its usual steps, roughly; and by how much they are shortened at once.
+#: RK4's error in lengths of the crank at its usual steps, roughly; by how much they are shortened at once.
 USUAL_ERROR, LEAST_CUT, LARGEST_CUT = 1e-8, 2.0, 8.0
 #: Pairs tried, and steps of RK4 between two samples without clearance, at the most.
 MOST_PAIRS, MOST_STEPS = 6, 20_000_000
@@ -61,7 +61,7 @@ def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
     when = pair.run.time_s[int(np.argmax(pair.apart_m > tolerance_m))]
     raise SimulationFailed(
         f"RK4 and DOP853 part at t = {when:.6g} s, and are {apart:.3g} m apart at the end: what comes then "
-        "depends on round-off, or on steps too short to take; end the run before"
+        "depends on round-off, or on steps too short to take; end the run before, or ask for less"
     )
 
 

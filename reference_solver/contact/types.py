@@ -23,11 +23,11 @@ def record(floats: str, integers: str = "") -> np.dtype[np.void]:
     return np.dtype([(name, kind) for names, kind in kinds for name in names.split()])
 
 
-#: A contact. Its state: phase and memory (see ``mechanism.contact_laws``), the time of its touch, the duration
-#: expected then, and its ``Equations.mobilities`` when they were last looked up. Its law: radial clearance,
+#: A contact. Its state: phase and memory (see ``mechanism.contact_laws``), the time of its touch, the
+#: duration expected then, and its ``Equations.mobilities`` when last looked up. Its law: radial clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, and whether
-#: the force is clipped. Of a rigid wall: that it is one, the round-off of g and of its rate, and that it takes
-#: no part in a step.
+#: the force is clipped. Of a rigid wall: that it is one, the round-off of g and of its rate, and that it
+#: takes no part in a step.
 CONTACT_RECORD = record(
     "phase memory began_s duration_s mobility sliding following "
     "clearance stiffness exponent factor slowest friction clipped rigid noise rate_noise ignored"

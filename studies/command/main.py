@@ -67,11 +67,11 @@ def simulate(
     import numpy as np
 
     from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
-    from engine_models.mechanics.quality import quality_of
     from engine_models.memory import TooLarge
     from engine_models.reference.kernels import FolderRefused
     from engine_models.step_halving import simulate_to_tolerance
     from studies.command import options
+    from studies.command.doubts import doubts
     from studies.command.progress_display import shown_progress
     from studies.command.trajectory_table import table
     from studies.running.whole_file import whole_file
@@ -92,6 +92,7 @@ def simulate(
                     result = simulate_to_tolerance(chosen, physics, numbers.tolerance, numbers.samples)
                 else:
                     result = chosen.simulate(physics, RunSettings(longest_step, numbers.samples))
+                warnings = doubts(chosen, physics, result, numbers.tolerance is not None)
         except TooLarge as reason:
             raise failures.BadInput(f"--{reason}") from None
         except UnsupportedScene as reason:
@@ -102,11 +103,8 @@ def simulate(
             raise failures.BadInput(str(reason)) from None
         except SimulationFailed as reason:
             raise failures.Failed(str(reason)) from None
-        quality = quality_of(physics, result)
-        if (failure := quality.failure()) is not None:
-            raise failures.Failed(failure)
         table(physics, result).to_csv(file, index=False, lineterminator="\n")
-    for warning in quality.warnings():
+    for warning in warnings:
         failures.say(f"warning: {warning}")
     of_method = f" of {chosen.method}" if hasattr(chosen, "method") else ""
     failures.say(f"note: {result.steps} steps{of_method}, the longest {result.step_s:.6g} s")

@@ -11,10 +11,9 @@ from studies.judges.ideal_truth import exact
 from tests.independent.clearance import integrate
 
 SAMPLES = 20
-#: Richardson: the difference is 2^p - 1 times the finer run's error, 1 for order 1 and 15 for order 4; room
-#: for the next term of the error. The reference by RK4 is judged by DOP853, whose own error is a seventh of
-#: RK4's at most here.
-LEAST, MOST, JUDGED = 0.8, 60, 1.25
+#: The solution that a run is held against is far sharper: what is left is its own uncertainty, below a tenth
+#: here, and the truth's round-off.
+LEAST, MOST = 0.999, 1.25
 #: Settings and longest step at which an engine's error is above round-off, and falls no faster than at order
 #: 4: scipy's is set by its tolerance, in steps below these.
 PLAIN: tuple[dict[str, object], float] = ({}, 2e-4)
@@ -34,8 +33,7 @@ def test_the_uncertainty_covers_the_true_error_of_an_ideal_scene(name: str, engi
         ("joint_force_N", run.joint_force_N, truth.joint_force_N),
     ):
         ratio = uncertainty[signal].max() / np.abs(value - true).max()
-        most = JUDGED if engine == "reference" else MOST
-        assert LEAST < ratio < most, f"{signal}: uncertainty is {ratio:.6f} times the error"
+        assert LEAST < ratio < MOST, f"{signal}: uncertainty is {ratio:.6f} times the error"
 
 
 def test_the_uncertainty_covers_the_true_error_with_clearance() -> None:
@@ -43,5 +41,5 @@ def test_the_uncertainty_covers_the_true_error_with_clearance() -> None:
     run, uncertainty = simulate_with_uncertainty(make_engine("reference"), scene, RunSettings(1e-5, SAMPLES))
     truth = integrate(scene, run.time_s, 1e-12).slider_position_m
     ratio = uncertainty["slider_position_m"].max() / np.abs(run.slider_position_m - truth).max()
-    assert LEAST < ratio < JUDGED, f"uncertainty is {ratio:.6f} times the error"
-    assert uncertainty["contact_B_normal_force_N"].shape == run.time_s.shape
+    assert LEAST < ratio < MOST, f"uncertainty is {ratio:.6f} times the error"
+    assert uncertainty["contact_B_normal_force_N"].shape == ()

@@ -1,0 +1,29 @@
+"""What ``crankslider simulate`` warns of: quality that is doubtful, and a slider that is not known well."""
+
+from engine_models.engine import Engine, SimulationFailed, Trajectory
+from engine_models.mechanics.quality import quality_of
+from engine_models.own_uncertainty import DOUBTFUL_PART, doubtful_from_s
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.scene import Scene
+
+
+def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) -> list[str]:
+    """Return a line for each doubt about a run; one to a tolerance has been held against more already.
+
+    Raises:
+        SimulationFailed: the run is none.
+    """
+    quality = quality_of(scene, run)
+    if (failure := quality.failure()) is not None:
+        raise SimulationFailed(failure)
+    lines = quality.warnings()
+    if isinstance(engine, ReferenceEngine) and not to_tolerance:
+        try:
+            when = doubtful_from_s(engine, scene, run)
+        except SimulationFailed as failure:
+            return [*lines, f"not tested by shorter steps: {failure}"]
+        if when is not None:
+            percent, advice = f"{100 * DOUBTFUL_PART:g} %", "use --tolerance, or end the run before"
+            doubtful = f"slider position in doubt by {percent} of the smallest clearance"
+            lines.append(f"{doubtful} or more from t = {when:.6g} s on, by a run at shorter steps: {advice}")
+    return lines
