@@ -1,0 +1,315 @@
+"""The crank-slider in the places of its pins in their bearings, with walls that give, as machine code.
+
+w = (theta, d_O, d_A, d_B) as in ``rigid_kinematics``: the crank's angle, and pin centre less bearing centre
+of every joint, zero where it is ideal. A gap is so a coordinate itself, exact to its own round-off. The
+state y (14,) is w and its rate. M w'' = Q follows from the bodies' velocities J w'; there is no multiplier.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from engine_models.scene.scene import Clearance, Scene
+
+FloatArray = NDArray[np.float64]
+SIZE, JOINTS = 7, "OAB"
+#: The memory of a joint whose pin does not touch.
+FLIGHT = -1.0
+#: Floor of the approach speed in laws that divide by it, where the scene gives none.
+SLOWEST_M_S = 1e-6
+FRICTION = ("saturated-linear", "ambrosio", "tanh")
+
+
+class Bodies(NamedTuple):
+    """Masses in kg, inertias in kg m^2, lengths and centres of mass in m, the crank's torque in N m."""
+
+    crank_kg: float
+    crank_kg_m2: float
+    crank_m: float
+    crank_centre_m: float
+    rod_kg: float
+    rod_kg_m2: float
+    rod_m: float
+    rod_centre_m: float
+    slider_kg: float
+    gravity_m_s2: float
+    torque_N_m: float
+    free: NDArray[np.int64]  # the coordinates that move on their own
+
+
+class Walls(NamedTuple):
+    """Of each joint, (3,): clearance c and bearing radius R in m, F = K delta^n (1 + a delta'/v0) + b delta'.
+
+    Friction is mu F f(v) with f = 1 at full speed, 0 below the dead one, or tanh.
+    """
+
+    c: FloatArray
+    R: FloatArray
+    K: FloatArray
+    n: FloatArray
+    a: FloatArray
+    b: FloatArray
+    slowest: FloatArray
+    pulls: NDArray[np.bool_]
+    mu: FloatArray
+    full: FloatArray
+    dead: FloatArray
+    kind: NDArray[np.int64]  # of ``FRICTION``
+
+
+def bodies_of(scene: Scene) -> Bodies:
+    """Return the bodies of a crank-slider without load, whose drive is a constant torque or speed, or none."""
+    assert scene.drive.kind in ("free", "torque", "constant-speed"), scene.drive.kind
+    assert scene.load.slider is None
+    crank, rod, slider = scene.crank_slider()
+    free = [0] if scene.drive.kind != "constant-speed" else []
+    for k, name in enumerate(JOINTS):
+        free += [2 * k + 1, 2 * k + 2] * (name in scene.joints_with_clearance)
+    return Bodies(
+        *(crank.mass_kg, crank.inertia_kg_m2, crank.length_m, crank.centre_of_mass_m),
+        *(rod.mass_kg, rod.inertia_kg_m2, rod.length_m, rod.centre_of_mass_m),
+        slider.mass_kg,
+        scene.gravity_m_s2,
+        scene.drive.torque_N_m if scene.drive.kind == "torque" else 0.0,
+        np.array(free),
+    )
+
+
+def start_of(scene: Scene) -> FloatArray:
+    """Return the state of the ideal joints' motion: every pin in the middle, at rest there."""
+    y = np.zeros(2 * SIZE)
+    y[0], y[SIZE] = scene.start.crank_angle_rad, scene.start.crank_speed_rad_s
+    return y
+
+
+def damping_of(law: str, e: float) -> float:
+    """Return a(e) of a law, from its paper; 0 of those without restitution."""
+    if law == "hunt-crossley":
+        return 1.5 * (1 - e)
+    if law == "lankarani-nikravesh":
+        return 0.75 * (1 - e * e)
+    if law == "gonthier":
+        return (1 - e * e) / e
+    if law == "zhiying-qishao":
+        return 0.75 * (1 - e * e) * math.exp(2 - 2 * e)
+    if law == "flores":
+        return 1.6 * (1 - e) / e
+    if law == "hu-guo":
+        return 1.5 * (1 - e) / e
+    if law == "carvalho-martins":
+        return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e)
+    assert law in ("linear", "kelvin-voigt", "hertz"), law
+    return 0.0
+
+
+def stiffness_of(clearance: Clearance) -> float:
+    """Return K as given, or of Hertz's pin in a hole, 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j))."""
+    if clearance.stiffness is not None:
+        return clearance.stiffness
+    E, nu, c = clearance.young_modulus_Pa, clearance.poisson_ratio, clearance.radial_clearance_m
+    assert E is not None
+    assert nu is not None
+    hole = clearance.bearing_radius_m
+    return 2 * E / (3 * (1 - nu * nu)) * math.sqrt(hole * (hole - c) / c)
+
+
+def walls_of(scene: Scene) -> Walls:
+    """Return the walls of a scene's joints; ideal ones have c = 0."""
+    columns = []
+    for name in JOINTS:
+        clearance: Clearance | None = getattr(scene.clearance, name)
+        if clearance is None:
+            columns.append([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0])
+            continue
+        law, friction = clearance.law, clearance.friction
+        rubs = [0.0, 1.0, 0.0, 0]
+        if friction is not None:
+            speeds = friction.regularisation_speed_m_s, friction.dead_band_speed_m_s or 0.0
+            rubs = [friction.coefficient, *speeds, FRICTION.index(friction.law)]
+        columns.append(
+            [
+                clearance.radial_clearance_m,
+                clearance.bearing_radius_m,
+                stiffness_of(clearance),
+                clearance.exponent or (1.0 if law in ("linear", "kelvin-voigt") else 1.5),
+                damping_of(law, clearance.restitution or 0.0),
+                clearance.damping_N_s_m or 0.0,
+                clearance.minimum_impact_speed_m_s or SLOWEST_M_S,
+                clearance.may_pull or law == "kelvin-voigt",
+                *rubs,
+            ]
+        )
+    *numbers, kind = (np.array(row) for row in zip(*columns, strict=True))
+    numbers[7] = numbers[7].astype(bool)
+    return Walls(*numbers, kind.astype(np.int64))
+
+
+@njit(error_model="numpy")
+def friction_share(walls: Walls, k: int, sliding: float) -> float:
+    """Return the part of mu F that rubs at a sliding speed, with its sign."""
+    if walls.kind[k] == 2:
+        return math.tanh(sliding / walls.full[k])
+    part = (abs(sliding) - walls.dead[k]) / (walls.full[k] - walls.dead[k])
+    return math.copysign(min(max(part, 0.0), 1.0), sliding)
+
+
+@njit(error_model="numpy")
+def add_contact(
+    walls: Walls, k: int, memory: float, y: FloatArray, rod: FloatArray, Q: FloatArray
+) -> None:
+    """Add a wall's generalised force to Q; ``rod`` is the row of the rod's angular velocity.
+
+    Normal force and friction act at one point, in the middle of the penetration.
+    """
+    x = 2 * k + 1
+    d_x, d_y, v_x, v_y = y[x], y[x + 1], y[SIZE + x], y[SIZE + x + 1]
+    distance = math.hypot(d_x, d_y)
+    n_x, n_y = d_x / distance, d_y / distance
+    depth = max(distance - walls.c[k], 0.0)
+    rate = n_x * v_x + n_y * v_y
+    force = walls.K[k] * depth ** walls.n[k] * (1.0 + memory * rate) + walls.b[k] * rate
+    if force < 0.0 and not walls.pulls[k]:
+        return
+    Q[x] -= force * n_x
+    Q[x + 1] -= force * n_y
+    if walls.mu[k] == 0.0:
+        return
+    # The sliding speed is row . w': the pin's surface against the bearing's, counter-clockwise.
+    row = np.zeros(SIZE)
+    row[x], row[x + 1] = -n_y, n_x
+    bearing_arm = walls.R[k] + depth / 2
+    pin_arm = walls.R[k] - walls.c[k] - depth / 2
+    if k == 0:
+        row[0] += pin_arm
+    elif k == 1:
+        row += pin_arm * rod
+        row[0] -= bearing_arm
+    else:
+        row -= bearing_arm * rod
+    sliding = 0.0
+    for i in range(SIZE):
+        sliding += row[i] * y[SIZE + i]
+    rub = walls.mu[k] * force * friction_share(walls, k, sliding)
+    for i in range(SIZE):
+        Q[i] -= rub * row[i]
+
+
+@njit(error_model="numpy")
+def kinematics(b: Bodies, y: FloatArray, J: FloatArray, bias: FloatArray) -> float:
+    """Fill J (7, 7) and bias (7,) and return the slider's place.
+
+    The rows are the velocities J w' of crank x, y, angle, rod x, y, angle and slider x; their derivatives are
+    J w'' + bias.
+    """
+    w, rate = y[:SIZE], y[SIZE:]
+    cos, sin, turn = math.cos(w[0]), math.sin(w[0]), rate[0] * rate[0]
+    J[:] = 0.0
+    J[0, 0], J[0, 1] = -b.crank_centre_m * sin, 1.0
+    J[1, 0], J[1, 2] = b.crank_centre_m * cos, 1.0
+    J[2, 0] = 1.0
+    bias[0], bias[1], bias[2] = -b.crank_centre_m * cos * turn, -b.crank_centre_m * sin * turn, 0.0
+    # Pin A, then the rod's angle of sin(phi) = -(A_y + d_By)/L, differentiated twice.
+    height = w[2] + b.crank_m * sin + w[4]
+    sin_phi = -(height + w[6]) / b.rod_m
+    cos_phi = math.sqrt((1.0 - sin_phi) * (1.0 + sin_phi))
+    scale = -1.0 / (b.rod_m * cos_phi)
+    J[5, 0], J[5, 2], J[5, 4], J[5, 6] = scale * b.crank_m * cos, scale, scale, scale
+    phi_rate = J[5, 0] * rate[0] + scale * (rate[2] + rate[4] + rate[6])
+    bias_x, bias_y = -b.crank_m * cos * turn, -b.crank_m * sin * turn
+    bias[5] = sin_phi / cos_phi * phi_rate * phi_rate + scale * bias_y
+    for row, reach in ((3, b.rod_centre_m), (6, b.rod_m)):
+        for i in range(SIZE):
+            J[row, i] = -reach * sin_phi * J[5, i]
+        J[row, 0] -= b.crank_m * sin
+        J[row, 1] += 1.0
+        J[row, 3] += 1.0
+        bias[row] = bias_x - reach * (sin_phi * bias[5] + cos_phi * phi_rate * phi_rate)
+    J[6, 5] += 1.0
+    reach = b.rod_centre_m
+    for i in range(SIZE):
+        J[4, i] = reach * cos_phi * J[5, i]
+    J[4, 0] += b.crank_m * cos
+    J[4, 2] += 1.0
+    J[4, 4] += 1.0
+    bias[4] = bias_y + reach * (cos_phi * bias[5] - sin_phi * phi_rate * phi_rate)
+    return float(w[1] + b.crank_m * cos + w[3] + b.rod_m * cos_phi + w[5])
+
+
+@njit(error_model="numpy")
+def slider_place(b: Bodies, y: FloatArray) -> float:
+    """Return the slider's position in m."""
+    return kinematics(b, y, np.empty((SIZE, SIZE)), np.empty(SIZE))
+
+
+@njit(error_model="numpy")
+def accelerations(b: Bodies, walls: Walls, memory: FloatArray, y: FloatArray, out: FloatArray) -> None:
+    """Fill w'' (7,); ``memory`` (3,) holds a/v0 of the joints whose pins touch, else ``FLIGHT``."""
+    J, bias, Q = np.empty((SIZE, SIZE)), np.empty(SIZE), np.zeros(SIZE)
+    kinematics(b, y, J, bias)
+    mass = (b.crank_kg, b.crank_kg, b.crank_kg_m2, b.rod_kg, b.rod_kg, b.rod_kg_m2, b.slider_kg)
+    bias[1] += b.gravity_m_s2
+    bias[4] += b.gravity_m_s2
+    Q[0] = b.torque_N_m
+    for k in range(3):
+        if memory[k] != FLIGHT:
+            add_contact(walls, k, memory[k], y, J[5], Q)
+    n = len(b.free)
+    M, q = np.empty((n, n)), np.empty(n)
+    for i in range(n):
+        column = b.free[i]
+        q[i] = Q[column]
+        for row in range(SIZE):
+            q[i] -= mass[row] * J[row, column] * bias[row]
+        for j in range(i + 1):
+            total = 0.0
+            for row in range(SIZE):
+                total += mass[row] * J[row, column] * J[row, b.free[j]]
+            M[i, j] = total
+    solve(M, q)
+    out[:] = 0.0
+    for i in range(n):
+        out[b.free[i]] = q[i]
+
+
+@njit(error_model="numpy")
+def solve(M: FloatArray, q: FloatArray) -> None:
+    """Replace q by the solution of M x = q, M given by its lower triangle and replaced by Cholesky's."""
+    n = len(q)
+    for i in range(n):
+        for j in range(i + 1):
+            total = M[i, j]
+            for k in range(j):
+                total -= M[i, k] * M[j, k]
+            M[i, j] = math.sqrt(total) if i == j else total / M[j, j]
+        for k in range(i):
+            q[i] -= M[i, k] * q[k]
+        q[i] /= M[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            q[i] -= M[k, i] * q[k]
+        q[i] /= M[i, i]
+
+
+@njit(error_model="numpy")
+def energy(b: Bodies, walls: Walls, y: FloatArray) -> float:
+    """Return kinetic energy and those of gravity and of the walls' springs, in J, less the torque's work."""
+    J, bias = np.empty((SIZE, SIZE)), np.empty(SIZE)
+    kinematics(b, y, J, bias)
+    mass = (b.crank_kg, b.crank_kg, b.crank_kg_m2, b.rod_kg, b.rod_kg, b.rod_kg_m2, b.slider_kg)
+    total = 0.0
+    for row in range(SIZE):
+        speed = 0.0
+        for i in range(SIZE):
+            speed += J[row, i] * y[SIZE + i]
+        total += 0.5 * mass[row] * speed * speed
+    crank_y = y[2] + b.crank_centre_m * math.sin(y[0])
+    rod_y = (y[2] + b.crank_m * math.sin(y[0]) + y[4]) * (1 - b.rod_centre_m / b.rod_m)
+    rod_y -= y[6] * b.rod_centre_m / b.rod_m
+    total += b.gravity_m_s2 * (b.crank_kg * crank_y + b.rod_kg * rod_y)
+    for k in range(3):
+        depth = max(math.hypot(y[2 * k + 1], y[2 * k + 2]) - walls.c[k], 0.0)
+        total += walls.K[k] * depth ** (walls.n[k] + 1) / (walls.n[k] + 1)
+    return total - b.torque_N_m * y[0]

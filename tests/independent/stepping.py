@@ -1,0 +1,213 @@
+"""Two steps of order 13 or so that share nothing: Gragg, Bulirsch and Stoer's, and Radau IIA's collocation.
+
+The first is explicit and extrapolates the midpoint rule (Hairer, Norsett, Wanner 1993, II.9); the second is
+implicit, for stiff contacts and friction (Hairer, Wanner 1996, IV.5). Both are unlike DOP853, by which the
+solver under test goes. Each fills the state after h and returns its error over the tolerance.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.polynomial import legendre
+
+from tests.independent.pins import SIZE, Bodies, FloatArray, Walls, accelerations
+
+#: Columns of the extrapolation: the midpoint rule in 2, 4, ... 2 COLUMNS parts.
+COLUMNS = 7
+#: Most iterations of Newton's method in a step, and where they end: parts of the speeds' scale.
+ITERATIONS, CONVERGED, STALLED = 12, 2e-16, 1e-13
+REJECT = 1e6
+
+
+class Table(NamedTuple):
+    """The order of the error's estimate in h, the tolerance, and collocation's coefficients.
+
+    ``A`` (s, s) integrates from 0 to each node what passes through values at the nodes; ``twice`` is its
+    square; ``estimate`` (s,) is the weights' difference to a rule without the first node.
+    """
+
+    order: float
+    tolerance: float
+    A: FloatArray
+    twice: FloatArray
+    estimate: FloatArray
+
+
+def extrapolation(tolerance: float) -> Table:
+    """Return the table of ``extrapolated``."""
+    return Table(2.0 * COLUMNS - 1, tolerance, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1))
+
+
+def radau(stages: int, tolerance: float) -> Table:
+    """Return the table of ``collocated``: the nodes are the zeros of P_(s-1)(2c - 1) - P_s(2c - 1)."""
+    series = np.zeros(stages + 1)
+    series[-2:] = 1.0, -1.0
+    nodes = (np.sort(legendre.legroots(series).real) + 1) / 2
+    nodes[-1] = 1.0
+    A = _integrals(nodes, nodes)
+    estimate = A[-1] - np.concatenate([[0.0], _integrals(nodes[1:], np.ones(1))[0]])
+    return Table(float(stages), tolerance, A, A @ A, estimate)
+
+
+def _integrals(nodes: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the integrals from 0 to each end of Lagrange's polynomials on the nodes, by Gauss's rule."""
+    places, weights = legendre.leggauss(len(nodes))
+    out = np.empty((len(ends), len(nodes)))
+    for i, end in enumerate(ends):
+        x = end * (places + 1) / 2
+        for j, node in enumerate(nodes):
+            others = np.delete(nodes, j)
+            values = np.prod((x[:, None] - others) / (node - others), axis=1)
+            out[i, j] = end / 2 * weights @ values
+    return out
+
+
+@njit(error_model="numpy")
+def slope(b: Bodies, walls: Walls, memory: FloatArray, y: FloatArray, out: FloatArray) -> None:
+    """Fill y' (14,)."""
+    out[:SIZE] = y[SIZE:]
+    accelerations(b, walls, memory, y, out[SIZE:])
+
+
+@njit(error_model="numpy")
+def extrapolated(
+    table: Table,
+    b: Bodies,
+    walls: Walls,
+    memory: FloatArray,
+    scale: FloatArray,
+    y: FloatArray,
+    h: float,
+    out: FloatArray,
+) -> float:
+    """Step by extrapolation, of changes rather than states: their round-off is smaller."""
+    size = len(y)
+    first, present, before, after, now = np.empty((5, size))
+    T = np.empty((COLUMNS, size))
+    slope(b, walls, memory, y, first)
+    for j in range(COLUMNS):
+        parts = 2 * (j + 1)
+        H = h / parts
+        before[:] = 0.0
+        present[:] = H * first
+        for _ in range(parts - 1):
+            slope(b, walls, memory, y + present, now)
+            after[:] = before + 2 * H * now
+            before[:] = present
+            present[:] = after
+        T[j] = present
+        for i in range(j - 1, -1, -1):
+            ratio = (j + 1.0) / (i + 1.0)
+            T[i] = T[i + 1] + (T[i + 1] - T[i]) / (ratio * ratio - 1.0)
+    error = 0.0
+    for i in range(size):
+        out[i] = y[i] + T[0, i]
+        off = abs(T[0, i] - T[1, i]) / scale[i]
+        if not off <= error:
+            error = off
+    return error / table.tolerance if error == error else REJECT
+
+
+@njit(error_model="numpy")
+def collocated(
+    table: Table,
+    b: Bodies,
+    walls: Walls,
+    memory: FloatArray,
+    scale: FloatArray,
+    y: FloatArray,
+    h: float,
+    out: FloatArray,
+) -> float:
+    """Step by collocation, with Newton's method on the accelerations at the nodes."""
+    stages, free = len(table.A), b.free
+    n = len(free)
+    f, moved = np.empty((2, SIZE))
+    accelerations(b, walls, memory, y, f)
+    inverse = np.linalg.inv(_newton_matrix(table, b, walls, memory, scale, y, h, f))
+    a, residual = np.empty((stages, SIZE)), np.empty(stages * n)
+    a[:] = f
+    before = np.inf
+    for _ in range(ITERATIONS):
+        for i in range(stages):
+            _node_state(table, a, y, h, i, out)
+            accelerations(b, walls, memory, out, moved)
+            for j in range(n):
+                residual[i * n + j] = moved[free[j]] - a[i, free[j]]
+        change = inverse @ residual
+        size = 0.0
+        for i in range(stages):
+            for j in range(n):
+                a[i, free[j]] += change[i * n + j]
+                part = h * abs(change[i * n + j]) / scale[SIZE + free[j]]
+                if not part <= size:
+                    size = part
+        if not size < 1e3 or (size > 2.0 * before and size > STALLED):
+            return REJECT
+        if size < CONVERGED or (size < STALLED and size > 0.5 * before):
+            before = 0.0
+            break
+        before = size
+    if before > STALLED:
+        return REJECT
+    _node_state(table, a, y, h, stages - 1, out)
+    error = 0.0
+    for j in range(n):
+        off = 0.0
+        for i in range(stages):
+            off += table.estimate[i] * a[i, free[j]]
+        error = max(error, h * abs(off) / scale[SIZE + free[j]])
+    return error / table.tolerance
+
+
+@njit(error_model="numpy")
+def _node_state(table: Table, a: FloatArray, y: FloatArray, h: float, i: int, out: FloatArray) -> None:
+    """Fill the state at a node from the accelerations (s, 7) at all."""
+    c = 0.0
+    out[:] = 0.0
+    for j in range(len(a)):
+        c += table.A[i, j]
+        for k in range(SIZE):
+            out[k] += h * table.twice[i, j] * a[j, k]
+            out[SIZE + k] += h * table.A[i, j] * a[j, k]
+    for k in range(SIZE):
+        out[k] = y[k] + h * (c * y[SIZE + k] + out[k])
+        out[SIZE + k] += y[SIZE + k]
+
+
+@njit(error_model="numpy")
+def _newton_matrix(
+    table: Table,
+    b: Bodies,
+    walls: Walls,
+    memory: FloatArray,
+    scale: FloatArray,
+    y: FloatArray,
+    h: float,
+    f: FloatArray,
+) -> FloatArray:
+    """Return I - h A x df/dw' - h^2 A^2 x df/dw, by differences in the middle of the step."""
+    stages, free = len(table.A), b.free
+    n = len(free)
+    middle = y.copy()
+    for k in range(SIZE):
+        middle[k] += 0.5 * h * (y[SIZE + k] + 0.25 * h * f[k])
+        middle[SIZE + k] += 0.5 * h * f[k]
+    here, there = np.empty((2, SIZE))
+    accelerations(b, walls, memory, middle, here)
+    matrix = np.eye(stages * n)
+    for j in range(n):
+        for part in range(2):
+            k = part * SIZE + free[j]
+            kept, by = middle[k], 1e-7 * scale[k]
+            middle[k] += by
+            accelerations(b, walls, memory, middle, there)
+            middle[k] = kept
+            for i in range(n):
+                d = (there[free[i]] - here[free[i]]) / by
+                for p in range(stages):
+                    for q in range(stages):
+                        weight = h * table.A[p, q] if part else h * h * table.twice[p, q]
+                        matrix[p * n + i, q * n + j] -= weight * d
+    return matrix
