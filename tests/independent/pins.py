@@ -16,8 +16,10 @@ from engine_models.scene.scene import Clearance, Scene
 
 FloatArray = NDArray[np.float64]
 SIZE, JOINTS = 7, "OAB"
-#: The memory of a joint whose pin does not touch.
-FLIGHT = -1.0
+#: Columns of a joint's phase: what its contact is, its a/v0 while it touches, and the piece of its friction.
+CONTACT, MEMORY, PIECE = range(3)
+#: Contacts: none, one whose wall pushes by its law, and one whose wall would pull and is clipped.
+FLIGHT, PUSHED, CLIPPED = 0.0, 1.0, 2.0
 #: Floor of the approach speed in laws that divide by it, where the scene gives none.
 SLOWEST_M_S = 1e-6
 FRICTION = ("saturated-linear", "ambrosio", "tanh")
@@ -148,51 +150,67 @@ def walls_of(scene: Scene) -> Walls:
 
 
 @njit(error_model="numpy")
-def friction_share(walls: Walls, k: int, sliding: float) -> float:
-    """Return the part of mu F that rubs at a sliding speed, with its sign."""
+def friction_share(walls: Walls, k: int, piece: float, sliding: float) -> float:
+    """Return the part of mu F that rubs at a sliding speed, with its sign, by one piece of the law.
+
+    Pieces are 0 about rest, +-1 on the ramps beside a dead band, +-2 beyond full speed; that of tanh is
+    smooth. Each goes on beyond its ends: who changes pieces knows where.
+    """
     if walls.kind[k] == 2:
         return math.tanh(sliding / walls.full[k])
-    part = (abs(sliding) - walls.dead[k]) / (walls.full[k] - walls.dead[k])
-    return math.copysign(min(max(part, 0.0), 1.0), sliding)
+    if piece == 0.0 and walls.dead[k] > 0.0:
+        return 0.0
+    if abs(piece) == 2.0:
+        return 0.5 * piece
+    return (sliding - piece * walls.dead[k]) / (walls.full[k] - walls.dead[k])
+
+
+@njit(error_model="numpy")
+def sliding_row(walls: Walls, k: int, y: FloatArray, rod: FloatArray, row: FloatArray) -> float:
+    """Return the sliding speed, that of the pin's surface against the bearing's, counter-clockwise.
+
+    It is ``row`` . w', both surfaces where the contact's force acts: in the middle of the penetration.
+    ``rod`` is the row of the rod's angular velocity.
+    """
+    x = 2 * k + 1
+    distance = math.hypot(y[x], y[x + 1])
+    depth = max(distance - walls.c[k], 0.0)
+    bearing_arm = walls.R[k] + depth / 2
+    pin_arm = walls.R[k] - walls.c[k] - depth / 2
+    for i in range(SIZE):
+        row[i] = 0.0 if k == 0 else (pin_arm * rod[i] if k == 1 else -bearing_arm * rod[i])
+    if k == 0:
+        row[0] = pin_arm
+    elif k == 1:
+        row[0] -= bearing_arm
+    row[x] -= y[x + 1] / distance
+    row[x + 1] += y[x] / distance
+    sliding = 0.0
+    for i in range(SIZE):
+        sliding += row[i] * y[SIZE + i]
+    return sliding
 
 
 @njit(error_model="numpy")
 def add_contact(
-    walls: Walls, k: int, memory: float, y: FloatArray, rod: FloatArray, Q: FloatArray
+    walls: Walls, k: int, phase: FloatArray, y: FloatArray, rod: FloatArray, Q: FloatArray
 ) -> None:
-    """Add a wall's generalised force to Q; ``rod`` is the row of the rod's angular velocity.
-
-    Normal force and friction act at one point, in the middle of the penetration.
-    """
-    x = 2 * k + 1
-    d_x, d_y, v_x, v_y = y[x], y[x + 1], y[SIZE + x], y[SIZE + x + 1]
-    distance = math.hypot(d_x, d_y)
-    n_x, n_y = d_x / distance, d_y / distance
-    depth = max(distance - walls.c[k], 0.0)
-    rate = n_x * v_x + n_y * v_y
-    force = walls.K[k] * depth ** walls.n[k] * (1.0 + memory * rate) + walls.b[k] * rate
-    if force < 0.0 and not walls.pulls[k]:
+    """Add the generalised force of a wall, in its phase (3,), to Q."""
+    if phase[CONTACT] == CLIPPED:
         return
+    x = 2 * k + 1
+    distance = math.hypot(y[x], y[x + 1])
+    n_x, n_y = y[x] / distance, y[x + 1] / distance
+    rate = n_x * y[SIZE + x] + n_y * y[SIZE + x + 1]
+    spring = walls.K[k] * max(distance - walls.c[k], 0.0) ** walls.n[k]
+    force = spring * (1.0 + phase[MEMORY] * rate) + walls.b[k] * rate
     Q[x] -= force * n_x
     Q[x + 1] -= force * n_y
     if walls.mu[k] == 0.0:
         return
-    # The sliding speed is row . w': the pin's surface against the bearing's, counter-clockwise.
-    row = np.zeros(SIZE)
-    row[x], row[x + 1] = -n_y, n_x
-    bearing_arm = walls.R[k] + depth / 2
-    pin_arm = walls.R[k] - walls.c[k] - depth / 2
-    if k == 0:
-        row[0] += pin_arm
-    elif k == 1:
-        row += pin_arm * rod
-        row[0] -= bearing_arm
-    else:
-        row -= bearing_arm * rod
-    sliding = 0.0
-    for i in range(SIZE):
-        sliding += row[i] * y[SIZE + i]
-    rub = walls.mu[k] * force * friction_share(walls, k, sliding)
+    row = np.empty(SIZE)
+    sliding = sliding_row(walls, k, y, rod, row)
+    rub = walls.mu[k] * force * friction_share(walls, k, phase[PIECE], sliding)
     for i in range(SIZE):
         Q[i] -= rub * row[i]
 
@@ -245,8 +263,8 @@ def slider_place(b: Bodies, y: FloatArray) -> float:
 
 
 @njit(error_model="numpy")
-def accelerations(b: Bodies, walls: Walls, memory: FloatArray, y: FloatArray, out: FloatArray) -> None:
-    """Fill w'' (7,); ``memory`` (3,) holds a/v0 of the joints whose pins touch, else ``FLIGHT``."""
+def accelerations(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, out: FloatArray) -> None:
+    """Fill w'' (7,), with every joint in its phase (3, 3)."""
     J, bias, Q = np.empty((SIZE, SIZE)), np.empty(SIZE), np.zeros(SIZE)
     kinematics(b, y, J, bias)
     mass = (b.crank_kg, b.crank_kg, b.crank_kg_m2, b.rod_kg, b.rod_kg, b.rod_kg_m2, b.slider_kg)
@@ -254,8 +272,8 @@ def accelerations(b: Bodies, walls: Walls, memory: FloatArray, y: FloatArray, ou
     bias[4] += b.gravity_m_s2
     Q[0] = b.torque_N_m
     for k in range(3):
-        if memory[k] != FLIGHT:
-            add_contact(walls, k, memory[k], y, J[5], Q)
+        if phases[k, CONTACT] != FLIGHT:
+            add_contact(walls, k, phases[k], y, J[5], Q)
     n = len(b.free)
     M, q = np.empty((n, n)), np.empty(n)
     for i in range(n):

@@ -64,10 +64,10 @@ def _integrals(nodes: FloatArray, ends: FloatArray) -> FloatArray:
 
 
 @njit(error_model="numpy")
-def slope(b: Bodies, walls: Walls, memory: FloatArray, y: FloatArray, out: FloatArray) -> None:
+def slope(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, out: FloatArray) -> None:
     """Fill y' (14,)."""
     out[:SIZE] = y[SIZE:]
-    accelerations(b, walls, memory, y, out[SIZE:])
+    accelerations(b, walls, phases, y, out[SIZE:])
 
 
 @njit(error_model="numpy")
@@ -75,7 +75,7 @@ def extrapolated(
     table: Table,
     b: Bodies,
     walls: Walls,
-    memory: FloatArray,
+    phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
     h: float,
@@ -85,14 +85,14 @@ def extrapolated(
     size = len(y)
     first, present, before, after, now = np.empty((5, size))
     T = np.empty((COLUMNS, size))
-    slope(b, walls, memory, y, first)
+    slope(b, walls, phases, y, first)
     for j in range(COLUMNS):
         parts = 2 * (j + 1)
         H = h / parts
         before[:] = 0.0
         present[:] = H * first
         for _ in range(parts - 1):
-            slope(b, walls, memory, y + present, now)
+            slope(b, walls, phases, y + present, now)
             after[:] = before + 2 * H * now
             before[:] = present
             present[:] = after
@@ -114,7 +114,7 @@ def collocated(
     table: Table,
     b: Bodies,
     walls: Walls,
-    memory: FloatArray,
+    phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
     h: float,
@@ -124,15 +124,15 @@ def collocated(
     stages, free = len(table.A), b.free
     n = len(free)
     f, moved = np.empty((2, SIZE))
-    accelerations(b, walls, memory, y, f)
-    inverse = np.linalg.inv(_newton_matrix(table, b, walls, memory, scale, y, h, f))
+    accelerations(b, walls, phases, y, f)
+    inverse = np.linalg.inv(_newton_matrix(table, b, walls, phases, scale, y, h, f))
     a, residual = np.empty((stages, SIZE)), np.empty(stages * n)
     a[:] = f
     before = np.inf
     for _ in range(ITERATIONS):
         for i in range(stages):
             _node_state(table, a, y, h, i, out)
-            accelerations(b, walls, memory, out, moved)
+            accelerations(b, walls, phases, out, moved)
             for j in range(n):
                 residual[i * n + j] = moved[free[j]] - a[i, free[j]]
         change = inverse @ residual
@@ -181,7 +181,7 @@ def _newton_matrix(
     table: Table,
     b: Bodies,
     walls: Walls,
-    memory: FloatArray,
+    phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
     h: float,
@@ -195,14 +195,14 @@ def _newton_matrix(
         middle[k] += 0.5 * h * (y[SIZE + k] + 0.25 * h * f[k])
         middle[SIZE + k] += 0.5 * h * f[k]
     here, there = np.empty((2, SIZE))
-    accelerations(b, walls, memory, middle, here)
+    accelerations(b, walls, phases, middle, here)
     matrix = np.eye(stages * n)
     for j in range(n):
         for part in range(2):
             k = part * SIZE + free[j]
             kept, by = middle[k], 1e-7 * scale[k]
             middle[k] += by
-            accelerations(b, walls, memory, middle, there)
+            accelerations(b, walls, phases, middle, there)
             middle[k] = kept
             for i in range(n):
                 d = (there[free[i]] - here[free[i]]) / by

@@ -1,0 +1,248 @@
+"""Where a joint's contact changes its law: touch and release, clipping, and the kinks of friction.
+
+Each is a signal that is negative until then. A step over one is repeated with other lengths until the signal
+is zero to round-off. A signal that rises and falls within a step is followed to its peak first, so that a
+touch shorter than a step is seen.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from tests.independent.pins import (
+    CLIPPED,
+    CONTACT,
+    FLIGHT,
+    MEMORY,
+    PIECE,
+    PUSHED,
+    SIZE,
+    Bodies,
+    FloatArray,
+    Walls,
+    kinematics,
+    sliding_row,
+)
+from tests.independent.stepping import Table, slope
+
+#: The signals of a joint: its gap, the sign of its force, and friction's piece left downwards and upwards.
+GAP, SIGN, DOWN, UP = range(4)
+#: Most trials for a switch, and parts of a step and of a signal's range within which it is found.
+TRIALS, SHORT, ZERO = 80, 1e-15, 1e-15
+#: Part of a signal's range by which it may miss zero in the cubic through a step and yet be followed.
+NEAR = 0.1
+#: Part of a step over which rates of signals are taken.
+DIFFERENCE = 1e-4
+
+
+@njit(error_model="numpy")
+def signal(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, k: int, which: int) -> float:
+    """Return a signal of joint k, -inf where it can do nothing in the joint's phase."""
+    x, contact = 2 * k + 1, phases[k, CONTACT]
+    distance = np.hypot(y[x], y[x + 1])
+    if which == GAP:
+        part = distance / walls.c[k]
+        gap = 0.5 * (part - 1.0) * (part + 1.0)
+        return gap if contact == FLIGHT else -gap
+    if contact == FLIGHT:
+        return -np.inf
+    if which == SIGN:
+        if walls.a[k] == 0.0 or walls.pulls[k]:
+            return -np.inf
+        rate = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / distance
+        share = 1.0 + phases[k, MEMORY] * rate
+        return share if contact == CLIPPED else -share
+    piece = phases[k, PIECE]
+    if walls.mu[k] == 0.0 or contact == CLIPPED or (piece == -2.0 and which == DOWN) or (piece == 2.0 and which == UP):
+        return -np.inf
+    speed = sliding_speed(b, walls, y, k)
+    full, dead = walls.full[k], walls.dead[k]
+    if walls.kind[k] == 2:  # tanh is smooth, but steep about rest: a step ends there
+        limit = 0.0
+        if (piece > 0.0) == (which == UP):
+            return -np.inf
+    elif which == UP:
+        limit = -full if piece == -2.0 else (-dead if piece == -1.0 else (dead if piece == 0.0 and dead > 0.0 else full))
+    else:
+        limit = full if piece == 2.0 else (dead if piece == 1.0 else (-dead if piece == 0.0 and dead > 0.0 else -full))
+    return (speed - limit if which == UP else limit - speed) / full
+
+
+@njit(error_model="numpy")
+def sliding_speed(b: Bodies, walls: Walls, y: FloatArray, k: int) -> float:
+    """Return the sliding speed in joint k."""
+    J, rest = np.empty((SIZE, SIZE)), np.empty(SIZE)
+    kinematics(b, y, J, rest)
+    return float(sliding_row(walls, k, y, J[5], rest))
+
+
+@njit(error_model="numpy")
+def switch(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, k: int, which: int) -> None:
+    """Change the phase of joint k, whose signal has come to zero."""
+    x, contact, piece = 2 * k + 1, phases[k, CONTACT], phases[k, PIECE]
+    if which == GAP and contact == FLIGHT:
+        rate = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / np.hypot(y[x], y[x + 1])
+        phases[k, CONTACT] = PUSHED
+        phases[k, MEMORY] = walls.a[k] / max(rate, walls.slowest[k])
+    elif which == GAP:
+        phases[k, CONTACT] = FLIGHT
+    elif which == SIGN:
+        phases[k, CONTACT] = PUSHED if contact == CLIPPED else CLIPPED
+    elif walls.kind[k] == 2:
+        phases[k, PIECE] = -piece
+    else:
+        part = 1.0 if walls.dead[k] > 0.0 else 2.0
+        phases[k, PIECE] = piece + part if which == UP else piece - part
+    if which <= SIGN and phases[k, CONTACT] == PUSHED and walls.mu[k] > 0.0:
+        phases[k, PIECE] = _piece(walls, k, sliding_speed(b, walls, y, k))
+
+
+@njit(error_model="numpy")
+def _piece(walls: Walls, k: int, speed: float) -> float:
+    """Return friction's piece at a sliding speed."""
+    way = 1.0 if speed > 0.0 else -1.0
+    if walls.kind[k] == 2:
+        return way
+    if abs(speed) >= walls.full[k]:
+        return 2.0 * way
+    return way if abs(speed) >= walls.dead[k] > 0.0 else 0.0
+
+
+@njit(error_model="numpy")
+def _rate(
+    b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, h: float, k: int, which: int
+) -> float:
+    """Return a signal's rate, which is exact for a gap but for round-off."""
+    if which == GAP:
+        x = 2 * k + 1
+        speed = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / walls.c[k] ** 2
+        return speed if phases[k, CONTACT] == FLIGHT else -speed
+    f = np.empty(len(y))
+    slope(b, walls, phases, y, f)
+    f *= DIFFERENCE * h
+    rise = signal(b, walls, phases, y + f, k, which) - signal(b, walls, phases, y - f, k, which)
+    return float(rise / (2.0 * DIFFERENCE * h))
+
+
+@njit(error_model="numpy")
+def first_switch(
+    step: Any,
+    table: Table,
+    b: Bodies,
+    walls: Walls,
+    phases: FloatArray,
+    scale: FloatArray,
+    y: FloatArray,
+    end: FloatArray,
+    h: float,
+) -> tuple[float, int, int, int]:
+    """Return when in a step from y to ``end`` the first switch is, its joint and signal, and the trials.
+
+    The joint is -1 where there is none.
+    """
+    first, joint, kind, trials = h, -1, 0, 0
+    for k in range(3):
+        for which in range(4):
+            if walls.c[k] > 0.0 and signal(b, walls, phases, y, k, which) != -np.inf:
+                at, more = _crossing(step, table, b, walls, phases, scale, y, end, h, k, which)
+                trials += more
+                if 0.0 <= at <= first and (at < first or joint < 0):
+                    first, joint, kind = at, k, which
+    return first, joint, kind, trials
+
+
+@njit(error_model="numpy")
+def _crossing(
+    step: Any,
+    table: Table,
+    b: Bodies,
+    walls: Walls,
+    phases: FloatArray,
+    scale: FloatArray,
+    y: FloatArray,
+    end: FloatArray,
+    h: float,
+    k: int,
+    which: int,
+) -> tuple[float, int]:
+    """Return when a signal passes zero upwards, -1 where it does not, and the trials."""
+    low, high, trials = 0.0, h, 0
+    g_low, g_high = signal(b, walls, phases, y, k, which), signal(b, walls, phases, end, k, which)
+    r_low = _rate(b, walls, phases, y, h, k, which)
+    r_high = _rate(b, walls, phases, end, h, k, which)
+    if g_high <= 0.0 or (r_low <= 0.0 and r_high <= 0.0):
+        if not r_low > 0.0 > r_high or not _may_reach_zero(g_low, g_high, r_low, r_high, h):
+            return -1.0, trials
+        high, g_high, trials = _zero(
+            step, table, b, walls, phases, scale, y, h, k, which, low, high, r_low, r_high, True
+        )
+        if g_high <= 0.0:
+            return -1.0, trials
+    if g_low >= 0.0:  # it has just been switched here
+        if r_low >= 0.0:
+            return 0.0, trials
+        trial = np.empty(len(y))
+        while g_low >= 0.0:
+            low = 0.5 * (low if low > 0.0 else high)
+            step(table, b, walls, phases, scale, y, low, trial)
+            g_low, trials = signal(b, walls, phases, trial, k, which), trials + 1
+            if low < SHORT * h:
+                return 0.0, trials
+    high, _, more = _zero(
+        step, table, b, walls, phases, scale, y, h, k, which, low, high, g_low, g_high, False
+    )
+    return high, trials + more
+
+
+@njit(error_model="numpy")
+def _zero(
+    step: Any,
+    table: Table,
+    b: Bodies,
+    walls: Walls,
+    phases: FloatArray,
+    scale: FloatArray,
+    y: FloatArray,
+    h: float,
+    k: int,
+    which: int,
+    low: float,
+    high: float,
+    at_low: float,
+    at_high: float,
+    peak: bool,
+) -> tuple[float, float, int]:
+    """Return the step in which a signal comes to zero, or to its ``peak``, the signal there, and the trials.
+
+    By false position with halved weights (Illinois). A peak above zero need not be found any closer.
+    """
+    trial, side, g, at = np.empty(len(y)), 0, 0.0, high
+    close = SHORT if not peak else 1e-12 * abs(at_high - at_low)
+    for count in range(TRIALS):
+        at = (low * at_high - high * at_low) / (at_high - at_low)
+        step(table, b, walls, phases, scale, y, at, trial)
+        g = signal(b, walls, phases, trial, k, which)
+        value = _rate(b, walls, phases, trial, h, k, which) if peak else g
+        if abs(value) <= close or high - low <= SHORT * h or (peak and g > 0.0):
+            return at, g, count + 1
+        if (value > 0.0) == (at_high > 0.0):
+            high, at_high = at, value
+            at_low = 0.5 * at_low if side == 1 else at_low
+            side = 1
+        else:
+            low, at_low = at, value
+            at_high = 0.5 * at_high if side == -1 else at_high
+            side = -1
+    return at, g, TRIALS
+
+
+@njit(error_model="numpy")
+def _may_reach_zero(g0: float, g1: float, r0: float, r1: float, h: float) -> bool:
+    """Return whether the cubic through both ends of a step comes to zero, or near it."""
+    highest = max(g0, g1)
+    for i in range(1, 16):
+        s = i / 16
+        value = (1 + 2 * s) * (1 - s) ** 2 * g0 + s * s * (3 - 2 * s) * g1
+        highest = max(highest, value + h * s * (1 - s) * ((1 - s) * r0 - s * r1))
+    return highest > -NEAR * (highest - min(g0, g1))
