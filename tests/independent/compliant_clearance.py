@@ -36,10 +36,15 @@ TIME, STEP, STEPS, TOUCHES = range(4)
 
 
 class Motion:
-    """A scene in motion, by a step of ``stepping`` and its table."""
+    """A scene in motion, by a step of ``stepping`` and its table, for so many steps at most.
 
-    def __init__(self, scene: Scene, step: Any, table: Table, moved_rad: float = 0.0) -> None:
-        self.step, self.table = step, table
+    The crank starts ``moved_rad`` beside its angle.
+    """
+
+    def __init__(
+        self, scene: Scene, step: Any, table: Table, steps: float = np.inf, moved_rad: float = 0.0
+    ) -> None:
+        self.step, self.table, self.steps = step, table, steps
         self.bodies, self.walls = bodies_of(scene), walls_of(scene)
         self.y, self.phases = start_of(scene), np.zeros((3, 3))
         self.y[0] += moved_rad
@@ -51,8 +56,8 @@ class Motion:
         self.begin_s, self.shortest_s = BEGIN * crossing_s, SHORTEST * crossing_s
         self.clock = np.array([0.0, self.begin_s, 0.0, 0.0])
 
-    def to(self, time_s: float, steps: float = np.inf) -> bool:
-        """Go on to a time; return whether it is reached within so many steps since the start."""
+    def to(self, time_s: float) -> bool:
+        """Go on to a time; return whether it is reached before the steps are taken."""
         return bool(
             advance(
                 self.step,
@@ -66,7 +71,7 @@ class Motion:
                 self.begin_s,
                 self.shortest_s,
                 time_s,
-                steps,
+                self.steps,
             )
         )
 

@@ -18,7 +18,8 @@ FloatArray = NDArray[np.float64]
 SIZE, JOINTS = 7, "OAB"
 #: Columns of a joint's phase: what its contact is, its a/v0 while it touches, and the piece of its friction.
 CONTACT, MEMORY, PIECE = range(3)
-#: Contacts: none, one whose wall pushes by its law, and one whose wall would pull and is clipped.
+#: Contacts: none, one whose wall pushes by its law, and one whose law would pull: there is no force then, but
+#: of Kelvin and Voigt's law no friction only.
 FLIGHT, PUSHED, CLIPPED = 0.0, 1.0, 2.0
 #: Floor of the approach speed in laws that divide by it, where the scene gives none.
 SLOWEST_M_S = 1e-6
@@ -63,7 +64,7 @@ class Walls(NamedTuple):
 
 
 def bodies_of(scene: Scene) -> Bodies:
-    """Return the bodies of a crank-slider without load, whose drive is a constant torque or speed, or none."""
+    """Return the bodies of a crank-slider without load; its drive is a constant torque or speed, or none."""
     assert scene.drive.kind in ("free", "torque", "constant-speed"), scene.drive.kind
     assert scene.load.slider is None
     crank, rod, slider = scene.crank_slider()
@@ -120,14 +121,15 @@ def stiffness_of(clearance: Clearance) -> float:
 
 def walls_of(scene: Scene) -> Walls:
     """Return the walls of a scene's joints; ideal ones have c = 0."""
-    columns = []
+    columns = list[list[float]]()
     for name in JOINTS:
         clearance: Clearance | None = getattr(scene.clearance, name)
         if clearance is None:
-            columns.append([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0])
+            columns.append([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
             continue
         law, friction = clearance.law, clearance.friction
-        rubs = [0.0, 1.0, 0.0, 0]
+        assert not clearance.may_pull
+        rubs = [0.0, 1.0, 0.0, 0.0]
         if friction is not None:
             speeds = friction.regularisation_speed_m_s, friction.dead_band_speed_m_s or 0.0
             rubs = [friction.coefficient, *speeds, FRICTION.index(friction.law)]
@@ -140,13 +142,14 @@ def walls_of(scene: Scene) -> Walls:
                 damping_of(law, clearance.restitution or 0.0),
                 clearance.damping_N_s_m or 0.0,
                 clearance.minimum_impact_speed_m_s or SLOWEST_M_S,
-                clearance.may_pull or law == "kelvin-voigt",
+                float(law == "kelvin-voigt"),
                 *rubs,
             ]
         )
-    *numbers, kind = (np.array(row) for row in zip(*columns, strict=True))
-    numbers[7] = numbers[7].astype(bool)
-    return Walls(*numbers, kind.astype(np.int64))
+    c, R, K, n, a, b, slowest, pulls, mu, full, dead, kind = np.array(columns).T.copy()
+    return Walls(
+        *(c, R, K, n, a, b, slowest, pulls.astype(np.bool_)), *(mu, full, dead, kind.astype(np.int64))
+    )
 
 
 @njit(error_model="numpy")
@@ -162,7 +165,7 @@ def friction_share(walls: Walls, k: int, piece: float, sliding: float) -> float:
         return 0.0
     if abs(piece) == 2.0:
         return 0.5 * piece
-    return (sliding - piece * walls.dead[k]) / (walls.full[k] - walls.dead[k])
+    return float(sliding - piece * walls.dead[k]) / float(walls.full[k] - walls.dead[k])
 
 
 @njit(error_model="numpy")
@@ -196,7 +199,7 @@ def add_contact(
     walls: Walls, k: int, phase: FloatArray, y: FloatArray, rod: FloatArray, Q: FloatArray
 ) -> None:
     """Add the generalised force of a wall, in its phase (3,), to Q."""
-    if phase[CONTACT] == CLIPPED:
+    if phase[CONTACT] == CLIPPED and not walls.pulls[k]:
         return
     x = 2 * k + 1
     distance = math.hypot(y[x], y[x + 1])
@@ -206,7 +209,7 @@ def add_contact(
     force = spring * (1.0 + phase[MEMORY] * rate) + walls.b[k] * rate
     Q[x] -= force * n_x
     Q[x + 1] -= force * n_y
-    if walls.mu[k] == 0.0:
+    if walls.mu[k] == 0.0 or phase[CONTACT] == CLIPPED:
         return
     row = np.empty(SIZE)
     sliding = sliding_row(walls, k, y, rod, row)
@@ -330,4 +333,4 @@ def energy(b: Bodies, walls: Walls, y: FloatArray) -> float:
     for k in range(3):
         depth = max(math.hypot(y[2 * k + 1], y[2 * k + 2]) - walls.c[k], 0.0)
         total += walls.K[k] * depth ** (walls.n[k] + 1) / (walls.n[k] + 1)
-    return total - b.torque_N_m * y[0]
+    return float(total - b.torque_N_m * y[0])

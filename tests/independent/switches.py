@@ -44,29 +44,40 @@ def signal(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, k: int, w
     if which == GAP:
         part = distance / walls.c[k]
         gap = 0.5 * (part - 1.0) * (part + 1.0)
-        return gap if contact == FLIGHT else -gap
+        return float(gap if contact == FLIGHT else -gap)
     if contact == FLIGHT:
         return -np.inf
     if which == SIGN:
-        if walls.a[k] == 0.0 or walls.pulls[k]:
+        if walls.a[k] == 0.0 and not (walls.pulls[k] and walls.mu[k] > 0.0):
             return -np.inf
         rate = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / distance
         share = 1.0 + phases[k, MEMORY] * rate
-        return share if contact == CLIPPED else -share
-    piece = phases[k, PIECE]
-    if walls.mu[k] == 0.0 or contact == CLIPPED or (piece == -2.0 and which == DOWN) or (piece == 2.0 and which == UP):
+        if walls.pulls[k]:
+            spring, damper = walls.K[k] * max(distance - walls.c[k], 0.0), walls.b[k] * rate
+            share = (spring + damper) / (spring + abs(damper))
+        return float(share if contact == CLIPPED else -share)
+    piece, full = phases[k, PIECE], walls.full[k]
+    if walls.mu[k] == 0.0 or contact == CLIPPED:
+        return -np.inf
+    limit = _limit(walls, k, piece if which == UP else -piece)
+    if limit == np.inf:
         return -np.inf
     speed = sliding_speed(b, walls, y, k)
-    full, dead = walls.full[k], walls.dead[k]
-    if walls.kind[k] == 2:  # tanh is smooth, but steep about rest: a step ends there
-        limit = 0.0
-        if (piece > 0.0) == (which == UP):
-            return -np.inf
-    elif which == UP:
-        limit = -full if piece == -2.0 else (-dead if piece == -1.0 else (dead if piece == 0.0 and dead > 0.0 else full))
-    else:
-        limit = full if piece == 2.0 else (dead if piece == 1.0 else (-dead if piece == 0.0 and dead > 0.0 else -full))
-    return (speed - limit if which == UP else limit - speed) / full
+    return float(((speed if which == UP else -speed) - limit) / full)
+
+
+@njit(error_model="numpy")
+def _limit(walls: Walls, k: int, piece: float) -> float:
+    """Return the sliding speed that ends a piece of friction upwards; tanh is smooth, but steep about 0."""
+    if piece == 2.0:
+        return np.inf
+    if walls.kind[k] == 2:
+        return np.inf if piece > 0.0 else 0.0
+    if piece == -2.0:
+        return float(-walls.full[k])
+    if piece == -1.0:
+        return float(-walls.dead[k])
+    return float(walls.dead[k] if piece == 0.0 and walls.dead[k] > 0.0 else walls.full[k])
 
 
 @njit(error_model="numpy")
@@ -110,14 +121,12 @@ def _piece(walls: Walls, k: int, speed: float) -> float:
 
 
 @njit(error_model="numpy")
-def _rate(
-    b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, h: float, k: int, which: int
-) -> float:
+def _rate(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, h: float, k: int, which: int) -> float:
     """Return a signal's rate, which is exact for a gap but for round-off."""
     if which == GAP:
         x = 2 * k + 1
         speed = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / walls.c[k] ** 2
-        return speed if phases[k, CONTACT] == FLIGHT else -speed
+        return float(speed if phases[k, CONTACT] == FLIGHT else -speed)
     f = np.empty(len(y))
     slope(b, walls, phases, y, f)
     f *= DIFFERENCE * h

@@ -1,0 +1,147 @@
+"""Make the truths of random scenes: ``python -m tests.random_scenes.make [compliant | rigid] [SCENES]``.
+
+What is in the files already is kept, unless the recipe makes another scene of its seed now; without a file
+all is made anew. Every scene is integrated several times in minimal coordinates, by other methods, at other
+tolerances, and from a crank angle that is off by round-off. The uncertainty at a time is twice the largest
+difference of any two until then.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from engine_models.scene.scene import Scene
+from tests.independent.compliant_clearance import Motion
+from tests.independent.stepping import collocated, extrapolated, extrapolation, radau
+from tests.random_scenes.recipe import random_scene
+from tests.random_scenes.truths import (
+    DEFAULT,
+    SAMPLES,
+    TOLERANCES_M,
+    FloatArray,
+    Judgement,
+    Kind,
+    Truth,
+    certain_to_m,
+    fingerprint,
+    path_of,
+    row_of,
+    write,
+)
+
+SCENES: dict[Kind, int] = {"compliant": 240, "rigid": 120}
+#: Times at which integrations are compared, and how few of them a scene is not judged at all.
+COMPARED, FEWEST = 240, 5
+#: Most steps of an integration; one that takes more is left out, and at the last two the scene stops.
+STEPS = {"explicit": 60_000, "implicit": 300_000}
+#: By how much the crank's angle is off in the integration begun elsewhere.
+MOVED_RAD = 4e-16
+
+
+class Integration(Protocol):
+    """A scene on its way."""
+
+    def to(self, time_s: float) -> bool:
+        """Go on to a time; return whether it was reached."""
+        ...
+
+    @property
+    def slider_m(self) -> float:
+        """Where the slider is."""
+        ...
+
+
+def compliant_integrations(scene: Scene) -> list[Callable[[], Integration]]:
+    """Return what makes each integration of a scene; the first one is the best."""
+    explicit, implicit = STEPS["explicit"], STEPS["implicit"]
+    return [
+        lambda: Motion(scene, collocated, radau(7, 1e-11), implicit),
+        lambda: Motion(scene, collocated, radau(6, 1e-12), implicit, MOVED_RAD),
+        lambda: Motion(scene, extrapolated, extrapolation(1e-14), explicit),
+    ]
+
+
+INTEGRATIONS: dict[Kind, Callable[[Scene], list[Callable[[], Integration]]]] = {
+    "compliant": compliant_integrations,
+}
+
+
+def truth(seed: int, kind: Kind) -> Truth:
+    """Find the truth of one scene."""
+    scene = random_scene(seed, kind == "rigid")
+    begin = INTEGRATIONS[kind](scene)
+    wanted = {at: certain_to_m(scene, at) for at in (*TOLERANCES_M, DEFAULT)}
+    known, count, stopped = uncertainties(scene, [make() for make in begin], max(wanted.values()))
+    ends = {at: int(np.searchsorted(known, certain, side="right")) for at, certain in wanted.items()}
+    ends = {at: n for at, n in ends.items() if n >= FEWEST}
+    times = {n: np.linspace(0.0, n * scene.end_time_s / COMPARED, SAMPLES + 1) for n in set(ends.values())}
+    positions = _positions(begin[0](), np.unique(np.concatenate(list(times.values())))) if times else {}
+    judgements: dict[float | str, Judgement] = {}
+    for at, n in ends.items():
+        position = np.array([positions[t] for t in times[n].tolist()])
+        judgements[at] = Judgement(float(times[n][-1]), position, float(known[n - 1]), count[n - 1])
+    return Truth(seed, kind, stopped, judgements)
+
+
+def uncertainties(
+    scene: Scene, integrations: Sequence[Integration], most_m: float
+) -> tuple[FloatArray, list[int], str]:
+    """Return the uncertainty in m at each compared time, and from how many integrations it is.
+
+    Third is why it stops before the scene's end, if it does: a part of them beyond ``most_m`` is no use.
+    """
+    known, count, running, worst = list[float](), list[int](), list(integrations), 0.0
+    for n in range(1, COMPARED + 1):
+        running = [one for one in running if one.to(n * scene.end_time_s / COMPARED)]
+        if len(running) < 2:
+            return np.array(known), count, "steps"
+        places = [one.slider_m for one in running]
+        worst = max(worst, 2 * (max(places) - min(places)))
+        if not worst <= most_m:
+            return np.array(known), count, "horizon"
+        known.append(worst)
+        count.append(len(running))
+    return np.array(known), count, ""
+
+
+def _positions(integration: Integration, times: FloatArray) -> dict[float, float]:
+    """Return where the slider is at ascending times."""
+    found = {}
+    for t in times.tolist():
+        assert integration.to(t)
+        found[t] = integration.slider_m
+    return found
+
+
+def make(kind: Kind, scenes: int) -> None:
+    """Make the truths of a kind that there are not yet."""
+    rows = {}
+    if path_of(kind).exists():
+        for line in path_of(kind).read_text(encoding="utf-8").splitlines():
+            row = json.loads(line)
+            if row["scene"] == fingerprint(random_scene(row["seed"], kind == "rigid")):
+                rows[row["seed"]] = row
+    for seed in range(scenes):
+        if seed in rows:
+            continue
+        began, found = time.perf_counter(), truth(seed, kind)
+        rows[seed] = row_of(found)
+        write(kind, rows.values())
+        ends = {at: f"{one.end_time_s:.3g}" for at, one in found.judgements.items()}
+        took = time.perf_counter() - began
+        print(f"{kind} {seed}: {took:.1f} s, {found.stopped or 'to its end'}, {ends}", flush=True)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Make what is asked for, or all."""
+    kinds = [kind for kind in INTEGRATIONS if not arguments or kind == arguments[0]]
+    for kind in kinds:
+        make(kind, int(arguments[1]) if len(arguments) > 1 else SCENES[kind])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
