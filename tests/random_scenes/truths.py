@@ -70,8 +70,13 @@ def certain_to_m(scene: Scene, tolerance: float | str) -> float:
     """Return how well a truth must be known for a tolerance in m or ``DEFAULT``."""
     if isinstance(tolerance, float):
         return PART * tolerance
+    return DEFAULT_PART * smallest_clearance_m(scene)
+
+
+def smallest_clearance_m(scene: Scene) -> float:
+    """Return the radial clearance of the joint that has least."""
     joints = (scene.clearance.O, scene.clearance.A, scene.clearance.B)
-    return DEFAULT_PART * min(joint.radial_clearance_m for joint in joints if joint is not None)
+    return min(joint.radial_clearance_m for joint in joints if joint is not None)
 
 
 def path_of(kind: Kind) -> Path:

@@ -1,0 +1,58 @@
+"""Random scenes run by an engine, to a tolerance or as they are, and held against their truths."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engines import make_engine
+from engine_models.scene.scene import Scene
+from engine_models.step_halving import simulate_to_tolerance
+from studies.command.doubts import doubts
+from studies.command.options import DEFAULT_STEP_S, read_engine
+from tests.random_scenes.truths import DEFAULT, SAMPLES, Truth, smallest_clearance_m
+
+#: What becomes of a run: a promise, to be within the tolerance, or, without one and without a warning, within
+#: this part of the smallest clearance, is held or broken; or there is no promise, with a reason.
+HELD, BROKEN, WARNED, REFUSED = "held", "broken", "warned", "refused"
+PROMISED_PART = 0.01
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a scene at a tolerance in m or ``DEFAULT``, its error in m, and what the engine said."""
+
+    seed: int
+    tolerance: float | str
+    outcome: str
+    error_m: float
+    reason: str
+
+
+def verdicts(truth: Truth, engine: str) -> Iterator[Verdict]:
+    """Yield a scene's verdicts for every tolerance at which its truth is certain enough."""
+    for tolerance, judgement in truth.judgements.items():
+        scene, error = truth.judged_scene(tolerance), np.nan
+        try:
+            run, warnings = _run(engine, scene, tolerance)
+        except (SimulationFailed, UnsupportedScene) as refusal:
+            yield Verdict(truth.seed, tolerance, REFUSED, error, str(refusal))
+            continue
+        error = float(np.abs(run.slider_position_m - judgement.slider_position_m).max())
+        allowed = tolerance if isinstance(tolerance, float) else PROMISED_PART * smallest_clearance_m(scene)
+        held = error <= allowed + judgement.uncertainty_m
+        outcome = HELD if held else WARNED if warnings else BROKEN
+        yield Verdict(truth.seed, tolerance, outcome, error, "; ".join(warnings))
+
+
+def _run(engine: str, scene: Scene, tolerance: float | str) -> tuple[Trajectory, list[str]]:
+    """Return what ``crankslider simulate`` does with a scene and a tolerance, and its warnings."""
+    with np.errstate(all="ignore"):
+        if isinstance(tolerance, float):
+            to_it = read_engine(engine, [], to_tolerance=True)
+            return simulate_to_tolerance(to_it, scene, tolerance, SAMPLES), []
+        assert tolerance == DEFAULT
+        plain = make_engine(engine)
+        run = plain.simulate(scene, RunSettings(min(DEFAULT_STEP_S, scene.end_time_s), SAMPLES))
+        return run, doubts(plain, scene, run, to_tolerance=False)
