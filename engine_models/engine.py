@@ -1,19 +1,25 @@
 """What every engine takes and gives: run settings, trajectory, the one method and its two refusals."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral, Real
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
+from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]
 
 #: Validation of an engine's settings, for ``pydantic.dataclasses.dataclass(frozen=True, config=...)``.
 SETTINGS_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+#: The most of one run, on the command line as well.
+MOST_SAMPLES = 100_000
 
 BODIES = ("crank", "rod", "slider")
 JOINTS = ("O", "A", "B")
@@ -42,6 +48,17 @@ class RunSettings:
 
     step_s: float
     samples: int
+
+    def __post_init__(self) -> None:
+        """Refuse, with a ValueError, what is no step, and no number of samples or too large a one."""
+        step, samples = self.step_s, self.samples
+        real = isinstance(step, Real) and not isinstance(step, bool)
+        whole = isinstance(samples, Integral) and not isinstance(samples, bool)
+        if not (real and 0 < step < math.inf):
+            raise ValueError(f"step_s: expected a finite number > 0, got {shown(step)}")
+        if not (whole and 1 <= samples <= MOST_SAMPLES):
+            expected = f"an integer >= 1 and <= {MOST_SAMPLES}"
+            raise ValueError(f"samples: expected {expected}, got {shown(samples)}")
 
     def steps_per_sample(self, end_time_s: float) -> int:
         """Return the number of equal steps between two samples."""

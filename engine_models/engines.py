@@ -3,7 +3,10 @@
 from importlib import import_module
 from typing import Any
 
+from pydantic import ValidationError
+
 from engine_models.engine import Engine
+from engine_models.scene.plain_words import one_of, refusal, shown
 
 _CLASSES = {
     "reference": ("engine_models.reference.engine", "ReferenceEngine"),
@@ -19,22 +22,37 @@ def engine_module(name: str) -> str:
     """Return the import path of the module that an engine's class is in; nothing is imported.
 
     Raises:
-        KeyError: no engine has this name.
+        ValueError: no engine has this name.
     """
-    return _CLASSES[name][0]
+    return _place(name)[0]
 
 
 def engine_class(name: str) -> Any:
     """Return the settings class of an engine.
 
     Raises:
-        KeyError: no engine has this name.
+        ValueError: no engine has this name.
     """
-    module, cls = _CLASSES[name]
+    module, cls = _place(name)
     return getattr(import_module(module), cls)
 
 
 def make_engine(name: str, **settings: object) -> Engine:
-    """Return an engine with the given settings, the rest at their defaults."""
-    engine: Engine = engine_class(name)(**settings)
+    """Return an engine with the given settings, the rest at their defaults.
+
+    Raises:
+        ValueError: no engine has this name, or the engine no such setting or not of this value.
+    """
+    kind = engine_class(name)
+    try:
+        engine: Engine = kind(**settings)
+    except ValidationError as error:
+        raise ValueError(refusal(error, kind)) from None
     return engine
+
+
+def _place(name: str) -> tuple[str, str]:
+    """Return the module and the name of an engine's class."""
+    if name not in _CLASSES:
+        raise ValueError(f"engine: expected {one_of(list(ENGINES))}, got {shown(name)}")
+    return _CLASSES[name]

@@ -18,17 +18,26 @@ def start_state(scene: Scene) -> tuple[FloatArray, FloatArray]:
     return values[:, :3], values[:, 3:]
 
 
-def started_from(scene: Scene, position: FloatArray, velocity: FloatArray, time_s: float = 0.0) -> Scene:
-    """Return the scene begun at the positions and velocities, each (bodies, 3), of a time of its own."""
+def started_from(
+    scene: Scene,
+    position: FloatArray,
+    velocity: FloatArray,
+    time_s: float = 0.0,
+    end_time_s: float | None = None,
+) -> Scene:
+    """Return the scene begun at the positions and velocities, each (bodies, 3), of a time of its own.
+
+    It is as long as before, or ``end_time_s``.
+    """
     states = {}
     for name, x, v in zip(BODIES, position.tolist(), velocity.tolist(), strict=False):
         states[name] = BodyState(**dict(zip(BodyState.model_fields, [*x, *v], strict=True)))
     start = scene.start.model_copy(update={"crank_angle_rad": float(position[CRANK, 2]), **states})
     if scene.speed_is_prescribed:
         start = start.model_copy(update={"time_s": (scene.start.time_s or 0.0) + time_s})
-    else:
+    if not scene.speed_is_prescribed or scene.drive.kind == "table":  # the others' speed is the drive's own
         start = start.model_copy(update={"crank_speed_rad_s": float(velocity[CRANK, 2])})
-    return scene.model_copy(update={"start": start})
+    return scene.model_copy(update={"start": start, "end_time_s": end_time_s or scene.end_time_s})
 
 
 def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:

@@ -1,11 +1,15 @@
 """What all parts of a scene are made of: frozen, strict data, the kinds of numbers, and refusals in words."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from engine_models.scene.plain_words import refusal
+
+Part = TypeVar("Part", bound="SceneData")
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -20,10 +24,35 @@ Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
 FEWEST_POINTS = 4
 
 
+class SceneError(ValueError):
+    """A scene was refused; the message names the field, what was expected and what came."""
+
+
 class SceneData(BaseModel):
     """Base of all parts of a scene: immutable, strict about types, unknown keys and non-finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def checked(cls: type[Part], data: Mapping[str, object]) -> Part:
+        """Return what a mapping of its fields describes, each a value or a mapping in its turn.
+
+        Raises:
+            SceneError: it is none.
+        """
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            raise SceneError(refusal(error, cls)) from None
+
+    def model_copy(self: Part, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Part:
+        """Return a copy with other values in some fields, checked as if it had been read from a file.
+
+        Raises:
+            SceneError: with them it is none.
+        """
+        copy = super().model_copy(deep=deep)
+        return self.checked(copy.__dict__ | dict(update)) if update else copy
 
 
 def require(holds: bool, field: str, expected: str, value: float | None) -> None:

@@ -1,13 +1,12 @@
 """Scenes as TOML files: written from a scene, and read with every refusal in one plain line."""
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 import tomli_w
-from pydantic import ValidationError
 
-from engine_models.scene.plain_words import refusal, shortened
+from engine_models.scene.data import SceneError as SceneError
+from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene
 from engine_models.scene.tables import BadTable, files_of, with_tables
 from engine_models.scene.text_files import OPENED, UnreadableFile, read_text
@@ -16,10 +15,6 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
-
-
-class SceneError(ValueError):
-    """A scene file was refused; the message names the field, what was expected and what came."""
 
 
 def to_toml(scene: Scene) -> str:
@@ -44,21 +39,9 @@ def from_toml(text: str, folder: Path = Path()) -> Scene:
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
     try:
-        return checked(with_tables(data, folder))
+        return Scene.checked(with_tables(data, folder))
     except BadTable as reason:
         raise SceneError(str(reason)) from None
-
-
-def checked(data: Mapping[str, object]) -> Scene:
-    """Return the scene made of a mapping of its parts.
-
-    Raises:
-        SceneError: it is none.
-    """
-    try:
-        return Scene.model_validate(data)
-    except ValidationError as error:
-        raise SceneError(refusal(error, Scene)) from None
 
 
 def load(path: Path) -> Scene:

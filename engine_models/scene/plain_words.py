@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 JsonSchema = dict[str, Any]
@@ -56,9 +56,9 @@ def one_of(choices: list[str]) -> str:
 
 def shown(value: object) -> str:
     """Return a value as a TOML file would have it, shortened, on one line."""
-    if isinstance(value, dict):
+    if isinstance(value, dict | BaseModel):
         return "a section"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return "a list"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 2**63:
         return "a huge integer"
@@ -104,7 +104,8 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
         path, union = _follow(error["loc"], root)
         tag = union["discriminator"]["propertyName"]
         expected = one_of([shown(choice) for choice in union["discriminator"]["mapping"]])
-        came = shown(error["input"][tag]) if tag in error["input"] else "nothing"
+        given = error["input"] if isinstance(error["input"], Mapping) else {}
+        came = shown(given[tag]) if tag in given else "nothing"
         return f"{'.'.join([*path, tag])}: expected {expected}, got {came}"
     path, field = _follow(error["loc"], root)
     came = "nothing" if error["type"] == "missing" else shown(error["input"])

@@ -7,11 +7,10 @@ from typing import Annotated, TypeVar
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, Engine
+from engine_models.engine import MOST_SAMPLES, SETTINGS_CONFIG, Engine
 from engine_models.engines import ENGINES, engine_class
 from engine_models.scene.data import Positive
 from engine_models.scene.file import SceneError, load, sources
-from engine_models.scene.file import checked as checked_scene
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import no_numbers, one_of, refusal, shown
 from engine_models.scene.scene import Scene
@@ -31,7 +30,7 @@ class SimulateOptions:
     step: Positive | None = None
     tolerance: Positive | None = None
     end: Positive | None = None
-    samples: Annotated[int, Field(ge=1, le=100_000)] = 200
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 200
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -67,7 +66,7 @@ def read_scene(name: str, end_s: float | None = None) -> Scene:
         raise BadInput(f"SCENE: expected {one_of(list(SCENES))}, or a TOML file, got {shown(name)}")
     try:
         scene = SCENES[name]() if name in SCENES else load(Path(name))
-        return scene if end_s is None else checked_scene({**scene.model_dump(), "end_time_s": end_s})
+        return scene if end_s is None else scene.model_copy(update={"end_time_s": end_s})
     except SceneError as error:
         raise BadInput(str(error)) from None
 

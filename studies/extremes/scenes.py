@@ -1,7 +1,11 @@
 """The gallery's mechanisms: a wheel dropped in its bearing, or turning on a dry one, and crank-sliders."""
 
 import math
+from collections.abc import Mapping
 
+from pydantic import BaseModel
+
+from engine_models.scene.data import Part
 from engine_models.scene.drives import FreeDrive
 from engine_models.scene.library import BEARING_RADIUS_M, clearance, ideal_driven, ideal_free
 from engine_models.scene.scene import (
@@ -96,9 +100,17 @@ def turning_wheel(
     )
 
 
+def unchecked(part: Part, changes: Mapping[str, object]) -> Part:
+    """Return a scene, or a part of one, with changes that nothing checks: a case may be what no scene is.
+
+    No engine gets to see it (see ``studies.extremes.study``).
+    """
+    return BaseModel.model_copy(part, update=changes)
+
+
 def _changed(scene: Scene, name: str, end_time_s: float, **changes: object) -> Scene:
-    """Return a scene with changes; nothing is validated, so that a case can be one that no scene may be."""
-    return scene.model_copy(update={"name": name, "end_time_s": end_time_s, **changes})
+    """Return a scene with changes."""
+    return unchecked(scene, {"name": name, "end_time_s": end_time_s, **changes})
 
 
 def driven(
@@ -124,4 +136,4 @@ def rod(scene: Scene, **changes: float) -> Link:
     _, link, _ = scene.crank_slider()
     if "length_m" in changes:
         changes["centre_of_mass_m"] = changes["length_m"] / 2
-    return link.model_copy(update=changes)
+    return unchecked(link, changes)

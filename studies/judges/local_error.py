@@ -41,8 +41,8 @@ def local_errors(engine: Engine, scene: Scene, truth: Trajectory, run: RunSettin
     step = run.step_used_s(scene.end_time_s)
     pairs, errors = windows(truth, until), []
     for k, m in pairs:
-        begun = started_from(scene, truth.position[k], truth.velocity[k], float(truth.time_s[k]))
-        begun = begun.model_copy(update={"end_time_s": float(truth.time_s[m] - truth.time_s[k])})
+        now, length = float(truth.time_s[k]), float(truth.time_s[m] - truth.time_s[k])
+        begun = started_from(scene, truth.position[k], truth.velocity[k], now, length)
         try:
             end = engine.simulate(begun, RunSettings(step, 1))
         except SimulationFailed:
