@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from reference_solver.checks import require_not_negative
 from reference_solver.contact.force import contact_force, elastic_force, rates_of
 from reference_solver.contact.types import FLIGHT
 from reference_solver.contact.wall_friction import Rubbing, rubbed
@@ -39,6 +40,9 @@ class Baumgarte:
 
     alpha_s: float
     beta_s: float
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "alpha_s", "beta_s")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from reference_solver import failures
+from reference_solver.checks import POSITIVE, is_count, is_number, require, require_positive, require_vector
 from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
@@ -59,6 +60,9 @@ class StepChoice:
     locate_events: bool = True
     closing_flight_fraction: float = 1e-3
 
+    def __post_init__(self) -> None:
+        require_positive(self, "longest_s", "steps_per_contact", "closing_flight_fraction")
+
     def at(self, longest_s: float) -> "StepChoice":
         """Return both rates in proportion, at another longest step."""
         per_contact = self.steps_per_contact * self.longest_s / longest_s
@@ -79,6 +83,12 @@ class ErrorControl:
 
     tolerance: float
     longest_s: float = np.inf
+
+    def __post_init__(self) -> None:
+        tolerance, longest = self.tolerance, self.longest_s
+        valid, wanted = is_number(tolerance) and 0 < tolerance < 1, "a finite number > 0 and < 1"
+        require("ErrorControl.tolerance", tolerance, valid, wanted)
+        require("ErrorControl.longest_s", longest, longest > 0, "a number > 0")
 
 
 def nobody(_: float) -> None:
@@ -104,12 +114,13 @@ def solve(
     samples' interval. Steps end where prescribed motions, and loads by a body's angle, are not smooth.
 
     Raises:
-        ValueError: rigid walls without projection or without location of events.
+        ValueError: one of these is out of range, or walls are rigid without projection or located events.
         InconsistentStart: q or v violate the constraints, or a pin is outside a rigid bearing.
         SolverError: a step or an impact failed; it says which and when.
     """
-    choice = StepChoice(step) if isinstance(step, int | float) else step
-    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+    require_run(end_time_s, samples)
+    choice = step if isinstance(step, StepChoice | ErrorControl) else StepChoice(step)
+    q, v = (require_vector(name, x, 3 * len(mechanism.bodies)) for name, x in (("q", q), ("v", v)))
     check_start(mechanism, q, v)
     return Solver(mechanism, q, choice, stabilisation, compiled).run(q, v, end_time_s, samples)
 
@@ -130,6 +141,8 @@ class Solver:
         compiled: bool = True,
     ) -> None:
         self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
+        valid = stabilisation in ("none", "projection") or isinstance(stabilisation, Baumgarte)
+        require("stabilisation", stabilisation, valid, "none, projection or Baumgarte's gains")
         self._rigid = any(joint.rigid for joint in self._joints)
         located = isinstance(choice, ErrorControl) or choice.locate_events
         if self._rigid and not (stabilisation == "projection" and located):
@@ -139,7 +152,7 @@ class Solver:
         self._baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
         self._projected = stabilisation == "projection"
         self._compiled = compiled and len(mechanism.bodies) <= LARGEST_COMPILED
-        self._q_start = np.array(q_start, dtype=float)
+        self._q_start = require_vector("q_start", q_start, 3 * len(mechanism.bodies))
         self._equations = Equations(mechanism, self._q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
         self._method = dop853() if isinstance(choice, ErrorControl) else RK4
@@ -214,6 +227,7 @@ class Solver:
 
         ``tell`` is called now and then with the time reached.
         """
+        require_run(end_time_s, samples)
         run = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
         motion, records, now = run.old, run.records, run.clock[0]
         self.steps = self.settled = at_once = 0
@@ -334,6 +348,12 @@ def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
         return *state, clearance, *[0.0] * 4, slope, 0.0, 1.0, 0.0, 0.0, 0.0
     compliant = (law.stiffness, law.exponent, law.damping_factor, law.minimum_impact_speed_m_s, slope)
     return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0
+
+
+def require_run(end_time_s: float, samples: int) -> None:
+    """Raise ValueError unless a run has an end and samples."""
+    require("end_time_s", end_time_s, is_number(end_time_s) and end_time_s > 0, POSITIVE)
+    require("samples", samples, is_count(samples), "an integer >= 1")
 
 
 def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:

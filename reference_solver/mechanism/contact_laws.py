@@ -11,6 +11,13 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
+from reference_solver.checks import (
+    is_number,
+    require,
+    require_below,
+    require_not_negative,
+    require_positive,
+)
 from reference_solver.lifting import WRITTEN_OUT
 from reference_solver.tape import Scalar, larger, power, signed, size, smaller, sqrt, tanh
 
@@ -45,6 +52,13 @@ class ContactLaw:
     may_pull: bool = False
     kind: str = "dissipative"
 
+    def __post_init__(self) -> None:
+        n, kind = self.exponent, self.kind
+        require("ContactLaw.kind", kind, kind in NORMAL_LAWS, " or ".join(NORMAL_LAWS))
+        require("ContactLaw.exponent", n, is_number(n) and n >= 1, "a finite number >= 1")
+        require_positive(self, "stiffness", "minimum_impact_speed_m_s")
+        require_not_negative(self, "damping_factor", "damping_N_s_m")
+
     @property
     def clipped(self) -> bool:
         """Whether the force is clipped where the law would pull."""
@@ -62,15 +76,10 @@ class RigidWall:
     minimum_impact_speed_m_s: float = 0.0
 
     def __post_init__(self) -> None:
-        require("RigidWall.restitution", self.restitution, 0 <= self.restitution <= 1, "a number from 0 to 1")
-        slowest = self.minimum_impact_speed_m_s
-        require("RigidWall.minimum_impact_speed_m_s", slowest, 0 <= slowest < float("inf"), "a number from 0")
-
-
-def require(field: str, value: float, valid: bool, wanted: str) -> None:
-    """Raise ValueError for a value that is not valid."""
-    if not valid:
-        raise ValueError(f"{field}: expected {wanted}, got {value}")
+        e = self.restitution
+        valid, wanted = is_number(e) and 0 <= e <= 1, "a finite number >= 0 and <= 1"
+        require("RigidWall.restitution", e, valid, wanted)
+        require_not_negative(self, "minimum_impact_speed_m_s")
 
 
 def dissipative(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:
@@ -110,11 +119,10 @@ class FrictionLaw:
     dead_band_speed_m_s: float = 0.0
 
     def __post_init__(self) -> None:
-        full, least = self.regularisation_speed_m_s, self.dead_band_speed_m_s
-        mu = self.coefficient
-        require("FrictionLaw.coefficient", mu, 0 <= mu < float("inf"), "a number from 0")
-        require("FrictionLaw.regularisation_speed_m_s", full, 0 < full < float("inf"), "a positive number")
-        require("FrictionLaw.dead_band_speed_m_s", least, 0 <= least < full, f"a number from 0 below {full}")
+        require("FrictionLaw.kind", self.kind, self.kind in FRICTION_LAWS, " or ".join(FRICTION_LAWS))
+        require_not_negative(self, "coefficient", "dead_band_speed_m_s")
+        require_positive(self, "regularisation_speed_m_s")
+        require_below(self, "dead_band_speed_m_s", "regularisation_speed_m_s")
 
 
 def saturated_linear(law: FrictionLaw, sliding: Scalar) -> Scalar:

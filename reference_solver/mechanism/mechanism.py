@@ -5,9 +5,11 @@ whose origin is the centre of mass; points on GROUND are in the global frame. A 
 """
 
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Final
 
-from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall, require
+from reference_solver.checks import POSITIVE, require, require_below, require_finite, require_positive
+from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.motions import Motion
 from reference_solver.mechanism.tables import PiecewiseCubic
 
@@ -23,6 +25,9 @@ class Body:
 
     mass_kg: float
     inertia_kg_m2: float
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass_kg", "inertia_kg_m2")
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,7 @@ class MasslessLink(Ends):
 
     def __post_init__(self) -> None:
         length = self.length_m
-        require("MasslessLink.length_m", length, 0 < length < float("inf"), "a positive number")
+        require("MasslessLink.length_m", length, 0 < length < float("inf"), POSITIVE)  # a tape's value, too
 
 
 @dataclass(frozen=True)
@@ -109,6 +114,10 @@ class MotorTorque:
     body: int
     stall_torque_N_m: float
     no_load_speed_rad_s: float
+
+    def __post_init__(self) -> None:
+        speed = self.no_load_speed_rad_s
+        require("MotorTorque.no_load_speed_rad_s", speed, speed != 0, "a finite number other than 0")
 
 
 @dataclass(frozen=True)
@@ -180,10 +189,8 @@ class ClearanceJoint(Ends):
     friction: FrictionLaw | None = None
 
     def __post_init__(self) -> None:
-        radius, clearance = self.bearing_radius_m, self.radial_clearance_m
-        valid, wanted = 0 < clearance < radius, "a positive number below the bearing's radius"
-        require("ClearanceJoint.bearing_radius_m", radius, 0 < radius < float("inf"), "a positive number")
-        require("ClearanceJoint.radial_clearance_m", clearance, valid, wanted)
+        require_positive(self, "bearing_radius_m", "radial_clearance_m")
+        require_below(self, "radial_clearance_m", "bearing_radius_m")
 
     @property
     def rigid(self) -> bool:
@@ -220,20 +227,18 @@ class Mechanism:
     def __post_init__(self) -> None:
         if not self.bodies:
             raise ValueError("bodies: expected at least one body, got none")
-        for index, body in enumerate(self.bodies):
-            for field in ("mass_kg", "inertia_kg_m2"):
-                value = getattr(body, field)
-                if not 0 < value < float("inf"):
-                    raise ValueError(f"bodies[{index}].{field}: expected a positive number, got {value}")
+        require_finite("gravity_m_s2", self.gravity_m_s2)
         for part in (*self.constraints, *self.loads, *self.contacts):
-            for field in ("body", "crank", "body_i", "body_j"):
-                body_index = getattr(part, field, 0)
-                lowest = GROUND if field.startswith("body_") else 0
-                if not lowest <= body_index < len(self.bodies):
-                    raise ValueError(
-                        f"{type(part).__name__}.{field}: expected a body index from {lowest} to "
-                        f"{len(self.bodies) - 1}, got {body_index}"
-                    )
+            require_finite(type(part).__name__, part)
+            for field, value in vars(part).items():
+                name = f"{type(part).__name__}.{field}"
+                if field.startswith("point"):
+                    require(name, value, len(value) == 2, "two finite numbers")
+                if field in ("body", "crank", "body_i", "body_j"):
+                    lowest = GROUND if field.startswith("body_") else 0
+                    wanted = f"a body index from {lowest} to {len(self.bodies) - 1}"
+                    there = range(lowest, len(self.bodies))
+                    require(name, value, isinstance(value, Integral) and value in there, wanted)
 
     @property
     def prescribed(self) -> tuple[Motion, ...]:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from reference_solver.checks import require_positive
 from reference_solver.mechanism.tables import ROW, PiecewiseCubic
 from reference_solver.tape import Scalar, cos, larger, sin, smaller
 
@@ -32,6 +33,9 @@ class Ramp:
     start_s: float = 0.0
     has_knots: ClassVar[bool] = True
 
+    def __post_init__(self) -> None:
+        require_positive(self, "duration_s")
+
     def knots_s(self, longest_step_s: float) -> tuple[float, ...]:
         """Return times in s: both ends, and where steps are long for the ramp, places within it."""
         parts = 1 if self.duration_s >= FEWEST_STEPS * longest_step_s else FEWEST_STEPS
@@ -52,6 +56,9 @@ class Fluctuation:
     frequency_rad_s: float
     phase_rad: float = 0.0
     has_knots: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        require_positive(self, "frequency_rad_s")
 
     def knots_s(self, longest_step_s: float) -> tuple[float, ...]:  # noqa: ARG002
         """Return no times."""

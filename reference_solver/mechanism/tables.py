@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from reference_solver.checks import require, require_finite, require_not_negative
 from reference_solver.lifting import Table
 from reference_solver.tape import FloatArray, Scalar
 
@@ -41,6 +42,16 @@ class PiecewiseCubic(Table):
 
     rows: tuple[float, ...] = field(repr=False)
     period: float = 0.0
+
+    def __post_init__(self) -> None:
+        count, name = len(self.rows), "PiecewiseCubic.rows"
+        require(name, count, count > 0 and count % ROW == 0, f"{ROW} numbers for each piece")
+        require_finite(name, self.rows)
+        require_not_negative(self, "period")
+        begins = self._array[::ROW]
+        for k in np.flatnonzero(np.diff(begins) <= 0):
+            wanted = f"a number > {begins[k]:g}, where the piece before begins"
+            require(f"{name}[{ROW * (k + 1)}]", begins[k + 1], False, wanted)
 
     @cached_property
     def _array(self) -> FloatArray:

@@ -76,7 +76,7 @@ def test_steps_of_one_length_converge_at_order_eight_to_the_closed_form() -> Non
     # With no limit but the longest step, all but the first few are equal.
     end, counts, errors = 4 * turn_s(), [24, 48, 96], []
     for count in counts:
-        found = swung(end, ErrorControl(1e6, end / count))
+        found = swung(end, ErrorControl(0.999, end / count))
         assert count <= found.steps <= count + 4
         errors.append(abs(found.q[-1, 2] - 8 * np.pi))
     assert errors[-1] > 1e3 * EPS * 8 * np.pi, "above round-off"

@@ -104,5 +104,5 @@ def test_a_link_swings_as_a_rod_without_mass_at_order_four() -> None:
 
 
 def test_a_link_without_length_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"MasslessLink.length_m: expected a positive number, got 0"):
+    with pytest.raises(ValueError, match=r"MasslessLink.length_m: expected a finite number > 0, got 0"):
         MasslessLink(GROUND, (0.0, 0.0), 0, (0.0, 0.0), 0.0)
