@@ -37,6 +37,14 @@ class SimulationFailed(Exception):
     """The run broke down; the message says when and why."""
 
 
+def require_samples(samples: object) -> None:
+    """Raise ValueError for what is no number of samples, or too large a one."""
+    whole = isinstance(samples, Integral) and not isinstance(samples, bool)
+    if not (whole and samples in range(1, MOST_SAMPLES + 1)):
+        expected = f"an integer >= 1 and <= {MOST_SAMPLES}"
+        raise ValueError(f"samples: expected {expected}, got {shown(samples)}")
+
+
 @dataclass(frozen=True)
 class RunSettings:
     """What a run is asked for, whatever the engine.
@@ -51,14 +59,10 @@ class RunSettings:
 
     def __post_init__(self) -> None:
         """Refuse, with a ValueError, what is no step, and no number of samples or too large a one."""
-        step, samples = self.step_s, self.samples
-        real = isinstance(step, Real) and not isinstance(step, bool)
-        whole = isinstance(samples, Integral) and not isinstance(samples, bool)
-        if not (real and 0 < step < math.inf):
+        step = self.step_s
+        if isinstance(step, bool) or not (isinstance(step, Real) and 0 < step < math.inf):
             raise ValueError(f"step_s: expected a finite number > 0, got {shown(step)}")
-        if not (whole and 1 <= samples <= MOST_SAMPLES):
-            expected = f"an integer >= 1 and <= {MOST_SAMPLES}"
-            raise ValueError(f"samples: expected {expected}, got {shown(samples)}")
+        require_samples(self.samples)
 
     def steps_per_sample(self, end_time_s: float) -> int:
         """Return the number of equal steps between two samples."""

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from engine_models.engine import FloatArray, Trajectory
+from engine_models.engine import FloatArray, Trajectory, require_samples
 from engine_models.scene.scene import Scene
 from studies.judges.ideal_drive import drive_torque
 from studies.judges.ideal_load import load_works_J, slider_force
@@ -61,8 +61,10 @@ def exact(scene: Scene, samples: int, pieces: int = PIECES) -> Trajectory:
     ``pieces`` is the least number of pieces in which the motion is integrated.
 
     Raises:
-        ValueError: the scene has a joint with clearance, or a rod that is too short for a full turn.
+        ValueError: the scene has a joint with clearance, or a rod that is too short for a full turn, or
+            there are no samples.
     """
+    require_samples(samples)
     crank, rod, _ = scene.crank_slider()
     if rod.length_m < crank.length_m:
         raise ValueError(f"no truth for a rod shorter than the crank: {rod.length_m} m, {crank.length_m} m")

@@ -63,8 +63,11 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
     shorter than a stretch is not run: it would count as one that ends in another phase of the motion.
 
     Raises:
+        ValueError: the scene has no joint with clearance.
         UnsupportedScene, SimulationFailed: as ``simulate`` and ``require_quality`` do.
     """
+    if not scene.joints_with_clearance:
+        raise ValueError(f"scene {scene.name}: expected a joint with clearance, got none")
     first, second = scene, _beside(scene, stretch_s)
     loose = [getattr(scene.clearance, joint) for joint in scene.joints_with_clearance]
     largest_m = LARGEST_PART * min(clearance.radial_clearance_m for clearance in loose)

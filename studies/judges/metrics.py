@@ -63,7 +63,14 @@ def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str,
     """Return the error of each signal over time, (n,), forces by the length of the difference vector.
 
     The keys are the signals' names with ``_error`` before the unit, as in ``slider_position_error_m``.
+
+    Raises:
+        ValueError: the truth has other samples than the run.
     """
+    n, there = len(trajectory.time_s), len(truth.time_s)
+    if n != there or not np.allclose(trajectory.time_s, truth.time_s, rtol=1e-9, atol=0.0):
+        expected = f"the run's {n} times up to {trajectory.time_s[-1]:g} s"
+        raise ValueError(f"truth: expected {expected}, got {there} up to {truth.time_s[-1]:g} s")
     out = {}
     for (name, value), (_, true) in zip(signals(scene, trajectory), signals(scene, truth), strict=True):
         difference = np.abs(value - true)

@@ -5,15 +5,27 @@ from importlib import import_module
 from typing import cast
 
 from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
+from engine_models.scene.plain_words import one_of, shown
 from studies.failures import bug
 from studies.running.case import ROOMY, Case, Curves, Row, Study
 from studies.running.execution import OUT_OF_MEMORY, CaseEnded, RunBroken
-from studies.running.registry import study_module
+from studies.running.registry import STUDIES, study_module
 
 
 def load_study(name: str) -> Study:
-    """Return a study by its name, or by the import path of its module."""
-    return cast(Study, import_module(study_module(name)))
+    """Return a study by its name, or by the import path of its module.
+
+    Raises:
+        ValueError: there is none.
+    """
+    module = study_module(name)
+    try:
+        return cast(Study, import_module(module))
+    except ModuleNotFoundError as error:
+        if error.name != module.split(".")[0] and error.name != module:
+            raise  # what the study imports is missing
+        known = one_of(list(STUDIES))
+        raise ValueError(f"study: expected {known}, or a module's path, got {shown(name)}") from None
 
 
 def run_case(case: Case) -> tuple[Row, Curves]:

@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from studies.judges.ideal_truth import exact
+from studies.judges.lyapunov import growth
 from studies.judges.metrics import constraint_violation_m, errors, with_suffix
+from studies.running.outcome import load_study
 
 SHIFT = 1e-3
 #: Error of the differences that stand for derivatives.
@@ -83,3 +86,21 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
         power = (8 * (energy[3:-1] - energy[1:-3]) - (energy[4:] - energy[:-4])) / (12 * h)
         expected = torque[2:-2] * scene.start.crank_speed_rad_s
         assert np.abs(power - expected).max() < DIFFERENCES * np.abs(expected).max()
+
+
+def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
+    scene = ideal_driven()
+    for truth in (exact(scene, 50), exact(scene.model_copy(update={"end_time_s": 0.01}), 100)):
+        with pytest.raises(
+            ValueError, match=r"truth: expected the run's 101 times up to 0.024 s, got \d+ up"
+        ):
+            errors(scene, exact(scene, 100), truth)
+    with pytest.raises(ValueError, match="samples: expected an integer >= 1 and <= 100000, got 0"):
+        exact(scene, 0)
+
+
+def test_what_is_no_study_and_what_has_no_exponent_are_refused() -> None:
+    with pytest.raises(ValueError, match=r'study: expected agreement, clearance, .* got "agrement"'):
+        load_study("agrement")
+    with pytest.raises(ValueError, match=r"scene ideal-driven: expected a joint with clearance, got none"):
+        growth(make_engine("reference"), ideal_driven(), 1e-5, 0.012, 100)
