@@ -8,6 +8,7 @@ The same text is both faces of the algorithm: of numbers it is the readable one,
 ``tape``) it writes the compiled one.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -25,7 +26,7 @@ from reference_solver.mechanism.loads import INTEGRATED, LOADS, Forces, power_of
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
-from reference_solver.tape import Array, FloatArray, Scalar, array, both, named, sqrt
+from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, named, sqrt
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
@@ -63,7 +64,8 @@ class Answer:
     ``powers`` are by name in W, normal forces in N (see ``Equations.power_names``); ``friction_N`` has the
     friction force of every contact, on its pin along t; ``removed_W`` is what Baumgarte's feedback takes
     away; ``damper_per_s`` is the rate of the damper that friction of pins that follow rigid walls is, 0
-    without; ``ok`` says whether [B] has full row rank, and friction leaves such pins their mobility.
+    without; ``condition`` is that of [B][M]^-1[B]^T (see ``factorisation.Factors``), infinite where [B] has
+    not full row rank or friction leaves such pins no mobility.
     """
 
     accelerations: Array
@@ -72,7 +74,12 @@ class Answer:
     friction_N: list[Scalar]
     removed_W: Scalar
     damper_per_s: Scalar
-    ok: Scalar
+    condition: Scalar
+
+    @property
+    def ok(self) -> Scalar:
+        """Whether there is an answer."""
+        return self.condition < math.inf
 
 
 def row_slices(mechanism: Mechanism) -> list[slice]:
@@ -232,7 +239,8 @@ class Equations:
         for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
-        return Answer(A, lambda_, powers, friction, removed, damper, ok)
+        condition = choose(ok, factors.condition, math.inf)
+        return Answer(A, lambda_, powers, friction, removed, damper, condition)
 
     def _fed_back(
         self, gains: Baumgarte, system: System, v: Array, factors: Factors, right: Array

@@ -20,6 +20,18 @@ class SingularConfiguration(SolverError):
         )
 
 
+class NearSingular(SolverError):
+    """A step comes too near to a singular position, which amplifies its error, and no other way past is sure."""
+
+    def __init__(self, time_s: float, step_s: float, condition: float) -> None:
+        self.time_s, self.condition = time_s, condition
+        super().__init__(
+            f"step {step_s:.3g} s from t = {time_s:.6g} s comes too near to a singular position (condition "
+            f"number {condition:.1e}), which amplifies its error: choose another step or error control, or stop "
+            "before it"
+        )
+
+
 class NonFiniteState(SolverError):
     """The state has overflowed or become NaN; the step is None where it is not known."""
 

@@ -2,14 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
 from typing import Any
 
 import numpy as np
 
-from reference_solver.tape import Array, Scalar, both, named
+from reference_solver.tape import Array, Scalar, both, larger, named, smaller
 
 Row = tuple[float, ...]
+
+#: The most by which conditions of a step's stages may differ. Near a singular position the condition goes with
+#: the distance to the power -2, so a stage is nearer than a hundredth of the step's length.
+MOST_APART = 100.0
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,8 @@ def quadrature(method: Method, h: Scalar, values: list[Any]) -> Any:
 class Step:
     """A step: the new state, what rounding has taken from it, integrals by name, and success.
 
-    ``removed`` is the energy in J that the stabilisation takes.
+    ``removed`` is the energy in J that the stabilisation takes, ``condition`` the stages' worst (see
+    ``Answer``). Success includes that the stages' conditions are no more than ``MOST_APART``.
     """
 
     q: Array
@@ -124,6 +129,7 @@ class Step:
     lost: Array
     sums: dict[str, Scalar]
     removed: Scalar
+    condition: Scalar
     ok: Scalar
 
 
@@ -152,13 +158,14 @@ def step(
     new = named("next", old + changes, "(13)")
     powers = [stage.answer.powers for stage in taken]
     sums = {name: quadrature(method, h, [power[name] for power in powers]) for name in powers[0]}
-    ok: Scalar = True
+    conditions = [stage.answer.condition for stage in taken]
+    worst = reduce(larger, conditions)
+    ok = worst < MOST_APART * reduce(smaller, conditions)
     for stage in taken:
-        ok = both(ok, stage.answer.ok)
         if not isinstance(stage.answer.damper_per_s, float):
             ok = both(ok, h * stage.answer.damper_per_s < method.damper_limit)
     new_q, new_v, removed = new[:n], new[n:], h * taken[0].answer.removed_W
     if project is not None:
         new_q, new_v, removed, held = project(t + h, new_q, new_v)
         ok = both(ok, held)
-    return Step(new_q, new_v, changes - (new - old), sums, removed, ok)
+    return Step(new_q, new_v, changes - (new - old), sums, removed, worst, ok)

@@ -15,7 +15,7 @@ from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
-from reference_solver.mechanism.scales import scales_of
+from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853
 from reference_solver.rigid.settling import Settling
 from reference_solver.solution import ModeChange, Solution, contact_impacts
@@ -184,9 +184,11 @@ class Solver:
         run = types.new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS, knots)
         run.old.q[:], run.old.v[:] = q, v
         (now,) = run.clock
-        now["longest"], now["end"], now["rigid"] = choice.longest_s, end_time_s, -1
+        now["longest"], now["end"], now["rigid"], now["condition"] = choice.longest_s, end_time_s, -1, 1.0
+        scales = self._scales(run)
+        run.control["length"], run.control["rate"] = scales.length_m, scales.rate_s
         if isinstance(choice, ErrorControl):
-            self._set_control(choice, run)
+            self._set_control(choice, run, scales)
             return run
         now["per_contact"], now["located"] = choice.steps_per_contact, contacts.size and choice.locate_events
         if len(times) > 1 and not now["located"]:
@@ -194,18 +196,23 @@ class Solver:
             now["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
         return run
 
-    def _set_control(self, choice: ErrorControl, run: types.Run) -> None:
-        """Set error control by the mechanism's scales at a run's start."""
-        from reference_solver.contact.adaptive_loop import WEIGHT
-
+    def _scales(self, run: types.Run) -> Scales:
+        """Return the mechanism's scales at a run's start."""
         face, (n, y, _) = self._face(()), run.old
         face.kernel.slopes(face.parameters, run.contacts, 0.0, types.START, 1.0, y, run.slopes)
         a = run.slopes[types.START, n : 2 * n]
-        scales = scales_of(self._mechanism, run.old.q, run.old.v, a, run.clock["end"][0])
+        return scales_of(self._mechanism, run.old.q, run.old.v, a, run.clock["end"][0])
+
+    def _set_control(self, choice: ErrorControl, run: types.Run, scales: Scales) -> None:
+        """Set error control by the mechanism's scales at a run's start."""
+        from reference_solver.contact.adaptive_loop import WEIGHT
+
+        n = run.old.n
         tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
         first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
         run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
-        run.control[0] = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part, 1.0, 0, -1)
+        control = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part)
+        run.control[0] = (*control, 1.0, 1.0, 0, -1)
 
     def _shortest_flight_s(self, run: types.Run) -> float:
         """Return the flight between rigid walls that is not followed any more."""
@@ -308,7 +315,9 @@ class Solver:
             if isinstance(self._choice, ErrorControl):
                 readable.equations.required(t, motion.q, motion.v, phases_of(run.contacts))
                 raise failures.StepsCollapsed(t, h)
-            readable.step(None, run.contacts, t, h, motion, run.new)
+            after = readable.stepped(run.contacts, t, h, motion)
+        if np.isfinite(after.q).all() and np.isfinite(after.v).all() and not after.ok:
+            raise failures.NearSingular(t, h, float(after.condition))
         raise failures.NonFiniteState(t + h, h)
 
     def _solution(
@@ -336,6 +345,7 @@ class Solver:
             mode_changes=tuple(settling.changes),
             steps=self.steps,
             solve_time_s=took_s,
+            condition=float(run.clock["condition"][0]),
         )
 
 

@@ -3,11 +3,13 @@
 Both advance a run (see ``contact.types.Run``), and change it in place.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from reference_solver.compiled.crossing import crossed
 from reference_solver.compiled.kernel import Topology, slopes_of, source_of
 from reference_solver.compiled.store import callee, compiled, load_kernel
 from reference_solver.contact import loop as contact_loop
@@ -15,7 +17,7 @@ from reference_solver.contact.force import gap
 from reference_solver.contact.types import DONE, FAILED, SAMPLE, SPENT, Motion, Run
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State
-from reference_solver.methods import step
+from reference_solver.methods import Step, step
 from reference_solver.tape import FloatArray, RecordArray
 
 
@@ -47,20 +49,28 @@ class CompiledFace:
 
 def from_sample_to_sample(run: Run) -> int:
     """Advance a run without contacts; its steps have one length, of which samples are multiples."""
-    motion, samples, (now,) = run.old, run.records.samples, run.clock
+    motion, kernel, samples, (now,) = run.old, run.kernel, run.records.samples, run.clock
     h, steps, taken, most = (now[name].item() for name in ("longest", "steps", "taken", "budget"))
-    status, times, size = DONE, run.records.time.tolist(), len(motion.y)
-    for time in times[taken:]:
-        due = round(time / h) - steps
+    worst, times, size = now["condition"].item(), run.records.time.tolist(), len(motion.y)
+    status = DONE
+    while taken < len(times) and status == DONE:
+        due = round(times[taken] / h) - steps
         count = min(due, most - steps)
-        done = run.kernel.advance(run.p, motion.y, h, steps, count)
-        steps += done
-        if done < due or not run.kernel.slopes(run.p, run.contacts, time, SAMPLE, 1.0, motion.y, run.slopes):
-            status = SPENT if done == count < due else FAILED
-            break
-        samples[taken, :size], samples[taken, size:] = motion.y, run.slopes[SAMPLE, size:]
-        taken += 1
-    now["steps"], now["taken"], now["time"], now["tried"] = steps, taken, steps * h, h
+        done, condition = kernel.advance(run.p, motion.y, h, float(steps), count)
+        steps, worst = steps + done, max(worst, condition)
+        now["steps"], now["time"], now["tried"] = steps, steps * h, h
+        if done < count:
+            together = crossed(with_fields(run), h)
+            steps, taken, status = steps + together, now["taken"].item(), DONE if together else FAILED
+        elif done < due:
+            status = SPENT
+        elif kernel.slopes(run.p, run.contacts, times[taken], SAMPLE, 1.0, motion.y, run.slopes) < np.inf:
+            samples[taken, :size], samples[taken, size:] = motion.y, run.slopes[SAMPLE, size:]
+            taken += 1
+        else:
+            status = FAILED
+        now["taken"] = taken
+    now["steps"], now["time"], now["condition"] = steps, steps * h, worst
     return status
 
 
@@ -85,12 +95,23 @@ class ReadableFace:
         with np.errstate(all="ignore"):
             return int(self._loop.advance(with_fields(run._replace(kernel=kernel))))
 
-    def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> bool:
-        """Set ``new`` to the state after a step, with the sums of the step alone.
+    def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> float:
+        """Set ``new`` to the state after a step, with the sums of the step alone; return its condition.
+
+        That is infinite where the step is not to be taken.
 
         Raises:
             SingularConfiguration, PainleveParadox, FrictionTooStiff: as ``Equations.required`` does.
         """
+        after = self.stepped(contacts, t, h, old)
+        new.y[:] = [*after.q, *after.v, *after.sums.values(), after.removed]
+        finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
+        if finite:
+            self.gaps(None, contacts, t + h, new)
+        return float(after.condition) if finite and after.ok else math.inf
+
+    def stepped(self, contacts: RecordArray, t: float, h: float, old: Motion) -> Step:
+        """Return a step from a motion; raise as ``step`` does."""
         equations, phases, method = self.equations, phases_of(contacts), self._topology.method
 
         def answer(t: float, q: FloatArray, v: FloatArray) -> object:
@@ -102,12 +123,7 @@ class ReadableFace:
                 equations.refuse_singular(t, q)
             return (*result, ok)
 
-        after = step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
-        new.y[:] = [*after.q, *after.v, *after.sums.values(), after.removed]
-        finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
-        if finite:
-            self.gaps(None, contacts, t + h, new)
-        return finite
+        return step(method, answer, project if self._topology.projected else None, t, old.q, old.v, h)
 
     def slopes(
         self,
@@ -118,12 +134,12 @@ class ReadableFace:
         rate: float,
         y: FloatArray,
         slopes: FloatArray,
-    ) -> bool:
-        """Set a row of slopes at coordinates and velocities y (see ``slopes_of``)."""
+    ) -> float:
+        """Set a row of slopes at coordinates and velocities y (see ``slopes_of``); return the condition."""
         n = self.equations.n
         answer = self.equations.answer(t, y[:n], y[n : 2 * n], phases_of(contacts))
         slopes[row] = slopes_of(answer, y[n : 2 * n], rate, self.equations.own_rows)
-        return bool(answer.ok)
+        return float(answer.condition)
 
     def move(self, _: object, contacts: RecordArray, t: float, motion: Motion) -> bool:
         """Move a motion onto the constraints; what that removes is added to its last sum."""

@@ -7,6 +7,7 @@ topology; ``parameters(r)`` makes them from the raw ones (see ``Topology.paramet
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -34,12 +35,13 @@ from reference_solver.tape import (
     Writer,
     array,
     both,
+    choose,
     named,
 )
 
 HEADER = '''"""Generated from a mechanism's topology by reference_solver.compiled.kernel."""
 
-from math import copysign, cos, sin, sqrt, tanh
+from math import copysign, cos, inf, sin, sqrt, tanh
 
 from reference_solver.compiled.store import njit
 
@@ -179,16 +181,16 @@ class Kernel:
         name: str,
         arguments: Sequence[str],
         draft: Draft,
-        ok: Scalar,
+        result: Scalar,
         stores: Iterable[tuple[str, Scalar]],
         state: str,
     ) -> None:
-        """Write a function that stores values in arrays, by their places, and returns whether it could.
+        """Write a function that stores values in arrays, by their places, and returns its result.
 
         It begins with the coordinates and velocities of a state, an array of this name.
         """
         stores, writer = [*stores], self._writer(arguments)
-        *texts, returned = writer.write(draft.tape, [*(value for _, value in stores), ok])
+        *texts, returned = writer.write(draft.tape, [*(value for _, value in stores), result])
         lines = [*self._reading(writer, arguments), *self.unpack(state), *writer.lines]
         lines += [f"{place} = {text}" for (place, _), text in zip(stores, texts, strict=True)]
         self._define(ENTRY, name, arguments, [*lines, f"return {returned}"])
@@ -218,11 +220,11 @@ class Kernel:
     # ------------------------------------------------------------ the equations as functions
 
     def answer(self) -> None:
-        """Write ``answer``: {q''}, {lambda}, powers, friction forces, what feedback removes, success."""
+        """Write ``answer``: {q''}, {lambda}, powers, friction, what feedback removes, damper, condition."""
         draft = self.begin()
         answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
         results = [*answer.accelerations, *answer.multipliers, *answer.powers.values(), *answer.friction_N]
-        results += [answer.removed_W, answer.damper_per_s, answer.ok]
+        results += [answer.removed_W, answer.damper_per_s, answer.condition]
         self._answers = results
         self.inner("answer", draft, results)
 
@@ -232,7 +234,7 @@ class Kernel:
         ends = np.cumsum(sizes)
         letters = zip(("a", "lambda", "power", "friction"), sizes, strict=True)
         names = [f"{letter}{k}" for letter, size in letters for k in range(size)]
-        results = self.call("answer", draft, t, q, v, [*names, "removed", "damper", "ok"])
+        results = self.call("answer", draft, t, q, v, [*names, "removed", "damper", "condition"])
         results = [new if isinstance(x, Value) else x for new, x in zip(results, self._answers, strict=True)]
         a, lambda_, powers, friction, rest = (results[i:j] for i, j in pairwise([0, *ends, len(results)]))
         by_name = dict(zip(self.powers, powers, strict=True))
@@ -265,15 +267,15 @@ class Kernel:
         return step(self.topology.method, answer, projected, draft.t, draft.q, draft.v, h, lost)
 
     def slopes(self) -> None:
-        """Write ``slopes(p, contacts, t, row, rate, y, slopes)``; False on failure.
+        """Write ``slopes(p, contacts, t, row, rate, y, slopes)``, which returns the condition.
 
-        The row of slopes gets those of ``slopes_of`` at coordinates and velocities y.
+        That is infinite on failure. The row of slopes gets those of ``slopes_of`` at coordinates and velocities y.
         """
         draft = self.begin()
         answer = self.call_answer(draft, draft.t, draft.q, draft.v)
         values = slopes_of(answer, draft.v, draft.tape.input("rate"), self.equations.own_rows)
         arguments = ["p", "contacts", "t", "row", "rate", "y", "slopes"]
-        self.entry("slopes", arguments, draft, answer.ok, places("slopes[row, {}]", values), "y")
+        self.entry("slopes", arguments, draft, answer.condition, places("slopes[row, {}]", values), "y")
 
     def move(self) -> None:
         """Write ``move(p, contacts, t, motion)``: a motion onto the constraints; False on failure.
@@ -312,9 +314,9 @@ class Kernel:
         return stores, ok
 
     def contact_step(self) -> None:
-        """Write ``step(p, contacts, t, h, old, new)``: a step, its sums, the new gaps; False on failure.
+        """Write ``step(p, contacts, t, h, old, new)``: a step, its sums, the new gaps.
 
-        The sums are those of ``Equations.power_names``, and the energy that a stabilisation removes.
+        It returns the worst condition of the stages, infinite on failure. The sums are those of ``Equations.power_names``, and the energy that a stabilisation removes.
         """
         draft = self.begin()
         h = draft.tape.input("h")
@@ -322,7 +324,8 @@ class Kernel:
         stores, ok = self._gaps(draft, draft.t + h, after.q, after.v, "new")
         stores += places("new.y[{}]", [*after.q, *after.v, *after.sums.values(), after.removed])
         arguments = ["p", "contacts", "t", "h", "old", "new"]
-        self.entry("step", arguments, draft, both(after.ok, ok), stores, "old.y")
+        condition = choose(both(after.ok, ok), after.condition, math.inf)
+        self.entry("step", arguments, draft, condition, stores, "old.y")
 
     def mobilities(self) -> None:
         """Write ``mobilities(p, y, row, out)``: a row of those of ``Equations.mobilities``."""
@@ -333,8 +336,9 @@ class Kernel:
     def advance(self) -> None:
         """Write ``advance(p, y, h, first, count)``: steps first to first + count - 1 of a state, in place.
 
-        It returns the number of steps done, and adds to the sums; fewer than ``count`` steps mean that the
-        step begun from the state left in y met a singular configuration or overflowed.
+        It returns the number of steps done and their worst condition, and adds to the sums; fewer than
+        ``count`` steps mean that the step begun from the state left in y met a singular configuration, came
+        too near to one (see ``methods.Step``) or overflowed. ``first`` is a float: steps may have any phase.
         """
         draft = self.begin()
         own = [f"lost{c}" for c in range(2 * self.n)]
@@ -342,9 +346,9 @@ class Kernel:
         sums = [*after.sums.values(), after.removed]
         added = [f"added{k}" for k in range(len(sums))]
         arguments, carried = ["p", "y", "h", "first", "count"], [*self._state, *own]
-        writer = self._writer([*arguments, *own, *added, "done"])
+        writer = self._writer([*arguments, *own, *added, "done", "worst"])
         state = [*after.q, *after.v, *named("less", after.lost)]
-        ok, *texts = writer.write(draft.tape, [after.ok, *state, *sums])
+        ok, condition, *texts = writer.write(draft.tape, [after.ok, after.condition, *state, *sums])
         inside = ["t = (first + done)*h", *writer.lines, f"if not ({ok}):", "    break"]
         inside += [f"{name} = {text}" for name, text in zip(carried, texts, strict=False)]
         inside += [f"{name} += {text}" for name, text in zip(added, texts[len(carried) :], strict=True)]
@@ -353,10 +357,11 @@ class Kernel:
             *self.unpack("y"),
             *(f"{name} = 0.0" for name in [*own, *added]),
         ]
-        lines += ["done = 0", "while done < count:", *(f"    {line}" for line in [*inside, "done += 1"])]
+        inside += [f"worst = max(worst, {condition})", "done += 1"]
+        lines += ["done, worst = 0, 1.0", "while done < count:", *(f"    {line}" for line in inside)]
         lines += [f"{place} = {name}" for place, name in places("y[{}]", self._state)]
         lines += [f"y[{2 * self.n + k}] += {name}" for k, name in enumerate(added)]
-        self._define(ENTRY, "advance", arguments, [*lines, "return done"])
+        self._define(ENTRY, "advance", arguments, [*lines, "return done, worst"])
 
 
 def slopes_of(answer: Answer, v: Array, rate: Scalar, own_rows: int) -> list[Scalar]:

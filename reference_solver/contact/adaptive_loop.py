@@ -184,7 +184,7 @@ def norm(out, estimate, slopes):
 @register_jitable(**INNER)
 def trial(run, course, H):
     """Take a step of H in s; return its error over the tolerance, infinite on failure."""
-    y, new_y, stage, slopes = run.old.y, run.new.y, run.at.y, run.slopes
+    y, new_y, stage, slopes, worst = run.old.y, run.new.y, run.at.y, run.slopes, 1.0
     _, rate = time_at(course, course.begin)
     for c in range(len(y)):
         slopes[0, c], new_y[c] = rate * slopes[START, c], 0.0
@@ -193,8 +193,11 @@ def trial(run, course, H):
             stage[c] = y[c]
         add(stage, H, MATRIX[i], i, slopes)
         t, rate = time_at(course, course.begin + NODES[i] * H)
-        if not run.kernel.slopes(run.p, run.contacts, t, i, rate, stage, slopes):
+        condition = run.kernel.slopes(run.p, run.contacts, t, i, rate, stage, slopes)
+        if not condition < np.inf:
             return np.inf
+        worst = max(worst, condition)
+    run.control[0].condition = worst
     add(new_y, 1.0, WEIGHTS, STAGES, slopes)
     for c in range(len(y)):  # the sum first, then y, for the sake of rounding
         new_y[c] = y[c] + H * new_y[c]
@@ -209,7 +212,7 @@ def finish(run, t):
     kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.new
     if not kernel.move(p, contacts, t, new) or not kernel.gaps(p, contacts, t, new):
         return False
-    return kernel.slopes(p, contacts, t, END, 1.0, new.y, run.slopes)
+    return kernel.slopes(p, contacts, t, END, 1.0, new.y, run.slopes) < np.inf
 
 
 @register_jitable(**INNER)
@@ -387,7 +390,7 @@ def within(run, step):
             at_y[c] = y[c]
         add(at_y, H, EXTRA_MATRIX[e], row, slopes)
         t, rate = time_at(course, course.begin + EXTRA_NODES[e] * H)
-        ok = run.kernel.slopes(run.p, run.contacts, t, row, rate, at_y, slopes) and ok
+        ok = run.kernel.slopes(run.p, run.contacts, t, row, rate, at_y, slopes) < np.inf and ok
     for c in range(len(y)):
         change, start, stop = new_y[c] - y[c], H * slopes[0, c], H * slopes[STAGES, c]
         slopes[DENSE_ROW, c], slopes[DENSE_ROW + 1, c] = change, start - change
@@ -476,6 +479,7 @@ def accept(run, step, event, error, factor):
         old.gaps[k] = new.gaps[k]
     loop.settled(now, contacts, step.end > now.time)
     now.time = step.end
+    now.condition = max(now.condition, control.condition)
     control.error, control.rejected = max(error, 1e-4), 0
     if event < 0 and step.end < now.end:
         control.step = next_step(step.course, step.H, factor)
@@ -524,8 +528,9 @@ def go_on(run, event):
 @register_jitable(**INNER)
 def set_out(run):
     """Set the slope at the start of a step; return GO, or FAILED where there is none."""
-    ok = run.kernel.slopes(run.p, run.contacts, run.clock[0].time, START, 1.0, run.old.y, run.slopes)
-    return GO if ok else FAILED
+    now = run.clock[0]
+    condition = run.kernel.slopes(run.p, run.contacts, now.time, START, 1.0, run.old.y, run.slopes)
+    return GO if condition < np.inf else FAILED
 
 
 @register_jitable(**INNER)
