@@ -36,7 +36,7 @@ def crossed(run: Run, h: float) -> int:
     best, end, together = turned**4 + AMPLIFIED, None, 0
     for steps in TOGETHER:
         ways = product(SPLITTINGS, PIECES)
-        ends = [split(run, now.time, steps * h, parts, pieces) for parts, pieces in ways]
+        ends = [split(run, h, steps, parts, pieces) for parts, pieces in ways]
         for one, other in combinations(ends, 2):
             apart = np.abs(weight * (one - other)[: len(weight)]).max()
             if apart < best:
@@ -54,13 +54,15 @@ def crossed(run: Run, h: float) -> int:
     return together
 
 
-def split(run: Run, t: float, length: float, parts: tuple[float, ...], pieces: int) -> FloatArray:
-    """Return y at the end of a length of time from t, taken in parts of so many pieces; NaN on failure."""
-    y, kernel = run.old.y.copy(), run.kernel
+def split(run: Run, h: float, steps: int, parts: tuple[float, ...], pieces: int) -> FloatArray:
+    """Return y after so many steps of h, taken in parts of so many pieces; NaN on failure.
+
+    It is one, too, if the step after it would fail: its end is too near.
+    """
+    t, y, advance = run.clock[0].time, run.old.y.copy(), run.kernel.advance
     for part in parts:
-        h = part * length / pieces
-        done, condition = kernel.advance(run.p, y, h, t / h, pieces)
-        if done < pieces:
+        piece = part * steps * h / pieces
+        if advance(run.p, y, piece, t / piece, pieces)[0] < pieces:
             return np.full_like(y, np.nan)
-        t += part * length
-    return y
+        t += part * steps * h
+    return y if advance(run.p, y.copy(), h, t / h, 1)[0] else np.full_like(y, np.nan)
