@@ -32,6 +32,29 @@ class NearSingular(SolverError):
         )
 
 
+class EnergyNotConserved(SolverError):
+    """The energy of a run does not add up, by more than its steps explain."""
+
+    def __init__(self, time_s: float, created_J: float, allowed_J: float) -> None:
+        self.time_s, self.created_J = time_s, created_J
+        super().__init__(
+            f"the energy at t = {time_s:.6g} s does not add up by {created_J:.3g} J, where the steps explain "
+            f"{allowed_J:.3g} J: shorten the step, take another stabilisation or error control"
+        )
+
+
+class DriftAmplified(SolverError):
+    """Constraints that are not projected have been violated where a singular position amplifies that."""
+
+    def __init__(self, time_s: float, moved: float, condition: float) -> None:
+        self.time_s, self.condition = time_s, condition
+        super().__init__(
+            f"the constraints' violation at t = {time_s:.6g} s moves bodies by {moved:.2g} of the mechanism's "
+            f"length where it passes a singular position (condition number {condition:.1e}): project, or "
+            "shorten the step"
+        )
+
+
 class NonFiniteState(SolverError):
     """The state has overflowed or become NaN; the step is None where it is not known."""
 

@@ -13,6 +13,7 @@ from reference_solver.checks import POSITIVE, is_count, is_number, require, requ
 from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Baumgarte, Equations
+from reference_solver.guard import Guard
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.scales import Scales, scales_of
@@ -185,6 +186,7 @@ class Solver:
         run.old.q[:], run.old.v[:] = q, v
         (now,) = run.clock
         now["longest"], now["end"], now["rigid"], now["condition"] = choice.longest_s, end_time_s, -1, 1.0
+        now["least"] = np.inf
         scales = self._scales(run)
         run.control["length"], run.control["rate"] = scales.length_m, scales.rate_s
         if isinstance(choice, ErrorControl):
@@ -212,7 +214,7 @@ class Solver:
         first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
         run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
         control = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part)
-        run.control[0] = (*control, 1.0, 1.0, 0, -1)
+        run.control[0] = (*control, 1.0, 1.0, 1.0, 0, -1)
 
     def _shortest_flight_s(self, run: types.Run) -> float:
         """Return the flight between rigid walls that is not followed any more."""
@@ -275,7 +277,14 @@ class Solver:
         took = time.perf_counter() - started
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise failures.NonFiniteState(end_time_s, float(now["longest"]))
-        return self._solution(run, np.concatenate(events), np.concatenate(sums), settling, took)
+        solution = self._solution(run, np.concatenate(events), np.concatenate(sums), settling, took)
+        scales = Scales(float(run.control["length"][0]), float(run.control["rate"][0]))
+        tolerance = self._choice.tolerance if isinstance(self._choice, ErrorControl) else None
+        guard = Guard(solution, scales, float(now["longest"]), tolerance)
+        guard.check_energy()
+        if not self._projected:
+            guard.check_drift(self._equations, float(now["least"]))
+        return solution
 
     def _settle_first(self, settling: Settling, run: types.Run) -> tuple[int, ...]:
         """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""

@@ -64,11 +64,11 @@ def from_sample_to_sample(run: Run) -> int:
             steps, taken, status = steps + together, now["taken"].item(), DONE if together else FAILED
         elif done < due:
             status = SPENT
-        elif kernel.slopes(run.p, run.contacts, times[taken], SAMPLE, 1.0, motion.y, run.slopes) < np.inf:
-            samples[taken, :size], samples[taken, size:] = motion.y, run.slopes[SAMPLE, size:]
-            taken += 1
         else:
-            status = FAILED
+            condition = kernel.slopes(run.p, run.contacts, times[taken], SAMPLE, 1.0, motion.y, run.slopes)
+            samples[taken, :size], samples[taken, size:] = motion.y, run.slopes[SAMPLE, size:]
+            now["least"] = min(now["least"], condition)
+            taken, status = taken + 1, DONE if condition < np.inf else FAILED
         now["taken"] = taken
     now["steps"], now["time"], now["condition"] = steps, steps * h, worst
     return status

@@ -185,6 +185,7 @@ def norm(out, estimate, slopes):
 def trial(run, course, H):
     """Take a step of H in s; return its error over the tolerance, infinite on failure."""
     y, new_y, stage, slopes, worst = run.old.y, run.new.y, run.at.y, run.slopes, 1.0
+    least = np.inf
     _, rate = time_at(course, course.begin)
     for c in range(len(y)):
         slopes[0, c], new_y[c] = rate * slopes[START, c], 0.0
@@ -196,8 +197,8 @@ def trial(run, course, H):
         condition = run.kernel.slopes(run.p, run.contacts, t, i, rate, stage, slopes)
         if not condition < np.inf:
             return np.inf
-        worst = max(worst, condition)
-    run.control[0].condition = worst
+        worst, least = max(worst, condition), min(least, condition)
+    run.control[0].condition, run.control[0].least = worst, least
     add(new_y, 1.0, WEIGHTS, STAGES, slopes)
     for c in range(len(y)):  # the sum first, then y, for the sake of rounding
         new_y[c] = y[c] + H * new_y[c]
@@ -208,11 +209,15 @@ def trial(run, course, H):
 
 @register_jitable(**INNER)
 def finish(run, t):
-    """Move the new state onto its constraints, and set its gaps and slope; return whether it could."""
+    """Move the new state onto its constraints, and set its gaps and slope; return whether it could.
+
+    A step is not to end too near to a singular position: the next one would begin with what is amplified.
+    """
     kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.new
     if not kernel.move(p, contacts, t, new) or not kernel.gaps(p, contacts, t, new):
         return False
-    return kernel.slopes(p, contacts, t, END, 1.0, new.y, run.slopes) < np.inf
+    condition = kernel.slopes(p, contacts, t, END, 1.0, new.y, run.slopes)
+    return condition < methods.MOST_APART * run.control[0].least
 
 
 @register_jitable(**INNER)

@@ -377,14 +377,15 @@ def write(run, t, motion):
     """Write the sample of a state, of which rates are found on the way; return whether it could."""
     now, samples, contacts = run.clock[0], run.records.samples, run.contacts
     row, size, width = now.taken, len(motion.y), run.slopes.shape[1]
-    ok = run.kernel.slopes(run.p, contacts, t, types.SAMPLE, 1.0, motion.y, run.slopes) < np.inf
+    condition = run.kernel.slopes(run.p, contacts, t, types.SAMPLE, 1.0, motion.y, run.slopes)
+    now.least = min(now.least, condition)
     for c in range(width):
         samples[row, c] = motion.y[c] if c < size else run.slopes[types.SAMPLE, c]
     for k in range(len(contacts)):
         samples[row, width + 2 * k] = contacts[k].phase
         samples[row, width + 2 * k + 1] = contacts[k].memory
     now.taken += 1
-    return ok
+    return condition < np.inf
 
 
 @register_jitable(**INNER)

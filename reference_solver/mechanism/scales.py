@@ -33,7 +33,7 @@ def scales_of(
     pushed = max((_push(load, mechanism) for load in mechanism.loads), default=0.0)
     swing = max(swing, np.sqrt(pushed / length))
     driven = max((motion.fastest_rad_s for motion in mechanism.prescribed), default=0.0)
-    rate = max(_rate(v, length), np.sqrt(_rate(acceleration, length)), swing, driven)
+    rate = max(rate_of(v, length), np.sqrt(rate_of(acceleration, length)), swing, driven)
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
     return Scales(length, float(rate))
@@ -56,7 +56,7 @@ def _push(load: Load, mechanism: Mechanism) -> float:
     return abs(load.force_N) / mechanism.bodies[load.body].mass_kg if isinstance(load, ConstantForce) else 0.0
 
 
-def _rate(change: FloatArray, length_m: float) -> float:
+def rate_of(change: FloatArray, length_m: float) -> float:
     """Return the largest of angles' changes, and of positions' in lengths."""
     x, y, angle = np.abs(change.reshape(-1, 3)).max(axis=0)
     return max(float(np.hypot(x, y)) / length_m, float(angle))
