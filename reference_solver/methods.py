@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from reference_solver.tape import Array, Scalar, both, larger, named, smaller
+from reference_solver.contact.types import Tableau
+from reference_solver.tape import Array, FloatArray, Scalar, both, larger, named, smaller
 
 Row = tuple[float, ...]
 
@@ -78,6 +79,46 @@ def dop853() -> Method:
         matrix=tuple(row[:i] for i, row in enumerate(rows(Table.A))),
         weights=tuple(Table.B.tolist()),
         embedded=Embedded(rows(estimates), tuple(Table.C_EXTRA.tolist()), rows(Table.A_EXTRA), rows(Table.D)),
+    )
+
+
+@cache
+def dopri5() -> Method:
+    """Return Dormand and Prince's method of order 5 (Hairer, Norsett and Wanner 1993, II.5 and II.6).
+
+    Its last stage is at the step's end.
+    """
+    from scipy.integrate import RK45 as Table
+
+    weights = (*Table.B.tolist(), 0.0)
+    rows = (*(tuple(row[:i].tolist()) for i, row in enumerate(Table.A)), tuple(Table.B.tolist()))
+    dense = (
+        (-12715105075 / 11282082432, 0.0, 87487479700 / 32700410799, -10690763975 / 1880347072)
+        + (701980252875 / 199316789632, -1453857185 / 822651844, 69997945 / 29380423)
+        + (0.0,)
+    )
+    estimates = (tuple(Table.E.tolist()), (0.0,) * len(weights))
+    nodes = (*Table.C.tolist(), 1.0)
+    return Method(5, 3.30, nodes, rows, weights, Embedded(estimates, (), (), (dense,)))
+
+
+def tableau(method: Method) -> Tableau:
+    """Return a method as arrays; of one without an estimate, what belongs to that is empty."""
+    stages, embedded = len(method.weights), method.embedded or Embedded((), (), (), ())
+
+    def table(rows: tuple[Row, ...], width: int = 0) -> FloatArray:
+        width = width or max(map(len, rows), default=0)
+        return np.array([(*row, *[0.0] * (width - len(row))) for row in rows]).reshape(len(rows), width)
+
+    return Tableau(
+        1.0 / method.order,
+        np.array(method.nodes),
+        table(method.matrix, stages),
+        np.array(method.weights),
+        table(embedded.estimates),
+        table(embedded.dense),
+        np.array(embedded.nodes),
+        table(embedded.matrix),
     )
 
 

@@ -17,7 +17,7 @@ from reference_solver.guard import Guard
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.scales import Scales, scales_of
-from reference_solver.methods import RK4, dop853
+from reference_solver.methods import RK4, dop853, dopri5
 from reference_solver.rigid.settling import Settling
 from reference_solver.solution import ModeChange, Solution, contact_impacts
 from reference_solver.tape import FloatArray, RecordArray
@@ -29,6 +29,8 @@ if TYPE_CHECKING:  # it brings Numba, which takes a moment
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
+#: The methods of error control, of orders 8 and 5.
+METHODS = {"dop853": dop853, "dopri5": dopri5}
 #: Takes the time in s that a run has reached.
 Tell = Callable[[float], None]
 
@@ -74,7 +76,9 @@ class StepChoice:
 
 @dataclass(frozen=True)
 class ErrorControl:
-    """Steps of DOP853, each in error by no more than ``tolerance``, and no longer than ``longest_s``.
+    """Steps of a method, each in error by no more than ``tolerance``, and no longer than ``longest_s``.
+
+    The method is "dop853", of order 8, or "dopri5", of order 5, by which the other's runs are tested.
 
     The tolerance is a part of the mechanism's length for positions, of a radian for angles, and of both times
     the mechanism's own rate for velocities (see ``scales``); it is one of a step, not of the result. Events
@@ -84,8 +88,11 @@ class ErrorControl:
 
     tolerance: float
     longest_s: float = np.inf
+    method: Literal["dop853", "dopri5"] = "dop853"
 
     def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"ErrorControl.method: expected dop853 or dopri5, got {self.method!r}")
         tolerance, longest = self.tolerance, self.longest_s
         valid, wanted = is_number(tolerance) and 0 < tolerance < 1, "a finite number > 0 and < 1"
         require("ErrorControl.tolerance", tolerance, valid, wanted)
@@ -156,7 +163,7 @@ class Solver:
         self._q_start = require_vector("q_start", q_start, 3 * len(mechanism.bodies))
         self._equations = Equations(mechanism, self._q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
-        self._method = dop853() if isinstance(choice, ErrorControl) else RK4
+        self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
         self.steps = self.settled = 0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it

@@ -17,7 +17,7 @@ from reference_solver.contact.force import gap
 from reference_solver.contact.types import DONE, FAILED, SAMPLE, SPENT, Motion, Run
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State
-from reference_solver.methods import Step, step
+from reference_solver.methods import Step, step, tableau
 from reference_solver.tape import FloatArray, RecordArray
 
 
@@ -37,6 +37,7 @@ class CompiledFace:
         self._of: Any = self.kernel
         loop = loop_of(topology)
         self.rows: int = loop.ROWS
+        self._tableau = tableau(topology.method)
         if topology.method.embedded or topology.by_events:
             functions = zip(loop.Kernel._fields, loop.KERNEL, strict=True)
             self._of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
@@ -44,7 +45,7 @@ class CompiledFace:
 
     def advance(self, run: Run) -> int:
         """Advance a run by the loop that suits; without contacts and control, from sample to sample."""
-        return int(self._advance(run._replace(kernel=self._of, p=self.parameters)))
+        return int(self._advance(run._replace(kernel=self._of, p=self.parameters, method=self._tableau)))
 
 
 def from_sample_to_sample(run: Run) -> int:
@@ -93,7 +94,8 @@ class ReadableFace:
         """Advance a run by the loop that suits, which runs as it stands."""
         kernel = self._loop.Kernel(*(getattr(self, name) for name in self._loop.Kernel._fields))
         with np.errstate(all="ignore"):
-            return int(self._loop.advance(with_fields(run._replace(kernel=kernel))))
+            own = run._replace(kernel=kernel, method=tableau(self._topology.method))
+            return int(self._loop.advance(with_fields(own)))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> float:
         """Set ``new`` to the state after a step, with the sums of the step alone; return its condition.

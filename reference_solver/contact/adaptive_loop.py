@@ -1,10 +1,10 @@
-"""The loop of error control: DOP853 with its embedded estimate, from event to event.
+"""The loop of error control: a method with its embedded estimate, DOP853 or DOPRI5, from event to event.
 
-Numba compiles this module as it stands, once for all mechanisms, and without Numba it runs too, as
-``contact.loop`` does, which has the events themselves. The method is that of Hairer, Norsett and Wanner
-(1993, II.5 and II.10). A step of it is as long as ten of RK4's, so an event is first sought on the quintic
-through positions, velocities and accelerations at both ends, which costs no right-hand side; steps that end
-there are then corrected by Newton's method.
+Numba compiles this module as it stands, once for all mechanisms and methods, and without Numba it runs too,
+as ``contact.loop`` does, which has the events themselves. The methods are in Hairer, Norsett and Wanner
+(1993, II.5 and II.10). A step of DOP853 is as long as ten of RK4's, so an event is first sought on the
+quintic through positions, velocities and accelerations at both ends, which costs no right-hand side; steps
+that end there are then corrected by Newton's method.
 
 Near touch and release forces go with powers of the penetration that are no whole numbers, as delta^1.5, and
 no method keeps its order over them. There the step is one in s, with the time t = t0 + s^2 from a touch on
@@ -30,17 +30,11 @@ __all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "WEIGHT", "Kernel", "a
 #: Modules whose functions and constants the machine code has taken over.
 COMPILED_WITH = (types, loop, methods)
 
-METHOD = dop853()
-STAGES, EXPONENT = len(METHOD.weights), 1.0 / METHOD.order
-NODES, WEIGHTS = np.array(METHOD.nodes), np.array(METHOD.weights)
-MATRIX = np.array([(*row, *[0.0] * (STAGES - len(row))) for row in METHOD.matrix])
-ESTIMATES, DENSE = np.array(METHOD.embedded.estimates), np.array(METHOD.embedded.dense)
-EXTRA_NODES, EXTRA_MATRIX = np.array(METHOD.embedded.nodes), np.array(METHOD.embedded.matrix)
-#: Coefficients of dense output: the step's change, its two slopes, and what the method adds.
-DENSE_ROWS = 3 + len(DENSE)
-#: Rows of slopes: of stages, at the step's end, and those that dense output takes beside them; then 1 over
-#: the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
-WEIGHT = METHOD.embedded.slopes
+#: Coefficients of dense output, at most: the step's change, its two slopes, and what the method adds.
+DENSE_ROWS = 3 + len(dop853().embedded.dense)
+#: Rows of slopes, at most: of stages, at the step's end, and those that dense output takes beside them; then 1
+#: over the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
+WEIGHT = dop853().embedded.slopes
 DENSE_ROW = WEIGHT + 1
 ROWS = DENSE_ROW + DENSE_ROWS + 4
 
@@ -174,7 +168,7 @@ def norm(out, estimate, slopes):
     """Return the sum of squares of an estimate of the error per unit of s, over the tolerance."""
     for c in range(len(out)):
         out[c] = 0.0
-    add(out, 1.0, estimate, STAGES, slopes)
+    add(out, 1.0, estimate, len(estimate), slopes)
     total = 0.0
     for c in range(len(out)):
         total += (out[c] * slopes[WEIGHT, c]) ** 2
@@ -184,25 +178,25 @@ def norm(out, estimate, slopes):
 @register_jitable(**INNER)
 def trial(run, course, H):
     """Take a step of H in s; return its error over the tolerance, infinite on failure."""
-    y, new_y, stage, slopes, worst = run.old.y, run.new.y, run.at.y, run.slopes, 1.0
+    y, new_y, stage, slopes, method, worst = run.old.y, run.new.y, run.at.y, run.slopes, run.method, 1.0
     least = np.inf
     _, rate = time_at(course, course.begin)
     for c in range(len(y)):
         slopes[0, c], new_y[c] = rate * slopes[START, c], 0.0
-    for i in range(1, STAGES):
+    for i in range(1, len(method.weights)):
         for c in range(len(y)):
             stage[c] = y[c]
-        add(stage, H, MATRIX[i], i, slopes)
-        t, rate = time_at(course, course.begin + NODES[i] * H)
+        add(stage, H, method.matrix[i], i, slopes)
+        t, rate = time_at(course, course.begin + method.nodes[i] * H)
         condition = run.kernel.slopes(run.p, run.contacts, t, i, rate, stage, slopes)
         if not condition < np.inf:
             return np.inf
         worst, least = max(worst, condition), min(least, condition)
     run.control[0].condition, run.control[0].least = worst, least
-    add(new_y, 1.0, WEIGHTS, STAGES, slopes)
+    add(new_y, 1.0, method.weights, len(method.weights), slopes)
     for c in range(len(y)):  # the sum first, then y, for the sake of rounding
         new_y[c] = y[c] + H * new_y[c]
-    fifth, third = norm(stage, ESTIMATES[0], slopes), norm(stage, ESTIMATES[1], slopes)
+    fifth, third = (norm(stage, method.estimates[0], slopes), norm(stage, method.estimates[1], slopes))
     error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * run.old.n + 1e-300)
     return error if np.isfinite(error + third) else np.inf
 
@@ -221,13 +215,16 @@ def finish(run, t):
 
 
 @register_jitable(**INNER)
-def changed(error, before, rejected):
-    """Return the factor by which a step changes, from its error and the one before (Gustafsson 1991)."""
+def changed(error, before, rejected, exponent):
+    """Return the factor by which a step changes, from its error and the one before (Gustafsson 1991).
+
+    The exponent is 1 over the order of the error.
+    """
     if error > 1.0:
-        return max(LEAST, SAFETY * error**-EXPONENT) if np.isfinite(error) else LEAST
+        return max(LEAST, SAFETY * error**-exponent) if np.isfinite(error) else LEAST
     if error == 0.0:
         return 1.0 if rejected else MOST
-    factor = SAFETY * error ** (0.2 * BETA - EXPONENT) * before**BETA
+    factor = SAFETY * error ** (0.2 * BETA - exponent) * before**BETA
     return min(1.0 if rejected else MOST, max(LEAST, factor))
 
 
@@ -382,35 +379,36 @@ def land(run, step, end, event, taken):
 
 @register_jitable(**INNER)
 def within(run, step):
-    """Write the samples before the end of a step by the method's own interpolant, of order 7 in s."""
-    y, new_y, at_y, slopes = run.old.y, run.new.y, run.at.y, run.slopes
+    """Write the samples before the end of a step by the method's own interpolant: of order 7 in s, or 4."""
+    y, new_y, at_y, slopes, method = run.old.y, run.new.y, run.at.y, run.slopes, run.method
+    stages, rows = len(method.weights), 3 + len(method.dense)
     now, times, ok, (course, H, end) = run.clock[0], run.records.time, True, step
     _, first = time_at(course, course.begin)
     _, last = time_at(course, course.begin + H)
     for c in range(len(y)):
-        slopes[0, c], slopes[STAGES, c] = first * slopes[START, c], last * slopes[END, c]
-    for e in range(len(EXTRA_NODES)):
-        row = STAGES + 1 + e
+        slopes[0, c], slopes[stages, c] = first * slopes[START, c], last * slopes[END, c]
+    for e in range(len(method.extra_nodes)):
+        row = stages + 1 + e
         for c in range(len(y)):
             at_y[c] = y[c]
-        add(at_y, H, EXTRA_MATRIX[e], row, slopes)
-        t, rate = time_at(course, course.begin + EXTRA_NODES[e] * H)
+        add(at_y, H, method.extra_matrix[e], row, slopes)
+        t, rate = time_at(course, course.begin + method.extra_nodes[e] * H)
         ok = run.kernel.slopes(run.p, run.contacts, t, row, rate, at_y, slopes) < np.inf and ok
     for c in range(len(y)):
-        change, start, stop = new_y[c] - y[c], H * slopes[0, c], H * slopes[STAGES, c]
+        change, start, stop = new_y[c] - y[c], H * slopes[0, c], H * slopes[stages, c]
         slopes[DENSE_ROW, c], slopes[DENSE_ROW + 1, c] = change, start - change
         slopes[DENSE_ROW + 2, c] = 2.0 * change - start - stop
-        for i in range(len(DENSE)):
+        for i in range(len(method.dense)):
             total = 0.0
-            for j in range(WEIGHT):
-                total += DENSE[i, j] * slopes[j, c]
+            for j in range(method.dense.shape[1]):
+                total += method.dense[i, j] * slopes[j, c]
             slopes[DENSE_ROW + 3 + i, c] = H * total
     while now.taken < len(times) and times[now.taken] < end:
         time = times[now.taken]
         x = (place_at(course, time) - course.begin) / H
         for c in range(len(y)):
             change = 0.0
-            for i in range(DENSE_ROWS - 1, -1, -1):
+            for i in range(rows - 1, -1, -1):
                 change = (change + slopes[DENSE_ROW + i, c]) * (x if i % 2 == 0 else 1.0 - x)
             at_y[c] = y[c] + change
         ok = loop.write(run, time, run.at) and ok
@@ -443,7 +441,7 @@ def tried(run, step):
         error = np.inf
     if error <= 1.0 and loop.in_flight(contacts, run.new.gaps, duration, FLIGHT_PART) < 0.5 * duration:
         error = np.inf
-    return error, changed(error, control.error, control.rejected != 0)
+    return error, changed(error, control.error, control.rejected != 0, run.method.exponent)
 
 
 @register_jitable(**INNER)

@@ -29,6 +29,7 @@ CONTACTS, GAPS, EVENTS, CLOCK, CONTROL, KNOTS = (
     for name in ("CONTACT", "GAP", "EVENT", "CLOCK", "CONTROL", "KNOT")
 )
 MOTION = NumbaTuple((int64, ARRAY, GAPS), types.Motion)
+TABLEAU = NumbaTuple((float64, ARRAY, TABLE, ARRAY, TABLE, TABLE, ARRAY, TABLE), types.Tableau)
 RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), types.Records)
 STEP = FunctionType(float64(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(float64(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
@@ -45,7 +46,7 @@ class Kernel(NamedTuple):
 
 def advance_type(kernel):
     """Return the signature of a loop by the types of a kernel's functions."""
-    parts = (kernel, ARRAY, CONTACTS, MOTION, MOTION, MOTION, TABLE, CONTROL, CLOCK, RECORDS, KNOTS)
+    parts = (kernel, ARRAY, TABLEAU, CONTACTS, MOTION, MOTION, MOTION, TABLE, CONTROL, CLOCK, RECORDS, KNOTS)
     return int64(NumbaTuple(parts, types.Run))
 
 

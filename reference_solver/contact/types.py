@@ -122,17 +122,34 @@ class Records(NamedTuple):
     samples: FloatArray
 
 
+class Tableau(NamedTuple):
+    """A Runge-Kutta method of s stages with an embedded estimate, as arrays (see ``methods.Method``).
+
+    ``exponent`` is 1 over its order, rows of ``matrix`` (s, s) and ``extra_matrix`` are filled up with zeros.
+    """
+
+    exponent: float
+    nodes: FloatArray
+    matrix: FloatArray
+    weights: FloatArray
+    estimates: FloatArray
+    dense: FloatArray
+    extra_nodes: FloatArray
+    extra_matrix: FloatArray
+
+
 class Run(NamedTuple):
     """What a loop works on: a mechanism's kernel and its parameters, contacts (K,), the state, and records.
 
     ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y, and
     behind them {lambda} and the contacts' forces as samples do; the last ones are ``START`` to ``SPARE``.
-    ``control`` (1,) is error control, ``clock`` (1,) where the run is, ``knots`` are angles of bodies at
-    which steps are to end.
+    ``control`` (1,) is error control, by a ``method``, ``clock`` (1,) where the run is, ``knots`` are angles
+    of bodies at which steps are to end.
     """
 
     kernel: Any
     p: FloatArray | None
+    method: Tableau | None
     contacts: RecordArray
     old: Motion
     new: Motion
@@ -168,4 +185,4 @@ def new_run(
     records = Records(*log, times, np.zeros((len(times), slopes.shape[1] + 2 * K)))
     control, clock = np.zeros(1, CONTROL_RECORD), np.zeros(1, CLOCK_RECORD)
     where = np.array(list(knots), KNOT_RECORD)
-    return Run(None, None, contacts, old, new, at, slopes, control, clock, records, where)
+    return Run(None, None, None, contacts, old, new, at, slopes, control, clock, records, where)
