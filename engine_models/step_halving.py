@@ -19,7 +19,7 @@ from engine_models.scene.scene import Scene
 #: Runs are compared at no fewer samples than this: at a few times they may agree by chance.
 FEWEST_SAMPLES = 100
 #: The part of the tolerance to which the two methods have to agree, and which a run is then short of.
-PART_OF_JUDGE = 0.25
+PART_OF_JUDGE = 0.5
 #: The finest run tried has no more steps than this.
 MOST_STEPS = 2_000_000
 #: Halvings without a new smallest error: more of them will not help.

@@ -41,11 +41,12 @@ class ReferenceEngine:
     (see ``scales``), and grows as the step falls, so that halving the step halves both. Without
     ``locate_events`` every step has the run's length, as in the paper.
 
-    ``method = dop853`` takes steps up to the run's longest that are in error by the ``tolerance``: a part of
-    the mechanism's longest lever, a radian, and both times the rate of its start (see ``ErrorControl``).
+    ``method = dop853``, of order 8, and ``dopri5``, of order 5, take steps up to the run's longest that are
+    in error by the ``tolerance``: a part of the mechanism's longest lever, a radian, and both times the rate
+    of its start (see ``ErrorControl``).
     """
 
-    method: Literal["rk4", "dop853"] = "rk4"
+    method: Literal["rk4", "dop853", "dopri5"] = "rk4"
     tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-9
     stabilisation: Literal["none", "baumgarte", "projection"] = "projection"
     baumgarte_alpha_s: Annotated[float, Field(ge=0)] = 100.0
@@ -56,8 +57,8 @@ class ReferenceEngine:
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
-        if self.method == "dop853" and not self.locate_events:
-            raise UnsupportedScene("reference needs locate_events with method = dop853")
+        if self.controls_error and not self.locate_events:
+            raise UnsupportedScene(f"reference needs locate_events with method = {self.method}")
         rigid = any(clearance.law == "rigid" for clearance in clearances(scene).values())
         if rigid and not (self.stabilisation == "projection" and self.locate_events):
             raise UnsupportedScene(
@@ -84,7 +85,7 @@ class ReferenceEngine:
     @property
     def controls_error(self) -> bool:
         """Whether the tolerance decides, and the step is no more than a limit."""
-        return self.method == "dop853"
+        return self.method != "rk4"
 
     def controlling_error(self, tolerance: float = LOOSE) -> "ReferenceEngine":
         """Return the engine with DOP853 and a tolerance, with its events located."""
@@ -121,8 +122,8 @@ class ReferenceEngine:
         return self.stabilisation
 
     def _step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
-        if self.method == "dop853":
-            return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s))
+        if self.method != "rk4":
+            return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s), self.method)
         step = settings.step_used_s(scene.end_time_s)
         if not (scene.joints_with_clearance and self.locate_events):
             return StepChoice(step, locate_events=self.locate_events)

@@ -1,10 +1,12 @@
-"""A scene solved by two methods of different order, step control and search for events: RK4 and DOP853.
+"""A scene solved by methods of different order, step control and search for events: DOP853 and RK4.
 
-What one of them claims is tested by the other. What they share is the equations, and that bounces on rigid
-walls below round-off are not followed: RK4 gives these up at longer flights, so that this too is seen.
+What the one claims is tested by the other. What they share is the equations. RK4 loses its order where
+friction has kinks: there it only has to come near, and what is left is tested by DOPRI5, of order 5 and with
+steps by its error, too.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -14,17 +16,18 @@ from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s
 from engine_models.scene.scene import Scene
 
 #: Tolerances of DOP853: the first as a part of the one asked for in lengths of the crank, then each as a part
-#: of the one before; within bounds.
-FIRST_PART, SHARPER, SHARPEST, LOOSEST = 1e-2, 1e-2, 1e-14, 1e-6
-#: RK4's error in lengths of the crank at its usual steps, roughly; by how much they are shortened at once.
-USUAL_ERROR, LEAST_CUT, LARGEST_CUT = 1e-8, 2.0, 8.0
-#: Pairs tried, and steps of RK4 between two samples without clearance, at the most.
-MOST_PAIRS, MOST_STEPS = 6, 20_000_000
+#: of the one before; within bounds. That of DOPRI5 is so many times as large.
+FIRST_PART, SHARPER, SHARPEST, LOOSEST, LESS_SHARP = 1e-2, 1e-2, 1e-14, 1e-6, 10.0
+#: RK4's error in lengths of the crank at its usual steps, roughly; by how much they are shortened at once;
+#: and within how many tolerances it has come near.
+USUAL_ERROR, LEAST_CUT, LARGEST_CUT, NEAR = 1e-8, 2.0, 8.0, 100.0
+#: Pairs tried, and steps of RK4 without clearance, at the most.
+MOST_PAIRS, MOST_STEPS = 5, 20_000_000
 
 
 @dataclass(frozen=True)
 class SolvedTwice:
-    """DOP853's run, and RK4's."""
+    """DOP853's run, and another method's."""
 
     run: Trajectory
     other: Trajectory
@@ -37,7 +40,7 @@ class SolvedTwice:
 
 
 def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
-    """Return the solution on which both methods agree to a tolerance of slider position at all samples.
+    """Return the solution on which methods agree to a tolerance of slider position at all samples.
 
     Raises:
         UnsupportedScene: the reference cannot run the scene.
@@ -45,12 +48,14 @@ def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
     """
     part = tolerance_m / scene.crank.length_m
     sharp = min(LOOSEST, max(SHARPEST, FIRST_PART * part))
-    step = _usual_step_s(scene) * (part / USUAL_ERROR) ** 0.25
-    best = np.inf
+    step, best = _usual_step_s(scene) * (part / USUAL_ERROR) ** 0.25, np.inf
     for _ in range(MOST_PAIRS):
         pair = _pair(scene, sharp, step, samples)
         apart = float(pair.apart_m[-1])
-        if apart <= tolerance_m:
+        if tolerance_m < apart <= NEAR * tolerance_m:
+            third = replace(pair, other=_controlled(scene, LESS_SHARP * sharp, samples, "dopri5"))
+            pair = min(pair, third, key=lambda some: float(some.apart_m[-1]))
+        if pair.apart_m[-1] <= tolerance_m:
             return pair
         if apart > 0.5 * best and sharp == SHARPEST:
             break
@@ -60,8 +65,8 @@ def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
             break
     when = pair.run.time_s[int(np.argmax(pair.apart_m > tolerance_m))]
     raise SimulationFailed(
-        f"RK4 and DOP853 part at t = {when:.6g} s, and are {apart:.3g} m apart at the end: what comes then "
-        "depends on round-off, or on steps too short to take; end the run before, or ask for less"
+        f"two methods part at t = {when:.6g} s, and are {pair.apart_m[-1]:.3g} m apart at the end: what comes "
+        "then depends on round-off, or on steps too short to take; end the run before, or ask for less"
     )
 
 
@@ -82,5 +87,11 @@ def _usual_step_s(scene: Scene) -> float:
 def _pair(scene: Scene, tolerance: float, step_s: float, samples: int) -> SolvedTwice:
     # RK4 first: where steps collapse, it is quick to say so.
     other = ReferenceEngine().simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
-    sharp = ReferenceEngine(method="dop853", tolerance=tolerance)
-    return SolvedTwice(sharp.simulate(scene, RunSettings(scene.end_time_s, samples)), other)
+    return SolvedTwice(_controlled(scene, tolerance, samples, "dop853"), other)
+
+
+def _controlled(
+    scene: Scene, tolerance: float, samples: int, method: Literal["dop853", "dopri5"]
+) -> Trajectory:
+    engine = ReferenceEngine(method=method, tolerance=tolerance)
+    return engine.simulate(scene, RunSettings(scene.end_time_s, samples))

@@ -32,8 +32,8 @@ COMPILED_WITH = (types, loop, methods)
 
 #: Coefficients of dense output, at most: the step's change, its two slopes, and what the method adds.
 DENSE_ROWS = 3 + len(dop853().embedded.dense)
-#: Rows of slopes, at most: of stages, at the step's end, and those that dense output takes beside them; then 1
-#: over the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
+#: Rows of slopes, at most: of stages, at the step's end, and those that dense output takes beside them; then
+#: 1 over the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
 WEIGHT = dop853().embedded.slopes
 DENSE_ROW = WEIGHT + 1
 ROWS = DENSE_ROW + DENSE_ROWS + 4

@@ -51,7 +51,7 @@ def test_one_sample_alone_does_not_converge_by_chance() -> None:
 
 def test_a_tolerance_below_round_off_is_refused() -> None:
     scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.01})
-    with pytest.raises(SimulationFailed, match="not known to 1e-18 m: RK4 and DOP853 part at t = "):
+    with pytest.raises(SimulationFailed, match="not known to 1e-18 m: two methods part at t = "):
         simulate_to_tolerance(make_engine("reference"), scene, 1e-18, 100)
 
 

@@ -31,7 +31,15 @@ class Verdict:
 
 
 def verdicts(truth: Truth, engine: str) -> Iterator[Verdict]:
-    """Yield a scene's verdicts for every tolerance at which its truth is certain enough."""
+    """Yield a scene's verdicts for every tolerance at which its truth is certain enough.
+
+    There are none of an engine that has a law of its own in the scene's contacts.
+    """
+    try:
+        if make_engine(engine).twin(truth.scene) != truth.scene:
+            return
+    except UnsupportedScene:
+        return
     for tolerance, judgement in truth.judgements.items():
         scene, error = truth.judged_scene(tolerance), np.nan
         try:
