@@ -3,6 +3,9 @@
 w = (theta, d_O, d_A, d_B) as in ``rigid_kinematics``: the crank's angle, and pin centre less bearing centre
 of every joint, zero where it is ideal. A gap is so a coordinate itself, exact to its own round-off. The
 state y (14,) is w and its rate. M w'' = Q follows from the bodies' velocities J w'; there is no multiplier.
+
+A pin that follows a rigid wall has psi of d = c (cos(psi), sin(psi)) in place of d_x, and nothing in
+place of d_y: such a state is z (14,), and the wall's force is what the equation along the normal leaves over.
 """
 
 import math
@@ -21,6 +24,8 @@ CONTACT, MEMORY, PIECE = range(3)
 #: Contacts: none, one whose wall pushes by its law, and one whose law would pull: there is no force then, but
 #: of Kelvin and Voigt's law no friction only.
 FLIGHT, PUSHED, CLIPPED = 0.0, 1.0, 2.0
+#: Of a rigid wall: its pin follows it.
+FOLLOWS = 3.0
 #: Floor of the approach speed in laws that divide by it, where the scene gives none.
 SLOWEST_M_S = 1e-6
 FRICTION = ("saturated-linear", "ambrosio", "tanh")
@@ -104,12 +109,17 @@ def damping_of(law: str, e: float) -> float:
         return 1.5 * (1 - e) / e
     if law == "carvalho-martins":
         return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e)
-    assert law in ("linear", "kelvin-voigt", "hertz"), law
+    assert law in ("linear", "kelvin-voigt", "hertz", "rigid"), law
     return 0.0
 
 
 def stiffness_of(clearance: Clearance) -> float:
-    """Return K as given, or of Hertz's pin in a hole, 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j))."""
+    """Return K as given, infinite of a rigid wall, or by Hertz of a pin in a hole of its own material.
+
+    K = 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j)) with s = (1 - nu^2)/E.
+    """
+    if clearance.law == "rigid":
+        return math.inf
     if clearance.stiffness is not None:
         return clearance.stiffness
     E, nu, c = clearance.young_modulus_Pa, clearance.poisson_ratio, clearance.radial_clearance_m
@@ -260,58 +270,108 @@ def kinematics(b: Bodies, y: FloatArray, J: FloatArray, bias: FloatArray) -> flo
 
 
 @njit(error_model="numpy")
-def slider_place(b: Bodies, y: FloatArray) -> float:
-    """Return the slider's position in m."""
-    return kinematics(b, y, np.empty((SIZE, SIZE)), np.empty(SIZE))
+def placed(walls: Walls, phases: FloatArray, z: FloatArray) -> FloatArray:
+    """Return y of z."""
+    y: FloatArray = z.copy()
+    for k in range(3):
+        if phases[k, CONTACT] == FOLLOWS:
+            x, c = 2 * k + 1, walls.c[k]
+            cos, sin, rate = math.cos(z[x]), math.sin(z[x]), z[SIZE + x]
+            y[x], y[x + 1] = c * cos, c * sin
+            y[SIZE + x], y[SIZE + x + 1] = -c * rate * sin, c * rate * cos
+    return y
 
 
 @njit(error_model="numpy")
-def accelerations(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, out: FloatArray) -> None:
-    """Fill w'' (7,), with every joint in its phase (3, 3)."""
-    J, bias, Q = np.empty((SIZE, SIZE)), np.empty(SIZE), np.zeros(SIZE)
+def slider_place(b: Bodies, walls: Walls, phases: FloatArray, z: FloatArray) -> float:
+    """Return the slider's position in m."""
+    return kinematics(b, placed(walls, phases, z), np.empty((SIZE, SIZE)), np.empty(SIZE))
+
+
+@njit(error_model="numpy")
+def accelerations(b: Bodies, walls: Walls, phases: FloatArray, z: FloatArray, out: FloatArray) -> None:
+    """Fill z'' (7,), with every joint in its phase (3, 3)."""
+    motion(b, walls, phases, z, out)
+    for k in range(3):
+        if phases[k, CONTACT] == FOLLOWS:
+            out[2 * k + 2] = 0.0
+
+
+@njit(error_model="numpy")
+def motion(b: Bodies, walls: Walls, phases: FloatArray, z: FloatArray, out: FloatArray) -> None:
+    """Fill z'' (7,), and in place of what a following pin lacks the force in N that presses it inwards.
+
+    In M w'' - Q + sum F (n + mu f row) = 0 of pins that follow, w'' = psi'' dd/dpsi + bias.
+    """
+    J, bias, Q, y = np.empty((SIZE, SIZE)), np.empty(SIZE), np.zeros(SIZE), placed(walls, phases, z)
     kinematics(b, y, J, bias)
     mass = (b.crank_kg, b.crank_kg, b.crank_kg_m2, b.rod_kg, b.rod_kg, b.rod_kg_m2, b.slider_kg)
     bias[1] += b.gravity_m_s2
     bias[4] += b.gravity_m_s2
     Q[0] = b.torque_N_m
     for k in range(3):
-        if phases[k, CONTACT] != FLIGHT:
-            add_contact(walls, k, phases[k], y, J[5], Q)
-    n = len(b.free)
-    M, q = np.empty((n, n)), np.empty(n)
-    for i in range(n):
-        column = b.free[i]
-        q[i] = Q[column]
-        for row in range(SIZE):
-            q[i] -= mass[row] * J[row, column] * bias[row]
-        for j in range(i + 1):
-            total = 0.0
+        x, c = 2 * k + 1, walls.c[k]
+        if phases[k, CONTACT] == FOLLOWS:
+            turn = z[SIZE + x] ** 2
             for row in range(SIZE):
-                total += mass[row] * J[row, column] * J[row, b.free[j]]
-            M[i, j] = total
-    solve(M, q)
+                bias[row] -= turn * (J[row, x] * y[x] + J[row, x + 1] * y[x + 1])
+        elif phases[k, CONTACT] != FLIGHT:
+            add_contact(walls, k, phases[k], y, J[5], Q)
+    M, q, n = np.zeros((SIZE, SIZE)), np.zeros(SIZE), len(b.free)
+    for i in range(SIZE):
+        for row in range(SIZE):
+            q[i] -= mass[row] * J[row, i] * bias[row]
+        q[i] += Q[i]
+        for j in range(i + 1):
+            for row in range(SIZE):
+                M[i, j] += mass[row] * J[row, i] * J[row, j]
+            M[j, i] = M[i, j]
+    row_of = np.empty(SIZE)
+    for k in range(3):
+        if phases[k, CONTACT] == FOLLOWS:
+            x, c = 2 * k + 1, walls.c[k]
+            for i in range(SIZE):
+                M[i, x] = M[i, x + 1] * y[x] - M[i, x] * y[x + 1]
+            for i in range(SIZE):
+                M[i, x + 1] = y[i] / c if i in (x, x + 1) else 0.0
+            if walls.mu[k] > 0.0:
+                sliding = sliding_row(walls, k, y, J[5], row_of)
+                share = walls.mu[k] * friction_share(walls, k, phases[k, PIECE], sliding)
+                for i in range(SIZE):
+                    M[i, x + 1] += share * row_of[i]
+    A, a = np.empty((n, n)), np.empty(n)
+    for i in range(n):
+        a[i] = q[b.free[i]]
+        for j in range(n):
+            A[i, j] = M[b.free[i], b.free[j]]
+    eliminate(A, a)
     out[:] = 0.0
     for i in range(n):
-        out[b.free[i]] = q[i]
+        out[b.free[i]] = a[i]
 
 
 @njit(error_model="numpy")
-def solve(M: FloatArray, q: FloatArray) -> None:
-    """Replace q by the solution of M x = q, M given by its lower triangle and replaced by Cholesky's."""
-    n = len(q)
-    for i in range(n):
-        for j in range(i + 1):
-            total = M[i, j]
-            for k in range(j):
-                total -= M[i, k] * M[j, k]
-            M[i, j] = math.sqrt(total) if i == j else total / M[j, j]
-        for k in range(i):
-            q[i] -= M[i, k] * q[k]
-        q[i] /= M[i, i]
+def eliminate(A: FloatArray, a: FloatArray) -> None:
+    """Replace a by the solution of A x = a, by Gauss's elimination with row pivots."""
+    n = len(a)
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[best, k]):
+                best = i
+        if best != k:
+            for j in range(k, n):
+                A[k, j], A[best, j] = A[best, j], A[k, j]
+            a[k], a[best] = a[best], a[k]
+        for i in range(k + 1, n):
+            part = A[i, k] / A[k, k]
+            for j in range(k + 1, n):
+                A[i, j] -= part * A[k, j]
+            a[i] -= part * a[k]
     for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            q[i] -= M[k, i] * q[k]
-        q[i] /= M[i, i]
+        for j in range(i + 1, n):
+            a[i] -= A[i, j] * a[j]
+        a[i] /= A[i, i]
 
 
 @njit(error_model="numpy")

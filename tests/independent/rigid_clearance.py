@@ -6,6 +6,7 @@ events: a pin reaches its wall, or the wall's force on it vanishes. The crank's 
 integrated from their accelerations, and works beside the motion.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -14,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from engine_models.scene.scene import Scene
-from tests.independent.rigid_impact import State, impact
+from engine_models.scene.scene import Friction, Scene
+from tests.independent.rigid_impact import Paradox, State, impact
 from tests.independent.rigid_kinematics import PLACES, Dynamics, Pins, across, along
 from tests.independent.slider_load import PARTS, torque_on_crank
 
@@ -23,6 +24,8 @@ FloatArray = NDArray[np.float64]
 
 #: A flight shorter than this has no rebound: bounces that converge end here.
 SHORTEST_FLIGHT_S = 2e-9
+#: A part of the crank's speed: a pin that moves no faster along the normal has not left its wall.
+RESTING = 1e-12
 #: More impacts than any run here has: two joints may throw each other off in turns, ever shorter.
 ENDLESS = 2000
 #: Works of the drive and of the load's parts, behind the motion in what is integrated.
@@ -117,9 +120,16 @@ class Chart:
         law = self.pins.clearance(name).friction
         if law is None:
             return np.zeros(self.pins.size)
-        assert law.law == "tanh"
         row = self.pins.sliding(name, w, motion)
-        return np.asarray(law.coefficient * np.tanh(row @ rate / law.regularisation_speed_m_s) * row)
+        return np.asarray(law.coefficient * _share(law, float(row @ rate)) * row)
+
+
+def _share(law: Friction, sliding: float) -> float:
+    """Return the part of mu F_n that rubs at a sliding speed, with its sign."""
+    full, dead = law.regularisation_speed_m_s, law.dead_band_speed_m_s or 0.0
+    if law.law == "tanh":
+        return math.tanh(sliding / full)
+    return math.copysign(min(max((abs(sliding) - dead) / (full - dead), 0.0), 1.0), sliding)
 
 
 @dataclass
@@ -215,20 +225,10 @@ def _switch(
 
     A pin that has just left its wall stands on it to round-off, which is no new touch.
     """
-    pins, closed, driver = chart.pins, list(chart.following), 0.0
-    if name in closed:
-        closed.remove(name)
-    else:
-        speed = float(pins.normal(name, state[0]) @ state[1])
+    pins = chart.pins
+    state, driver, following, speed = settled(pins, t, state, name, chart.following)
+    if speed is not None:
         run.impacts.append((t, name, speed))
-        closed.append(name)
-        hit, driver = impact(pins, state, name, chart.following, pins.clearance(name).restitution or 0.0)
-        if 2 * _inward(pins, hit, name) < SHORTEST_FLIGHT_S * _outward(pins, t, hit, name, chart.following):
-            hit, driver = impact(pins, state, name, chart.following, 0.0)
-        # A pin has left where more than round-off of its speeds is left along the normal.
-        closed = [k for k in closed if _inward(pins, hit, k) < 1e-9 * abs(speed)]
-        state = hit
-    following = _pressed(pins, t, state, closed)
     if following != chart.following:
         run.following.append((t, following))
     blind = {}
@@ -237,6 +237,35 @@ def _switch(
         apex = _inward(pins, state, k) / outward if outward > 0 else longest_s
         blind[k] = t + (min(apex, longest_s) if apex > 0 else longest_s / 20)
     return state, driver, Chart(pins, following), blind
+
+
+def settled(
+    pins: Pins,
+    t: float,
+    state: State,
+    name: str,
+    following: tuple[str, ...],
+    shortest_s: float = SHORTEST_FLIGHT_S,
+) -> tuple[State, float, tuple[str, ...], float | None]:
+    """Return the state after a pin has hit, or is no more pressed to the wall that it follows.
+
+    Beside it: the driver's angular impulse in N m s, which pins follow now, and the speed of the impact. A
+    flight shorter than ``shortest_s`` is none.
+    """
+    closed, driver, speed = list(following), 0.0, None
+    if name in closed:
+        closed.remove(name)
+    else:
+        speed = float(pins.normal(name, state[0]) @ state[1])
+        closed.append(name)
+        hit, driver = impact(pins, state, name, following, pins.clearance(name).restitution or 0.0)
+        if 2 * _inward(pins, hit, name) < shortest_s * _outward(pins, t, hit, name, following):
+            hit, driver = impact(pins, state, name, following, 0.0)
+        # A pin has left where more than round-off of its speeds is left along the normal.
+        rest = max(1e-9 * abs(speed), RESTING * pins.scene.crank.length_m * abs(state[1][0]))
+        closed = [k for k in closed if _inward(pins, hit, k) < rest]
+        state = hit
+    return state, driver, _pressed(pins, t, state, closed), speed
 
 
 def _inward(pins: Pins, state: State, name: str) -> float:
@@ -254,7 +283,7 @@ def _outward(pins: Pins, t: float, state: State, name: str, following: Sequence[
 
 def _pressed(pins: Pins, t: float, state: State, closed: Sequence[str]) -> tuple[str, ...]:
     """Return which pins without normal speed follow: those pressed, while all others move inwards."""
-    ordered = [name for name in pins.loose if name in closed]
+    ordered, fits = [name for name in pins.loose if name in closed], []
     for count in range(len(ordered) + 1):
         for some in combinations(ordered, count):
             chart = Chart(pins, some)
@@ -263,5 +292,7 @@ def _pressed(pins: Pins, t: float, state: State, closed: Sequence[str]) -> tuple
             if all(force > 0 for force in forces.values()) and all(
                 _outward(pins, t, state, name, some) <= 0 for name in leaving
             ):
-                return some
-    raise AssertionError(f"no set of {ordered} fits at t = {t}")
+                fits.append(some)
+    if len(fits) != 1:
+        raise Paradox(f"{len(fits)} sets of {ordered} fit at t = {t}")
+    return fits[0]

@@ -70,7 +70,6 @@ def slope(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, out: Float
     accelerations(b, walls, phases, y, out[SIZE:])
 
 
-@njit(error_model="numpy")
 def extrapolated(
     table: Table,
     b: Bodies,
@@ -109,7 +108,6 @@ def extrapolated(
     return error / table.tolerance if error == error else REJECT
 
 
-@njit(error_model="numpy")
 def collocated(
     table: Table,
     b: Bodies,
