@@ -199,8 +199,7 @@ def test_the_end_of_a_ramp_goes_on_as_a_constant_speed() -> None:
 def test_a_run_begun_later_goes_by_the_drives_clock(name: str) -> None:
     half, whole = SAMPLES // 2, run(CASES[name], 2e-5)
     at = float(whole.time_s[half])
-    rest = started_from(CASES[name], whole.position[half], whole.velocity[half], at)
-    rest = rest.model_copy(update={"end_time_s": END_S - at})
+    rest = started_from(CASES[name], whole.position[half], whole.velocity[half], at, END_S - at)
     then = ReferenceEngine().simulate(rest, RunSettings(2e-5, SAMPLES - half))
     assert np.abs(then.position - whole.position[half:]).max() < 1e-11
     assert np.abs(then.joint_force_N - whole.joint_force_N[half:]).max() < 1e-7

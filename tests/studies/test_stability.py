@@ -215,7 +215,13 @@ def test_what_an_engine_refuses_or_fails_at_has_a_verdict() -> None:
     room = case.scene.clearance.B
     assert room is not None
     soft = room.model_copy(
-        update={"law": "kelvin-voigt", "stiffness": 1e8, "young_modulus_Pa": None, "poisson_ratio": None}
+        update={
+            "law": "kelvin-voigt",
+            "stiffness": 1e8,
+            "damping_N_s_m": 10.0,
+            "young_modulus_Pa": None,
+            "poisson_ratio": None,
+        }
     )
     scene = case.scene.model_copy(update={"clearance": case.scene.clearance.model_copy(update={"B": soft})})
     row, _ = stability.measure(replace(case, scene=scene))

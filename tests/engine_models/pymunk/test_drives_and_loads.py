@@ -167,8 +167,7 @@ def test_a_run_goes_on_from_its_middle_at_the_drives_own_time(name: str) -> None
     scene = SCENES[name]
     half = scene.end_time_s / 2
     truth = exact(scene, 2)
-    second = started_from(scene, truth.position[1], truth.velocity[1], half)
-    second = second.model_copy(update={"end_time_s": half})
+    second = started_from(scene, truth.position[1], truth.velocity[1], half, half)
     error = run(second, PymunkEngine(), 4001, 1).position[-1] - truth.position[-1]
     assert np.abs(error).max() < 1e-6, error
 

@@ -110,7 +110,8 @@ def test_a_scene_may_have_a_compliant_and_a_rigid_bearing() -> None:
     scene = clearance_driven_05()
     soft = scene.clearance.B
     assert soft is not None
-    hard = soft.model_copy(update={"law": "rigid", "stiffness": None, "restitution": 0.5})
+    unset = {"young_modulus_Pa": None, "poisson_ratio": None}
+    hard = soft.model_copy(update={"law": "rigid", "restitution": 0.5, **unset})
     both = scene.model_copy(update={"clearance": scene.clearance.model_copy(update={"A": hard})})
     found = ReferenceEngine().simulate(both, RunSettings(1e-5, 100))
     assert all(len(found.contacts[name].impacts.time_s) > 3 for name in "AB")
