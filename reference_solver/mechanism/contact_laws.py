@@ -56,8 +56,8 @@ class ContactLaw:
         n, kind = self.exponent, self.kind
         require("ContactLaw.kind", kind, kind in NORMAL_LAWS, " or ".join(NORMAL_LAWS))
         require("ContactLaw.exponent", n, is_number(n) and n >= 1, "a finite number >= 1")
-        require_positive(self, "stiffness", "minimum_impact_speed_m_s")
-        require_not_negative(self, "damping_factor", "damping_N_s_m")
+        require_positive(self, "stiffness")
+        require_not_negative(self, "damping_factor", "damping_N_s_m", "minimum_impact_speed_m_s")
 
     @property
     def clipped(self) -> bool:

@@ -166,8 +166,8 @@ BAD: list[tuple[Callable[[], object], str]] = [
         f"ContactLaw.damping_factor: expected {NOT_NEGATIVE}, got -1.0",
     ),
     (
-        lambda: ContactLaw(1e9, minimum_impact_speed_m_s=0.0),
-        f"ContactLaw.minimum_impact_speed_m_s: expected {POSITIVE}, got 0.0",
+        lambda: ContactLaw(1e9, minimum_impact_speed_m_s=-1.0),
+        f"ContactLaw.minimum_impact_speed_m_s: expected {NOT_NEGATIVE}, got -1.0",
     ),
     (
         lambda: ContactLaw(1e9, kind="elastic"),

@@ -109,12 +109,6 @@ def test_a_free_body_crosses_any_time_in_a_few_steps(q: float, v: float) -> None
     assert found.q[-1] == pytest.approx([q + 1e3 * v] * 3, rel=8 * EPS)
 
 
-def test_no_time_takes_no_step() -> None:
-    found = run(disc(DAMPED, GRAVITY), [0.0, -CLEARANCE - 1e-7, 0.0], [0.0] * 3, 0.0, 1e-9)
-    assert found.steps == 0
-    assert not found.events.size
-
-
 # -------------------------------------------------------------------------------------- contacts
 
 
