@@ -21,14 +21,14 @@ class SingularConfiguration(SolverError):
 
 
 class NearSingular(SolverError):
-    """A step comes too near to a singular position, which amplifies its error, and no other way past is sure."""
+    """A step comes too near to a singular position, which amplifies its error; no way past it is sure."""
 
     def __init__(self, time_s: float, step_s: float, condition: float) -> None:
         self.time_s, self.condition = time_s, condition
         super().__init__(
             f"step {step_s:.3g} s from t = {time_s:.6g} s comes too near to a singular position (condition "
-            f"number {condition:.1e}), which amplifies its error: choose another step or error control, or stop "
-            "before it"
+            f"number {condition:.1e}), which amplifies its error: choose another step, project, take error "
+            "control or stop before it"
         )
 
 
@@ -49,9 +49,9 @@ class DriftAmplified(SolverError):
     def __init__(self, time_s: float, moved: float, condition: float) -> None:
         self.time_s, self.condition = time_s, condition
         super().__init__(
-            f"the constraints' violation at t = {time_s:.6g} s moves bodies by {moved:.2g} of the mechanism's "
-            f"length where it passes a singular position (condition number {condition:.1e}): project, or "
-            "shorten the step"
+            f"the constraints' violation at t = {time_s:.6g} s moves bodies by {moved:.2g} of the "
+            f"mechanism's length where it passes a singular position (condition number {condition:.1e}): "
+            "project, or shorten the step"
         )
 
 

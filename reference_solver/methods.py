@@ -12,8 +12,9 @@ from reference_solver.tape import Array, FloatArray, Scalar, both, larger, named
 
 Row = tuple[float, ...]
 
-#: The most by which conditions of a step's stages may differ. Near a singular position the condition goes with
-#: the distance to the power -2, so a stage is nearer than a hundredth of the step's length.
+#: The most by which conditions of a step's stages may differ. Near a singular position they go with the
+#: distance to the power -2: beyond this a stage is nearer than a tenth, or a twentieth, of the step's length.
+#: Where a condition is large all the time, as of light links, it does not differ.
 MOST_APART = 100.0
 
 

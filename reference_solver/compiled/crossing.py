@@ -7,7 +7,6 @@ taken together in unequal parts, whose stages stay clear. Two such splittings ha
 """
 
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ def crossed(run: Run, h: float) -> int:
 
     The motion is moved on, and samples within are interpolated, by a run's records with fields.
     """
-    now, (length, rate) = run.clock[0], (run.control[0].length, run.control[0].rate)
+    length, rate = run.control[0].length, run.control[0].rate
     weight = np.tile([1 / length, 1 / length, 1.0], run.old.n // 3)
     weight, turned = np.concatenate([weight, weight / rate]), rate * h
     best, end, together = turned**4 + AMPLIFIED, None, 0

@@ -269,7 +269,8 @@ class Kernel:
     def slopes(self) -> None:
         """Write ``slopes(p, contacts, t, row, rate, y, slopes)``, which returns the condition.
 
-        That is infinite on failure. The row of slopes gets those of ``slopes_of`` at coordinates and velocities y.
+        That is infinite on failure. The row of slopes gets those of ``slopes_of`` at coordinates and
+        velocities y.
         """
         draft = self.begin()
         answer = self.call_answer(draft, draft.t, draft.q, draft.v)
@@ -316,7 +317,8 @@ class Kernel:
     def contact_step(self) -> None:
         """Write ``step(p, contacts, t, h, old, new)``: a step, its sums, the new gaps.
 
-        It returns the worst condition of the stages, infinite on failure. The sums are those of ``Equations.power_names``, and the energy that a stabilisation removes.
+        It returns the worst condition of the stages, infinite on failure. The sums are those of
+        ``Equations.power_names``, and the energy that a stabilisation removes.
         """
         draft = self.begin()
         h = draft.tape.input("h")

@@ -44,18 +44,20 @@ EVENT_RECORD = np.dtype(
 )
 
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
-#: contact, the step tried last, the end; whether events are located; events, samples and steps so far, the
-#: most steps, and the contact whose event on a rigid wall is to be settled; the worst condition so far, and the
-#: least at a sample.
+#: contact, the step tried last, the end, the worst condition so far and the least at a sample; whether events
+#: are located; events, samples and steps so far, the most steps, and the contact whose event on a rigid wall
+#: is to be settled.
 CLOCK_RECORD = record(
     "time lost longest per_contact tried end condition least", "located events taken steps budget rigid"
 )
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the
 #: last flight, a contact's first step as a part of its duration, the last error over the tolerance, and the
-#: worst and the least condition of the step tried last; how many steps in a row have been rejected, and the contact that has
-#: just begun, or -1.
-CONTROL_RECORD = record("tolerance length rate step flight_step first_part error condition least", "rejected fresh")
+#: worst and the least condition in the step tried last; how many steps in a row have been rejected, and the
+#: contact that has just begun, or -1. Of it RK4 has length and rate alone.
+CONTROL_RECORD = record(
+    "tolerance length rate step flight_step first_part error condition least", "rejected fresh"
+)
 
 #: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
 KNOT_RECORD = record("angle period", "coordinate")

@@ -52,12 +52,12 @@ class Kernel:
         topology = topology_of(mechanism, stabilisation)
         self._kernel = load_kernel(source_of(topology.marked()))
         self._parameters = topology.parameters(self._kernel, q)
-        self.advance(q.copy(), np.zeros_like(q), 0, 0)  # compiled here, not in the first turn
+        self.advance(q.copy(), np.zeros_like(q), 0.0, 0)  # compiled here, not in the first turn
 
-    def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
+    def advance(self, q: FloatArray, v: FloatArray, first: float, count: int) -> float:
         """Take steps in place; return the driver's work."""
         y = np.concatenate([q, v, np.zeros(2)])
-        done = self._kernel.advance(self._parameters, y, STEP_S, first, count)
+        done, _ = self._kernel.advance(self._parameters, y, STEP_S, float(first), count)
         assert done == count, f"the kernel stopped after {done} of {count} steps"
         q[:], v[:], (work, _) = np.split(y, [len(q), 2 * len(q)])
         return float(work)
@@ -75,7 +75,7 @@ class Readable:
         run = new_run(contacts, (len(q), 2, 0), np.zeros(0), ROWS, 0)
         for number in range(first, first + count):
             run.old.q[:], run.old.v[:] = q, v
-            assert self._face.step(None, contacts, number * STEP_S, STEP_S, run.old, run.new)
+            assert self._face.step(None, contacts, number * STEP_S, STEP_S, run.old, run.new) < np.inf
             q[:], v[:], work = run.new.q, run.new.v, work + run.new.sums[0]
         return float(work)
 

@@ -39,7 +39,7 @@ class Answer:
     powers: dict[str, float] = field(default_factory=dict)
     removed_W: float = 0.0
     damper_per_s: float = 0.0
-    ok: bool = True
+    condition: float = 1.0
 
 
 def test_a_step_of_an_oscillator_is_its_taylor_series_up_to_order_four() -> None:
