@@ -2,40 +2,37 @@
 
 import math
 
-from reference_solver.tape import Array, Scalar, array, both, larger, named
+from reference_solver.tape import Array, Scalar, array, named, size
 
 
 class Factors:
     """L D L^T of a matrix (m, m), eliminated in the order of least degree, so that few zeros fill in.
 
-    ``ok`` says whether every pivot is above ``tolerance`` times its diagonal entry, ``condition`` is the
-    largest diagonal entry over its pivot: 1 where rows are orthogonal, 1/eps where they depend on each other.
+    ``condition`` is 1 plus the sum of diagonal entries over their pivots: 1 + m where rows are orthogonal,
+    1/eps where they depend on each other, NaN where an entry is. ``ok`` says whether it is below 1 over
+    ``tolerance``.
     """
 
     def __init__(self, matrix: Array, tolerance: float) -> None:
         rows = [{j: x for j, x in enumerate(row) if x != 0} for row in matrix.tolist()]
         diagonal, left = [row.get(k, 0.0) for k, row in enumerate(rows)], set(range(len(rows)))
-        self.ok: Scalar = True
         self.condition: Scalar = 1.0
         #: Of each row in the order of elimination: its number, its pivot's reciprocal, and L's entries below.
         self._steps: list[tuple[int, Scalar, dict[int, Scalar]]] = []
-        changed = set[int]()
         while left:
             k = min(left, key=lambda row: (len(rows[row]), row))
             left.discard(k)
             pivot, column = rows[k].pop(k, 0.0), rows[k]
-            self.ok = both(self.ok, pivot > tolerance * diagonal[k])
             reciprocal = named(f"r{k}", 1.0 / pivot if pivot != 0 else math.inf)
-            if k in changed:
-                self.condition = larger(self.condition, diagonal[k] * reciprocal)
+            self.condition = self.condition + size(diagonal[k] * reciprocal)
             below = {i: named(f"l{i}_{k}", x * reciprocal) for i, x in column.items()}
-            changed.update(below)
             for i in below:
                 del rows[i][k]
                 for j in below:
                     if j <= i:
                         rows[i][j] = rows[j][i] = rows[i].get(j, 0.0) - below[i] * column[j]
             self._steps.append((k, reciprocal, below))
+        self.ok: Scalar = tolerance * self.condition < 1.0
 
     def solve(self, right: Array) -> Array:
         """Return x (m,) with the matrix times x equal to the right-hand side, or (m, k) for k of them."""

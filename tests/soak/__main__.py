@@ -6,7 +6,7 @@ from pathlib import Path
 from random import Random, randrange
 from tempfile import TemporaryDirectory
 
-from tests.soak import fuzz, kills
+from tests.soak import fuzz, kills, singular
 
 #: What was done and found, by words for it.
 Figures = dict[str, int]
@@ -18,6 +18,7 @@ PARTS: dict[str, Callable[[Random, Path], Figures]] = {
     "pairs": kills.pairs,
     "full disk": kills.full_disk,
     "fuzz": lambda random, _: fuzz.fuzz(random.randrange(10**6), FUZZED),
+    "singular": lambda random, _: singular.singular(random.randrange(10**6)),
 }
 
 

@@ -1,0 +1,93 @@
+"""What every run is held to at its end: nothing in it is wrong by more than order and step explain."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from reference_solver.energy import created_J, in_play_J
+from reference_solver.equations import Equations
+from reference_solver.failures import DriftAmplified, EnergyNotConserved
+from reference_solver.mechanism.mechanism import GROUND, AlongLine, Load, Mechanism, SpringDamper
+from reference_solver.mechanism.scales import Scales, rate_of
+from reference_solver.methods import RK4
+from reference_solver.solution import Solution
+from reference_solver.tape import FloatArray
+
+#: The energy that may be in error, of that in play: for each radian turned this many times a step's error,
+#: and beside it round-off; with contacts no less than a tenth. Ideal mechanisms with samples in every radian
+#: stay below 2 of the first, those with so few that their quickest moments are between them below 60.
+MARGIN, ROUND_OFF, WITH_CONTACTS = 500.0, 1e-8, 0.1
+#: How far a violation of the constraints may move bodies near a singular position, as a part of the
+#: mechanism's length and of a radian; and how many samples are looked at.
+MOVED, LOOKED_AT = 0.03, 100
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A run with the mechanism's scales, and its steps: of RK4 by their length, or by their tolerance."""
+
+    run: Solution
+    scales: Scales
+    step_s: float
+    tolerance: float | None = None
+
+    @cached_property
+    def _rates_s(self) -> FloatArray:
+        """The fastest rate (s,) at each sample: of the start, of bodies, of springs and dampers."""
+        mechanism = self.run.mechanism
+        least = max((swing_s(load, mechanism) for load in mechanism.loads), default=0.0)
+        moving = [rate_of(v, self.scales.length_m) for v in self.run.v]
+        return np.maximum(moving, max(least, self.scales.rate_s))
+
+    @property
+    def _turned(self) -> FloatArray:
+        """The angle (s,) turned at these rates."""
+        rates = self._rates_s
+        turns = np.maximum(rates[1:], rates[:-1]) * np.diff(self.run.time_s)
+        return np.concatenate([[0.0], np.cumsum(turns)])
+
+    @property
+    def _error(self) -> float:
+        """What is to be expected of a step, but for a factor: (rate h)^4 or the tolerance."""
+        return self.tolerance or float(self._rates_s.max() * self.step_s) ** RK4.order
+
+    def check_energy(self) -> None:
+        """Hold the run to its ledger.
+
+        Raises:
+            EnergyNotConserved: it is off by more than the steps explain.
+        """
+        part = MARGIN * self._error * (1.0 + self._turned) + ROUND_OFF
+        if self.run.mechanism.contacts:
+            part = np.maximum(part, WITH_CONTACTS)
+        created, allowed = created_J(self.run), part * in_play_J(self.run)
+        for k in np.flatnonzero(~(created <= allowed))[:1]:
+            raise EnergyNotConserved(float(self.run.time_s[k]), float(created[k]), float(allowed[k]))
+
+    def check_drift(self, equations: Equations, least: float) -> None:
+        """Hold a run without projection to its constraints; ``least`` is its best condition at a sample.
+
+        At a distance d from a singular position a violation g moves bodies by g/d, and the condition goes
+        with 1/d^2.
+
+        Raises:
+            DriftAmplified: that is more than the steps explain.
+        """
+        run, allowed = self.run, MOVED + self._error * (1.0 + self._turned) ** 2
+        near = np.sqrt(run.condition / least) / self.scales.length_m
+        for k in np.unique(np.linspace(0, len(run.q) - 1, LOOKED_AT).astype(int)):
+            moved = near * np.abs(equations.violation(float(run.time_s[k]), run.q[k])).max(initial=0.0)
+            if not moved <= allowed[k]:
+                raise DriftAmplified(float(run.time_s[k]), float(moved), run.condition)
+
+
+def swing_s(load: Load, mechanism: Mechanism) -> float:
+    """Return the rate in 1/s at which a spring's bodies swing, or a damper slows them; 0 of other loads."""
+    ends = [(load.body, (0.0, 0.0))] if isinstance(load, AlongLine) else []
+    if isinstance(load, SpringDamper):
+        ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
+    bodies = [(mechanism.bodies[body], point) for body, point in ends if body != GROUND]
+    mobility = sum(1 / body.mass_kg + (x * x + y * y) / body.inertia_kg_m2 for body, (x, y) in bodies)
+    stiffness, damping = getattr(load, "stiffness_N_m", 0.0), getattr(load, "damping_N_s_m", 0.0)
+    return float(max(np.sqrt(stiffness * mobility), damping * mobility))
