@@ -65,8 +65,8 @@ def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
             break
     when = pair.run.time_s[int(np.argmax(pair.apart_m > tolerance_m))]
     raise SimulationFailed(
-        f"two methods part at t = {when:.6g} s, and are {pair.apart_m[-1]:.3g} m apart at the end: what comes "
-        "then depends on round-off, or on steps too short to take; end the run before, or ask for less"
+        f"two methods part at t = {when:.6g} s, and are {pair.apart_m[-1]:.3g} m apart at the end: what "
+        "comes then depends on round-off, or on steps too short to take; end the run before, or ask for less"
     )
 
 
