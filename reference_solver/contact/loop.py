@@ -285,7 +285,7 @@ def step_length(contacts, gaps, now):
     friction, below the regularisation speed, takes a speed away, and the period of the pin that swings along
     its wall, pressed onto it by N: 2 pi/sqrt(N w/c) with w the mobility there. All are cut alike.
     """
-    h, decay = in_flight(contacts, gaps, now.longest, 0.25), min(0.5, 50.0 / now.per_contact)
+    h, decay = in_flight(contacts, gaps, now.longest, 0.25), min(0.5, 200.0 / now.per_contact)
     for k in range(len(contacts)):
         contact, gap = contacts[k], gaps[k]
         if contact.phase == types.FLIGHT:
