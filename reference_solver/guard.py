@@ -69,12 +69,12 @@ class Guard:
         """Hold a run without projection to its constraints; ``least`` is its best condition at a sample.
 
         At a distance d from a singular position a violation g moves bodies by g/d, and the condition goes
-        with 1/d^2.
+        with 1/d^2. The steps explain no more than a length, however fast what has gone astray turns.
 
         Raises:
             DriftAmplified: that is more than the steps explain.
         """
-        run, allowed = self.run, MOVED + self._error * (1.0 + self._turned) ** 2
+        run, allowed = self.run, MOVED + np.minimum(self._error * (1.0 + self._turned) ** 2, 1.0)
         near = np.sqrt(run.condition / least) / self.scales.length_m
         for k in np.unique(np.linspace(0, len(run.q) - 1, LOOKED_AT).astype(int)):
             moved = near * np.abs(equations.violation(float(run.time_s[k]), run.q[k])).max(initial=0.0)

@@ -53,19 +53,16 @@ class Passing:
 
 
 def turning(
-    acceleration: Callable[[float, float], float], angle: float, rate: float
+    acceleration: Callable[[float, float], float], angle: float, rate: float, end_time_s: float
 ) -> Callable[[FloatArray], FloatArray]:
-    """Return the angle at times, by SciPy's DOP853 near round-off, of angle'' = f(angle, angle')."""
+    """Return the angle at times of angle'' = f(angle, angle'), by DOP853 of SciPy near round-off."""
 
-    def motion(times: FloatArray) -> FloatArray:
-        def derivative(_: float, y: FloatArray) -> list[float]:
-            return [y[1], acceleration(y[0], y[1])]
+    def derivative(_: float, y: FloatArray) -> list[float]:
+        return [y[1], acceleration(y[0], y[1])]
 
-        span = (0.0, float(times[-1]))
-        run = solve_ivp(derivative, span, [angle, rate], "DOP853", rtol=3e-14, atol=1e-14, t_eval=times)
-        return np.asarray(run.y[0])
-
-    return motion
+    span, start = (0.0, end_time_s), [angle, rate]
+    run = solve_ivp(derivative, span, start, "DOP853", rtol=3e-14, atol=1e-14, dense_output=True)
+    return lambda times: np.asarray(run.sol(times)[0])
 
 
 def parallelograms(loops: int) -> Passing:
@@ -83,7 +80,7 @@ def parallelograms(loops: int) -> Passing:
     rates = [(0.5, 0.0, -1.0) for _ in cranks] + [(1.0, 0.0, 0.0)] * loops
     inertia, moment = len(cranks) / 3 + loops, len(cranks) / 2 + loops
     pull = GRAVITY * moment / inertia
-    angle = turning(lambda phi, _: -pull * np.cos(phi), np.pi / 2, -1.0)
+    angle = turning(lambda phi, _: -pull * np.cos(phi), np.pi / 2, -1.0, 10.0)
     mechanism = Mechanism((rod,) * (2 * loops + 1), tuple(joints), gravity_m_s2=GRAVITY)
     return Passing(mechanism, np.ravel(centres), np.ravel(rates), 10.0, np.sqrt(1 + 4 * pull), angle)
 
@@ -113,7 +110,7 @@ def equal_links(driven: bool) -> Passing:
         J_1 = l * l * (4 * m2 + 8 * m3) * s * c
         return float(-(J_1 / 2 * rate * rate + (m1 + m2) / 2 * GRAVITY * l * c) / J)
 
-    angle = (lambda t: start + speed * t) if driven else turning(free, start, speed)
+    angle = (lambda t: start + speed * t) if driven else turning(free, start, speed, 3.0)
     mechanism = Mechanism(bodies, (*joints, *drivers), gravity_m_s2=GRAVITY)
     return Passing(mechanism, np.array(q, dtype=float), speed * np.array(v), 3.0, 25.0, angle)
 
