@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk, lambertw
 
+from reference_solver.compiled.faces import with_fields
 from reference_solver.contact import adaptive_loop
 from reference_solver.contact.types import CONTACT_RECORD, new_run
 from reference_solver.failures import SingularConfiguration
@@ -340,14 +341,15 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
     huge = 1.5e154 / abs(third[row])
     assert abs(third[row]) > 2 * abs(fifth[row]) > 0
 
-    def slopes(*state: Any) -> bool:
+    def slopes(*state: Any) -> float:
         *_, number, _rate, _y, out = state
         out[number] = huge if number == row else 0.0
-        return True
+        return 1.0
 
     run = new_run(np.zeros(0, CONTACT_RECORD), (1, 0, 0), np.zeros(0), adaptive_loop.ROWS, 0)
     run.slopes[adaptive_loop.WEIGHT] = 1.0
-    of = run._replace(kernel=adaptive_loop.Kernel(slopes, None, None, None), method=method)
+    kernel = adaptive_loop.Kernel(slopes, None, None, None)
+    of = with_fields(run._replace(kernel=kernel, method=method))
     with np.errstate(all="ignore"):
         assert adaptive_loop.trial(of, adaptive_loop.Course(0.0, 0.0, 0.0), 1.0) == np.inf
 
