@@ -52,6 +52,12 @@ class Guard:
         """What is to be expected of a step, but for a factor: (rate h)^4 or the tolerance."""
         return self.tolerance or float(self._rates_s.max() * self.step_s) ** RK4.order
 
+    @property
+    def _own_J(self) -> float:
+        """The energy of mass, length and rate, to whose round-off a mechanism is at rest."""
+        mass = sum(body.mass_kg for body in self.run.mechanism.bodies)
+        return mass * (self.scales.length_m * self.scales.rate_s) ** 2
+
     def check_energy(self) -> None:
         """Hold the run to its ledger.
 
@@ -61,7 +67,7 @@ class Guard:
         part = MARGIN * self._error * (1.0 + self._turned) + ROUND_OFF
         if self.run.mechanism.contacts:
             part = np.maximum(part, WITH_CONTACTS)
-        created, allowed = created_J(self.run), part * in_play_J(self.run)
+        created, allowed = created_J(self.run), part * in_play_J(self.run) + ROUND_OFF * self._own_J
         for k in np.flatnonzero(~(created <= allowed))[:1]:
             raise EnergyNotConserved(float(self.run.time_s[k]), float(created[k]), float(allowed[k]))
 
