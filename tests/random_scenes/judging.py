@@ -7,12 +7,15 @@ import numpy as np
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
+from engine_models.own_uncertainty import simulate_with_uncertainty
 from engine_models.scene.scene import Scene
 from engine_models.step_halving import simulate_to_tolerance
 from studies.command.doubts import doubts
 from studies.command.options import DEFAULT_STEP_S, read_engine
 from tests.random_scenes.truths import DEFAULT, SAMPLES, Truth, smallest_clearance_m
 
+#: The name of verdicts on a plain run's own uncertainty: what it promises is its bound on the slider's error.
+BOUND = "bound"
 #: What becomes of a run: a promise, to be within the tolerance, or, without one and without a warning, within
 #: this part of the smallest clearance, is held or broken; or there is no promise, with a reason.
 HELD, BROKEN, WARNED, REFUSED = "held", "broken", "warned", "refused"
@@ -21,7 +24,7 @@ PROMISED_PART = 0.01
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a scene at a tolerance in m or ``DEFAULT``, its error in m, and what the engine said."""
+    """What became of a scene at a tolerance in m, ``DEFAULT`` or ``BOUND``, its error, and what was said."""
 
     seed: int
     tolerance: float | str
@@ -31,7 +34,7 @@ class Verdict:
 
 
 def verdicts(truth: Truth, engine: str) -> Iterator[Verdict]:
-    """Yield a scene's verdicts for every tolerance at which its truth is certain enough.
+    """Yield a scene's verdicts at every tolerance for which its truth is certain enough, and on bounds.
 
     There are none of an engine that has a law of its own in the scene's contacts.
     """
@@ -40,27 +43,32 @@ def verdicts(truth: Truth, engine: str) -> Iterator[Verdict]:
             return
     except UnsupportedScene:
         return
-    for tolerance, judgement in truth.judgements.items():
-        scene, error = truth.judged_scene(tolerance), np.nan
+    judgements = dict(truth.judgements)
+    if DEFAULT in judgements:
+        judgements[BOUND] = judgements[DEFAULT]
+    for tolerance, judgement in judgements.items():
+        scene, error = truth.judged_scene(DEFAULT if tolerance == BOUND else tolerance), np.nan
         try:
-            run, warnings = _run(engine, scene, tolerance)
+            run, allowed, warnings = _run(engine, scene, tolerance)
         except (SimulationFailed, UnsupportedScene) as refusal:
             yield Verdict(truth.seed, tolerance, REFUSED, error, str(refusal))
             continue
         error = float(np.abs(run.slider_position_m - judgement.slider_position_m).max())
-        allowed = tolerance if isinstance(tolerance, float) else PROMISED_PART * smallest_clearance_m(scene)
         held = error <= allowed + judgement.uncertainty_m
         outcome = HELD if held else WARNED if warnings else BROKEN
         yield Verdict(truth.seed, tolerance, outcome, error, "; ".join(warnings))
 
 
-def _run(engine: str, scene: Scene, tolerance: float | str) -> tuple[Trajectory, list[str]]:
-    """Return what ``crankslider simulate`` does with a scene and a tolerance, and its warnings."""
+def _run(engine: str, scene: Scene, tolerance: float | str) -> tuple[Trajectory, float, list[str]]:
+    """Return a run as ``crankslider simulate`` does it, what it may be off by in m, and its warnings."""
     with np.errstate(all="ignore"):
         if isinstance(tolerance, float):
             to_it = read_engine(engine, [], to_tolerance=True)
-            return simulate_to_tolerance(to_it, scene, tolerance, SAMPLES), []
-        assert tolerance == DEFAULT
-        plain = make_engine(engine)
-        run = plain.simulate(scene, RunSettings(min(DEFAULT_STEP_S, scene.end_time_s), SAMPLES))
-        return run, doubts(plain, scene, run, to_tolerance=False)
+            return simulate_to_tolerance(to_it, scene, tolerance, SAMPLES), tolerance, []
+        plain, settings = make_engine(engine), RunSettings(min(DEFAULT_STEP_S, scene.end_time_s), SAMPLES)
+        if tolerance == BOUND:
+            run, bounds = simulate_with_uncertainty(plain, scene, settings)
+            return run, float(bounds["slider_position_m"]), []
+        run = plain.simulate(scene, settings)
+        allowed = PROMISED_PART * smallest_clearance_m(scene)
+        return run, allowed, doubts(plain, scene, run, to_tolerance=False)
