@@ -39,7 +39,7 @@ SCENES: dict[Kind, int] = {"compliant": 240, "rigid": 120}
 COMPARED, FEWEST = 240, 5
 #: Most steps of an integration; one that takes more is left out. The scene stops without the best one or
 #: a second.
-STEPS = {"explicit": 60_000, "implicit": 300_000}
+STEPS, STEPS_COMPLIANT_IMPLICIT = 60_000, 300_000
 #: By how much the crank's angle is off in the integration begun elsewhere.
 MOVED_RAD = 4e-16
 #: The shortest flights between rigid walls. What a bounce's end leaves out is in proportion to them.
@@ -61,22 +61,21 @@ class Integration(Protocol):
 
 def compliant_integrations(scene: Scene) -> list[Callable[[], Integration]]:
     """Return what makes each integration of a scene; the first one is the best."""
-    explicit, implicit = STEPS["explicit"], STEPS["implicit"]
+    implicit = STEPS_COMPLIANT_IMPLICIT
     return [
         lambda: Motion(scene, collocated, radau(7, 1e-11), implicit),
         lambda: Motion(scene, collocated, radau(6, 1e-12), implicit, MOVED_RAD),
-        lambda: Motion(scene, extrapolated, extrapolation(1e-14), explicit),
+        lambda: Motion(scene, extrapolated, extrapolation(1e-14), STEPS),
     ]
 
 
 def rigid_integrations(scene: Scene) -> list[Callable[[], Integration]]:
     """As ``compliant_integrations``; converging bounces end at other flights in each."""
-    explicit, implicit = STEPS["explicit"], STEPS["implicit"]
     first, second, third = FLIGHTS_S
     return [
-        lambda: Motion(scene, collocated, radau(7, 1e-11), implicit, 0.0, first),
-        lambda: Motion(scene, collocated, radau(6, 1e-12), implicit, MOVED_RAD, second),
-        lambda: Motion(scene, extrapolated, extrapolation(1e-14), explicit, 0.0, third),
+        lambda: Motion(scene, collocated, radau(7, 1e-11), STEPS, 0.0, first),
+        lambda: Motion(scene, collocated, radau(6, 1e-12), STEPS, MOVED_RAD, second),
+        lambda: Motion(scene, extrapolated, extrapolation(1e-14), STEPS, 0.0, third),
     ]
 
 
