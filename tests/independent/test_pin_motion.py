@@ -125,7 +125,8 @@ def test_energy_is_kept_by_springs_and_lost_to_friction() -> None:
     places(motion, np.linspace(0.01, 0.05, 5))
     before, after = (energy(motion.bodies, motion.walls, z) for z in (begin, motion.z))
     assert motion.clock[TOUCHES] > 10
-    assert abs(after / before - 1) < 1e-13, f"{after / before - 1:.1e} of it lost"
+    # Some thousand steps, each in error by 1e-14 of its speeds.
+    assert abs(after / before - 1) < 1e-11, f"{after / before - 1:.1e} of it lost"
     rub = Friction(law="ambrosio", coefficient=0.2, regularisation_speed_m_s=0.05, dead_band_speed_m_s=0.01)
     motion, energies = moving(in_joints(ideal_free(), 0.05, A=hertz(5e-4, rub))), [before]
     for t in np.linspace(0.0005, 0.05, 100).tolist():
