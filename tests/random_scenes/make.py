@@ -47,7 +47,9 @@ FLIGHTS_S = 2e-10, 1e-9, 4e-10
 
 
 class Integration(Protocol):
-    """A scene on its way."""
+    """A scene on its way, for so many steps at most."""
+
+    steps: float
 
     def to(self, time_s: float) -> bool:
         """Go on to a time; return whether it was reached."""
@@ -127,8 +129,8 @@ def uncertainties(
 
 
 def _positions(integration: Integration, times: FloatArray) -> dict[float, float]:
-    """Return where the slider is at ascending times."""
-    found = {}
+    """Return where the slider is at ascending times, at which steps end as they did not before."""
+    found, integration.steps = {}, np.inf
     for t in times.tolist():
         assert integration.to(t)
         found[t] = integration.slider_m
