@@ -43,6 +43,8 @@ MOVED = 0.5
 BEGIN, SHORTEST = 1e-3, 1e-11
 #: Places in ``clock``.
 TIME, STEP, STEPS, TOUCHES = range(4)
+#: The lowest flight, as a part of the clearance, beside ``SHORTEST_FLIGHT_S``; it falls with the shortest.
+LOWEST = 1e-12
 #: What an impact counts for, in steps.
 SETTLING = 20
 #: What comes of an advance, beside a joint's number.
@@ -105,7 +107,13 @@ class Motion:
         y, name, before = placed(self.walls, self.phases, self.z), JOINTS[joint], self.following
         state = y[:SIZE], y[SIZE:]
         state, _, self.following, _ = settled(
-            self.pins, self.clock[TIME], state, name, before, self.shortest_flight_s
+            self.pins,
+            float(self.clock[TIME]),
+            state,
+            name,
+            before,
+            self.shortest_flight_s,
+            LOWEST * self.shortest_flight_s / SHORTEST_FLIGHT_S,
         )
         self.z[:] = np.concatenate(state)
         self.clock[STEPS] += SETTLING

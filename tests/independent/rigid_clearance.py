@@ -246,26 +246,47 @@ def settled(
     name: str,
     following: tuple[str, ...],
     shortest_s: float = SHORTEST_FLIGHT_S,
+    lowest: float = 0.0,
 ) -> tuple[State, float, tuple[str, ...], float | None]:
     """Return the state after a pin has hit, or is no more pressed to the wall that it follows.
 
     Beside it: the driver's angular impulse in N m s, which pins follow now, and the speed of the impact. A
-    flight shorter than ``shortest_s`` is none.
+    flight shorter than ``shortest_s``, or lower than the part ``lowest`` of the clearance, is none: its pin
+    hits without rebound, or stays where another's impact would throw it off.
     """
     closed, driver, speed = list(following), 0.0, None
+
+    def flies(hit: State, k: str) -> bool:
+        leaving, pushed = _inward(pins, hit, k), _outward(pins, t, hit, k, following)
+        height = lowest * pins.clearance(k).radial_clearance_m
+        return 2 * leaving >= shortest_s * pushed and leaving * abs(leaving) >= 2 * height * pushed
+
     if name in closed:
         closed.remove(name)
     else:
         speed = float(pins.normal(name, state[0]) @ state[1])
         closed.append(name)
         hit, driver = impact(pins, state, name, following, pins.clearance(name).restitution or 0.0)
-        if 2 * _inward(pins, hit, name) < shortest_s * _outward(pins, t, hit, name, following):
+        if not flies(hit, name):
             hit, driver = impact(pins, state, name, following, 0.0)
         # A pin has left where more than round-off of its speeds is left along the normal.
         rest = max(1e-9 * abs(speed), RESTING * pins.scene.crank.length_m * abs(state[1][0]))
-        closed = [k for k in closed if _inward(pins, hit, k) < rest]
-        state = hit
+        left = [k for k in closed if _inward(pins, hit, k) >= rest and (not lowest or flies(hit, k))]
+        closed = [k for k in closed if k not in left]
+        state = _kept(pins, hit, closed) if lowest else hit
     return state, driver, _pressed(pins, t, state, closed), speed
+
+
+def _kept(pins: Pins, state: State, closed: Sequence[str]) -> State:
+    """Return the state without the normal speeds of pins that stay on their walls."""
+    w, rate = state
+    if not closed:
+        return state
+    inverse = np.zeros((pins.size, pins.size))
+    free = np.ix_(pins.free, pins.free)
+    inverse[free] = np.linalg.inv(pins.dynamics(w, rate).M[free])
+    rows = np.array([pins.normal(k, w) for k in closed])
+    return w, rate - inverse @ rows.T @ np.linalg.solve(rows @ inverse @ rows.T, rows @ rate)
 
 
 def _inward(pins: Pins, state: State, name: str) -> float:

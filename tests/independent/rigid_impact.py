@@ -57,7 +57,8 @@ def impact(
             and (kind in ("none", "stick") or not friction[k] or after[2 * k + 1] * impulse[2 * k + 1] <= 0)
             for k, kind in enumerate(case)
         ):
-            assert impulse @ (u + after) <= slack * np.abs(impulse).sum(), "energy would grow"
+            if impulse @ (u + after) > slack * np.abs(impulse).sum():
+                raise Paradox(f"the impulses of {touching} would add energy")
             jump = inverse @ D.T @ impulse
             driver = 0.0 if pins.motion is None else float(motion.M[0] @ jump - D[:, 0] @ impulse)
             return (w, rate + jump), driver

@@ -206,14 +206,16 @@ def _crossing(
         )
         if g_high <= 0.0:
             return -1.0, trials
-    if g_low >= 0.0:  # it has just been switched here
+    if g_low >= 0.0 or r_low < 0.0:  # it may just have been switched here: begin in the dip behind
         if r_low >= 0.0:
             return 0.0, trials
-        trial = np.empty(len(y))
+        trial, g_low = np.empty(len(y)), 0.0
         while g_low >= 0.0:
             low = 0.5 * (low if low > 0.0 else high)
             step(table, b, walls, phases, scale, y, low, trial)
             g_low, trials = signal(b, walls, phases, trial, k, which), trials + 1
+            if g_low >= 0.0:
+                high, g_high = low, g_low
             if low < SHORT * h:
                 return 0.0, trials
     high, _, more = _zero(
