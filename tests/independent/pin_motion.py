@@ -32,7 +32,7 @@ from tests.independent.pins import (
 )
 from tests.independent.rigid_clearance import SHORTEST_FLIGHT_S, settled
 from tests.independent.rigid_kinematics import Pins
-from tests.independent.stepping import Table
+from tests.independent.stepping import REJECT, Table
 from tests.independent.switches import GAP, LEFT, first_switch, piece_of, signal, sliding_speed, switch
 
 #: Room that the error is given when a step is chosen, and bounds of what it changes by.
@@ -164,7 +164,8 @@ def advance(
     until_s: float,
     most_steps: float,
 ) -> int:
-    """Move state, phases and clock on to a time; return ``REACHED``, or ``SPENT`` if that takes more steps.
+    """Move state, phases and clock on to a time; return ``REACHED``, or ``SPENT`` if it takes more steps or none is short
+    enough.
 
     Where a pin comes to a rigid wall, or is no more pressed to it, return the joint's number.
     """
@@ -185,6 +186,8 @@ def advance(
                 h = at
                 error = step(table, b, walls, phases, weights, y, h, end)
                 factor = _factor(table, walls, phases, y, end, error)
+        if h <= shortest_s and not error < REJECT:
+            return SPENT
         if factor < 1.0 and h > shortest_s:
             clock[STEP] = max(h * factor, shortest_s)
             continue

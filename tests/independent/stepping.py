@@ -123,7 +123,10 @@ def collocated(
     n = len(free)
     f, moved = np.empty((2, SIZE))
     accelerations(b, walls, phases, y, f)
-    inverse = np.linalg.inv(_newton_matrix(table, b, walls, phases, scale, y, h, f))
+    matrix = _newton_matrix(table, b, walls, phases, scale, y, h, f)
+    if not np.all(np.isfinite(matrix)):
+        return REJECT
+    inverse = np.linalg.inv(matrix)
     a, residual = np.empty((stages, SIZE)), np.empty(stages * n)
     a[:] = f
     before = np.inf

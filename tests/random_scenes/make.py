@@ -96,7 +96,10 @@ def truth(seed: int, kind: Kind) -> Truth:
     ends = {at: int(np.searchsorted(known, certain, side="right")) for at, certain in wanted.items()}
     ends = {at: n for at, n in ends.items() if n >= FEWEST}
     times = {n: np.linspace(0.0, n * scene.end_time_s / COMPARED, SAMPLES + 1) for n in set(ends.values())}
-    positions = _positions(begin[0](), np.unique(np.concatenate(list(times.values())))) if times else {}
+    try:
+        positions = _positions(begin[0](), np.unique(np.concatenate([*times.values(), np.zeros(1)])))
+    except Paradox as paradox:
+        return Truth(seed, kind, str(paradox), {})
     judgements: dict[float | str, Judgement] = {}
     for at, n in ends.items():
         position = np.array([positions[t] for t in times[n].tolist()])
@@ -132,7 +135,8 @@ def _positions(integration: Integration, times: FloatArray) -> dict[float, float
     """Return where the slider is at ascending times, at which steps end as they did not before."""
     found, integration.steps = {}, np.inf
     for t in times.tolist():
-        assert integration.to(t)
+        if not integration.to(t):
+            raise Paradox(f"not reached again: {t} s")
         found[t] = integration.slider_m
     return found
 
