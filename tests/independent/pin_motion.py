@@ -164,9 +164,9 @@ def advance(
     until_s: float,
     most_steps: float,
 ) -> int:
-    """Move state, phases and clock on to a time; return ``REACHED``, or ``SPENT`` if it takes more steps or none is short
-    enough.
+    """Move state, phases and clock on to a time and return ``REACHED``.
 
+    Or return ``SPENT`` if it takes more steps, or none is short enough.
     Where a pin comes to a rigid wall, or is no more pressed to it, return the joint's number.
     """
     end, weights = np.empty(len(y)), scale.copy()
