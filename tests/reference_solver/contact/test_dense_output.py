@@ -16,6 +16,7 @@ from reference_solver.compiled.store import callee, compiled
 from reference_solver.contact import loop as contact_loop
 from reference_solver.contact.types import CONTACT_RECORD, DONE, new_run
 from reference_solver.equations import Equations
+from reference_solver.methods import RK4, tableau
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
@@ -48,7 +49,7 @@ def step(p, contacts, t, h, old, new):  # type: ignore[no-untyped-def]  # noqa: 
     """A step of the loop that has converged; its sum is that of the step alone."""
     y = flow(np.array([old.y[0], old.y[1], 0.0]), h)
     new.y[0], new.y[1], new.y[2] = y[0], y[1], y[2]
-    return True
+    return 1.0
 
 
 @njit
@@ -56,7 +57,7 @@ def slopes(p, contacts, t, row, rate, y, slopes):  # type: ignore[no-untyped-def
     """The rates at a state, and a multiplier."""
     rates = rate_of(y)
     slopes[row, 0], slopes[row, 1], slopes[row, 2], slopes[row, 3] = rates[0], rates[1], rates[2], 7.0
-    return True
+    return 1.0
 
 
 @njit
@@ -75,7 +76,7 @@ def interpolation_errors(h: float) -> FloatArray:
     functions = zip((step, slopes, mobilities), contact_loop.KERNEL, strict=True)
     kernel = contact_loop.Kernel(*(callee(function, kind) for function, kind in functions))
     loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
-    assert loop(run._replace(kernel=kernel, p=np.zeros(0))) == DONE
+    assert loop(run._replace(kernel=kernel, p=np.zeros(0), method=tableau(RK4))) == DONE
     assert now["steps"] == 1
     assert (run.records.samples[:, 3] == 7.0).all()
     found = run.records.samples[:, :3]
