@@ -49,8 +49,14 @@ class Guard:
 
     @property
     def _error(self) -> float:
-        """What is to be expected of a step, but for a factor: (rate h)^4 or the tolerance."""
-        return self.tolerance or float(self._rates_s.max() * self.step_s) ** RK4.order
+        """What is to be expected of a step, but for a factor: (rate h)^4 or the tolerance.
+
+        Motions with knots are at least cut into sixteen steps from one to the next.
+        """
+        turn = float(self._rates_s.max() * self.step_s)
+        if any(motion.has_knots for motion in self.run.mechanism.prescribed):
+            turn = max(turn, 1 / 16)
+        return self.tolerance or turn**RK4.order
 
     @property
     def _own_J(self) -> float:

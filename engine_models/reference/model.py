@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from engine_models.engine import SimulationFailed
 from engine_models.mechanics.contact_law import exponent_of, minimum_impact_speed_of, stiffness_of
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.drives import FluctuatingDrive, MotorDrive, RampDrive, TableDrive, TorqueDrive
@@ -115,9 +116,12 @@ def _contact(joint: mechanism.RevoluteJoint, clearance: Clearance) -> mechanism.
 def _law(clearance: Clearance) -> ContactLaw | RigidWall:
     if clearance.law == "rigid":
         return RigidWall(clearance.restitution or 0.0, clearance.minimum_impact_speed_m_s or 0.0)
-    factor = DAMPING_FACTORS.get(clearance.law)
+    factor, stiffness = DAMPING_FACTORS.get(clearance.law), stiffness_of(clearance)
+    if not math.isfinite(stiffness):
+        field, value = "young_modulus_Pa", clearance.young_modulus_Pa
+        raise SimulationFailed(f"{field}: expected one whose stiffness is no overflow, got {value:g}")
     return ContactLaw(
-        stiffness_of(clearance),
+        stiffness,
         exponent_of(clearance),
         0.0 if factor is None or clearance.restitution is None else factor(clearance.restitution),
         clearance.damping_N_s_m or 0.0,

@@ -14,7 +14,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
-from reference_solver.failures import FrictionTooStiff
+from reference_solver.failures import FrictionTooStiff, Stalled
 from reference_solver.mechanism.scales import scales_of
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
@@ -65,7 +65,10 @@ def reference_run(
 
     def run(choice: StepChoice | ErrorControl) -> Trajectory:
         solver = Solver(mechanism, q, choice, stabilisation, compiled)
-        solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
+        try:
+            solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
+        except Stalled as stalled:
+            raise too_slow(scene, f"steps that make no way at t = {stalled.time_s:.6g} s") from stalled
         stabilised = stabilisation != "none"
         return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
 

@@ -210,13 +210,15 @@ def test_a_run_begun_later_goes_by_the_drives_clock(name: str) -> None:
 
 #: With clearance: to the second contact, or further.
 LOOSE_S = {"ramp": 0.0038, "fluctuating": 5e-4, "motor": 0.003, "loads of a driven crank": 5e-4}
+#: A slow crank has more steps per contact at a step, and errors at round-off sooner.
+LONGEST_S = {"motor": 4e-5}
 JOINT = Clearances(B=clearance(1e-4, "hu-guo", 0.5))
 LOOSE = {n: CASES[n].model_copy(update={"end_time_s": end, "clearance": JOINT}) for n, end in LOOSE_S.items()}
 
 
 @pytest.mark.parametrize("name", LOOSE)
 def test_with_clearance_signals_converge_at_order_four_at_least_to_minimal_coordinates(name: str) -> None:
-    of, steps = LOOSE[name], 2e-5 / np.array([1.0, 1.5, 2.0])
+    of, steps = LOOSE[name], LONGEST_S.get(name, 2e-5) / np.array([1.0, 1.5, 2.0])
     times = np.linspace(0.0, of.end_time_s, SAMPLES + 1)
     true, other = integrate(of, times, 1e-12), integrate(of, times, 3e-13)
     assert len(true.touches) > 1
