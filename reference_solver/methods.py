@@ -3,11 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, reduce
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from reference_solver.contact.types import Tableau
 from reference_solver.tape import Array, FloatArray, Scalar, both, larger, named, smaller
 
 Row = tuple[float, ...]
@@ -100,6 +99,22 @@ def dopri5() -> Method:
     estimates = (tuple(Table.E.tolist()), (0.0,) * len(weights))
     nodes = (*Table.C.tolist(), 1.0)
     return Method(5, 3.30, nodes, rows, weights, Embedded(estimates, (), (), (dense,)))
+
+
+class Tableau(NamedTuple):
+    """A Runge-Kutta method of s stages with an embedded estimate, as arrays (see ``Method``).
+
+    ``exponent`` is 1 over its order, rows of ``matrix`` (s, s) and ``extra_matrix`` are filled up with zeros.
+    """
+
+    exponent: float
+    nodes: FloatArray
+    matrix: FloatArray
+    weights: FloatArray
+    estimates: FloatArray
+    dense: FloatArray
+    extra_nodes: FloatArray
+    extra_matrix: FloatArray
 
 
 def tableau(method: Method) -> Tableau:

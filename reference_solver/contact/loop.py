@@ -14,6 +14,7 @@ from numba.extending import register_jitable
 from numba.types import FunctionType, boolean, float64, int64
 from numba.types import NamedTuple as NumbaTuple
 
+from reference_solver import methods
 from reference_solver.contact import types
 
 #: Modules whose constants the machine code has taken over.
@@ -29,7 +30,7 @@ CONTACTS, GAPS, EVENTS, CLOCK, CONTROL, KNOTS = (
     for name in ("CONTACT", "GAP", "EVENT", "CLOCK", "CONTROL", "KNOT")
 )
 MOTION = NumbaTuple((int64, ARRAY, GAPS), types.Motion)
-TABLEAU = NumbaTuple((float64, ARRAY, TABLE, ARRAY, TABLE, TABLE, ARRAY, TABLE), types.Tableau)
+TABLEAU = NumbaTuple((float64, ARRAY, TABLE, ARRAY, TABLE, TABLE, ARRAY, TABLE), methods.Tableau)
 RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), types.Records)
 STEP = FunctionType(float64(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(float64(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))

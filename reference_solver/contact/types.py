@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from reference_solver.methods import Tableau
 from reference_solver.tape import FloatArray, RecordArray
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
@@ -122,22 +123,6 @@ class Records(NamedTuple):
     event_sums: FloatArray
     time: FloatArray
     samples: FloatArray
-
-
-class Tableau(NamedTuple):
-    """A Runge-Kutta method of s stages with an embedded estimate, as arrays (see ``methods.Method``).
-
-    ``exponent`` is 1 over its order, rows of ``matrix`` (s, s) and ``extra_matrix`` are filled up with zeros.
-    """
-
-    exponent: float
-    nodes: FloatArray
-    matrix: FloatArray
-    weights: FloatArray
-    estimates: FloatArray
-    dense: FloatArray
-    extra_nodes: FloatArray
-    extra_matrix: FloatArray
 
 
 class Run(NamedTuple):

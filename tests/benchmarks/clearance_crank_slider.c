@@ -5,6 +5,7 @@
  */
 #include "clearance_step.h"
 
+enum { STEPS_BETWEEN_PROBES = 16 };
 enum { NONE = -1, GONE, TURNED }; /* events: touch or release, the law's change of sign */
 typedef struct { double time, what, rate, depth, sums[SUMS]; } Event;
 
@@ -96,6 +97,17 @@ static int cut(const Parameters *p, const Contact *contact, double t, double *h,
     return event;
 }
 
+/* Look up the mobilities: the pin's answers to unit forces that push it inwards and along its wall. */
+static void probe(const Parameters *p, Contact *contact, const Motion *m)
+{
+    Contact flying = *contact, inwards = *contact, along = *contact;
+    flying.phase = FLIGHT;
+    inwards.phase = PROBE;
+    along.phase = PROBE_ALONG;
+    contact->mobility = pin_acceleration(p, &flying, m, false) - pin_acceleration(p, &inwards, m, false);
+    contact->following = pin_acceleration(p, &flying, m, true) - pin_acceleration(p, &along, m, true);
+}
+
 /* Change the phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume. */
 static int switched(const Parameters *p, Contact *contact, double t, const Motion *m, int event)
 {
@@ -107,10 +119,9 @@ static int switched(const Parameters *p, Contact *contact, double t, const Motio
         contact->phase = FLIGHT;
         return -1;
     }
-    /* The gap's answer to a unit force tells the effective mass, and with it how long the contact will take. */
-    const double free = gap_acceleration(p, contact, m), speed = larger(m->gap.rate, p->floor);
-    contact->phase = PROBE;
-    contact->mobility = (free - gap_acceleration(p, contact, m)) * p->clearance / (p->clearance + m->gap.depth);
+    /* The mobility tells how long the contact will take. */
+    const double speed = larger(m->gap.rate, p->floor);
+    probe(p, contact, m);
     contact->phase = CONTACT;
     contact->memory = p->factor / speed;
     contact->began = t;
@@ -141,13 +152,15 @@ INLINE double step_length(const Parameters *p, const Contact *contact, const Gap
     if (contact->phase == FLIGHT) /* a quarter of the way across */
         return gap->speed * h > 0.25 * p->clearance ? 0.25 * p->clearance / gap->speed : h;
     double duration = contact->duration;
-    const double depth = larger(gap->depth, 0);
-    if (depth > 0) {
+    const double depth = larger(gap->depth, 0), pressing = gap->elastic * larger(1, gap->push);
+    const double swing = sqrt(larger(pressing, 0) * contact->following / p->clearance);
+    if (swing > 0)
+        h = smaller(h, 2 * M_PI / (swing * p->per_contact));
+    const double rate = contact->mobility * gap->damper;
+    if (rate > 0)
+        h = smaller(h, smaller(0.5, 200 / p->per_contact) / rate);
+    if (depth > 0)
         duration = smaller(duration, M_PI / sqrt(1.5 * gap->elastic / depth * contact->mobility));
-        const double rate = contact->mobility * gap->damper;
-        if (rate > 0)
-            h = smaller(h, 0.5 / rate);
-    }
     const double shortest = duration / p->per_contact;
     h = smaller(h, graded(shortest, duration, t - contact->began));
     return gap->rate < 0 ? smaller(h, graded(shortest, duration, -depth / gap->rate)) : h;
@@ -169,6 +182,8 @@ long run(const Parameters *parameters, double *q, double *v, double end, double 
          event = first_alarm(&contact, &m.gap, event)) /* closed at the start */
         note(&p, &contact, t, &m, event, &log[(*events)++]);
     while (t < end && *events < rows) {
+        if (contact.phase != FLIGHT && steps % STEPS_BETWEEN_PROBES == 0)
+            probe(&p, &contact, &m);
         double h = step_length(&p, &contact, &m.gap, t);
         bool last = t + h >= end - 1e-6 * h;
         if (last)

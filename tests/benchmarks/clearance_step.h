@@ -12,7 +12,7 @@
 
 enum { COORDINATES = 9 };
 enum { DRIVER, NORMAL, LOSS, CLIP, REMOVED, SUMS };
-enum { FLIGHT, CONTACT, CLIPPED, PROBE }; /* phases; a probe answers with a unit force */
+enum { FLIGHT, CONTACT, CLIPPED, PROBE, PROBE_ALONG }; /* phases; probes answer with a unit force */
 
 typedef struct {
     double point_O, point_A, rod_A, rod_B;      /* m from each body's centre of mass, along the link */
@@ -26,7 +26,7 @@ typedef struct {
 
 typedef struct { double g, rate, speed, depth, elastic, damper, push; } Gap;
 typedef struct { double q[COORDINATES], v[COORDINATES], sums[SUMS]; Gap gap; } Motion;
-typedef struct { int phase; double memory, began, duration, mobility; } Contact;
+typedef struct { int phase; double memory, began, duration, mobility, following; } Contact;
 
 typedef struct { double ox, oy, ax, ay, cx, cy, bx, by; } Arms; /* bx, by: from the rod's centre to B */
 typedef struct { double Ox, Oy, Ax, Ay, D; } Rows;
@@ -105,7 +105,7 @@ INLINE void accelerations(const Parameters *p, const Contact *contact, const dou
 {
     const Arms e = arms(p, q);
     const Factors k = factored(p, e, ok);
-    double nx = 0, ny = 0, normal = 0, loss = 0, clip = 0;
+    double nx = 0, ny = 0, normal = 0, along = 0, loss = 0, clip = 0;
     if (contact->phase != FLIGHT) {
         const double x = q[6] - q[3] - e.bx, y = q[7] - q[4] - e.by, distance = sqrt(x * x + y * y);
         nx = x / distance;
@@ -113,11 +113,12 @@ INLINE void accelerations(const Parameters *p, const Contact *contact, const dou
         const double rate = nx * (v[6] - v[3] + v[5] * e.by) + ny * (v[7] - v[4] - v[5] * e.bx);
         const double elastic = hertz(p, larger(distance - p->clearance, 0));
         const double damping = elastic * contact->memory * rate;
-        normal = contact->phase == PROBE ? 1 : contact->phase == CLIPPED ? 0 : elastic + damping;
+        normal = contact->phase == PROBE ? 1 : contact->phase >= CLIPPED ? 0 : elastic + damping;
+        along = contact->phase == PROBE_ALONG ? 1 : 0;
         loss = contact->phase == CONTACT ? damping * rate : 0;
         clip = contact->phase == CLIPPED ? -elastic * rate : 0;
     }
-    const Free f = freely(p, e, -normal * nx, -normal * ny);
+    const Free f = freely(p, e, -normal * nx + along * ny, -normal * ny - along * nx);
     /* (5), (7), (8): omega^2 times the arms, less the free accelerations */
     const double s0 = v[2] * v[2], s1 = v[5] * v[5];
     const Rows m = solved(k, (Rows){s0 * e.oy, p->gravity - s0 * e.ox,
@@ -230,13 +231,14 @@ static bool step(const Parameters *p, const Contact *contact, double t, double h
     return ok;
 }
 
-/* Return the part of g'' that is linear in the accelerations. */
-static double gap_acceleration(const Parameters *p, const Contact *contact, const Motion *m)
+/* Return the part of the pin's acceleration along n, or along t, that is linear in the accelerations. */
+static double pin_acceleration(const Parameters *p, const Contact *contact, const Motion *m, bool tangential)
 {
     const Arms e = arms(p, m->q);
     double a[COORDINATES], rates[REMOVED];
     bool ok = true;
     accelerations(p, contact, m->q, m->v, a, rates, &ok);
-    const double x = m->q[6] - m->q[3] - e.bx, y = m->q[7] - m->q[4] - e.by;
-    return (x * (a[6] - a[3] + a[5] * e.by) + y * (a[7] - a[4] - a[5] * e.bx)) / p->clearance;
+    const double x = m->q[6] - m->q[3] - e.bx, y = m->q[7] - m->q[4] - e.by, distance = sqrt(x * x + y * y);
+    const double ax = a[6] - a[3] + a[5] * e.by, ay = a[7] - a[4] - a[5] * e.bx;
+    return (tangential ? x * ay - y * ax : x * ax + y * ay) / distance;
 }
