@@ -29,6 +29,8 @@ if TYPE_CHECKING:  # it brings Numba, which takes a moment
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
+#: Flights between rigid walls that are no higher than so many times the distance's round-off are not seen.
+LOWEST_FLIGHT = 2.0
 #: The methods of error control, of orders 8 and 5.
 METHODS = {"dop853": dop853, "dopri5": dopri5}
 #: Takes the time in s that a run has reached.
@@ -55,13 +57,15 @@ class StepChoice:
 
     Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
     step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
-    than the part ``closing_flight_fraction`` of the longest step (see ``rigid.settling``).
+    than the part ``closing_flight_fraction`` of the longest step, or no higher than ``lowest_flight`` times
+    the distance's round-off (see ``rigid.settling``).
     """
 
     longest_s: float
     steps_per_contact: float = 100.0
     locate_events: bool = True
     closing_flight_fraction: float = 1e-3
+    lowest_flight: float = LOWEST_FLIGHT
 
     def __post_init__(self) -> None:
         require_positive(self, "longest_s", "steps_per_contact", "closing_flight_fraction")
@@ -83,12 +87,13 @@ class ErrorControl:
     The tolerance is a part of the mechanism's length for positions, of a radian for angles, and of both times
     the mechanism's own rate for velocities (see ``scales``); it is one of a step, not of the result. Events
     are located. Pins before rigid walls bounce until a flight would be so short that its height is of the
-    tolerance.
+    tolerance, or no higher than ``lowest_flight`` times the distance's round-off.
     """
 
     tolerance: float
     longest_s: float = np.inf
     method: Literal["dop853", "dopri5"] = "dop853"
+    lowest_flight: float = LOWEST_FLIGHT
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -252,7 +257,8 @@ class Solver:
         def add(name: str, value: float) -> None:
             motion.sums[self._names.index(name)] += value
 
-        settling = Settling(self._equations, self._shortest_flight_s(run), add)
+        lowest = self._choice.lowest_flight
+        settling = Settling(self._equations, self._shortest_flight_s(run), lowest, add)
         knots = (t for t in self._mechanism.knots_s(float(now["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
         now["end"] = next(landings)

@@ -23,7 +23,13 @@ from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
-from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, ErrorControl, Stabilisation, StepChoice
+from reference_solver.solver import (
+    FEWEST_STEPS_PER_CONTACT,
+    LOWEST_FLIGHT,
+    ErrorControl,
+    Stabilisation,
+    StepChoice,
+)
 
 #: The smallest tolerance, some times round-off, and one to begin with.
 SHARPEST, LOOSE = 1e-14, 1e-6
@@ -44,6 +50,8 @@ class ReferenceEngine:
     ``method = dop853``, of order 8, and ``dopri5``, of order 5, take steps up to the run's longest that are
     in error by the ``tolerance``: a part of the mechanism's longest lever, a radian, and both times the rate
     of its start (see ``ErrorControl``).
+
+    Before rigid walls, flights no higher than ``lowest_flight`` times round-off are not followed.
     """
 
     method: Literal["rk4", "dop853", "dopri5"] = "rk4"
@@ -54,6 +62,7 @@ class ReferenceEngine:
     kernel: Literal["compiled", "readable"] = "compiled"
     steps_per_contact: Annotated[float, Field(ge=4)] = 100.0
     locate_events: bool = True
+    lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] = LOWEST_FLIGHT
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
@@ -123,9 +132,11 @@ class ReferenceEngine:
 
     def _step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
         if self.method != "rk4":
-            return ErrorControl(self.tolerance, min(settings.step_s, scene.end_time_s), self.method)
+            return ErrorControl(
+                self.tolerance, min(settings.step_s, scene.end_time_s), self.method, self.lowest_flight
+            )
         step = settings.step_used_s(scene.end_time_s)
         if not (scene.joints_with_clearance and self.locate_events):
             return StepChoice(step, locate_events=self.locate_events)
         per_contact = self.steps_per_contact * TURN_OF_STEP_RAD / (rate_s(scene) * step)
-        return StepChoice(step, max(FEWEST_STEPS_PER_CONTACT, per_contact))
+        return StepChoice(step, max(FEWEST_STEPS_PER_CONTACT, per_contact), lowest_flight=self.lowest_flight)

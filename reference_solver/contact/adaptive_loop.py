@@ -453,6 +453,8 @@ def cut(run, step, releasing):
     """
     contacts, gaps, t = run.contacts, run.new.gaps, run.clock[0].time
     event, place, most = -1, 1.0, 2 * len(contacts)
+    if loop.has_bulged(contacts, run.old.gaps, gaps, step.end - t):
+        return Step(step.course, step.H, np.nan), event, place
     for trials in range(most + 1):  # another event may turn out to come before, if they are close
         other, place = first_event(run, step.end - t, event)
         if trials == 0 and other < 0 and releasing >= 0:

@@ -176,6 +176,22 @@ def turned_back(contact, gap, new_gap):
 
 
 @register_jitable(**INNER)
+def has_bulged(contacts, gaps, new_gaps, h):
+    """Return whether a pin that moves inwards at both ends of a step of h may have been out in between.
+
+    That is where the cubic through both ends' g and rates comes near to rising. A pin that has just hit may
+    be back, and off again, within a step: the shorter one sees it.
+    """
+    for k in range(len(contacts)):
+        rate, new_rate = gaps[k].rate, new_gaps[k].rate
+        if contacts[k].phase == types.FLIGHT and rate < 0.0 and new_rate < 0.0:
+            steepest = 1.5 * (new_gaps[k].g - gaps[k].g) / h - 0.25 * (rate + new_rate)
+            if steepest > 0.25 * min(rate, new_rate):
+                return True
+    return False
+
+
+@register_jitable(**INNER)
 def approach(run, h, skip):
     """Look for a pin that touches and leaves within the step: return its event and a step ending inside.
 
@@ -566,6 +582,9 @@ def advance(run):
             condition = run.kernel.step(run.p, contacts, t, h, old, new)
         if not condition < np.inf or not finite(new.gaps):
             return types.FAILED
+        while now.located and has_bulged(contacts, old.gaps, new.gaps, h):
+            h, last = 0.5 * h, False
+            condition = run.kernel.step(run.p, contacts, t, h, old, new)
         now.condition = max(now.condition, condition)
         event, whole = -1, h
         if suspicious(contacts, old.gaps, new.gaps):

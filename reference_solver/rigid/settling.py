@@ -30,19 +30,21 @@ from reference_solver.rigid.impact import Eliminated, Jump, Touching, impact
 from reference_solver.solution import ModeChange
 from reference_solver.tape import FloatArray
 
-#: A flight that leaves the wall by less than this many times the distance's round-off cannot be followed.
-DEEPEST_UNSEEN = 2.0
-
 
 class Settling:
     """Settles the pins of a mechanism's joints with rigid walls; it keeps lists of impacts and of changes.
 
-    ``equations`` are those of no pin following; ``add(name, value)`` adds to the ledger what is integrated
-    elsewhere (see ``contact.force.rates_of``).
+    ``equations`` are those of no pin following. A flight shorter than ``shortest_flight_s``, or no higher
+    than ``lowest_flight`` times the distance's round-off, is not followed. ``add(name, value)`` adds to the
+    ledger what is integrated elsewhere (see ``contact.force.rates_of``).
     """
 
     def __init__(
-        self, equations: Equations, shortest_flight_s: float, add: Callable[[str, float], None]
+        self,
+        equations: Equations,
+        shortest_flight_s: float,
+        lowest_flight: float,
+        add: Callable[[str, float], None],
     ) -> None:
         self.impacts, self.changes = list[Impact](), list[ModeChange]()
         rigid = [(k, joint) for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
@@ -51,6 +53,7 @@ class Settling:
         self._joints = tuple(joint for _, joint in rigid)
         self._clearance_m = np.array([joint.radial_clearance_m for joint in self._joints])
         self._equations, self._shortest_flight_s, self._add = equations, shortest_flight_s, add
+        self._lowest_flight = lowest_flight
         self._phases: Phases = None
 
     def where(self, q: FloatArray, v: FloatArray) -> Separation:
@@ -133,7 +136,7 @@ class Settling:
         closed = touching[np.abs(where.normal_speed[touching]) <= where.round_off[touching, 1]]
         outward = where.normal @ self._pressing(t, q, v, closed)[1] + where.turning
         inward = np.maximum(-where.normal_speed, 0.0)
-        lowest = DEEPEST_UNSEEN * where.round_off[:, 0]
+        lowest = self._lowest_flight * where.round_off[:, 0]
         shortest = np.maximum(self._shortest_flight_s * outward, np.sqrt(8 * lowest * np.maximum(outward, 0)))
         return np.asarray((outward > 0) & (2 * inward < shortest))
 

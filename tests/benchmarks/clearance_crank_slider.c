@@ -108,6 +108,15 @@ static void probe(const Parameters *p, Contact *contact, const Motion *m)
     contact->following = pin_acceleration(p, &flying, m, true) - pin_acceleration(p, &along, m, true);
 }
 
+/* Return whether a pin that moves inwards at both ends of a step of h may have been out in between. */
+INLINE bool has_bulged(const Contact *contact, const Gap *gap, const Gap *new_gap, double h)
+{
+    if (contact->phase != FLIGHT || !(gap->rate < 0 && new_gap->rate < 0))
+        return false;
+    const double steepest = 1.5 * (new_gap->g - gap->g) / h - 0.25 * (gap->rate + new_gap->rate);
+    return steepest > 0.25 * smaller(gap->rate, new_gap->rate);
+}
+
 /* Change the phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume. */
 static int switched(const Parameters *p, Contact *contact, double t, const Motion *m, int event)
 {
@@ -190,6 +199,11 @@ long run(const Parameters *parameters, double *q, double *v, double end, double 
             h = end - t;
         if (!step(&p, &contact, t, h, &m, &new) || !isfinite(new.gap.depth))
             return -1;
+        while (has_bulged(&contact, &m.gap, &new.gap, h)) {
+            h *= 0.5;
+            last = false;
+            step(&p, &contact, t, h, &m, &new);
+        }
         int event = NONE;
         const bool back = contact.phase == FLIGHT && m.gap.rate > 0 && new.gap.rate < 0;
         if (back || first_alarm(&contact, &new.gap, NONE) != NONE) {
