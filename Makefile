@@ -11,7 +11,7 @@ study: .venv/.ready
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2
 
-# Kills, full disks and fuzzed calls, some twenty minutes; it prints its seed and its figures. Linux.
+# Kills, full disks, fuzzed calls and singular positions, an hour; it prints its seed and its figures. Linux.
 soak: .venv/.ready
 	$(BIN)/python -m tests.soak $(if $(SEED),--seed $(SEED))
 
