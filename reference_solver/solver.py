@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # it brings Numba, which takes a moment
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
-#: Flights between rigid walls that are no higher than so many times the distance's round-off are not seen.
+#: Flights between rigid walls that are no higher than so many times the distance's round-off are never seen.
 LOWEST_FLIGHT = 2.0
 #: The methods of error control, of orders 8 and 5.
 METHODS = {"dop853": dop853, "dopri5": dopri5}
@@ -57,15 +57,15 @@ class StepChoice:
 
     Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
     step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
-    than the part ``closing_flight_fraction`` of the longest step, or no higher than ``lowest_flight`` times
-    the distance's round-off (see ``rigid.settling``).
+    than the part ``closing_flight_fraction`` of the longest step (see ``rigid.settling``); or, where
+    ``lowest_flight`` is given, to heights of so many times the distance's round-off.
     """
 
     longest_s: float
     steps_per_contact: float = 100.0
     locate_events: bool = True
     closing_flight_fraction: float = 1e-3
-    lowest_flight: float = LOWEST_FLIGHT
+    lowest_flight: float | None = None
 
     def __post_init__(self) -> None:
         require_positive(self, "longest_s", "steps_per_contact", "closing_flight_fraction")
@@ -87,13 +87,13 @@ class ErrorControl:
     The tolerance is a part of the mechanism's length for positions, of a radian for angles, and of both times
     the mechanism's own rate for velocities (see ``scales``); it is one of a step, not of the result. Events
     are located. Pins before rigid walls bounce until a flight would be so short that its height is of the
-    tolerance, or no higher than ``lowest_flight`` times the distance's round-off.
+    tolerance; or, where ``lowest_flight`` is given, of so many times the distance's round-off.
     """
 
     tolerance: float
     longest_s: float = np.inf
     method: Literal["dop853", "dopri5"] = "dop853"
-    lowest_flight: float = LOWEST_FLIGHT
+    lowest_flight: float | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -229,7 +229,9 @@ class Solver:
         run.control[0] = (*control, 1.0, 1.0, 1.0, 0, -1)
 
     def _shortest_flight_s(self, run: types.Run) -> float:
-        """Return the flight between rigid walls that is not followed any more."""
+        """Return the flight between rigid walls that is not followed any more, if heights do not decide."""
+        if self._choice.lowest_flight is not None:
+            return 0.0
         if isinstance(self._choice, StepChoice):
             return self._choice.closing_flight_fraction * float(run.clock["longest"][0])
         # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
@@ -257,7 +259,7 @@ class Solver:
         def add(name: str, value: float) -> None:
             motion.sums[self._names.index(name)] += value
 
-        lowest = self._choice.lowest_flight
+        lowest = self._choice.lowest_flight or LOWEST_FLIGHT
         settling = Settling(self._equations, self._shortest_flight_s(run), lowest, add)
         knots = (t for t in self._mechanism.knots_s(float(now["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth

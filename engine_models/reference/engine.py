@@ -51,7 +51,8 @@ class ReferenceEngine:
     in error by the ``tolerance``: a part of the mechanism's longest lever, a radian, and both times the rate
     of its start (see ``ErrorControl``).
 
-    Before rigid walls, flights no higher than ``lowest_flight`` times round-off are not followed.
+    Pins before rigid walls bounce as long as step or tolerance let them; or, where ``lowest_flight`` is
+    given, down to heights of so many times round-off.
     """
 
     method: Literal["rk4", "dop853", "dopri5"] = "rk4"
@@ -62,7 +63,7 @@ class ReferenceEngine:
     kernel: Literal["compiled", "readable"] = "compiled"
     steps_per_contact: Annotated[float, Field(ge=4)] = 100.0
     locate_events: bool = True
-    lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] = LOWEST_FLIGHT
+    lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] | None = None
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
