@@ -66,6 +66,9 @@ INSIDE = 1.0 / 3.0
 #: The part of a step that is tried where a stage comes too near to a singular position, and how often: stages
 #: in the middle and at the end of the one are well between those of the other and of the step after it.
 ASIDE, SHORTENED = 2.0 / 3.0, 4
+#: How often a step is shortened where friction of a pin that follows a rigid wall is too stiff for it: near
+#: a jam its damping grows within few steps by orders of magnitude.
+MOST_SHORTENED = 60
 
 
 # ---------------------------------------------------------------------------------------- events
@@ -527,6 +530,15 @@ def due(now, log_rows):
 
 
 @register_jitable(**INNER)
+def rubs(contacts):
+    """Return whether a pin follows a rigid wall with friction."""
+    for k in range(len(contacts)):
+        if contacts[k].rigid != 0.0 and contacts[k].phase != types.FLIGHT and contacts[k].friction > 0.0:
+            return True
+    return False
+
+
+@register_jitable(**INNER)
 def settled(now, contacts, moved):
     """Have all contacts take part again, once time has moved on since an event on a rigid wall."""
     if now.rigid >= 0 and moved:
@@ -575,16 +587,16 @@ def advance(run):
             h = landing - t
         now.tried = h
         condition = run.kernel.step(run.p, contacts, t, h, old, new)
-        for _ in range(SHORTENED):
+        for _ in range(MOST_SHORTENED if rubs(contacts) else SHORTENED):
             if condition < np.inf:
                 break
             h, last = ASIDE * h, False
             condition = run.kernel.step(run.p, contacts, t, h, old, new)
-        if not condition < np.inf or not finite(new.gaps):
-            return types.FAILED
-        while now.located and has_bulged(contacts, old.gaps, new.gaps, h):
+        while now.located and has_bulged(contacts, old.gaps, new.gaps, h) and condition < np.inf:
             h, last = 0.5 * h, False
             condition = run.kernel.step(run.p, contacts, t, h, old, new)
+        if not condition < np.inf or not finite(new.gaps):
+            return types.FAILED
         now.condition = max(now.condition, condition)
         event, whole = -1, h
         if suspicious(contacts, old.gaps, new.gaps):
