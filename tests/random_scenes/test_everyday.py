@@ -10,8 +10,7 @@ EVERYDAY: dict[Kind, tuple[int, ...]] = {
     "compliant": (2, 3, 9, 10, 13, 53, 57, 61, 65, 73, 74, 117),
     "rigid": (12, 16, 19, 40, 41, 72, 76, 83),
 }
-#: Verdicts of a kind that may be refusals: where a truth is certain to a hundredth of the tolerance only just,
-#: round-off may decide.
+#: Verdicts of a kind that may be refusals: where a truth is certain to a hundredth of the tolerance just so.
 REFUSALS = 1
 
 
