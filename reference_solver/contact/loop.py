@@ -69,6 +69,8 @@ ASIDE, SHORTENED = 2.0 / 3.0, 4
 #: How often a step is shortened where friction of a pin that follows a rigid wall is too stiff for it: near
 #: a jam its damping grows within few steps by orders of magnitude.
 MOST_SHORTENED = 60
+#: How often a step is halved in which a pin may have been out: in still shorter ones round-off looks so.
+HALVED = 20
 
 
 # ---------------------------------------------------------------------------------------- events
@@ -182,14 +184,15 @@ def turned_back(contact, gap, new_gap):
 def has_bulged(contacts, gaps, new_gaps, h):
     """Return whether a pin that moves inwards at both ends of a step of h may have been out in between.
 
-    That is where the cubic through both ends' g and rates comes near to rising. A pin that has just hit may
-    be back, and off again, within a step: the shorter one sees it.
+    That is where the cubic through both ends' g and rates comes near to rising, and has the wall in reach. A
+    pin that has just hit may be back, and off again, within a step: the shorter one sees it.
     """
     for k in range(len(contacts)):
         rate, new_rate = gaps[k].rate, new_gaps[k].rate
         if contacts[k].phase == types.FLIGHT and rate < 0.0 and new_rate < 0.0:
             steepest = 1.5 * (new_gaps[k].g - gaps[k].g) / h - 0.25 * (rate + new_rate)
-            if steepest > 0.25 * min(rate, new_rate):
+            excess = steepest - 0.25 * min(rate, new_rate)
+            if excess > 0.0 and max(gaps[k].g, new_gaps[k].g) + excess * h > contacts[k].noise:
                 return True
     return False
 
@@ -592,7 +595,9 @@ def advance(run):
                 break
             h, last = ASIDE * h, False
             condition = run.kernel.step(run.p, contacts, t, h, old, new)
-        while now.located and has_bulged(contacts, old.gaps, new.gaps, h) and condition < np.inf:
+        for _ in range(HALVED):
+            if not (now.located and condition < np.inf and has_bulged(contacts, old.gaps, new.gaps, h)):
+                break
             h, last = 0.5 * h, False
             condition = run.kernel.step(run.p, contacts, t, h, old, new)
         if not condition < np.inf or not finite(new.gaps):

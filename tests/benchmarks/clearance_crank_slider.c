@@ -5,7 +5,7 @@
  */
 #include "clearance_step.h"
 
-enum { STEPS_BETWEEN_PROBES = 16 };
+enum { STEPS_BETWEEN_PROBES = 16, HALVED = 20 };
 enum { NONE = -1, GONE, TURNED }; /* events: touch or release, the law's change of sign */
 typedef struct { double time, what, rate, depth, sums[SUMS]; } Event;
 
@@ -114,7 +114,8 @@ INLINE bool has_bulged(const Contact *contact, const Gap *gap, const Gap *new_ga
     if (contact->phase != FLIGHT || !(gap->rate < 0 && new_gap->rate < 0))
         return false;
     const double steepest = 1.5 * (new_gap->g - gap->g) / h - 0.25 * (gap->rate + new_gap->rate);
-    return steepest > 0.25 * smaller(gap->rate, new_gap->rate);
+    const double excess = steepest - 0.25 * smaller(gap->rate, new_gap->rate);
+    return excess > 0 && larger(gap->g, new_gap->g) + excess * h > 0;
 }
 
 /* Change the phase at an event; return what happened: 1 touch, -1 release, 2 clip, 3 resume. */
@@ -197,13 +198,14 @@ long run(const Parameters *parameters, double *q, double *v, double end, double 
         bool last = t + h >= end - 1e-6 * h;
         if (last)
             h = end - t;
-        if (!step(&p, &contact, t, h, &m, &new) || !isfinite(new.gap.depth))
-            return -1;
-        while (has_bulged(&contact, &m.gap, &new.gap, h)) {
+        bool ok = step(&p, &contact, t, h, &m, &new);
+        for (int i = 0; i < HALVED && ok && has_bulged(&contact, &m.gap, &new.gap, h); i++) {
             h *= 0.5;
             last = false;
-            step(&p, &contact, t, h, &m, &new);
+            ok = step(&p, &contact, t, h, &m, &new);
         }
+        if (!ok || !isfinite(new.gap.depth))
+            return -1;
         int event = NONE;
         const bool back = contact.phase == FLIGHT && m.gap.rate > 0 && new.gap.rate < 0;
         if (back || first_alarm(&contact, &new.gap, NONE) != NONE) {

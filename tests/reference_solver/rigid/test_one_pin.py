@@ -128,6 +128,30 @@ def test_a_graze_within_one_step_is_not_missed_and_a_near_miss_is_none() -> None
             assert found.impacts[0].time_s == pytest.approx(rise - speed / GRAVITY, abs=CLOSED_FORM)
 
 
+@pytest.mark.parametrize("speed", [1e-14, 1e-17])
+def test_a_pin_slower_than_round_off_is_not_waited_for(speed: float) -> None:
+    # In a step it moves by less than the spacing of its coordinate, so that by its gaps it stands.
+    start, end = [0.6 * CLEARANCE, 0.2 * CLEARANCE, 0.0], 1e-3
+    found = run(disc(in_bearing(0.6)), start, [-speed, 0.0, 0.0], end, 100, compiled=True)
+    close(found.q[-1], start, speed * end + ROUND_OFF * CLEARANCE, "place in m")
+    assert found.steps <= 200
+
+
+def test_a_pin_that_leaves_its_wall_without_speed_flies_to_where_the_parabola_meets_it() -> None:
+    # The last of these leaves at a rate of a round-off. Where N = 0, at an angle a, v^2 = g c sin(a), and the
+    # parabola from there is back on the circle after 4 v cos(a)/g. By g, which goes with the time's third
+    # power, round-off hides 1e-7 s of it.
+    mechanism, step = disc(in_bearing(0.0), GRAVITY), 1.4865178470685122e-06
+    for speed in (*np.linspace(0.11, 0.15, 40), 0.14734494970783482):
+        q, v = np.array([0.0, -CLEARANCE, 0.0]), np.array([speed, 0.0, 0.0])
+        found = solve(mechanism, q, v, end_time_s=0.03, samples=1, step=step)
+        sine = (speed**2 / (GRAVITY * CLEARANCE) - 2) / 3
+        flight = 4 * np.sqrt(CLEARANCE / GRAVITY * sine * (1 - sine**2))
+        left = next(change.time_s for change in found.mode_changes if not change.following)
+        hit = next(impact.time_s for impact in found.impacts if impact.time_s > left)
+        assert hit - left == pytest.approx(flight, rel=1e-6), f"started at {speed} m/s"
+
+
 LONG = 0.05  # m: a clearance in which a pin slides like a pendulum
 WIDE = 0.2  # m: its bearing
 
