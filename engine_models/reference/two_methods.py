@@ -53,7 +53,8 @@ def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
     """
     part = tolerance_m / scene.crank.length_m
     sharp = min(LOOSEST, max(SHARPEST, FIRST_PART * part))
-    step, best = _usual_step_s(scene) * (part / USUAL_ERROR) ** 0.25, np.inf
+    # No tolerance is so small that the first step is to be below round-off.
+    step, best = _usual_step_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
     for _ in range(MOST_PAIRS):
         pair = _pair(scene, sharp, step, samples)
         apart = float(pair.apart_m[-1])
