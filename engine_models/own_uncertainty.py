@@ -10,7 +10,7 @@ from engine_models.scene.scene import Scene
 
 #: Units in the last place of a signal's largest value that any run may lose.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
-#: A slider is in doubt where it may be off by more than this part of the smallest clearance.
+#: A slider is in doubt where it may be off by more than this part of the smallest clearance, or the crank.
 DOUBTFUL_PART = 0.01
 
 
@@ -43,19 +43,22 @@ def simulate_with_uncertainty(
 def doubtful_from_s(engine: ReferenceEngine, scene: Scene, run: Trajectory) -> float | None:
     """Return from when on the slider of the reference's run may be off by 1 % of the smallest clearance.
 
-    That is where a run at half the step, and twice the steps per contact, or at a hundredth of the tolerance,
-    is so far away; None where it never is, and without clearance.
+    Without clearance it is 1 % of the crank. That is where a run at half the step, and twice the steps per
+    contact, or at a hundredth of the tolerance, is half so far away; None where it never is.
 
     Raises:
         SimulationFailed: that run fails.
     """
-    if not scene.joints_with_clearance:
-        return None
     settings = RunSettings(run.step_s if engine.controls_error else run.step_s / 2, len(run.time_s) - 1)
     finer = engine.finer().simulate(scene, settings)
-    least = min(clearance.radial_clearance_m for clearance in clearances(scene).values())
-    far = np.abs(run.slider_position_m - finer.slider_position_m) > DOUBTFUL_PART * least / 2
+    far = np.abs(run.slider_position_m - finer.slider_position_m) > DOUBTFUL_PART * measure_m(scene) / 2
     return float(run.time_s[np.argmax(far)]) if far.any() else None
+
+
+def measure_m(scene: Scene) -> float:
+    """Return the smallest radial clearance, or without any the crank's length."""
+    radial = (clearance.radial_clearance_m for clearance in clearances(scene).values())
+    return min(radial, default=scene.crank.length_m)
 
 
 def _apart(one: FloatArray, other: FloatArray) -> FloatArray:

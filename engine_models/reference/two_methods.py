@@ -1,10 +1,10 @@
 """A scene solved by methods of different order, step control and search for events: DOP853 and RK4.
 
 What the one claims is tested by the other. What they share is the equations. RK4 loses its order where
-friction has kinks: there it only has to come near, and what is left is tested by DOPRI5, of order 5 and with
-steps by its error, too. All follow bounces on rigid walls down to round-off at any tolerance, or what
-they leave out would be left out by both; the other method gives up at higher ones, so that what this
-does to the motion is seen as well.
+friction has kinks: where it only comes near, what is left is tested by DOPRI5, of order 5 and with steps by
+its error, too. All follow bounces on rigid walls down to round-off at any tolerance, or what they leave out
+would be left out by both; the other method gives up at higher ones, so that what this does to the motion is
+seen as well.
 """
 
 from dataclasses import dataclass, replace

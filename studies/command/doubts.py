@@ -23,7 +23,8 @@ def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) ->
         except SimulationFailed as failure:
             return [*lines, f"not tested by shorter steps: {failure}"]
         if when is not None:
-            percent, advice = f"{100 * DOUBTFUL_PART:g} %", "use --tolerance, or end the run before"
-            doubtful = f"slider position in doubt by {percent} of the smallest clearance"
-            lines.append(f"{doubtful} or more from t = {when:.6g} s on, by a run at shorter steps: {advice}")
+            measure = "smallest clearance" if scene.joints_with_clearance else "crank"
+            doubtful = f"slider position in doubt by {100 * DOUBTFUL_PART:g} % of the {measure} or more"
+            advice = "use --tolerance, or end the run before"
+            lines.append(f"{doubtful} from t = {when:.6g} s on, by a run at shorter steps: {advice}")
     return lines
