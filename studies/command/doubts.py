@@ -17,7 +17,8 @@ def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) ->
     if (failure := quality.failure()) is not None:
         raise SimulationFailed(failure)
     lines = quality.warnings()
-    if isinstance(engine, ReferenceEngine) and not to_tolerance:
+    # The readable face is slow, and its runs are those of the compiled one to round-off.
+    if isinstance(engine, ReferenceEngine) and engine.kernel == "compiled" and not to_tolerance:
         try:
             when = doubtful_from_s(engine, scene, run)
         except SimulationFailed as failure:
