@@ -8,6 +8,8 @@ from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.two_methods import sharp_pair
 from engine_models.scene.scene import Scene
 
+#: What the sharper solution itself may be off by beside these.
+MARGIN = 1.1
 #: Units in the last place of a signal's largest value that any run may lose.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
 #: A slider is in doubt where it may be off by more than this part of the smallest clearance, or the crank.
@@ -33,8 +35,8 @@ def simulate_with_uncertainty(
     own, sharp, other = (_arrays(of) for of in (run, pair.run, pair.other))
     common = [name for name in own if name in sharp]
     return run, {
-        name: _apart(own[name], sharp[name])
-        + _apart(sharp[name], other[name])
+        name: MARGIN * _apart(own[name], sharp[name])
+        + MARGIN * _apart(sharp[name], other[name])
         + ROUND_OFF * np.abs(sharp[name]).max(axis=0)
         for name in common
     }
