@@ -69,6 +69,7 @@ class StepChoice:
 
     def __post_init__(self) -> None:
         require_positive(self, "longest_s", "steps_per_contact", "closing_flight_fraction")
+        require_flight("StepChoice", self.lowest_flight)
 
     def at(self, longest_s: float) -> "StepChoice":
         """Return both rates in proportion, at another longest step."""
@@ -102,6 +103,7 @@ class ErrorControl:
         valid, wanted = is_number(tolerance) and 0 < tolerance < 1, "a finite number > 0 and < 1"
         require("ErrorControl.tolerance", tolerance, valid, wanted)
         require("ErrorControl.longest_s", longest, longest > 0, "a number > 0")
+        require_flight("ErrorControl", self.lowest_flight)
 
 
 def nobody(_: float) -> None:
@@ -382,6 +384,12 @@ def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
         return *state, clearance, *[0.0] * 4, slope, 0.0, 1.0, 0.0, 0.0, 0.0
     compliant = (law.stiffness, law.exponent, law.damping_factor, law.minimum_impact_speed_m_s, slope)
     return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0
+
+
+def require_flight(part: str, lowest: float | None) -> None:
+    """Raise ValueError unless a lowest flight is none, or one that round-off does not hide."""
+    valid = lowest is None or (is_number(lowest) and lowest >= LOWEST_FLIGHT)
+    require(f"{part}.lowest_flight", lowest, valid, f"a finite number >= {LOWEST_FLIGHT:g} or None")
 
 
 def require_run(end_time_s: float, samples: int) -> None:

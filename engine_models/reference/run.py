@@ -8,7 +8,7 @@ from collections.abc import Callable
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start
-from engine_models.pace import MOST_STEPS, Pace, too_slow
+from engine_models.pace import Pace, too_slow
 from engine_models.progress import tell
 from engine_models.reference.model import mechanism_of
 from engine_models.reference.trajectory import trajectory_of_solution
@@ -17,9 +17,6 @@ from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, Stalled
 from reference_solver.mechanism.scales import scales_of
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
-
-#: Runs tried with ever shorter steps, each this part of what friction needed in the one before.
-MOST_TRIES, ROOM = 5, 0.8
 
 #: Steps of contacts, and events on rigid walls, after which their pace is judged: some seconds; and events
 #: that there is no time for.
@@ -49,7 +46,7 @@ def reference_run(
     stabilisation: Stabilisation,
     compiled: bool,
 ) -> Trajectory:
-    """Run a scene; with shorter steps where friction on rigid walls needs them.
+    """Run a scene.
 
     The joints' forces on rigid walls are those of following, without impulses. The solve time is the solver's
     own. It includes the making of kernels for pins that follow rigid walls, one for every set of them that
@@ -57,36 +54,28 @@ def reference_run(
     interpolated (see ``solver.solve``).
 
     Raises:
-        FrictionTooStiff: it still needs shorter ones after ``MOST_TRIES``.
+        SolverError: as the solver does.
+        SimulationFailed: the steps are too short to come to an end; it says which field forces them.
     """
     q, v = (part.ravel() for part in checked_start(scene))
     mechanism = mechanism_of(scene)
     check_start(mechanism, q, v)
 
-    def run(choice: StepChoice | ErrorControl) -> Trajectory:
-        solver = Solver(mechanism, q, choice, stabilisation, compiled)
-        try:
-            solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
-        except Stalled as stalled:
-            raise too_slow(scene, f"steps that make no way at t = {stalled.time_s:.6g} s") from stalled
-        stabilised = stabilisation != "none"
-        return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
-
-    if not isinstance(choice, ErrorControl) and scene.drive.kind == "fluctuating":
-        require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
-    if isinstance(choice, ErrorControl):  # which friction does not make unstable
-        return run(choice)
-    coarse = settings.steps_per_sample(scene.end_time_s) == 1
-    if scene.joints_with_clearance and choice.locate_events and coarse:
-        choice = choice.at(settings.step_s)
-    for _ in range(MOST_TRIES):
-        try:
-            return run(choice)
-        except FrictionTooStiff as stiff:
-            if stiff.needed_s * MOST_STEPS < scene.end_time_s:
-                raise too_slow(scene, f"steps of {stiff.needed_s:.3g} s") from stiff
-            choice = choice.at(ROOM * stiff.needed_s)
-    return run(choice)
+    if not isinstance(choice, ErrorControl):
+        if scene.drive.kind == "fluctuating":
+            require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
+        coarse = settings.steps_per_sample(scene.end_time_s) == 1
+        if scene.joints_with_clearance and choice.locate_events and coarse:
+            choice = choice.at(settings.step_s)
+    solver = Solver(mechanism, q, choice, stabilisation, compiled)
+    try:
+        solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
+    except Stalled as stalled:
+        raise too_slow(scene, f"steps that make no way at t = {stalled.time_s:.6g} s") from stalled
+    except FrictionTooStiff as stiff:
+        raise too_slow(scene, f"steps of {stiff.needed_s:.3g} s") from stiff
+    stabilised = stabilisation != "none"
+    return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
 
 
 def _watch(scene: Scene, solver: Solver) -> Callable[[float], None]:

@@ -16,6 +16,7 @@ from reference_solver.contact import loop as contact_loop
 from reference_solver.contact.force import gap
 from reference_solver.contact.types import DONE, FAILED, SAMPLE, SPENT, Motion, Run
 from reference_solver.equations import Equations
+from reference_solver.failures import FrictionTooStiff
 from reference_solver.mechanism.points import State
 from reference_solver.methods import Step, step, tableau
 from reference_solver.tape import FloatArray, RecordArray
@@ -103,9 +104,12 @@ class ReadableFace:
         That is infinite where the step is not to be taken.
 
         Raises:
-            SingularConfiguration, PainleveParadox, FrictionTooStiff: as ``Equations.required`` does.
+            SingularConfiguration, PainleveParadox: as ``Equations.required`` does.
         """
-        after = self.stepped(contacts, t, h, old)
+        try:
+            after = self.stepped(contacts, t, h, old)
+        except FrictionTooStiff:  # for a step so long
+            return math.inf
         new.y[:] = [*after.q, *after.v, *after.sums.values(), after.removed]
         finite = bool(np.isfinite(new.q).all() and np.isfinite(new.v).all())
         if finite:
@@ -113,7 +117,11 @@ class ReadableFace:
         return float(after.condition) if finite and after.ok else math.inf
 
     def stepped(self, contacts: RecordArray, t: float, h: float, old: Motion) -> Step:
-        """Return a step from a motion; raise as ``step`` does."""
+        """Return a step from a motion.
+
+        Raises:
+            SingularConfiguration, PainleveParadox, FrictionTooStiff: as ``Equations.required`` does.
+        """
         equations, phases, method = self.equations, phases_of(contacts), self._topology.method
 
         def answer(t: float, q: FloatArray, v: FloatArray) -> object:

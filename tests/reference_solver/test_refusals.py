@@ -78,6 +78,14 @@ BAD: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: StepChoice(1e-5, 0.0), f"StepChoice.steps_per_contact: expected {POSITIVE}, got 0.0"),
     (
+        lambda: StepChoice(1e-5, lowest_flight=1.0),
+        "StepChoice.lowest_flight: expected a finite number >= 2 or None, got 1.0",
+    ),
+    (
+        lambda: ErrorControl(1e-9, lowest_flight=nan),
+        "ErrorControl.lowest_flight: expected a finite number >= 2 or None, got nan",
+    ),
+    (
         lambda: StepChoice(1e-5, closing_flight_fraction=-1.0),
         f"StepChoice.closing_flight_fraction: expected {POSITIVE}, got -1.0",
     ),
