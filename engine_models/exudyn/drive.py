@@ -7,6 +7,7 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface
 
+from engine_models.exudyn.motion import Part
 from engine_models.exudyn.symbolic import piecewise, symbolic, user_function
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
@@ -19,9 +20,10 @@ items: Any = itemInterface  # its constructors carry no types
 FLYWHEEL_KG_M2 = HEAVY_KG = 1e15
 
 
-def add_speed(mbs: exu.MainSystem, scene: Scene, crank_node: Any) -> Any:
-    """Add and return the constraint that keeps the crank's speed."""
-    crank_angle = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=crank_node, coordinate=2))
+def add_speed(mbs: exu.MainSystem, scene: Scene, crank: Part) -> Any:
+    """Add and return the constraint that keeps the speed of the crank, whose last coordinate is its angle."""
+    angle = len(crank.start) - 1
+    crank_angle = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=crank.node, coordinate=angle))
     if scene.drive.kind == "constant-speed":
         ground_node = mbs.AddNode(items.NodePointGround())
         other = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=ground_node, coordinate=0))

@@ -1,10 +1,11 @@
 """A scene as an Exudyn model, with nothing in it that the scene does not need.
 
-The absolute model has planar bodies and a constraint for every ideal joint; implicit solvers run it. The
-slider is a mass on its own guide coordinate, so the guide needs no constraint and costs no multiplier. The
-tree model has no constraint at all: the ideal joints are those of a kinematic tree, and a prescribed crank
-speed is kept by a flywheel. Explicit solvers run it. A joint with clearance is a contact in both. All
-coordinates that Exudyn solves for are displacements from the assembled start.
+The absolute model has planar bodies and constraints for its ideal joints; implicit solvers run it. The
+slider is a mass on its own guide coordinate and the crank, where O is ideal, a rotor of one angle: neither
+the guide nor O needs a constraint or costs a multiplier. The tree model has no constraint at all: the ideal
+joints are those of a kinematic tree, and a prescribed crank speed is kept by a flywheel. Explicit solvers run
+it. A joint with clearance is a contact in both. All coordinates that Exudyn solves for are displacements from
+the assembled start.
 """
 
 from dataclasses import dataclass
@@ -31,8 +32,8 @@ items: Any = itemInterface  # its constructors carry no types
 class Model:
     """An assembled Exudyn model: the container that owns it, and the sensors by what they measure.
 
-    ``joint_forces`` are those of the absolute model's ideal joints, each on the body further from the crank
-    pivot. ``driver`` measures minus the torque on the crank and is None without the constraint of a
+    ``joint_forces`` are those of the absolute model's ideal joints but O, each on the body further from the
+    crank pivot. ``driver`` measures minus the torque on the crank and is None without the constraint of a
     prescribed speed. ``histories`` are those of the contacts, by joint. ``reference`` (bodies, 3) is the
     start. Only the tree model has no constraint, ``tree`` being true.
     """
@@ -49,26 +50,29 @@ class Model:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The parts of a system, and for every body of the scene the object that it is, or is a link of."""
+    """The parts of a system, and for every body of the scene the object that it is, or is a link of.
+
+    The links are those of a kinematic ``tree`` or the rotor's.
+    """
 
     mbs: exu.MainSystem
     parts: tuple[Part, ...]
     objects: dict[int, Any]
+    tree: bool
 
     def marker(self, body: int | None, place_m: float = 0.0) -> Any:
         """Add a marker with position and orientation at ``place_m`` from a body's centre of mass.
 
         Without a body it is on the ground, from the origin.
         """
-        for number, link in enumerate(self.parts[0].links):
-            if body is not None and link.body == body:
-                at = [link.centre_m + place_m, 0.0, 0.0]
-                marker = items.MarkerKinematicTreeRigid(
-                    objectNumber=self.objects[body], linkNumber=number, localPosition=at
-                )
-                return self.mbs.AddMarker(marker)
         carrier = self.mbs.AddObject(items.ObjectGround()) if body is None else self.objects[body]
-        marker = items.MarkerBodyRigid(bodyNumber=carrier, localPosition=[place_m, 0.0, 0.0])
+        links = self.parts[0].links
+        number = next((k for k, link in enumerate(links) if body is not None and link.body == body), None)
+        at = [place_m if number is None else links[number].centre_m + place_m, 0.0, 0.0]
+        if number is not None and self.tree:
+            marker = items.MarkerKinematicTreeRigid(objectNumber=carrier, linkNumber=number, localPosition=at)
+        else:
+            marker = items.MarkerBodyRigid(bodyNumber=carrier, localPosition=at)
         return self.mbs.AddMarker(marker)
 
 
@@ -81,7 +85,7 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
     histories: dict[str, int] = {}
     for joint, sides in ends(scene).items():
         clearance = clearances(scene).get(joint)
-        if tree and clearance is None:
+        if clearance is None and (tree or joint == "O"):
             continue
         # The first marker is on the body whose force the sensor is to give.
         markers = [bodies.marker(*side) for side in sides]
@@ -95,7 +99,7 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
     add_loads(mbs, scene, bodies.parts, position, flywheel=tree)
     driver = None
     if scene.speed_is_prescribed and not tree:
-        driver = _force_sensor(mbs, add_speed(mbs, scene, bodies.parts[CRANK].node))
+        driver = _force_sensor(mbs, add_speed(mbs, scene, bodies.parts[CRANK]))
     if scene.drive.kind == "torque":
         torque = [0.0, 0.0, scene.drive.torque_N_m]
         mbs.AddLoad(items.LoadTorqueVector(markerNumber=bodies.marker(CRANK), loadVector=torque))
@@ -113,11 +117,11 @@ def _add_bodies(
         inertias[CRANK] += FLYWHEEL_KG_M2
     parts: list[Part] = []
     objects: dict[int, Any] = {}
-    quantities = ("Coordinates", "Coordinates_t", *(["Coordinates_tt"] if tree else []))
 
-    def add_part(node: Any, start: FloatArray, **what: Any) -> None:
+    def add_part(node: Any, start: FloatArray, body: int = -1, links: tuple[TreeLink, ...] = ()) -> None:
+        quantities = ("Coordinates", "Coordinates_t", *(["Coordinates_tt"] if tree or links else []))
         sensors = tuple(_node_sensor(mbs, node, quantity) for quantity in quantities)
-        parts.append(Part(node, start, sensors, **what))
+        parts.append(Part(node, start, sensors, body, links))
 
     if links:
         start, rates = tree_start(links, position, velocity)
@@ -127,29 +131,36 @@ def _add_bodies(
     for body, what in enumerate(scene.bodies):
         if body in objects:
             continue
+        at, speeds = position[body], velocity[body]
         if body == SLIDER:
-            at = position[body, :1]
-            node = mbs.AddNode(items.Node1D(referenceCoordinates=at, initialVelocities=velocity[body, :1]))
+            at = at[:1]
+            node = mbs.AddNode(items.Node1D(referenceCoordinates=at, initialVelocities=speeds[:1]))
             # Its weight acts across its guide, outside its one equation.
             objects[body] = mbs.AddObject(items.ObjectMass1D(mass=what.mass_kg, nodeNumber=node))
+            add_part(node, at, body)
+        elif body == CRANK and not tree and "O" not in scene.joints_with_clearance:
+            at, s = at[2:], scene.crank.centre_of_mass_m
+            node = mbs.AddNode(items.Node1D(referenceCoordinates=at, initialVelocities=speeds[2:]))
+            inertia = inertias[body] + what.mass_kg * s**2
+            objects[body] = mbs.AddObject(items.ObjectRotationalMass1D(inertia=inertia, nodeNumber=node))
+            _add_weight(mbs, scene, objects[body], what.mass_kg, s)
+            add_part(node, at, links=(TreeLink(-1, "turn", body=CRANK, centre_m=s),))
         else:
-            at = position[body]
-            node = mbs.AddNode(
-                items.NodeRigidBody2D(referenceCoordinates=at, initialVelocities=velocity[body])
-            )
+            node = mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=at, initialVelocities=speeds))
             objects[body] = mbs.AddObject(
                 items.ObjectRigidBody2D(mass=what.mass_kg, inertia=inertias[body], nodeNumber=node)
             )
-            _add_weight(mbs, scene, objects[body])
-        add_part(node, at, body=body)
-    return Bodies(mbs, tuple(parts), objects)
+            _add_weight(mbs, scene, objects[body], what.mass_kg, 0.0)
+            add_part(node, at, body)
+    return Bodies(mbs, tuple(parts), objects, tree)
 
 
-def _add_weight(mbs: exu.MainSystem, scene: Scene, body: Any) -> None:
+def _add_weight(mbs: exu.MainSystem, scene: Scene, body: Any, mass_kg: float, place_m: float) -> None:
+    """Add a body's weight, which acts at a place along its x axis."""
     if scene.gravity_m_s2 != 0:
-        mass = mbs.AddMarker(items.MarkerBodyMass(bodyNumber=body))
-        load = [0.0, -scene.gravity_m_s2, 0.0]
-        mbs.AddLoad(items.LoadMassProportional(markerNumber=mass, loadVector=load))
+        at = mbs.AddMarker(items.MarkerBodyPosition(bodyNumber=body, localPosition=[place_m, 0.0, 0.0]))
+        weight = [0.0, -mass_kg * scene.gravity_m_s2, 0.0]
+        mbs.AddLoad(items.LoadForceVector(markerNumber=at, loadVector=weight))
 
 
 def _add_tree(

@@ -24,7 +24,8 @@ GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
 class Part:
     """A node with its coordinates at the start (c,), and its one body or the links of its tree.
 
-    ``sensors`` measure its coordinates, their rates and, in a tree model, their accelerations.
+    A crank that is a rotor is a tree of one link. ``sensors`` measure its coordinates, their rates and, in a
+    tree, their accelerations; in a tree model those of all parts.
     """
 
     node: Any
@@ -32,6 +33,21 @@ class Part:
     sensors: tuple[int, ...]
     body: int = -1
     links: tuple[TreeLink, ...] = ()
+
+
+def place_bodies(
+    states: FloatArray, part: Part, q: FloatArray, v: FloatArray, a: FloatArray | None = None
+) -> None:
+    """Write a part's bodies into positions, velocities and accelerations, (3, n, bodies, 3).
+
+    Its coordinates, with their rates and accelerations, are (n, c); accelerations may be unknown.
+    """
+    a = np.zeros_like(q) if a is None else a
+    if part.links:
+        for body, moving in tree_states(part.links, part.start + q, v, a):
+            states[:, :, body] = moving
+    else:  # the slider has x alone
+        states[:, :, part.body, : q.shape[1]] = part.start + q, v, a
 
 
 @dataclass(frozen=True)
@@ -67,13 +83,7 @@ class Motion:
         step = np.clip(np.searchsorted(self.time_s, time_s, "right") - 1, 0, len(self.time_s) - 2)
         out = np.zeros((3, len(time_s), self.bodies, 3))
         for record in self.records:
-            q, v, a = self._coordinates(record, time_s, step)
-            q = q + record.part.start
-            if record.part.links:
-                for body, states in tree_states(record.part.links, q, v, a):
-                    out[:, :, body] = states
-            else:  # the slider has x alone
-                out[:, :, record.part.body, : q.shape[1]] = q, v, a
+            place_bodies(out, record.part, *self._coordinates(record, time_s, step))
         return out[0], out[1], out[2]
 
     def _coordinates(self, record: Record, time_s: FloatArray, step: NDArray[np.int64]) -> States:

@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from engine_models.engine import JOINTS, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
-from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral
+from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral, place_bodies
 from engine_models.exudyn.settings import IMPLICIT, ExudynSettings
 from engine_models.exudyn.solver import record_every, silence, simulation_settings, solve
 from engine_models.mechanics.crank_motion import crank_motion, motor_torque
@@ -57,12 +57,10 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
     per_record = record_every(scene, run)
     grid = np.linspace(0.0, scene.end_time_s, run.samples * per_sample // per_record + 1)
     samples = slice(None, None, per_sample // per_record)
-    states = np.zeros((2, len(grid), *model.reference.shape))
-    for part in model.parts:  # the slider has x alone
-        for state, sensor in zip(states, part.sensors, strict=True):
-            state[:, part.body, : len(part.start)] = _read(model, sensor, grid)
-    forces = [_read(model, sensor, grid)[samples, :2] for sensor in model.joint_forces.values()]
-    states[0] += model.reference
+    states = np.zeros((3, len(grid), *model.reference.shape))
+    for part in model.parts:
+        place_bodies(states, part, *(_read(model, sensor, grid) for sensor in part.sensors))
+    forces = {name: _read(model, sensor, grid)[samples, :2] for name, sensor in model.joint_forces.items()}
     powers, torque = _powers(scene, states[0], states[1]), None
     if model.driver is not None:
         torque = -_read(model, model.driver, grid)[:, 0]
@@ -71,8 +69,9 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
     works = {
         name: cumulative_trapezoid(power, dx=step, initial=0.0)[samples] for name, power in powers.items()
     }
-    force = np.stack(forces, axis=1)
-    position, velocity = states[:, samples].copy()  # not a view, which would keep all steps
+    position, velocity, acceleration = states[:, samples].copy()  # not a view, which would keep all steps
+    forces["O"] = _pivot_force(scene, acceleration, forces.get("A"))
+    force = np.stack([forces[name] for name in scene.joints], axis=1)
     return trajectory_of(
         scene,
         position=position,
@@ -86,6 +85,16 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
         solve_time_s=solve_time_s,
         load_work_J=works,
     )
+
+
+def _pivot_force(scene: Scene, acceleration: FloatArray, at_A_N: FloatArray | None) -> FloatArray:
+    """Return the ideal O's force on the crank (n, 2), which has no constraint there: from its momentum.
+
+    ``acceleration`` (n, bodies, 3) is all bodies', ``at_A_N`` (n, 2) acts on the rod, None without one.
+    """
+    gravity = np.array([0.0, scene.gravity_m_s2])
+    force = scene.crank.mass_kg * (acceleration[:, CRANK, :2] + gravity)
+    return np.asarray(force if at_A_N is None else force + at_A_N)
 
 
 def _powers(scene: Scene, position: FloatArray, velocity: FloatArray) -> dict[str, FloatArray]:
@@ -151,7 +160,7 @@ Forces = tuple[FloatArray, FloatArray | None, FloatArray | None]
 
 
 def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray) -> Forces:
-    """Return what the sensors of joints and driver recorded, at the samples (n,)."""
+    """Return what the sensors of joints and driver recorded, at the samples (n,), with the force at O."""
 
     def at_samples(values: FloatArray, time: FloatArray = time_s) -> FloatArray:
         return np.stack([np.interp(time, motion.time_s, column) for column in values.T], axis=-1)
@@ -161,6 +170,8 @@ def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray)
         force[:, JOINTS.index(name)] = at_samples(_stored(model, sensor)[:, 1:3])
     for name in scene.joints_with_clearance:
         force[:, JOINTS.index(name)] = contact_force(contact_states(scene, name, motion, time_s))
+    if "O" not in scene.joints_with_clearance:
+        force[:, 0] = _pivot_force(scene, motion.at(time_s)[2], force[:, 1])
     if model.driver is None:
         return force, None, None
     grid = np.union1d(motion.time_s, time_s)

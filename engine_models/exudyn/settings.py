@@ -17,17 +17,21 @@ class ExudynSettings:
     """Settings of Exudyn's solvers; the defaults are its best practice.
 
     ``solver = auto`` is the implicit trapezoidal rule for ideal joints and DOPRI5 for joints with clearance,
-    wherever its model can be built. Implicit solvers run the absolute model: every ideal joint is a
+    wherever its model can be built. Implicit solvers run the absolute model: every ideal joint but O is a
     constraint. Explicit ones run the tree model, which has no constraint, and only scenes with clearance.
     DOPRI5 and ODE23 choose their steps, up to the run's, for a local error of ``tolerance`` in m, rad, m/s
-    and rad/s; the others take the run's step. With ``locate_events`` steps are shortened to end on touch and
-    release, and grow again; without it they are as they come.
+    and rad/s; the others take the run's step. With larger tolerances than are allowed runs have overflowed,
+    and Exudyn then went on for ever. With ``locate_events`` steps are shortened to end on touch and release,
+    the more closely the smaller the tolerance, and grow again; without it they are as they come.
 
     ``spectral_radius`` (at infinite frequency) matters to the generalized-alpha method alone: 1 would keep
     the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps. Newton's
     method ends when its increment, in m and rad, is below ``newton_tolerance``: residuals are forces, and no
-    bound on those fits both a light mechanism and a heavy one. ``modified_newton`` factorises one Jacobian
-    a step, not one an iteration.
+    bound on those fits both a light mechanism and a heavy one. Without a value the bound goes by the angle
+    that the crank turns in a step (``solver.newton_bound``): the trapezoidal rule then takes two iterations
+    where 1e-12 asks for three to seven, the generalized-alpha method one, at the same errors. A bound that is
+    constant costs digits of forces once it is near the increments. ``modified_newton`` factorises one
+    Jacobian a step, not one an iteration: full Newton, and Jacobians kept over steps, are slower.
 
     ``fast`` takes Exudyn's build without range checks. A process has the build of its first run.
     A run that takes longer than ``timeout_s`` has failed.
@@ -44,10 +48,10 @@ class ExudynSettings:
         "RK33",
         "ExplicitMidpoint",
     ] = "auto"
-    tolerance: Annotated[float, Field(gt=0, le=1e-3)] = 1e-10
+    tolerance: Annotated[float, Field(gt=0, le=1e-4)] = 1e-10
     locate_events: bool = True
     spectral_radius: Annotated[float, Field(ge=0, lt=1)] = 0.5
-    newton_tolerance: Annotated[float, Field(gt=0, le=1e-6)] = 1e-12
+    newton_tolerance: Annotated[float, Field(gt=0, le=1e-6)] | None = None
     modified_newton: bool = True
     fast: bool = False
     timeout_s: Annotated[float, Field(gt=0)] = 120.0

@@ -5,16 +5,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
-from typing import Literal
 
 import exudyn as exu
+import numpy as np
 
 from engine_models import progress
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work
 from engine_models.mechanics.contact_law import stiffness_of
-from engine_models.mechanics.crank_motion import FEWEST_STEPS, quickest_s
+from engine_models.mechanics.crank_motion import FEWEST_STEPS, expected_speeds_rad_s, quickest_s
 from engine_models.mechanics.joints import clearances
 from engine_models.pace import Pace
 from engine_models.scene.scene import Scene
@@ -26,6 +26,11 @@ from engine_models.scene.scene import Scene
 #: without a look at the clock.
 EVENT_GAP_M = {"explicit": 1e-12, "implicit": 1e-9}
 SHORTEST_STEP_S = {"explicit": 1e-100, "implicit": 1e-13}
+#: With error control the penetration is this part of the tolerance, so that events leave no larger error than
+#: steps do. It ends above round-off, and where a larger one has let runs diverge.
+GAP_PER_TOLERANCE, LEAST_GAP_M, LARGEST_GAP_M = 1e-4, 1e-13, 1e-9
+#: Newton's bound grows up to steps in which the crank turns by this, and shrinks no further than to this.
+LARGEST_TURN_RAD, LEAST_INCREMENT = 0.1, 1e-12
 #: After an event steps may grow by this factor each: DOPRI5's (Hairer, Norsett, Wanner) and the others'.
 GROWTH_ADAPTIVE, GROWTH = 5.0, 2.0
 #: Exudyn takes a run for finished 1e-10 s ahead of its end. Where samples lie between steps it is to go on.
@@ -71,27 +76,48 @@ def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) 
     integration.numberOfSteps = steps
     integration.adaptiveStep = integration.automaticStepSize = False
     if scene.joints_with_clearance:
-        _set_events(
-            integration, scene, "implicit" if solver in IMPLICIT else "explicit", engine.locate_events
-        )
+        _set_events(integration, scene, engine, solver)
     if solver in IMPLICIT:
-        _set_implicit(integration, engine)
+        bound = engine.newton_tolerance or newton_bound(scene, solver, scene.end_time_s / steps)
+        _set_implicit(integration, engine, bound)
     else:
-        _set_explicit(integration)
+        _set_explicit(integration, solver)
     if solver in ADAPTIVE:
         _set_adaptive(integration, engine.tolerance, quickest_s(scene) / FEWEST_STEPS)
     return settings
 
 
-def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynSettings) -> None:
-    """Set up the implicit methods and their Newton iteration."""
+def newton_bound(scene: Scene, solver: str, step_s: float) -> float:
+    """Return the increment, in m and rad, below which Newton's method need not go on in steps of a length.
+
+    Powers are of the angle that the crank turns in a step. The first increment is of the second power, the
+    step's own error of the third. In the trapezoidal rule, whose Jacobian lacks what velocities owe to
+    coordinates, an iteration gains one power. Forces go by increments over the squared step, so that they
+    need two iterations, in every step: a single one in some of them costs all their digits. In the
+    generalized-alpha method an iteration doubles the power, and with ideal joints one is enough.
+    """
+    speed = float(np.abs(expected_speeds_rad_s(scene)).max())
+    if scene.drive.kind in ("free", "torque"):  # whatever it starts with, it swings
+        speed = max(speed, math.sqrt(scene.gravity_m_s2 / scene.crank.length_m))
+    turned = min(speed * step_s, LARGEST_TURN_RAD)
+    rod = scene.rod  # the norm of what it moves and turns by, for a crank that turns by 1 rad
+    size = 1.0 if rod is None else scene.crank.length_m * math.hypot(1.0, 1 / rod.length_m)
+    if scene.joints_with_clearance:  # no coarser than touch and release are told apart
+        bound = min(size * turned**3 / 25, EVENT_GAP_M["implicit"])
+    else:
+        bound = size * (turned**2 if solver == "GeneralizedAlpha" else turned**3 / 25)
+    return max(bound, LEAST_INCREMENT)
+
+
+def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynSettings, bound: float) -> None:
+    """Set up the implicit methods and their Newton iteration, down to a bound on its increments."""
     integration.generalizedAlpha.spectralRadius = engine.spectral_radius
     integration.generalizedAlpha.computeInitialAccelerations = True
     newton = integration.newton
     newton.useModifiedNewton = engine.modified_newton
     newton.modifiedNewtonJacUpdatePerStep = True
     newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
-    newton.relativeTolerance = newton.absoluteTolerance = engine.newton_tolerance
+    newton.relativeTolerance = newton.absoluteTolerance = bound
     newton.maxIterations = 25
     # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
     # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
@@ -99,10 +125,14 @@ def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynSettin
     newton.numericalDifferentiation.minimumCoordinateSize = 1.0
 
 
-def _set_explicit(integration: exu.TimeIntegrationSettings) -> None:
-    """Set up the explicit methods: no Lie group among planar coordinates, each step's last acceleration."""
+def _set_explicit(integration: exu.TimeIntegrationSettings, solver: str) -> None:
+    """Set up the explicit methods: no Lie group among planar coordinates, each step's last acceleration.
+
+    The last stage of an embedded pair is at the step's end: its acceleration need not be computed again.
+    """
     explicit = integration.explicit
-    explicit.useLieGroupIntegration, explicit.computeEndOfStepAccelerations = False, True
+    explicit.useLieGroupIntegration = False
+    explicit.computeEndOfStepAccelerations = solver not in ADAPTIVE
     explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
 
 
@@ -120,12 +150,13 @@ def _set_adaptive(integration: exu.TimeIntegrationSettings, tolerance: float, fi
 
 
 def _set_events(
-    integration: exu.TimeIntegrationSettings,
-    scene: Scene,
-    kind: Literal["explicit", "implicit"],
-    locate: bool,
+    integration: exu.TimeIntegrationSettings, scene: Scene, engine: ExudynSettings, solver: str
 ) -> None:
     """Set up how a contact's switching is treated: steps that end on it, or steps as they come."""
+    kind = "implicit" if solver in IMPLICIT else "explicit"
+    locate, gap = engine.locate_events, EVENT_GAP_M[kind]
+    if solver in ADAPTIVE:
+        gap = min(max(GAP_PER_TOLERANCE * engine.tolerance, LEAST_GAP_M), LARGEST_GAP_M)
     integration.endTime = scene.end_time_s + OVERRUN_S
     integration.minimumStepSize = SHORTEST_STEP_S[kind]
     integration.adaptiveStep = locate
@@ -137,7 +168,7 @@ def _set_events(
     switching.maxIterations, switching.ignoreMaxIterations = 5, not locate
     # The switching error is the gap times the stiffness.
     softest = min(stiffness_of(clearance) for clearance in clearances(scene).values())
-    switching.iterationTolerance = softest * EVENT_GAP_M[kind] if locate else 1.0
+    switching.iterationTolerance = softest * gap if locate else 1.0
 
 
 def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:

@@ -403,6 +403,26 @@ def test_two_runs_are_bit_identical(solver: str) -> None:
         assert np.array_equal(value, getattr(second.contacts["B"], name)), name
 
 
+@pytest.mark.parametrize("solver", ["DOPRI5", "ODE23"])
+def test_the_last_stage_of_an_embedded_pair_is_the_acceleration_at_the_steps_end(solver: str) -> None:
+    from engine_models.exudyn.model import build_model
+    from engine_models.exudyn.solver import simulation_settings
+
+    scene, records = short(DRIVEN), []
+    engine = ExudynEngine(solver=solver, tolerance=1e-6)  # type: ignore[arg-type]
+    for computed_again in (True, False):
+        model, settings = (
+            build_model(scene, tree=True),
+            simulation_settings(engine, scene, RunSettings(1e-3, 10)),
+        )
+        settings.timeIntegration.explicit.computeEndOfStepAccelerations = computed_again
+        model.mbs.SolveDynamic(settings)
+        records.append([model.mbs.GetSensorStoredData(part.sensors[2]) for part in model.parts])
+    for again, last in zip(*records, strict=True):
+        largest_m_s2 = np.abs(again).max()
+        assert np.abs(last - again)[1:].max() < 1e-10 * largest_m_s2  # but at the start, which has no stage
+
+
 def test_samples_do_not_change_the_steps_of_an_adaptive_solver() -> None:
     few, many = (run(short(DRIVEN), 1e-5, samples) for samples in (2, 200))
     assert few.steps == many.steps
@@ -435,7 +455,14 @@ else:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("tolerance", 0.0), ("tolerance", math.nan), ("timeout_s", -1.0), ("solver", "DVERK6"), ("fast", 2)],
+    [
+        ("tolerance", 0.0),
+        ("tolerance", 1e-3),
+        ("tolerance", math.nan),
+        ("timeout_s", -1.0),
+        ("solver", "DVERK6"),
+        ("fast", 2),
+    ],
 )
 def test_nonsense_settings_are_refused_by_name(field: str, value: object) -> None:
     with pytest.raises(pydantic.ValidationError, match=field):
