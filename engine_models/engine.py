@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,21 @@ BODIES = ("crank", "rod", "slider")
 JOINTS = ("O", "A", "B")
 
 
+#: Who says that there is no run: the engine itself; a check of this project's around it, which the engine
+#: alone would not make; or one of the scene, made before any engine is asked.
+Speaker = Literal["engine", "guard", "scene"]
+
+
 class UnsupportedScene(Exception):
     """The engine, or its present settings, cannot express this scene; the message is the reason."""
+
+    spoken_by: ClassVar[Speaker] = "guard"
+
+
+class ImpossibleScene(UnsupportedScene):
+    """No engine is asked: there is no such mechanism."""
+
+    spoken_by = "scene"
 
 
 class ProcessTaken(UnsupportedScene):
@@ -35,6 +48,20 @@ class ProcessTaken(UnsupportedScene):
 
 class SimulationFailed(Exception):
     """The run broke down; the message says when and why."""
+
+    spoken_by: ClassVar[Speaker] = "guard"
+
+
+class EngineFailed(SimulationFailed):
+    """The engine itself gave up."""
+
+    spoken_by = "engine"
+
+
+class ImpossibleStart(SimulationFailed):
+    """No engine is asked: the mechanism cannot begin as the scene says."""
+
+    spoken_by = "scene"
 
 
 def require_samples(samples: object) -> None:

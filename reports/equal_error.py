@@ -1,25 +1,91 @@
-"""Run times at equal error: who is cheapest, and by what factor, round by round of the timed runs.
+"""Run times at equal error: who is cheapest, by what factor, and how sure that is.
 
-The rungs of ladders are data frames, a row for each: ``engine``, ``label``, ``error``, ``steps``, the run
-times ``times_s`` of every round in s, and their median ``time_s``.
+The rungs of ladders are data frames, a row for each, those of an arm from coarse to fine: ``engine``,
+``label``, what the ladder varies (``knob``) with its ``value``, the ``place`` on the ladder, ``error``,
+``steps``, ``evaluations`` of the equations, NaN where nobody counts them, the run times ``times_s`` (rounds,)
+in s, NaN of a round without one, and their median ``time_s``.
 """
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from reports.quantities import finished, floor, value
-from reports.results import FloatArray
+from reports.quantities import floor, value
+from reports.results import FloatArray, with_columns
+from reports.tables import number, plain
+
+#: Draws of rounds with replacement, and the percentiles of the medians drawn: an interval of 95 %.
+DRAWS, PERCENTILES = 2000, (2.5, 97.5)
 
 
-def ladders(rows: pd.DataFrame, column: str) -> dict[str, tuple[pd.DataFrame, float]]:
-    """Return by scene the rungs that have errors of a column, and the truth's uncertainty of it."""
-    by_scene = {}
-    for scene, of_scene in rows.groupby("scene"):
-        doubt = floor(of_scene, column)
-        by_scene[scene] = rungs(of_scene, column, doubt), doubt
-    return {scene: (of_scene, doubt) for scene, (of_scene, doubt) in by_scene.items() if len(of_scene)}
+@dataclass(frozen=True)
+class Arrival:
+    """How an arm gets to an error: at a rung of its ladder, or between two neighbouring ones.
+
+    ``setting`` says which in words, ``times_s`` (rounds,) are the run times there, NaN of a round without.
+    """
+
+    engine: str
+    label: str
+    setting: str
+    times_s: FloatArray
+
+    @property
+    def time_s(self) -> float:
+        """The median over the rounds."""
+        return float(np.nanmedian(self.times_s))
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A ratio of run times: the median over the rounds, with the ends of its 95 % confidence interval."""
+
+    median: float
+    low: float
+    high: float
+
+    @property
+    def decided(self) -> bool:
+        """Whether the interval leaves out that both take as long."""
+        return self.low > 1 or self.high < 1
+
+    def __str__(self) -> str:
+        text = f"{plain(self.median)} ({plain(self.low)} to {plain(self.high)})"
+        return text if self.decided else f"[{text}]"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Rows judged by a column of errors, and by run times that are those of ``work``, in words.
+
+    ``name`` begins the names of the figures and tables of it.
+    """
+
+    name: str
+    rows: pd.DataFrame
+    column: str
+    work: str = "in the native solve"
+
+    def whole(self) -> "Judged":
+        """Return the same with what building the model and reading out takes within the run times."""
+        times = self.rows["solve_time_s"] + self.rows["build_time_s"]
+        work = "with building and reading out"
+        return replace(self, name=f"{self.name}-whole", rows=self.rows.assign(solve_time_s=times), work=work)
+
+    @cached_property
+    def ladders(self) -> dict[str, tuple[pd.DataFrame, float]]:
+        """By scene the rungs that have errors, and the truth's uncertainty of these."""
+        floors = {scene: floor(of_scene, self.column) for scene, of_scene in self.rows.groupby("scene")}
+        by_scene = {
+            scene: (rungs(of_scene, self.column, floors[scene]), floors[scene])
+            for scene, of_scene in self.rows.groupby("scene")
+        }
+        return {scene: ladder for scene, ladder in by_scene.items() if len(ladder[0])}
 
 
 def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
@@ -27,14 +93,33 @@ def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
 
     A signal that is exactly zero throughout, as forces between impacts of rigid walls, has no rungs.
     """
-    rows = finished(rows)
+    rows = _from_coarse_to_fine(rows)
     settings = [name for name in rows if name.startswith("setting_")]
     rung = rows[["engine", "arm", "step_s", *settings]].map(str).agg(" ".join, axis=1)
-    timed = rows["round"].notna()
-    times = rows[timed].sort_values("round").groupby(rung)["solve_time_s"].agg(tuple)
-    recorded = rows[~timed].assign(error=value(rows, column).clip(lower=floor), times_s=rung.map(times))
-    recorded = recorded[["engine", "label", "error", "steps", "times_s"]].dropna().query("error > 0")
-    return recorded.assign(time_s=recorded["times_s"].map(np.median).astype(float))
+    by_round = pd.pivot_table(
+        rows.assign(rung=rung, time_s=value(rows, "solve_time_s")), "time_s", "rung", "round"
+    )
+    times = pd.Series(list(by_round.to_numpy()), by_round.index, dtype=object)
+    recorded = rows[rows["round"].isna() & rows["compiled_anew"].isna()]
+    recorded = recorded.assign(
+        place=recorded.groupby("label", observed=True).cumcount(),
+        error=value(recorded, column).clip(lower=floor),
+        times_s=rung.map(times),
+    )
+    columns = ["engine", "label", "knob", "value", "place", "error", "times_s"]
+    recorded = recorded[[*columns, "steps", "evaluations"]].dropna(subset=columns).query("error > 0")
+    return recorded.assign(time_s=recorded["times_s"].map(np.nanmedian).astype(float))
+
+
+def _from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one scene's rows in the order of ladders, with what each arm varies: tolerance, or else step."""
+    others = ("setting_rtol", "setting_tolerance", "round", "compiled_anew", "steps", "evaluations")
+    rows = with_columns(rows, *others)
+    tolerance = rows["setting_rtol"].astype(float).fillna(rows["setting_tolerance"].astype(float))
+    varied = tolerance.groupby(rows["label"], observed=True).transform("nunique") > 1
+    return rows.assign(
+        knob=varied.map({True: "tolerance", False: "step"}), value=tolerance.where(varied, rows["step_s"])
+    ).sort_values("value", ascending=False, kind="stable")
 
 
 def front(rungs: pd.DataFrame) -> pd.DataFrame:
@@ -43,28 +128,56 @@ def front(rungs: pd.DataFrame) -> pd.DataFrame:
     return rungs[rungs["error"] < rungs["error"].cummin().shift(fill_value=math.inf)]
 
 
-def time_at(rungs: pd.DataFrame, error: float, at_round: int | None = None) -> float:
-    """Return the time in s at which the front of some rungs reaches an error, NaN if it does not.
+def arrivals(rungs: pd.DataFrame, error: float) -> list[Arrival]:
+    """Return how each engine that gets to an error does so at the least cost, the cheapest engine first."""
+    found = (arrival(ladder, error) for _, ladder in rungs.groupby("engine"))
+    return sorted(filter(None, found), key=lambda each: each.time_s)
 
-    Between two rungs it is interpolated log-log; one round's time, or else the median's.
+
+def arrival(rungs: pd.DataFrame, error: float) -> Arrival | None:
+    """Return how the cheapest of the arms among some rungs gets to an error, None if none does."""
+    arms = rungs.groupby("label", observed=True)
+    return min(
+        (way for _, arm in arms for way in _ways(arm, error)), key=lambda way: way.time_s, default=None
+    )
+
+
+def at_rung(rung: Any) -> Arrival:
+    """Return how an arm gets to a rung of its own, one of ``itertuples``."""
+    return Arrival(rung.engine, rung.label, _setting(rung), rung.times_s)
+
+
+def _ways(arm: pd.DataFrame, error: float) -> Iterator[Arrival]:
+    """Yield how an arm gets to an error: rungs that are as good, and log-log between neighbouring ones."""
+    yield from map(at_rung, arm[arm["error"] <= error].itertuples())
+    errors, places = arm["error"].to_numpy(), arm["place"].to_numpy()
+    between = ((errors[:-1] - error) * (errors[1:] - error) < 0) & (np.diff(places) == 1)
+    for k in np.flatnonzero(between):
+        one, other = arm[k : k + 2].itertuples()
+        share = math.log(one.error / error) / math.log(one.error / other.error)
+        times = one.times_s * (other.times_s / one.times_s) ** share
+        if np.isfinite(times).any():  # rounds that both have
+            yield Arrival(one.engine, one.label, _setting(one, other), times)
+
+
+def _setting(*rungs: Any) -> str:
+    values = " to ".join(number(rung.value) for rung in rungs)
+    return f"{rungs[0].knob} {values}{' s' if rungs[0].knob == 'step' else ''}"
+
+
+def ratio(slow: Arrival, fast: Arrival) -> Ratio | None:
+    """Return what one takes in times of another, by the rounds that have both; None if there is none.
+
+    The interval is that of percentiles of the median over rounds drawn with replacement, the same draws
+    every time.
     """
-    best = front(rungs)
-    times = list(best["time_s"] if at_round is None else best["times_s"].str[at_round])
-    errors = list(best["error"])
-    reached = sum(each > error for each in errors)
-    if reached == len(errors):
-        return math.nan
-    if reached == 0 or errors[reached] == error:
-        return float(times[reached])
-    (before, after), (slow, time) = errors[reached - 1 : reached + 1], times[reached - 1 : reached + 1]
-    share = math.log(before / error) / math.log(before / after)
-    return float(slow * (time / slow) ** share)
-
-
-def duel(slow: pd.DataFrame, fast: pd.DataFrame, error: float) -> FloatArray:
-    """Return what ``slow`` takes in times of ``fast`` in each round, (n,), NaN if one does not."""
-    rounds = min(map(len, (*slow["times_s"], *fast["times_s"])))
-    return np.array([time_at(slow, error, k) / time_at(fast, error, k) for k in range(rounds)])
+    ratios = slow.times_s / fast.times_s
+    ratios = ratios[np.isfinite(ratios)]
+    if not len(ratios):
+        return None
+    drawn = np.random.default_rng(0).integers(len(ratios), size=(DRAWS, len(ratios)))
+    low, high = np.percentile(np.median(ratios[drawn], axis=1), PERCENTILES)
+    return Ratio(float(np.median(ratios)), float(low), float(high))
 
 
 def levels(rungs: pd.DataFrame, floor: float) -> list[float]:

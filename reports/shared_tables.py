@@ -1,6 +1,6 @@
 """What several chapters show: settings, observed orders, smallest errors, and runs that did not finish."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
@@ -9,11 +9,20 @@ from reports.parts import Section, Table
 from reports.quantities import uncertainty, value
 from reports.results import with_columns
 from reports.style import axis_label, labels
-from reports.tables import ABSENT, error, number
+from reports.tables import ABSENT, error, listed, number
 
 CASE = ("scene", "engine", "arm")
 #: The column of why the check after every run fails one that finished; empty where it does not.
 QUALITY = "quality_failure"
+#: Who says that a run is none, by the rows' column ``spoken_by``, and what is then said of how many.
+SPEAKERS = {"engine": "the engine", "guard": "a check of ours", "scene": "the scene"}
+SAID = {
+    "engine": "The engine itself gave up in {} of them.",
+    "guard": "In {} of them a check of ours refused or ended the run, not the engine.",
+    "scene": "In {} of them no engine was asked, since the scene has no motion.",
+}
+#: A comparison ends before its scene if it is short of this part of it.
+SHORT_OF = 0.999
 
 
 def head(rows: pd.DataFrame, *columns: str) -> dict[str, pd.Series]:
@@ -35,6 +44,17 @@ def orders(rows: pd.DataFrame, column: str) -> dict[str, dict[str, Order]]:
     for (label, scene), points in rows.dropna(subset="error").groupby(["label", "scene"], observed=True):
         by_label[label][scene] = observed_order(points["mean_step_s"], points["error"], floors[scene])
     return by_label
+
+
+def orders_in_text(by_scene: Mapping[str, Order]) -> str:
+    """Return in words between what the orders claimed lie, on which scenes, and where why none is claimed."""
+    scenes: dict[str, list[str]] = {}
+    for scene, order in sorted(by_scene.items(), key=lambda item: item[1].slope is None):
+        scenes.setdefault(order.verdict, []).append(scene)
+    slopes = sorted((order.slope, str(order)) for order in by_scene.values() if order.slope is not None)
+    ends = " to ".join(dict.fromkeys(text for _, text in (*slopes[:1], *slopes[-1:])))
+    words = {"order": f"order {ends}"}
+    return "; ".join(f"{words.get(verdict, verdict)} on {listed(on)}" for verdict, on in scenes.items())
 
 
 def order_cells(shown: pd.DataFrame, rows: pd.DataFrame, column: str, absent: str = ABSENT) -> pd.Series:
@@ -75,16 +95,42 @@ def settings_table(rows: pd.DataFrame, study: str) -> Table:
     )
 
 
+def followed(rows: pd.DataFrame) -> str:
+    """Return in a sentence until when errors on each scene are compared, with the end of one that goes on."""
+    rows = rows.dropna(subset="compared_until_s")
+    if rows.empty:
+        return ""
+    until = rows.groupby("scene").agg({"compared_until_s": ["min", "max"], "end_time_s": "first"})
+    times = [
+        f"{' to '.join(dict.fromkeys((f'{low:.3g}', f'{high:.3g}')))} s"
+        + (f" of {end:.3g} s" if low < SHORT_OF * end else "")
+        + f" on {scene}"
+        for scene, low, high, end in until.itertuples()
+    ]
+    return f"Compared until {listed(times)}."
+
+
+def speakers(rows: pd.DataFrame) -> pd.Series:
+    """Return in words who says that a run is none, a dash where a row does not tell."""
+    return with_columns(rows, "spoken_by")["spoken_by"].map(SPEAKERS).fillna(ABSENT)
+
+
 def failures_table(rows: pd.DataFrame, study: str) -> Table | None:
-    """Return the runs that did not finish, with the reason; None if all did."""
+    """Return the runs that did not finish, with the reason and whose that is; None if all did."""
     failed = rows[rows["status"] != "ok"]
     if failed.empty:
         return None
     return Table.of(
         f"{study}-failures",
         "Runs that did not finish",
-        "The reason is the engine's own message.",
-        head(failed, *CASE, "step_s", "status", "reason"),
+        "Where the engine gave up itself, the reason is its own. A check of ours is this project's: of what "
+        "its model of an engine can express, of the run while it goes on, of what came out, or of time and "
+        "memory. A scene that has no motion is refused before any engine is asked.",
+        {
+            **head(failed, *CASE, "step_s", "status"),
+            "said by": speakers(failed),
+            **head(failed, "reason"),
+        },
     )
 
 
@@ -111,8 +157,12 @@ def quality_table(rows: pd.DataFrame, study: str) -> Table | None:
 def failures_section(rows: pd.DataFrame, study: str, name: str = "failures") -> Section:
     """Return the section on runs that did not finish, or fail the check, with tables of them if any did."""
     table, failing = failures_table(rows, study), quality_table(rows, study)
-    count = (rows["status"] != "ok").sum()
-    text = [f"{count} of {len(rows)} runs did not finish." if table else f"All {len(rows)} runs finished."]
+    failed = rows[rows["status"] != "ok"]
+    text = [
+        f"{len(failed)} of {len(rows)} runs did not finish." if table else f"All {len(rows)} runs finished."
+    ]
+    told = list(with_columns(failed, "spoken_by")["spoken_by"])
+    text += [said.format(told.count(speaker)) for speaker, said in SAID.items() if speaker in told]
     if failing:
         text.append(
             f"{len(failing.rows)} finished and fail the check that is made after every run: of energy that "

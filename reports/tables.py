@@ -33,6 +33,11 @@ def number(value: float) -> str:
     return ABSENT if math.isnan(value) else f"{value:.1e}"
 
 
+def plain(value: float) -> str:
+    """Return a number of ordinary size with two significant digits and no exponent: 140, 0.12."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def in_text(value: float) -> str:
     """Return a number with two significant digits as it is written in a sentence: 1.2×10⁻³."""
     digits, power = f"{value:.1e}".split("e")

@@ -6,6 +6,8 @@ machine that has no kernels yet is measured apart.
 """
 
 import time
+from functools import cache
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,7 @@ from studies.running.case import Case, Curves, Row, Value
 #: Few, since no step is longer than the time between two samples.
 SAMPLES = 24
 #: Rounds of timed runs over all engines, quick and full.
-ROUNDS, FULL_ROUNDS = 3, 7
+ROUNDS, FULL_ROUNDS = 3, 10
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.03, 100
 #: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows.
@@ -42,11 +44,15 @@ def scenes(full: bool) -> list[Scene]:
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the recorded run of every rung, then rounds of bare runs of all, then compilations."""
+    """Return the recorded run of every rung, then rounds of bare runs of all, then compilations.
+
+    Each round has an order of its own, the same every time, so that no rung always follows the same one.
+    """
     rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
     out = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
-        out += [_case(scene, rung, 1, round=k) for scene, rung in rungs]
+        shuffled = Random(k).sample(rungs, len(rungs))
+        out += [_case(scene, rung, 1, round=k) for scene, rung in shuffled]
     compiled = COMPILED + (MORE_COMPILED if full else ())
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
@@ -85,23 +91,28 @@ def _errors(case: Case) -> Row:
     return {"steps": run.steps, **errors, **checked(case.scene, run)}
 
 
-def _solve_time_s(engine: Engine, case: Case) -> float:
+def _solve_time_s(engine: Engine, scene: Scene, run: RunSettings) -> float:
     """Return the time of a run that records as little as the engine lets it."""
     bare = getattr(engine, "bare_solve_time_s", None)
-    return float(bare(case.scene, case.run)) if bare else engine.simulate(case.scene, case.run).solve_time_s
+    return float(bare(scene, run)) if bare else engine.simulate(scene, run).solve_time_s
+
+
+#: Makes a run that is not timed, once in a process: it loads kernels and libraries.
+_loaded = cache(_solve_time_s)
 
 
 def _times(case: Case) -> Row:
     """Return the native solve's median and least time over repeats, and what building took besides."""
-    engine = make_engine(case.engine, **case.settings)
+    engine: Any = make_engine(case.engine, **case.settings)
+    _loaded(engine, case.scene, case.run)
     solves: list[float] = []
     builds: list[float] = []
     began = time.perf_counter()
     while not solves or (time.perf_counter() - began < REPEAT_S and len(solves) < REPEATS):
         start = time.perf_counter()
-        solves.append(_solve_time_s(engine, case))
+        solves.append(_solve_time_s(engine, case.scene, case.run))
         builds.append(time.perf_counter() - start - solves[-1])
-    if len(solves) > 1:  # the first run of a process loads kernels and fills caches
+    if len(solves) > 1:  # the first one fills caches
         solves, builds = solves[1:], builds[1:]
     return {
         "solve_time_s": float(np.median(solves)),

@@ -10,7 +10,7 @@ import exudyn as exu
 import numpy as np
 
 from engine_models import progress
-from engine_models.engine import RunSettings, SimulationFailed
+from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work
 from engine_models.mechanics.contact_law import stiffness_of
@@ -213,9 +213,9 @@ def solve(scene: Scene, model: Model, settings: exu.SimulationSettings, timeout_
     if raised:
         raise raised[0]
     solver = mbs.sys["dynamicSolver"]
+    when = f"t = {solver.it.currentTime:.6g} s"
     if solver.output.simulationTimeout:
-        succeeded, reason = False, f"not finished after {timeout_s:g} s"
+        raise SimulationFailed(f"Exudyn stopped at {when}: not finished after {timeout_s:g} s")
     if not succeeded:
-        when = solver.it.currentTime
-        raise SimulationFailed(f"Exudyn failed at t = {when:.6g} s: {' '.join(reason.split())}")
+        raise EngineFailed(f"Exudyn failed at {when}: {' '.join(reason.split())}")
     return solve_time

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from engine_models.engine import FloatArray, SimulationFailed, Trajectory
+from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, SLIDER, joint_gap
@@ -19,7 +19,7 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return the positions and velocities at t = 0, each (bodies, 3).
 
     Raises:
-        SimulationFailed: an ideal joint is open, the slider off its guide, or the crank not at its speed.
+        ImpossibleStart: an ideal joint is open, the slider off its guide, or the crank not at its speed.
     """
     position, velocity = start_state(scene)
     gaps = [
@@ -35,9 +35,9 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     if (motion := crank_motion(scene)) is not None:
         drift.append(abs(velocity[CRANK, 2] - motion.start_speed_rad_s))
     if not max(open_by, default=0.0) <= START_TOLERANCE:
-        raise SimulationFailed(f"start: ideal joints or guide are open by {max(open_by):.3g} m at t = 0 s")
+        raise ImpossibleStart(f"start: ideal joints or guide are open by {max(open_by):.3g} m at t = 0 s")
     if not max(drift, default=0.0) <= START_TOLERANCE * (1 + np.abs(velocity).max()):
-        raise SimulationFailed(f"start: joints, guide or driver are off by {max(drift):.3g} m/s at t = 0 s")
+        raise ImpossibleStart(f"start: joints, guide or driver are off by {max(drift):.3g} m/s at t = 0 s")
     return position, velocity
 
 

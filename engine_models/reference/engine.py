@@ -9,8 +9,8 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import (
     SETTINGS_CONFIG,
+    EngineFailed,
     RunSettings,
-    SimulationFailed,
     Trajectory,
     UnsupportedScene,
     require_finite,
@@ -114,9 +114,9 @@ class ReferenceEngine:
             with np.errstate(all="ignore"):  # require_finite is the judge
                 return unwound(scene, require_finite(self._run(wound(scene), settings)))
         except SolverError as error:
-            raise SimulationFailed(str(error)) from error
+            raise EngineFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite
-            raise SimulationFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
+            raise EngineFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
 
     def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
         """Return what compiling the kernels of a run takes where there are none yet, in s."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
 from engine_models.pace import Pace
 from engine_models.progress import tell
 from engine_models.scene.scene import Scene
@@ -77,7 +77,8 @@ class Calls:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("error")
                 if not np.isfinite(self._right(t, y)).all():
-                    raise self._failure("non-finite accelerations")  # no first step would be short enough
+                    # No first step would be short enough.
+                    raise self._failure("non-finite accelerations", SimulationFailed)
                 solution = solve_ivp(
                     self._right,
                     (t, float(times[-1])),
@@ -130,10 +131,10 @@ class Calls:
         self._pace.judge(t, self.evaluations)
         self._pause = min(self.evaluations + PAUSE, self._choice.max_evaluations)
 
-    def _failure(self, message: str) -> SimulationFailed:
+    def _failure(self, message: str, failed: type[SimulationFailed] = EngineFailed) -> SimulationFailed:
         reached = self._last_time_s
         reason = self._derivative.diagnosis(reached) or message.rstrip(".")
-        return SimulationFailed(f"{self._choice.method} stopped at t = {reached:.6g} s: {reason}")
+        return failed(f"{self._choice.method} stopped at t = {reached:.6g} s: {reason}")
 
 
 def _roots(

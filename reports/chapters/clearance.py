@@ -18,9 +18,9 @@ INTRODUCTION = (
     "The reference solves every engine's own law to convergence, as that engine's model twin: an engine's "
     "distance from its twin is numerical error, its twin's distance from the scene's own law is the form of "
     "the model. The twin is solved by DOP853 near round-off, with ten times that tolerance, by RK4, and from "
-    "starts moved by a hair; errors are the largest up to the time at which these part, past which no "
-    "pointwise error means anything. A local error is what an engine misses over one impact "
-    "when begun from the twin's state, so that one unlucky impact decides nothing."
+    "starts moved by a hair; past the time at which these part no pointwise error means anything. Errors are "
+    "the largest up to the time in the caption, which is no later. A local error is what an engine misses "
+    "over one impact when begun from the twin's state, so that one unlucky impact decides nothing."
 )
 SLIDER, MODEL_FORM = "slider_position_error_m", "slider_position_model_difference_m"
 LOCAL, CONTACT_FORCE = "local_position_error_m", "largest_contact_force_error_N"
@@ -85,7 +85,7 @@ def _figure(rows: pd.DataFrame, name: str, title: str, column: str) -> Figure | 
         f"clearance-{name}",
         title,
         f"Against the model twin. {_GUIDES}; the grey area is the twin's own uncertainty. Of an engine that "
-        "chooses its steps it is the mean one.",
+        f"chooses its steps it is the mean one. {shared_tables.followed(rows)}",
         f"{title} against the step, log-log, one panel per scene, one line per engine and arm",
         against_step(rows, panels),
     )
@@ -155,11 +155,10 @@ def laws(rows: pd.DataFrame) -> Table:
 
 
 def orders_found(rows: pd.DataFrame, column: str) -> Iterator[str]:
-    """Yield the observed orders of the local error in a sentence per arm."""
+    """Yield the observed orders of the local error in a sentence for each arm that has any."""
     for label, by_scene in shared_tables.orders(rows, column).items():
-        claimed = [f"{order} on {scene}" for scene, order in by_scene.items() if order.slope]
-        if claimed:
-            yield f"{label}: local position error of order {', '.join(claimed)}."
+        if any(order.slope for order in by_scene.values()):
+            yield f"{label}, local position error: {shared_tables.orders_in_text(by_scene)}."
 
 
 def impacts_found(rows: pd.DataFrame) -> Iterator[str]:
@@ -181,6 +180,6 @@ def laws_found(rows: pd.DataFrame) -> Iterator[str]:
             yield f"{label} solves a law of its own, with the same motion on all scenes here."
         else:
             yield (
-                f"{label} solves a law of its own, up to {in_text(most)} m from the scene's; that "
+                f"{label} solves a law of its own, up to {in_text(most)} m from the scene's. That "
                 f"is more than its smallest numerical error on {larger} of {len(arm)} scenes."
             )

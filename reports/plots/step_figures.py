@@ -77,7 +77,7 @@ def failed_entry() -> Line2D:
 
 
 def engine_legend(drawing: Drawing, rows: pd.DataFrame, failures: bool) -> None:
-    """Put a legend of all labels among rows below the figure, a column for each engine."""
+    """Put a legend of all labels among rows below the figure, as wide as that needs: a column per engine."""
     arms = rows.drop_duplicates("label").sort_values("label")
     engines = [list(labels) for _, labels in arms.groupby("engine", sort=False)["label"]]
     longest, styles = max(map(len, engines)), line_styles(rows)
@@ -89,6 +89,8 @@ def engine_legend(drawing: Drawing, rows: pd.DataFrame, failures: bool) -> None:
     if failures:
         handles.append(failed_entry())
         columns += 1
+    if columns > 2:
+        drawing.set_figwidth(WIDTH_IN)
     narrow = (
         {"fontsize": 7, "handlelength": 2.4, "columnspacing": 1.2} if columns > 4 else {"handlelength": 3.2}
     )

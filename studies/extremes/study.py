@@ -7,7 +7,7 @@ import numpy as np
 
 from engine_models import arms
 from engine_models.arms import Arm
-from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
+from engine_models.engine import ImpossibleScene, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.file import SceneError, from_toml, to_toml
 from engine_models.scene.scene import Scene
@@ -108,7 +108,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     A number that is not finite is left out; so is the error of a run that is not finite throughout.
 
     Raises:
-        UnsupportedScene: also where no scene can be so, as a scene's file says in the same words.
+        ImpossibleScene: no scene can be so, as a scene's file says in the same words.
     """
     scene = _valid(case.scene)
     engine = make_engine(case.engine, **case.settings)
@@ -141,4 +141,4 @@ def _valid(scene: Scene) -> Scene:
     try:
         return from_toml(to_toml(scene))
     except SceneError as error:
-        raise UnsupportedScene(f"no such scene: {error}") from None
+        raise ImpossibleScene(f"no such scene: {error}") from None

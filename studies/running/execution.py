@@ -5,6 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import ParamSpec, TypeVar
 
+from engine_models.engine import Speaker
 from studies.failures import Failed
 from studies.running.case import Limits
 
@@ -23,6 +24,11 @@ class CaseEnded(Exception):
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(status, reason)
         self.status, self.reason = status, reason
+        self.spoken_by: Speaker = "engine" if status == CRASHED else "guard"
+
+    def __str__(self) -> str:
+        """Return the reason."""
+        return self.reason
 
 
 class RunBroken(Failed):

@@ -29,7 +29,7 @@ def load_study(name: str) -> Study:
 
 
 def run_case(case: Case) -> tuple[Row, Curves]:
-    """Run one case; what the engine refuses or fails at becomes a row with ``status`` and ``reason``.
+    """Run one case; where there is no run the row has what ``ended`` gives.
 
     Raises:
         ProcessTaken: another process could run it.
@@ -40,16 +40,24 @@ def run_case(case: Case) -> tuple[Row, Curves]:
     except ProcessTaken:
         raise  # no answer yet: executors try it in another process
     except UnsupportedScene as refusal:
-        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
+        return {**case.head(), **ended("unsupported", refusal)}, {}
     except SimulationFailed as failure:
-        return {**case.head(), "status": "failed", "reason": str(failure)}, {}
+        return {**case.head(), **ended("failed", failure)}, {}
     except MemoryError as error:
         limit = (case.limits or ROOMY).memory_limit_bytes
-        reason = f"{error or 'no memory left'} (limit {limit} bytes)"
-        return {**case.head(), "status": OUT_OF_MEMORY, "reason": reason}, {}
+        reason = MemoryError(f"{error or 'no memory left'} (limit {limit} bytes)")
+        return {**case.head(), **ended(OUT_OF_MEMORY, reason)}, {}
     except Exception as error:
         raise RunBroken(f"{case.arm.label} on {case.scene.name}: {bug(error)}") from error
     return {**case.head(), "status": "ok", "reason": "", **measured}, curves
+
+
+def ended(status: str, failure: Exception) -> Row:
+    """Return the columns of a run that is none: how it ended, the reason, and whose that is.
+
+    ``spoken_by`` is an ``engine_models.engine.Speaker``, a check of ours where the failure does not tell.
+    """
+    return {"status": status, "reason": str(failure), "spoken_by": getattr(failure, "spoken_by", "guard")}
 
 
 def outcome(case: Case, future: "Future[tuple[Row, Curves]]") -> tuple[Row, Curves]:
@@ -57,6 +65,6 @@ def outcome(case: Case, future: "Future[tuple[Row, Curves]]") -> tuple[Row, Curv
     try:
         return future.result()
     except CaseEnded as end:
-        return {**case.head(), "status": end.status, "reason": end.reason}, {}
+        return {**case.head(), **ended(end.status, end)}, {}
     except ProcessTaken as refusal:
-        return {**case.head(), "status": "unsupported", "reason": str(refusal)}, {}
+        return {**case.head(), **ended("unsupported", refusal)}, {}

@@ -18,6 +18,7 @@ from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSO
 from engine_models.scene.scene import Clearance, Clearances, Scene
 from studies.judges.converged_truth import converged, followed
 from studies.running.case import Case, Curves, Limits, Row, Value
+from studies.running.outcome import ended
 from studies.stability import theory
 from studies.stability.scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator
 from studies.stability.verdict import BOUNDS, DIVERGED, REFUSED, before_chaos, judged, measured
@@ -177,12 +178,12 @@ def _cell(case: Case, engine: Engine) -> Row:
     try:
         own = engine.twin(case.scene)
     except UnsupportedScene as refusal:
-        return {"status": "unsupported", "reason": str(refusal), **judged(REFUSED, str(refusal))}
+        return {**ended("unsupported", refusal), **judged(REFUSED, str(refusal))}
     truth, _ = converged(own, case.run.samples)
     try:
         run = engine.simulate(case.scene, case.run)
     except (SimulationFailed, OverflowError) as failure:
-        return {"status": "failed", "reason": str(failure), **judged(DIVERGED, str(failure))}
+        return {**ended("failed", failure), **judged(DIVERGED, str(failure))}
     energy = float(str(case.columns["impact_energy_J"]))
     until = min(followed(own, case.run.samples), before_chaos(truth))
     verdict = measured(case.scene, run, truth, until, energy)

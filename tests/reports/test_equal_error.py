@@ -1,68 +1,156 @@
-"""Run times at equal error: interpolated between rungs, never beyond, and decided only where rounds agree."""
+"""Run times at equal error: interpolated within an arm, never beyond, and decided only where rounds agree."""
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from reports.chapters.work_precision.tables import _ratio
-from reports.equal_error import duel, front, levels, rungs, time_at
+from reports.equal_error import Arrival, arrival, arrivals, front, levels, ratio, rungs
 from reports.results import frame
 
-
-def ladder(*errors_and_times: tuple[float, tuple[float, ...]]) -> pd.DataFrame:
-    """Return rungs from their errors and the times of their rounds in s."""
-    rungs = pd.DataFrame(errors_and_times, columns=["error", "times_s"])
-    return rungs.assign(time_s=rungs["times_s"].map(np.median))
+Rung = tuple[float, float]
+#: Two arms whose rungs alternate: no setting of either gives what a line from one arm to the other would.
+CRUDE, SHARP = ((1e-2, 1.0), (1e-6, 100.0)), ((1e-4, 3.0), (1e-9, 400.0))
 
 
-LADDER = ladder((1e-4, (1.0, 1.0, 1.0)), (1e-8, (10.0, 10.0, 10.0)))
+def ladder(*rungs: Rung, label: str = "engine (arm)", places: tuple[int, ...] | None = None) -> pd.DataFrame:
+    """Return an arm's rungs from their errors and run times in s, each with a tenth of its error's number."""
+    columns = pd.DataFrame(rungs, columns=["error", "time_s"])
+    return columns.assign(
+        engine=label.split()[0],
+        label=label,
+        knob="step",
+        value=columns["error"] / 10,
+        place=places or range(len(rungs)),
+        steps=1.0,
+        times_s=[np.array([time, time]) for time in columns["time_s"]],
+    )
+
+
+def timed(*times_s: float) -> Arrival:
+    return Arrival("engine", "engine (arm)", "step 1.0e-01 s", np.array(times_s))
+
+
+def reached(rungs: pd.DataFrame, error: float) -> tuple[str, str, object]:
+    there = arrival(rungs, error)
+    assert there is not None
+    return there.label, there.setting, there.time_s
 
 
 def test_the_time_at_an_error_lies_on_the_line_between_two_rungs_log_log() -> None:
-    assert time_at(LADDER, 1e-6) == pytest.approx(10**0.5)
-    assert time_at(LADDER, 1e-4) == 1.0
-    assert time_at(LADDER, 1e-8) == 10.0
+    arm = ladder((1e-4, 1.0), (1e-8, 10.0))
+    assert reached(arm, 1e-6)[1:] == ("step 1.0e-05 to 1.0e-09 s", pytest.approx(10**0.5))
+    assert reached(arm, 1e-4)[1:] == ("step 1.0e-05 s", 1.0)
+    assert reached(arm, 1e-8)[1:] == ("step 1.0e-09 s", 10.0)
 
 
-def test_an_error_that_no_rung_reaches_has_no_time_and_a_coarse_one_the_first_rungs() -> None:
-    assert np.isnan(time_at(LADDER, 1e-9))
-    assert time_at(LADDER, 1e-2) == 1.0
+def test_no_time_lies_between_the_rungs_of_different_arms() -> None:
+    both = pd.concat([ladder(*CRUDE, label="engine (crude)"), ladder(*SHARP, label="engine (sharp)")])
+    assert list(front(both)["error"]) == [1e-2, 1e-4, 1e-6, 1e-9], "the arms alternate on the front"
+    mixed = 3.0**0.5
+    assert reached(both, 1e-3) == ("engine (sharp)", "step 1.0e-05 s", 3.0), (
+        f"not {mixed}, which no step gives"
+    )
+    assert reached(both, 1e-5) == (
+        "engine (sharp)",
+        "step 1.0e-05 to 1.0e-10 s",
+        pytest.approx(3.0 * (400 / 3) ** 0.2),
+    )
 
 
-def test_a_rung_that_costs_more_and_errs_more_is_not_on_the_front() -> None:
-    worse = ladder((1e-3, (5.0, 5.0, 5.0)))
-    assert list(front(pd.concat([LADDER, worse]))["error"]) == [1e-4, 1e-8]
+def test_a_rung_that_failed_is_not_interpolated_over() -> None:
+    arm = ladder((1e-4, 1.0), (1e-8, 10.0), places=(0, 2))
+    assert reached(arm, 1e-6)[1:] == ("step 1.0e-09 s", 10.0)
 
 
-def test_a_duel_is_the_ratio_of_the_times_in_each_round() -> None:
-    slow, fast = ladder((1e-6, (6.0, 5.0, 9.0))), ladder((1e-6, (1.0, 2.0, 1.0)))
-    assert duel(slow, fast, 1e-6) == pytest.approx([6.0, 2.5, 9.0])
-    assert np.isnan(duel(slow, fast, 1e-7)).all()
+def test_a_lucky_rung_counts_and_a_worse_one_that_costs_more_does_not() -> None:
+    arm = ladder((1e-6, 1.0), (1e-4, 2.0), (1e-8, 4.0))
+    assert reached(arm, 1e-5)[2] == 1.0
+    assert list(front(arm)["error"]) == [1e-6, 1e-8]
+
+
+def test_an_error_that_no_rung_gets_to_has_no_time_and_a_coarse_one_the_first_rungs() -> None:
+    arm = ladder((1e-4, 1.0), (1e-8, 10.0))
+    assert arrival(arm, 1e-9) is None
+    assert reached(arm, 1e-2)[2] == 1.0
+
+
+def test_engines_come_with_their_cheapest_arm_the_cheapest_engine_first() -> None:
+    arms = [("a (one)", 3.0), ("a (two)", 2.0), ("b (one)", 1.0)]
+    all_rungs = pd.concat([ladder((1e-6, time), label=label) for label, time in arms])
+    assert [(each.label, each.time_s) for each in arrivals(all_rungs, 1e-6)] == [
+        ("b (one)", 1.0),
+        ("a (two)", 2.0),
+    ]
 
 
 @pytest.mark.parametrize(
-    ("times", "shown"), [((6.0, 5.0, 9.0), "6 (5 to 9)"), ((1.1, 0.9, 1.2), "[1.1 (0.9 to 1.2)]")]
+    ("times", "shown"),
+    [
+        ((6.0, 5.0, 9.0), "6 (5 to 9)"),
+        ((1.1, 0.9, 1.2), "[1.1 (0.9 to 1.2)]"),
+        ((140.0,), "140 (140 to 140)"),
+    ],
 )
-def test_a_ratio_is_in_brackets_unless_all_rounds_agree(times: tuple[float, ...], shown: str) -> None:
-    fast, slow = ladder((1e-6, (1.0, 1.0, 1.0))), ladder((1e-6, times))
-    rungs = pd.concat([fast.assign(engine="fast"), slow.assign(engine="slow")])
-    assert _ratio(rungs, 1e-6) == ("fast", "slow", shown)
-    assert _ratio(rungs, 1e-7) == ("–", "–", "–")
+def test_a_ratio_is_in_brackets_unless_its_interval_leaves_out_one(
+    times: tuple[float, ...], shown: str
+) -> None:
+    assert str(ratio(timed(*times), timed(*(1.0 for _ in times)))) == shown
+
+
+def test_the_interval_of_ten_rounds_is_narrower_than_their_range_and_the_same_every_time() -> None:
+    rounds = timed(*np.linspace(2.0, 3.0, 10)), timed(*np.ones(10))
+    found = ratio(*rounds)
+    assert found is not None
+    assert 2.0 < found.low < found.median < found.high < 3.0
+    assert ratio(*rounds) == found
+
+
+def test_a_ratio_is_of_the_rounds_that_both_have() -> None:
+    found = ratio(timed(6.0, np.nan, 8.0), timed(np.nan, 1.0, 2.0))
+    assert found is not None
+    assert found.median == 4.0
+    assert ratio(timed(np.nan, 1.0), timed(1.0, np.nan)) is None
 
 
 def test_levels_are_powers_of_ten_that_at_least_two_rungs_bracket_above_the_floor() -> None:
-    of = ladder(*((error, (1.0,)) for error in (3e-4, 2e-5, 4e-8)))
+    of = ladder(*((error, 1.0) for error in (3e-4, 2e-5, 4e-8)))
     assert levels(of, 0.0) == pytest.approx([1e-5, 1e-6, 1e-7])
     assert levels(of, 2e-6) == pytest.approx([1e-5])
     assert levels(of[:1], 0.0) == []
 
 
-def test_a_signal_that_is_exactly_zero_has_no_rungs_and_one_below_the_floor_is_at_it() -> None:
+def rows_of(**recorded: Any) -> list[dict[str, Any]]:
+    """Return a recorded run with two timed ones."""
     arm = {"scene": "s", "engine": "reference", "arm": "located", "label": "reference (located)"}
-    case = {**arm, "case": "0", "fingerprint": "0", "step_s": 0.1, "status": "ok", "reason": ""}
-    recorded = {**case, "joint_O_force_error_N": 0.0, "steps": 9}
-    timed = [{**case, "round": k, "solve_time_s": 1.0 + k} for k in (1, 0)]
-    rows = frame([recorded, *timed])
+    case = {**arm, "case": "0", "fingerprint": "0", "step_s": 0.1, "status": "ok", "reason": "", **recorded}
+    return [{**case, "steps": 9}, *({**case, "round": k, "solve_time_s": 1.0 + k} for k in (1, 0))]
+
+
+def test_a_signal_that_is_exactly_zero_has_no_rungs_and_one_below_the_floor_is_at_it() -> None:
+    rows = frame(rows_of(joint_O_force_error_N=0.0))
     assert rungs(rows, "joint_O_force_error_N", 0.0).empty
     (rung,) = rungs(rows, "joint_O_force_error_N", 1e-9).to_dict("records")
-    assert (rung["error"], rung["times_s"], rung["time_s"]) == (1e-9, (1.0, 2.0), 1.5)
+    assert (rung["error"], list(rung["times_s"]), rung["time_s"]) == (1e-9, [1.0, 2.0], 1.5)
+
+
+def test_rungs_go_by_what_their_ladder_varies_with_failed_ones_and_compilations_left_out() -> None:
+    """Two tolerances at the same step, whose runs come from the study in any order."""
+    tolerances = (1e-10, 1e-6, 1e-8)
+    rows = [
+        row
+        for tolerance in tolerances
+        for row in rows_of(
+            slider_position_error_m=tolerance,
+            setting_tolerance=tolerance,
+            case=str(tolerance),
+            status="failed" if tolerance == 1e-8 else "ok",
+        )
+    ]
+    compiled = {**rows_of()[0], "case": "c", "setting_tolerance": 1e-6, "compiled_anew": 1}
+    found = rungs(frame([*rows, compiled]), "slider_position_error_m", 0.0)
+    assert [(rung.knob, rung.value, rung.place) for rung in found.itertuples()] == [
+        ("tolerance", 1e-6, 0),
+        ("tolerance", 1e-10, 2),
+    ]

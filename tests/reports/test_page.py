@@ -17,7 +17,7 @@ from reports.convergence import ABOVE_FLOOR, observed_order
 from reports.page import NoResults, write_report
 from reports.parts import Contradiction, Table, stated
 from reports.results import BrokenResults, frame, read_results
-from reports.shared_tables import settings_table
+from reports.shared_tables import failures_section, settings_table
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, in_text, latex, markdown
 from studies import agreement
@@ -168,8 +168,25 @@ def test_every_failed_run_is_listed_with_its_reason(results: Path, report: Path)
     failed = [row for row in rows_of(results) if row["status"] != "ok"]
     assert failed, "two iterations are too few for Pymunk"
     with (report / "tables/agreement-failures.csv").open(encoding="utf-8", newline="") as file:
-        listed = sorted((row["scene"], row["arm"], row["reason"]) for row in csv.DictReader(file))
-    assert listed == sorted((row["scene"], row["arm"], row["reason"]) for row in failed)
+        listed = sorted(
+            (row["scene"], row["arm"], row["reason"], row["said by"]) for row in csv.DictReader(file)
+        )
+    # Pymunk itself goes on with what has come apart.
+    assert listed == sorted((row["scene"], row["arm"], row["reason"], "a check of ours") for row in failed)
+
+
+def test_failures_are_counted_by_who_speaks_and_a_row_that_does_not_tell_counts_for_none() -> None:
+    head: dict[str, object] = {"fingerprint": "0", "scene": "s", "engine": "exudyn", "arm": "default"}
+    head |= {"label": "exudyn (default)", "step_s": 1.0, "status": "failed", "reason": "why"}
+    speakers = ("engine", "guard", "guard", None)
+    rows = frame({**head, "case": str(n), "spoken_by": who} for n, who in enumerate(speakers))
+    section = failures_section(rows, "s")
+    assert section.text == (
+        "4 of 4 runs did not finish.",
+        "The engine itself gave up in 1 of them.",
+        "In 2 of them a check of ours refused or ended the run, not the engine.",
+    )
+    assert [row[5] for row in section.tables[0].rows] == ["the engine", *2 * ["a check of ours"], "–"]
 
 
 def test_the_error_table_shows_the_numbers_of_the_rows(results: Path, report: Path) -> None:

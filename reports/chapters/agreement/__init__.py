@@ -24,7 +24,9 @@ INTRODUCTION = (
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    rows = with_largest(with_columns(results.rows, LARGEST_ENERGY), FORCE, r"joint_\w_force_error_N")
+    rows = with_largest(
+        with_columns(results.rows, LARGEST_ENERGY, "compared_until_s"), FORCE, r"joint_\w_force_error_N"
+    )
     swept = swept_settings(rows)
     ladder = rows[swept.isna()]
     at_step = at_common_steps(ladder)

@@ -10,6 +10,7 @@ from reports.plots.sweep_figures import against_setting
 from reports.plots.time_figures import over_time
 from reports.quantities import finished
 from reports.results import Results
+from reports.shared_tables import followed
 from reports.style import axis_label, labels, words
 from reports.tables import in_text
 
@@ -29,7 +30,7 @@ def by_step(
         f"agreement-{name}",
         f"{what} against the step",
         f"{reading} Both axes are logarithmic. Grey lines have the slope of the order written at their fine "
-        f"end{floor}.".lstrip(),
+        f"end{floor}. {followed(rows) if floor else ''}".strip(),
         f"{len(panels)} log-log panels over the step: {shown}. Lines: {', '.join(labels(rows))}.",
         against_step(rows, panels),
     )

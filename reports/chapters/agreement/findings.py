@@ -4,10 +4,9 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from reports.chapters.agreement.figures import steps_in_text
 from reports.parts import stated
 from reports.quantities import finished, floor, signal_errors, value
-from reports.shared_tables import orders
+from reports.shared_tables import orders, orders_in_text
 from reports.style import labels, words
 from reports.tables import in_text, listed
 
@@ -20,17 +19,11 @@ LARGEST_ENERGY = "largest_kinetic_energy_J"
 
 
 def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> Iterator[str]:
-    """Yield the observed orders of each arm on all scenes in one sentence."""
+    """Yield the observed orders of each arm on all scenes, a sentence for each column."""
     by_column = {column: orders(rows, column) for column in columns}
     for label in labels(finished(rows)):
-        parts = []
         for column, by_label in by_column.items():
-            by_scene = by_label[label].items()
-            claimed = [f"{order} on {scene}" for scene, order in by_scene if order.slope is not None]
-            not_claimed = [f"{order} on {scene}" for scene, order in by_scene if order.slope is None]
-            part = f"{_signal(column)} of {f'order {listed(claimed)}' if claimed else 'no order'}"
-            parts.append(part + (f" ({listed(not_claimed)})" if not_claimed else ""))
-        yield f"{label}: {'; '.join(parts)}."
+            yield f"{label}, {_signal(column)}: {orders_in_text(by_label[label])}."
 
 
 def pymunk_arms(rows: pd.DataFrame, column: str) -> Iterator[str]:
@@ -42,12 +35,14 @@ def pymunk_arms(rows: pd.DataFrame, column: str) -> Iterator[str]:
     ]
     if not all(slopes):
         return
-    first, second = (listed(dict.fromkeys(f"{slope:.2f}" for slope in each)) for each in slopes)
+    first, second = (
+        " to ".join(dict.fromkeys(f"{end:.2f}" for end in (min(each), max(each)))) for each in slopes
+    )
     sentence = (
         f"Pymunk is shown twice: {AS_IT_COMES} is the library as it comes, a first-order method "
-        f"(observed: {first}); {TUNED} is how an expert would run it, with more "
-        "iterations, each step's joint error corrected in full and half a kick before the first step, "
-        f"which makes it the second-order leap-frog scheme (observed: {second})."
+        f"(observed: {first}). {TUNED} is how an expert would run it, with each step's joint error corrected "
+        "in full and half a kick before the first step, which makes it the second-order leap-frog scheme "
+        f"(observed: {second})."
     )
     yield stated(sentence, [set(map(round, each)) for each in slopes] == [{1}, {2}])
 
@@ -64,26 +59,31 @@ def best_at_step(at_step: pd.DataFrame) -> Iterator[str]:
 
 
 def conservation(at_step: pd.DataFrame) -> Iterator[str]:
-    """Yield the largest energy residual and violation of each arm over all scenes, and at which steps."""
-    if len(at_step):
-        yield f"Compared at a step of {steps_in_text(at_step)}."
-    yield from _smallest_first(at_step, ENERGY, LARGEST_ENERGY)
-    yield from _smallest_first(at_step, VIOLATION)
+    """Yield with which arms the largest energy residual and violation of all scenes are least and most."""
+    yield from _least_and_most(at_step, ENERGY, LARGEST_ENERGY)
+    yield from _least_and_most(at_step, VIOLATION)
 
 
-def _smallest_first(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[str]:
-    """Yield the largest of a column for each arm, smallest first, divided by a column ``per`` if named."""
+def _least_and_most(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[str]:
+    """Yield where the largest of a column is least and most, divided by a column ``per`` if named."""
     sizes = value(rows, column) / (rows[per] if per else 1.0)
-    worst = sizes.groupby(rows["label"], observed=True).max().dropna().sort_values(kind="stable")
+    worst = sizes.groupby(rows["label"], observed=True).max().dropna()
     if worst.empty:
         return
     what, unit = words(column)
     if per:
         what, unit = f"{what} relative to the {words(per)[0]}", ""
-    arms = listed(f"{in_text(size)}{unit and ' ' + unit} with {label}" for label, size in worst.items())
+    ends = {"least": worst.idxmin(), "most": worst.idxmax()}
+    arms = (
+        f"{end} with {label}, {in_text(worst[label])}{unit and ' ' + unit}" for end, label in ends.items()
+    )
+    sentence = f"At the steps of the table the largest {what} over all scenes is {listed(arms)}."
     failed = rows[rows["status"] != "ok"]
-    missing = listed(failed["label"].astype(str) + " on " + failed["scene"]) if len(failed) else ""
-    yield f"The largest {what} over all scenes is {arms}{missing and f', without what failed: {missing}'}."
+    if len(failed):
+        sentence += (
+            f" Left out is what failed: {listed(failed['label'].astype(str) + ' on ' + failed['scene'])}."
+        )
+    yield sentence
 
 
 def enough(rows: pd.DataFrame, setting: str, column: str) -> Iterator[str]:
@@ -96,8 +96,12 @@ def enough(rows: pd.DataFrame, setting: str, column: str) -> Iterator[str]:
         good = seen.index[seen[::-1].cummax()[::-1] <= 2 * seen.min()]
         yield (
             f"On {scene} the {_signal(column)} error is within a factor of 2 of its smallest "
-            + (f"from {good[0]} {setting} on" if len(good) else f"at no number of {setting} and all above it")
-            + (f"; runs with {listed(map(str, failed))} fail." if len(failed) else "; no run fails.")
+            + (
+                f"from {good[0]} {setting} on."
+                if len(good)
+                else f"at no number of {setting} and all above it."
+            )
+            + (f" Runs fail with up to {failed.max()}." if len(failed) else " No run fails.")
         )
 
 

@@ -1,10 +1,13 @@
 """The work-precision study on the page: error against run time, and who is cheapest at equal error."""
 
+from collections.abc import Sequence
+
 import pandas as pd
 
-from reports.chapters.work_precision import figures, tables
+from reports.chapters.work_precision import figures, findings, tables
+from reports.equal_error import Judged
 from reports.parts import Section
-from reports.quantities import finished, with_largest
+from reports.quantities import finished, value, with_largest
 from reports.results import Results, with_columns
 from reports.shared_tables import quality_table
 
@@ -14,42 +17,65 @@ INTRODUCTION = (
     "Every engine climbs a ladder of its own best settings, and what it takes is set against what it gets "
     "right. Errors are those of recorded runs, against the converged solution of the law that the engine "
     "really solves, so that a different contact law is no error; times are those of bare runs of the native "
-    "solve, made alone on the machine in rounds over all engines. SciPy integrates the reference's own "
-    "equations: the pick of a user without an engine. Times are of one machine; ratios are what counts."
+    "solve, made alone on the machine in rounds over all engines, each in an order of its own. Where the "
+    "slider's position follows from a prescribed crank alone, driver torque and joint forces are judged in "
+    "its place. SciPy integrates the reference's own equations: the pick of a user without an engine. Times "
+    "are of one machine; ratios are what counts."
 )
-POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
+POSITION, TORQUE = "slider_position_error_m", "driver_torque_error_N_m"
+FORCE = "largest_joint_force_error_N"
 
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
     times = ("solve_time_s", "build_time_s", "compile_time_s")
-    rows = with_columns(results.rows, "steps", "round", "compiled_anew", *times)
+    rows = with_columns(results.rows, "round", "compiled_anew", "compared_until_s", *times)
     rows = with_largest(rows, FORCE, r"joint_\w_force_error_N")
-    measured = finished(rows)
-    loose = (
-        measured.filter(regex="^clearance_").notna().any(axis=1).groupby(measured["scene"]).transform("any")
-    )
-    kinds = (("ideal", "Ideal joints", ~loose), ("clearance", "Joints with clearance", loose))
-    return [
-        *(_section(name, title, measured[kind]) for name, title, kind in kinds if kind.any()),
-        _costs(rows),
-    ]
+    loose = _on_scenes(rows, rows.filter(regex="^clearance_").notna().any(axis=1))
+    kinematic = ~loose & _on_scenes(rows, value(rows, TORQUE).notna())
+    by_column = {POSITION: ~kinematic, TORQUE: kinematic, FORCE: kinematic | ~kinematic}
+    found: list[Section] = []
+    judged: list[Judged] = []
+    for kind, title, of_kind in (
+        ("ideal", "Ideal joints", ~loose),
+        ("clearance", "Joints with clearance", loose),
+    ):
+        name = f"work-precision-{kind}"
+        of = [
+            Judged(f"{name}-{figures.file_name(column)}", finished(rows[of_kind & those]), column)
+            for column, those in by_column.items()
+        ]
+        if of_kind.any():
+            found.append(_section(name, title, of))
+        judged += of
+    return [*found, _costs(rows, judged)]
 
 
-def _section(kind: str, title: str, rows: pd.DataFrame) -> Section:
+def _on_scenes(rows: pd.DataFrame, holds: pd.Series) -> pd.Series:
+    """Return of each row whether something holds of any finished run of its scene."""
+    return (holds & (rows["status"] == "ok")).groupby(rows["scene"]).transform("any")
+
+
+def _section(name: str, title: str, judged: Sequence[Judged]) -> Section:
+    both = [one for solve in judged for one in (solve, solve.whole())]
     return Section.of(
-        f"work-precision-{kind}",
+        name,
         title,
-        tables.reference_against_rivals(rows, POSITION),
-        (*figures.figures(kind, rows, POSITION), *figures.figures(kind, rows, FORCE)),
-        (tables.cheapest(kind, rows, POSITION), tables.cheapest(kind, rows, FORCE)),
+        [text for one in both for text in findings.found(one)],
+        [figure for one in judged for figure in figures.figures(one)],
+        [*map(findings.races_table, both), *map(tables.cheapest, judged)],
     )
 
 
-def _costs(rows: pd.DataFrame) -> Section:
+def _costs(rows: pd.DataFrame, judged: Sequence[Judged]) -> Section:
     text = (
         "Compiling kernels, building the model and reading results out are outside all times above; this is "
         "what they take. Only the reference's rigid contact loads kernels as it goes, within its times."
     )
-    shown = (tables.building(rows), tables.compiling(rows), tables.failures(rows), quality_table(rows, STUDY))
+    shown = (
+        tables.building(rows),
+        tables.compiling(rows, judged),
+        tables.failures(rows),
+        quality_table(rows, STUDY),
+    )
     return Section.of("work-precision-costs", "What is outside the times", [text], tables=shown)

@@ -3,48 +3,62 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from reports.equal_error import front, ladders
+from reports.equal_error import Judged, front
 from reports.parts import Figure
 from reports.plots.step_figures import engine_legend, grid
+from reports.shared_tables import followed
 from reports.style import GREY, axis_label, line_styles, words
 
-
-def figures(kind: str, rows: pd.DataFrame, column: str) -> Iterator[Figure]:
-    """Yield errors of a column against run time and against steps, a panel per scene that has any."""
-    if not ladders(rows, column):
-        return
-    name, unit = words(column)
-    file = column.removesuffix(f"_{column.split('_')[-1]}").replace("_", "-")
-    yield Figure(
-        f"work-precision-{kind}-{file}-time",
-        f"{name.capitalize()} against run time",
+#: What an error may cost, by its column among the rungs: the axis, and how to read a figure of it.
+COSTS = {
+    "time_s": (
+        "run time",
+        axis_label("solve_time_s"),
         "Down and to the left is better. The grey line is the front: what no engine beats in both error and "
         "time. The band is the truth's own uncertainty. Bars are the range of the rounds.",
-        f"{name} in {unit} against run time in s, log-log, one panel per scene, one line per engine and arm",
-        drawing(rows, column, against_time=True),
-    )
-    yield Figure(
-        f"work-precision-{kind}-{file}-steps",
-        f"{name.capitalize()} against steps",
-        "The same errors against the number of steps, whatever a step costs.",
-        f"{name} in {unit} against steps, log-log, one panel per scene, one line per engine and arm",
-        drawing(rows, column, against_time=False),
-    )
+    ),
+    "steps": ("steps", "steps", "The same errors against the number of steps, whatever a step costs."),
+    "evaluations": (
+        "evaluations",
+        "evaluations of the right-hand side",
+        "The same errors against the number of evaluations of the equations of motion, whatever one costs, "
+        "of engines that count them.",
+    ),
+}
 
 
-def drawing(rows: pd.DataFrame, column: str, against_time: bool) -> Drawing:
-    """Return the figure of one column of errors."""
-    by_scene = ladders(rows, column)
-    figure, axes = grid(len(by_scene), height_in=3.0)
-    styles = line_styles(rows)
-    for ax, (scene, (rungs, floor)) in zip(axes, by_scene.items(), strict=True):
+def figures(judged: Judged) -> Iterator[Figure]:
+    """Yield errors against what they cost, a panel per scene that has any."""
+    name, unit = words(judged.column)
+    for cost, (what, axis, reading) in COSTS.items():
+        if any(rungs[cost].notna().any() for rungs, _ in judged.ladders.values()):
+            yield Figure(
+                f"{judged.name}-{what.split()[-1]}",
+                f"{name.capitalize()} against {what}",
+                f"{reading} {followed(judged.rows)}",
+                f"{name} in {unit} against {axis}, log-log, one panel per scene, one line per engine and arm",
+                drawing(judged, cost),
+            )
+
+
+def file_name(column: str) -> str:
+    """Return a column of errors as it is part of a file's name: slider-position."""
+    return column.rpartition("_error")[0].replace("_", "-")
+
+
+def drawing(judged: Judged, cost: str) -> Drawing:
+    """Return the figure of errors against one of ``COSTS``."""
+    figure, axes = grid(len(judged.ladders), height_in=3.0)
+    styles = line_styles(judged.rows)
+    for ax, (scene, (rungs, floor)) in zip(axes, judged.ladders.items(), strict=True):
         for label, ladder in rungs.groupby("label", observed=True):
-            _line(ax, ladder, against_time, styles[label])
-        if against_time:
+            _line(ax, ladder, cost, styles[label])
+        if cost == "time_s":
             best = front(rungs)
             ax.plot(
                 best["time_s"],
@@ -60,17 +74,15 @@ def drawing(rows: pd.DataFrame, column: str, against_time: bool) -> Drawing:
             bottom = rungs["error"].min() / 3
             ax.axhspan(bottom, floor, color=GREY, alpha=0.3, linewidth=0)
             ax.set_ylim(bottom=bottom)
-        work = axis_label("solve_time_s") if against_time else "steps"
-        ax.set(xlabel=work, ylabel=axis_label(column), title=scene)
-    engine_legend(figure, rows, failures=False)
+        ax.set(xlabel=COSTS[cost][1], ylabel=axis_label(judged.column), title=scene)
+    engine_legend(figure, judged.rows, failures=False)
     return figure
 
 
-def _line(ax: Axes, ladder: pd.DataFrame, against_time: bool, style: dict[str, Any]) -> None:
-    ladder = ladder.sort_values("time_s" if against_time else "steps", kind="stable")
-    if not against_time:
-        ax.plot(ladder["steps"], ladder["error"], **style)
-        return
-    below = ladder["time_s"] - ladder["times_s"].map(min)
-    above = ladder["times_s"].map(max) - ladder["time_s"]
-    ax.errorbar(ladder["time_s"], ladder["error"], xerr=[below, above], elinewidth=0.7, **style)
+def _line(ax: Axes, ladder: pd.DataFrame, cost: str, style: dict[str, Any]) -> None:
+    ladder = ladder.sort_values(cost, kind="stable")
+    spread: dict[str, Any] = {}
+    if cost == "time_s":
+        below = ladder["time_s"] - ladder["times_s"].map(np.nanmin)
+        spread = {"xerr": [below, ladder["times_s"].map(np.nanmax) - ladder["time_s"]], "elinewidth": 0.7}
+    ax.errorbar(ladder[cost], ladder["error"], **spread, **style)

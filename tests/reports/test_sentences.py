@@ -1,0 +1,122 @@
+"""Sentences of the report: each follows from the rows, so that other rows change it, and has few numbers."""
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from reports.chapters import agreement, clearance, work_precision
+from reports.chapters.agreement import findings
+from reports.parts import Contradiction
+from reports.quantities import with_largest
+from reports.results import Results, read_results
+from reports.shared_tables import failures_section
+
+PUBLISHED = Path(__file__).parents[2] / "reports/published/results"
+#: In a sentence; more are a table. Those within names, as DOP853 or 0.5mm, are none.
+MOST_NUMBERS, NUMBER = 2, re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:×10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?(?![\w-])")
+#: The section on what times leave out says how they are taken, and finds nothing.
+METHOD = "work-precision-costs"
+
+Change = Callable[[pd.DataFrame], pd.DataFrame]
+
+
+def agreement_texts(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield the chapter's sentences without its figures, whose curves are not published."""
+    position, force = agreement.POSITION, agreement.FORCE
+    rows = with_largest(rows, force, r"joint_\w_force_error_N")
+    swept = agreement.swept_settings(rows)
+    ladder = rows[swept.isna()]
+    at_step = agreement.at_common_steps(ladder)
+    yield from findings.orders_found(ladder, (position, force))
+    yield from findings.best_at_step(at_step)
+    yield from findings.conservation(at_step)
+    for setting, of_setting in rows.groupby(swept):
+        yield from findings.enough(of_setting, setting, position)
+    yield from failures_section(rows, agreement.STUDY).text
+    yield from findings.pymunk_arms(ladder, position)
+
+
+def clearance_texts(rows: pd.DataFrame) -> Iterator[str]:
+    for section in clearance.sections(Results(PUBLISHED, rows, None)):
+        yield from section.text
+
+
+def work_precision_texts(rows: pd.DataFrame) -> Iterator[str]:
+    for section in work_precision.sections(Results(PUBLISHED, rows, None)):
+        yield from section.text if section.name != METHOD else ()
+
+
+CHAPTERS: dict[str, Callable[[pd.DataFrame], Iterator[str]]] = {
+    agreement.STUDY: agreement_texts,
+    clearance.STUDY: clearance_texts,
+    work_precision.STUDY: work_precision_texts,
+}
+
+
+def scaled(pattern: str, factor: Callable[[pd.DataFrame], "pd.Series[float]"]) -> Change:
+    """Return the change of the columns whose names match by a factor for each row."""
+    return lambda rows: rows.assign(**rows.filter(regex=pattern).mul(factor(rows), axis=0))
+
+
+def of_engine(name: str, factor: float) -> Callable[[pd.DataFrame], "pd.Series[float]"]:
+    return lambda rows: (rows["engine"] == name).map({True: factor, False: 1.0})
+
+
+#: What rows may be instead: other orders, another winner in error and in time, other impacts, laws, failures.
+CHANGES: dict[str, Change] = {
+    "every error is of order three": lambda rows: rows.assign(
+        **dict.fromkeys(rows.filter(regex="_error_"), rows["mean_step_s"] ** 3)
+    ),
+    "the reference errs more": scaled("_error_|violation|residual", of_engine("reference", 1e6)),
+    "the others err more": scaled(
+        "_error_|violation|residual", lambda rows: 1e7 / of_engine("reference", 1e7)(rows)
+    ),
+    "the reference is slow": scaled("^solve_time_s$", of_engine("reference", 1e4)),
+    "an impact is missed everywhere": lambda rows: rows.assign(impacts_missed=1.0),
+    "no law makes a difference": scaled("_model_difference_", of_engine("pymunk", 0.0)),
+    "every law makes a difference": lambda rows: rows.assign(slider_position_model_difference_m=1.0),
+    "what failed finished": lambda rows: rows.assign(status="ok", quality_failure=None),
+    "Pymunk fails": lambda rows: rows.assign(
+        status=rows["status"].mask(rows["engine"] == "pymunk", "failed")
+    ),
+}
+
+
+@cache
+def published(study: str) -> pd.DataFrame:
+    return read_results(PUBLISHED / study)
+
+
+def texts(study: str, change: Change = lambda rows: rows) -> set[str]:
+    """Return the sentences of a chapter, up to one that the rows contradict."""
+    found: set[str] = set()
+    with suppress(Contradiction):
+        found.update(CHAPTERS[study](change(published(study))))
+    return found
+
+
+@pytest.fixture(autouse=True)
+def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clearance, "against_step", lambda *_: Figure())
+    monkeypatch.setattr(work_precision.figures, "drawing", lambda *_: Figure())
+
+
+@pytest.mark.parametrize("study", CHAPTERS)
+def test_every_sentence_changes_with_some_rows_or_contradicts_them(study: str) -> None:
+    sentences = texts(study)
+    same = set.intersection(sentences, *(texts(study, change) for change in CHANGES.values()))
+    assert sentences
+    assert not same, "sentences that no change of the rows changes"
+
+
+@pytest.mark.parametrize("study", CHAPTERS)
+def test_no_sentence_has_more_numbers_than_one_can_read(study: str) -> None:
+    for text in texts(study):
+        for sentence in re.split(r"[.:;] ", text):
+            assert len(NUMBER.findall(sentence)) <= MOST_NUMBERS, sentence
