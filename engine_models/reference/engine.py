@@ -18,6 +18,7 @@ from engine_models.engine import (
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
+from engine_models.pace import MOST_STEPS
 from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
 from engine_models.scene.scene import Scene
@@ -53,6 +54,9 @@ class ReferenceEngine:
 
     Pins before rigid walls bounce as long as step or tolerance let them; or, where ``lowest_flight`` is
     given, down to heights of so many times round-off.
+
+    A run fails that would need more than ``max_steps`` at the pace that it has come to, looked at every two
+    million; the default would take hours.
     """
 
     method: Literal["rk4", "dop853", "dopri5"] = "rk4"
@@ -64,6 +68,7 @@ class ReferenceEngine:
     steps_per_contact: Annotated[float, Field(ge=4)] = 100.0
     locate_events: bool = True
     lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] | None = None
+    max_steps: Annotated[float, Field(ge=1)] = MOST_STEPS
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
@@ -124,7 +129,7 @@ class ReferenceEngine:
 
     def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
         choice, compiled = self._step_choice(scene, settings), self.kernel == "compiled"
-        return reference_run(scene, settings, choice, self._stabilisation(), compiled)
+        return reference_run(scene, settings, choice, self._stabilisation(), compiled, self.max_steps)
 
     def _stabilisation(self) -> Stabilisation:
         if self.stabilisation == "baumgarte":

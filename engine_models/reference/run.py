@@ -45,8 +45,9 @@ def reference_run(
     choice: StepChoice | ErrorControl,
     stabilisation: Stabilisation,
     compiled: bool,
+    most_steps: float,
 ) -> Trajectory:
-    """Run a scene.
+    """Run a scene, in no more steps than ``most_steps`` by the pace that it comes to.
 
     The joints' forces on rigid walls are those of following, without impulses. The solve time is the solver's
     own. It includes the making of kernels for pins that follow rigid walls, one for every set of them that
@@ -69,7 +70,7 @@ def reference_run(
             choice = choice.at(settings.step_s)
     solver = Solver(mechanism, q, choice, stabilisation, compiled)
     try:
-        solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver))
+        solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver, most_steps))
     except Stalled as stalled:
         raise too_slow(scene, f"steps that make no way at t = {stalled.time_s:.6g} s") from stalled
     except FrictionTooStiff as stiff:
@@ -78,11 +79,11 @@ def reference_run(
     return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
 
 
-def _watch(scene: Scene, solver: Solver) -> Callable[[float], None]:
+def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float], None]:
     """Return what tells how far a run has come, and ends one whose steps, or events, have collapsed."""
     if not scene.joints_with_clearance:
         return tell
-    steps, events = Pace(scene, LOOK_UP_STEPS), Pace(scene, LOOK_UP_EVENTS, MOST_EVENTS)
+    steps, events = Pace(scene, LOOK_UP_STEPS, most_steps), Pace(scene, LOOK_UP_EVENTS, MOST_EVENTS)
 
     def watch(t: float) -> None:
         tell(t)

@@ -7,8 +7,7 @@ code is 1 if a promise was broken. Every scene compiles kernels of its own the f
 import argparse
 import sys
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from concurrent.futures import ProcessPoolExecutor, as_completed
 
 from engine_models.engines import ENGINES
 from tests.random_scenes.judging import BROKEN, HELD, REFUSED, WARNED, Verdict, verdicts
@@ -26,9 +25,10 @@ def main() -> int:
     for kind in asked.kinds or ("compliant", "rigid"):
         scenes, found = truths(kind)[: asked.first], list[Verdict]()
         with ProcessPoolExecutor(asked.jobs) as pool:
-            for number, some in enumerate(pool.map(partial(_listed, asked.engine), scenes), 1):
-                found += some
-                for one in some:
+            runs = [pool.submit(_listed, asked.engine, scene) for scene in scenes]
+            for number, run in enumerate(as_completed(runs), 1):
+                found += run.result()
+                for one in run.result():
                     if one.outcome in (BROKEN, REFUSED):
                         print(f"{kind} {one.seed} at {one.tolerance}: {one.outcome}, {one.error_m:.2g} m, "
                               f"{one.reason}", flush=True)  # fmt: skip
