@@ -80,10 +80,10 @@ class Solution:
     def gap_m(self) -> FloatArray:
         """Return d, from bearing centre to pin centre, (s, K, 2)."""
         gaps = np.empty((len(self.q), len(self.mechanism.contacts), 2))
+        state = State(self.q.T, self.q.T)  # of all samples at once
         for k, joint in enumerate(self.mechanism.contacts):
-            for sample, q in enumerate(self.q):
-                bearing, pin = ends_of(joint, State(q, q))
-                gaps[sample, k] = pin.place - bearing.place
+            bearing, pin = ends_of(joint, state)
+            gaps[:, k] = pin.place.T - bearing.place.T
         return gaps
 
     @property

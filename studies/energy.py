@@ -77,6 +77,15 @@ RIGID_ARMS = (
 #: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
 CLEARANCE_ARMS = (*RIGID_ARMS, arms.NO_STABILISATION, arms.TRAPEZOIDAL, arms.GENERALIZED_ALPHA)
 IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
+#: Runs of hundreds of turns with contact: scenes, turns and arms, quick and what the full set adds.
+CHEAP_ARMS = (arms.PROJECTION, arms.REFERENCE_DOP853, arms.DOPRI5)
+LASTING_ARMS = (*CHEAP_ARMS, arms.TUNED, arms.SCIPY_DOP853)
+LASTING = {
+    False: (("clearance-driven-damped", 100, CHEAP_ARMS),),
+    True: (("clearance-driven-damped", 300, LASTING_ARMS), ("clearance-driven-0.5mm", 300, LASTING_ARMS)),
+}
+#: Their tolerance and steps in a turn, and their samples in one.
+LASTING_TOLERANCE, LASTING_STEPS, LASTING_SAMPLES = 1e-5, 1200, 10
 #: Samples of a curve that are kept.
 KEPT = 240
 #: Round-off of a constraint in places of the largest coordinate or speed, below which no growth is told: so
@@ -85,11 +94,14 @@ PLACES, PLACES_PER_RAD = 1000, 2
 
 
 def cases(full: bool) -> list[Case]:
-    """Return every engine and arm on every scene at a ladder of steps.
+    """Return every engine and arm on every scene at a ladder of steps, and those who can for many turns.
 
     The full set adds long runs, and with clearance those without stabilisation: each needs a kernel more.
     """
     every = [case for length in SHORT + (LONG if full else ()) for case in _ladder(length)]
+    every += [
+        case for lasting in LASTING[False] + (LASTING[True] if full else ()) for case in _lasting(*lasting)
+    ]
     return [
         case
         for case in every
@@ -106,6 +118,18 @@ def _ladder(length: Length) -> list[Case]:
             step = scene.end_time_s / (1 if arm.tolerances else length.intervals * count)
             run, added = RunSettings(step, length.intervals), dict.fromkeys(arm.tolerances, tolerances[rung])
             out.append(Case("energy", scene, arm, run, added, columns={"rung": rung}))
+    return out
+
+
+def _lasting(name: str, turns: int, of: tuple[Arm, ...]) -> list[Case]:
+    changes = {"end_time_s": turns * TURN_S, "name": f"{name}-{turns}-turns"}
+    scene, out = SCENES[name]().model_copy(update=changes), []
+    for arm in (*of, *arms.newcomers()):
+        run = RunSettings(
+            scene.end_time_s if arm.tolerances else TURN_S / LASTING_STEPS, turns * LASTING_SAMPLES
+        )
+        added = dict.fromkeys(arm.tolerances, LASTING_TOLERANCE)
+        out.append(Case("energy", scene, arm, run, added, columns={"rung": 0}))
     return out
 
 

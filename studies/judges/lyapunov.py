@@ -28,8 +28,9 @@ SIZE_M = 1e-12
 #: ... at the last moment at which it is closer than this part of the least clearance: so far, distances grow
 #: in proportion.
 LARGEST_PART = 0.01
-#: A stretch without such a moment is made up to this many times as long; then it is the last.
-LONGEST = 4
+#: A stretch without such a moment is made up to this many times as long; then it is the last. Of 150 starts
+#: of set R, followed for 64 revolutions, none took off again after twelve in contact.
+LONGEST = 16
 
 
 @dataclass(frozen=True)
@@ -43,14 +44,14 @@ class Growth:
     log_growth: FloatArray
     settled: bool
 
-    def exponent_per_s(self, from_s: float) -> float:
-        """Return the mean growth rate from a time on.
+    def exponent_per_s(self, from_s: float, until_s: float = np.inf) -> float:
+        """Return the mean growth rate from a time on, and until another or the end.
 
         Raises:
-            SimulationFailed: distances could not be followed until then.
+            SimulationFailed: distances could not be followed that far.
         """
-        first = int(np.searchsorted(self.time_s, from_s))
-        time, growth = self.time_s[first:], self.log_growth[first:]
+        within = slice(*np.searchsorted(self.time_s, [from_s, until_s]))
+        time, growth = self.time_s[within], self.log_growth[within]
         if len(time) < 2:
             raise SimulationFailed(f"the companion could not be put back until t = {from_s:g} s")
         return float((growth[-1] - growth[0]) / (time[-1] - time[0]))

@@ -77,6 +77,16 @@ def following(scene: Scene, revolutions: int) -> Scene:
     return scene.model_copy(update={"end_time_s": revolutions * period_s(scene)})
 
 
+def tighter(scene: Scene) -> Scene:
+    """Return a scene, of the same name, whose clearances are a tenth smaller."""
+    rooms = {joint: getattr(scene.clearance, joint) for joint in scene.joints_with_clearance}
+    smaller = {
+        joint: room.model_copy(update={"radial_clearance_m": 0.9 * room.radial_clearance_m})
+        for joint, room in rooms.items()
+    }
+    return scene.model_copy(update={"clearance": scene.clearance.model_copy(update=smaller)})
+
+
 def at_clearance(radial_clearance_m: float) -> Scene:
     """Return set R with a clearance at the rod-slider pin."""
     name = f"set R with {radial_clearance_m * 1e3:.4f} mm"

@@ -78,13 +78,20 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
 
 
 def _exponent(case: Case) -> tuple[Row, Curves]:
-    """Return the exponent of a motion that goes on; one that settles to continuous contact has none."""
-    period, skipped = period_s(case.scene), parts.EXPONENT_REVOLUTIONS[0]
+    """Return the exponent of a motion that goes on, from a quarter and a half of the run as well.
+
+    A motion that settles to continuous contact has none, nor has a part that was not followed to its end; of
+    the whole, half is enough.
+    """
+    period, (skipped, used) = period_s(case.scene), parts.EXPONENT_REVOLUTIONS
     engine = make_engine(case.engine, **case.settings)
     growth = lyapunov.growth(engine, case.scene, case.run.step_s, period, case.run.samples)
-    row: Row = {"revolutions": float(growth.time_s[-1]) / period}
-    if not growth.settled:
-        per_second = growth.exponent_per_s(skipped * period)
-        row["lyapunov_exponent_per_second"] = per_second
-        row["lyapunov_exponent_per_revolution"] = per_second * period
+    followed = float(growth.time_s[-1])
+    row: Row = {"revolutions": followed / period, "settled": growth.settled}
+    for words, part in parts.EXPONENT_PARTS.items():
+        begin, end = skipped * period, (skipped + part * used) * period
+        needed = min(end, (skipped + parts.EXPONENT_PARTS["_half"] * used) * period)
+        # What is left at the end and shorter than a stretch is not run.
+        if not growth.settled and followed > needed - period:
+            row[f"lyapunov_exponent_per_revolution{words}"] = growth.exponent_per_s(begin, end) * period
     return row, {"time_s": growth.time_s, "log_growth": growth.log_growth}

@@ -1,32 +1,36 @@
 """Horizons, exponents and ensembles: known exponents, PHYSICS's horizons, and tests that keep their level."""
 
 import shutil
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import clearance, clearance_driven_002, clearance_driven_05
-from engine_models.scene.scene import Scene
+from engine_models.scene.scene import Clearances, Scene
 from reports import page
 from reports.chapters import predictability
-from reports.chapters.predictability import findings, statistics
+from reports.chapters.predictability import comparison, data, findings, statistics
 from reports.chapters.predictability.data import PER_REVOLUTION
+from reports.chapters.predictability.statistics import Margins
 from reports.parts import Contradiction
+from reports.results import with_columns
 from studies.extremes.scenes import GRAVITY_M_S2, wheel
 from studies.judges.horizon import apart, first_beyond_s, moved
 from studies.judges.ideal_truth import slider_position_m
 from studies.judges.lyapunov import growth
 from studies.predictability import study
-from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MOVES_RAD, moves_rad
+from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MEMBERS, moves_rad
 from studies.predictability.ensemble import period_s
 from studies.predictability.ensemble import statistics as member_statistics
-from studies.predictability.scenes import clearance_driven_lossy, following
+from studies.predictability.scenes import clearance_driven_lossy, following, tighter
 from studies.running.case import Case
 from studies.running.outcome import run_case
 from studies.running.runner import run_study
@@ -163,75 +167,112 @@ def test_the_ideal_position_is_that_of_the_assembled_scene() -> None:
     assert run.slider_position_m[0] == pytest.approx(ideal[0], abs=1e-15)
 
 
-def test_starts_are_distinct_within_their_sizes_and_the_few_begin_the_many() -> None:
-    few, many, others = moves_rad(20), moves_rad(40), moves_rad(40, mirrored=True)
-    assert many[:20] == few
-    assert len({*many, *others}) == 80
-    sizes = np.abs([*many, *others])
-    assert MOVES_RAD[0] <= sizes.min()
-    assert sizes.max() <= MOVES_RAD[1]
-    assert min(np.sum(np.array(few) > 0), np.sum(np.array(few) < 0)) == 10
+def test_every_ensemble_has_starts_of_its_own() -> None:
+    members = [case for case in study.cases(True) if "member" in case.columns]
+    starts = [(case.scene.name, case.columns["start_moved_rad"]) for case in members]
+    assert len({*starts}) == len(members)
+    by_part: dict[tuple[str, str], list[float]] = {}
+    for case in members:
+        key = case.scene.name, str(case.columns["part"])
+        by_part.setdefault(key, []).append(float(str(case.columns["start_moved_rad"])))
+    assert {len(of_part) for of_part in by_part.values()} == {MEMBERS}
+    for of_part in by_part.values():
+        assert stats.kstest(of_part, stats.uniform(-np.pi, 2 * np.pi).cdf).pvalue > 1e-4
 
 
-# Tests that keep their level
+def test_the_first_of_many_starts_are_the_few() -> None:
+    assert moves_rad("an ensemble", 40)[:20] == moves_rad("an ensemble", 20)
 
 
-def samples(kind: str, rng: np.random.Generator, size: int) -> FloatArray:
-    return rng.normal(size=(size, 1)) if kind == "normal" else rng.exponential(size=(size, 1))
+def test_a_tighter_scene_differs_in_its_clearances_alone() -> None:
+    scene = clearance_driven_05()
+    room = scene.clearance.B
+    assert room is not None
+    wider = room.model_copy(update={"radial_clearance_m": 0.9 * room.radial_clearance_m})
+    assert tighter(scene) == scene.model_copy(update={"clearance": Clearances(B=wider)})
 
 
-TRIALS = 600
+# Tests that keep their level and have the power that they claim
 
 
-@pytest.mark.parametrize("kind", ["normal", "exponential"])
-def test_the_permutation_test_sounds_false_alarms_at_its_nominal_rate(kind: str) -> None:
-    rng = np.random.default_rng(1)
-    alarms = sum(
-        float(statistics.permutation_p(samples(kind, rng, 20), samples(kind, rng, 20))[0]) <= statistics.LEVEL
-        for _ in range(TRIALS)
-    )
-    low, high = statistics.Rate(alarms, TRIALS).interval
-    assert low <= statistics.LEVEL <= high, f"{alarms} of {TRIALS}"
+TRIALS, SIZE = 2000, 100
+MARGINS = Margins(np.array([0.04, 0.05, 0.0]), np.array([0.0, 0.0, 0.07]))
 
 
-def test_the_test_of_shape_is_no_more_alarming_than_its_level() -> None:
-    rng = np.random.default_rng(2)
-    p = [
-        float(statistics.kolmogorov_smirnov_p(samples("normal", rng, 20), samples("normal", rng, 20))[0])
-        for _ in range(TRIALS)
-    ]
-    low, _ = statistics.Rate(int(np.sum(np.array(p) <= statistics.LEVEL)), TRIALS).interval
-    assert low <= statistics.LEVEL
+def members(seed: int) -> tuple[FloatArray, FloatArray]:
+    """Two samples of each trial: a correlated pair of skewed quantities about 10, and one phase about 0."""
+    rng, shape = np.random.default_rng(seed), (2, TRIALS, SIZE)
+    common, own = rng.exponential(size=shape), rng.exponential(size=shape)
+    one, other = np.stack([9 + common, 8 + common + own, rng.uniform(-0.3, 0.3, shape)], axis=-1)
+    return one, other
 
 
-def test_false_alarms_counted_within_a_pool_are_at_the_nominal_rate() -> None:
-    pool = np.random.default_rng(3).exponential(size=(60, 2))
-    by_means, by_any = statistics.false_alarms(pool, 20, 300)
-    for rate in by_means:
-        assert rate.interval[0] <= statistics.LEVEL <= rate.interval[1], rate
-    assert all(rate.value <= 0.1 for rate in by_any)
+def rate_of(p: FloatArray) -> statistics.Rate:
+    """How often p is within the level."""
+    return statistics.Rate(int((p <= statistics.LEVEL).sum()), TRIALS)
 
 
-def test_a_shift_of_the_size_called_detectable_is_detected_four_times_of_five() -> None:
+def test_single_tests_together_sound_false_alarms_at_most_at_the_nominal_rate() -> None:
+    rate = rate_of(statistics.holm(statistics.difference_p(*members(1))).min(axis=-1))
+    assert rate.interval[0] <= statistics.LEVEL, rate
+
+
+def test_the_joint_test_sounds_false_alarms_at_its_nominal_rate() -> None:
+    rate = rate_of(statistics.joint_p(*members(2)))
+    assert rate.interval[0] <= statistics.LEVEL <= rate.interval[1], rate
+
+
+def test_the_joint_test_sees_what_hides_in_the_scatter_of_each_quantity() -> None:
+    one, other = members(3)
+    moved = one + np.array([0.2, -0.2, 0.0])  # a fifth of the scatter each, against their correlation
+    alone = rate_of(statistics.holm(statistics.difference_p(moved, other)).min(axis=-1))
+    assert rate_of(statistics.joint_p(moved, other)).interval[0] > 2 * alone.interval[1]
+
+
+def test_the_joint_test_of_one_quantity_is_students() -> None:
     rng = np.random.default_rng(4)
-    shift = statistics.detectable_difference(rng.normal(size=100_000), 20)
-    detected = sum(
-        float(statistics.permutation_p(samples("normal", rng, 20) + shift, samples("normal", rng, 20))[0])
-        <= statistics.LEVEL
-        for _ in range(TRIALS)
-    )
-    low, high = statistics.Rate(detected, TRIALS).interval
-    # Samples of twenty estimate their own spread, which costs a normal test two or three hundredths.
-    assert low - 0.03 < 0.8 < high + 0.03, f"{detected} of {TRIALS}"
+    one, other = rng.normal(size=(2, 30, 1))
+    assert statistics.joint_p(one, other) == pytest.approx(stats.ttest_ind(one[:, 0], other[:, 0]).pvalue)
 
 
-def test_a_bootstrap_interval_covers_the_mean_nearly_as_often_as_it_says() -> None:
-    rng = np.random.default_rng(5)
-    inside = 0
-    for _ in range(300):
-        interval = statistics.mean_interval(samples("normal", rng, 20)[:, 0])
-        inside += interval.low <= 0 <= interval.high
-    assert statistics.Rate(inside, 300).interval[1] > 0.9, f"{inside} of 300"
+@pytest.mark.parametrize("move", [MARGINS.above, MARGINS.below])
+def test_samples_a_margin_apart_are_called_equivalent_at_most_at_the_nominal_rate(
+    move: Callable[[FloatArray], FloatArray],
+) -> None:
+    one, other = members(5)
+    for quantity, p in enumerate(statistics.equivalence_p(move(one), other, MARGINS).T):
+        low, high = rate_of(p).interval
+        assert low <= statistics.LEVEL <= high, f"quantity {quantity}: {rate_of(p)}"
+
+
+def test_equivalence_is_that_of_schuirmanns_two_tests() -> None:
+    one, other = (sample[0] for sample in members(6))
+    shift = Margins(np.zeros(3), np.array([0.3, 0.3, 0.05]))
+    p = statistics.equivalence_p(one, other, shift)
+    low, high = statistics.difference_intervals(one, other)
+    within = (low > -shift.shift) & (high < shift.shift)
+    np.testing.assert_array_equal(p <= statistics.LEVEL, within)
+
+
+def test_calibration_finds_the_level_and_the_power_of_students_test() -> None:
+    rng, size = np.random.default_rng(7), 50
+    pool = rng.normal(10, 1, size=(4000, 1))
+    margins = Margins(np.array([0.05]), np.zeros(1))
+    found = statistics.calibrated(pool, size, margins, 1000)
+    # Of one quantity the joint test is its own once more, and Holm halves the level of both. The means are
+    # half a standard deviation apart: the noncentral distribution of Student's t.
+    level, freedom, away = statistics.LEVEL / 2, 2 * size - 2, 0.5 * np.sqrt(size / 2)
+    beyond = stats.t.ppf(1 - level / 2, freedom)
+    power = stats.nct.sf(beyond, freedom, away) + stats.nct.cdf(-beyond, freedom, away)
+    expected = {
+        "false alarm": (found.any_alarm, level),
+        "power": (found.planted_joint[0], power),
+        "false equivalence": (found.planted_clear[0], statistics.LEVEL),
+    }
+    for name, (rate, chance) in expected.items():
+        low, high = rate.interval
+        # The pool is one draw itself: its own spread is known to a hundredth, which moves power by as much.
+        assert low - 0.01 <= chance <= high + 0.01, f"{name}: {rate} against {chance}"
 
 
 def test_holms_correction_is_the_textbooks() -> None:
@@ -257,12 +298,10 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *some(HORIZON, "0.02mm", 1),
         *some(EXPONENT, "driven-A", 2),
         *some(EXPONENT, "0.02mm", 1),
-        *(
-            case
-            for part in ("reference (scene's law)", "reference (other starts)")
-            for case in some(part, "", 8)
-        ),
-        *some("pymunk (as the scene)", "", 4),
+        *some("reference (DOP853)", "0.5mm", 60),
+        *some("reference (other starts)", "0.5mm", 60),
+        *some("reference (a tenth less clearance)", "0.5mm", 60),
+        *some("pymunk (as the scene)", "0.5mm", 4),
         *some("against clearance", "", len(cases))[::48],
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
@@ -282,21 +321,66 @@ def test_the_chapter_says_what_the_rows_say(
     assert "Nothing parts on clearance-driven-0.02mm" in text
     assert "No exponent is given where every start settles" in text
     # Two starts: their interval, and so what it says, hangs on round-off.
-    assert "On clearance-driven-A distances grow" in text
-    assert "permutation test tells the reference from itself" in text
+    assert "On clearance-driven-A neighbouring motions part" in text
+    assert "60 members of the reference itself on clearance-driven-0.5mm are told apart" in text
+    assert "pymunk (as the scene) and" not in text, "four members are too few to compare"
     assert len(list((tmp_path / "report/figures").glob("*.png"))) == 5
     table = (tmp_path / "report/tables/predictability-horizons.csv").read_text("utf-8")
     assert "clearance-driven-0.02mm,6 revolutions,–,–,–,–,–,–" in table
 
 
 @pytest.mark.parametrize(
-    ("exponents", "said"),
-    [((2.0, 2.1, 2.2), "which is chaos"), ((-1.0, 0.5, 2.0), "which these starts do not tell from zero")],
+    ("whole", "half", "said"),
+    [
+        ((2.0, 2.1, 2.2), (2.1, 2.0, 1.9), "which is chaos"),
+        ((-1.0, 0.5, 2.0), (-1.0, 0.5, 2.0), "which these starts do not tell from zero"),
+        ((2.0, 2.1, 2.2), (3.0, 3.1, 3.2), "which has not converged"),
+        ((2.0, 2.1, np.nan), (2.0, 2.1, 2.2), "only 2 of 3 starts could be followed for half of the run"),
+    ],
 )
-def test_chaos_is_an_exponent_whose_interval_is_above_zero(exponents: tuple[float, ...], said: str) -> None:
-    starts = pd.DataFrame({PER_REVOLUTION: exponents})
+def test_chaos_is_a_converged_exponent_whose_interval_is_above_zero(
+    whole: tuple[float, ...], half: tuple[float, ...], said: str
+) -> None:
+    starts = pd.DataFrame({PER_REVOLUTION: whole, f"{PER_REVOLUTION}_half": half, "settled": False})
+    assert said in next(findings.exponents({"a scene": starts}))
+
+
+def test_nothing_is_claimed_where_some_starts_settle() -> None:
+    starts = pd.DataFrame({PER_REVOLUTION: (2.0, np.nan), "settled": (False, True)})
     (sentence,) = findings.exponents({"a scene": starts})
+    assert "1 of 2 starts settle" in sentence
+
+
+def ensemble(shift: float, size: int, seed: int) -> pd.DataFrame:
+    """Members with two quantities that scatter by a fifth about 10 and 20; the second is moved by a part."""
+    values = np.random.default_rng(seed).normal(1, 0.2, size=(2, size))
+    speed, impacts = 10 * values[0], 20 * (values[1] + shift)
+    table = pd.DataFrame({"impact_speed_m_s": speed, "impacts_per_revolution": impacts})
+    return with_columns(table, *data.QUANTITIES)
+
+
+@pytest.mark.parametrize(
+    ("shift", "size", "said"),
+    [
+        (0.0, 2000, "are equivalent in all 2 quantities, and not told apart (2000 members each)"),
+        (0.04, 2000, "are equivalent in all 2 quantities, though they are told apart"),
+        (0.3, 200, "differ in impacts per revolution (200 members each)"),
+        (0.0, 20, "is open in impact speed and impacts per revolution: 20 members each are too few"),
+    ],
+)
+def test_an_engine_is_equivalent_or_different_or_the_members_are_too_few(
+    shift: float, size: int, said: str
+) -> None:
+    by_label = {"reference (DOP853)": ensemble(0.0, size, 1), "an engine": ensemble(shift, size, 2)}
+    (verdict,) = comparison.verdicts(by_label)
+    (sentence,) = findings.ensembles("a scene", [verdict], [])
     assert said in sentence
+
+
+def test_tests_that_do_not_see_what_is_planted_contradict_the_chapter() -> None:
+    by_label = {"reference (DOP853)": ensemble(0.0, 200, 1), data.PLANTED: ensemble(0.0, 200, 2)}
+    with pytest.raises(Contradiction, match="a tenth less clearance"):
+        list(findings.ensembles("a scene", comparison.verdicts(by_label), []))
 
 
 def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(
@@ -313,9 +397,9 @@ def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(
         built(broken, tmp_path / "report", monkeypatch)
 
 
-def test_ensembles_begin_after_the_horizon_of_their_starts() -> None:
-    scene = clearance_driven_05()
-    smallest_m = MOVES_RAD[0] * scene.crank.length_m
-    after = visible_after(scene, smallest_m, 0.1 * ROOM_M, 6)
+def test_members_have_parted_when_their_averages_begin() -> None:
+    scene, members = clearance_driven_05(), 60
+    nearest_m = 2 * np.pi / members * scene.crank.length_m
+    after = visible_after(scene, nearest_m, 0.1 * ROOM_M, 6)
     assert after < ENSEMBLE_REVOLUTIONS[0], f"{after} revolutions until starts have parted"
     assert period_s(scene) == pytest.approx(REVOLUTION_S)

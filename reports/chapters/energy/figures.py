@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
-from reports.chapters.energy.rungs import LONG, longest, resolution
+from reports.chapters.energy.rungs import LASTING, LONG, longest, resolution
 from reports.parts import Figure
 from reports.plots.step_figures import against_step, engine_legend, grid, panels_of
 from reports.plots.time_figures import over_time
@@ -48,7 +48,7 @@ def by_step(rows: pd.DataFrame) -> Figure | None:
     """Return what is gained or lost, and without clearance its rate, against the mean step."""
     # A run that chooses its steps and did not finish has none to stand at.
     rows = rows[(rows["status"] == "ok") | rows["tolerance"].isna()]
-    rows = rows[~rows["scene"].str.endswith(LONG)]  # the short ones have every rung
+    rows = rows[~rows["scene"].str.endswith((LONG, LASTING))]  # the short ones have every rung
     rows = rows.assign(hidden_power_W=rows["hidden_power_W"].abs().where(rows["significant"]))
     panels = [
         *panels_of(rows, ["largest_numerical_gain_J"]),

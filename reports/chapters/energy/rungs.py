@@ -7,8 +7,13 @@ import pandas as pd
 from reports.results import with_columns
 from reports.tables import in_text
 
-#: The end of a scene's name whose runs are longer than those under the plain name.
-LONG = "-long"
+#: The ends of names of scenes whose runs are longer than those under the plain name.
+LONG, LASTING = "-long", "-turns"
+#: An interval is small that is this part of what contacts dissipate; without contacts, of the power that
+#: would take the largest kinetic energy by the end.
+SMALL = 0.01
+#: A run that gains or loses more than this part of that shows no order of convergence.
+FAR_OFF = 0.1
 
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
@@ -16,6 +21,8 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
 
     ``tolerance`` is that of a method that chooses its steps, NaN of others; ``half_width`` half of the
     confidence interval of the hidden power in W, and ``significant`` whether that leaves zero out;
+    ``uncertain_part`` is half of the interval as a part of what it has to be small against (see ``SMALL``),
+    and ``near`` whether no more than ``FAR_OFF`` of that was ever gained or lost;
     ``has_clearance`` whether the scene has contacts, which dissipate.
     """
     rows = with_columns(
@@ -27,9 +34,13 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
         *("constraint_speed_m_s", "constraint_speed_exponent"),
     )
     half_width = (rows["hidden_power_high_W"] - rows["hidden_power_low_W"]) / 2
+    scale = rows["dissipated_power_W"].where(rows["dissipated_power_W"] > 0)
+    scale = scale.fillna(rows["largest_kinetic_energy_J"] / rows["end_time_s"])
     return rows.assign(
         tolerance=rows["setting_rtol"].astype(float).fillna(rows["setting_tolerance"].astype(float)),
         half_width=half_width,
+        uncertain_part=half_width / scale,
+        near=rows["largest_numerical_gain_J"] <= FAR_OFF * scale * rows["end_time_s"],
         significant=rows["hidden_power_W"].abs() > half_width,
         has_clearance=rows["dissipated_power_W"].notna(),
     )

@@ -1,6 +1,6 @@
 """The predictability study on the page: horizons, exponents, ensembles past the horizon, pictures."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
@@ -15,7 +15,7 @@ INTRODUCTION = (
     "A mechanism with clearance can be chaotic: what is too small to be measured at the start decides where "
     "the slider is a few revolutions later. Up to a scene's horizon engines are compared moment by moment, "
     "in the other chapters; past it only distributions can agree. They are compared here, over ensembles "
-    "whose starts differ by 1e-6 to 1e-4 rad."
+    "whose starts are independent draws of the crank angle from a whole turn."
 )
 
 
@@ -24,7 +24,7 @@ def sections(results: Results) -> list[Section]:
     rows = data.prepared(results.rows)
     return [
         *_horizons(results, data.horizons(rows)),
-        *_exponents(data.exponents(rows)),
+        *_exponents(results, data.exponents(rows)),
         *(_ensembles(results, scene, by_label) for scene, by_label in data.ensembles(rows).items()),
         *_pictures(results, rows),
         _failures(rows),
@@ -48,58 +48,69 @@ def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     yield Section.of("horizons", "Horizons", findings.horizons(rows), [figure], [tables.horizons(rows)])
 
 
-def _exponents(by_scene: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
+def _exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
     if not by_scene:
         return
     method = (
         "Benettin's method: a companion 1e-12 m beside the run is put back along the same direction before "
         "it is a hundredth of the clearance away. Both go through their own impacts, and the companion is "
         "put back at moments when all pins of both fly free, so that no impact lies between them and no "
-        "saltation matrix is needed."
+        "saltation matrix is needed. Starts are independent draws of the crank angle. Chaos is claimed where "
+        "no start settles, the interval of their exponents leaves zero out, and half of the "
+        "run gives the same."
     )
-    figure = Figure(
-        "predictability-exponents",
-        "Finite-time Lyapunov exponents",
-        "Open markers are starts, filled ones with bars their mean and its 95 % interval. The intervals are "
-        "Student's over starts, since growth within a run is correlated.",
-        f"A line per scene: {', '.join(by_scene)}. Exponents per revolution of several starts.",
-        figures.exponents(by_scene),
-    )
+    figure = None
+    if drawing := figures.exponents(results, by_scene):
+        figure = Figure(
+            "predictability-exponents",
+            "Lyapunov exponents against the length of the run",
+            "Shown are scenes on which every start has an exponent. The interval is Student's over "
+            "starts, since growth within a run is correlated.",
+            f"Panels of exponents per revolution over revolutions used, of: {', '.join(by_scene)}.",
+            drawing,
+        )
     text = (method, *findings.exponents(by_scene))
     yield Section.of("exponents", "Lyapunov exponents", text, [figure], [tables.exponents(by_scene)])
 
 
 def _ensembles(results: Results, scene: str, by_label: data.Ensembles) -> Section:
-    names = ", ".join(by_label)
-    members = Figure(
-        f"predictability-ensembles-{scene}",
-        f"Past the horizon on {scene}",
-        "Ticks are members, markers with bars their mean and its 95 % bootstrap interval over members. "
-        "The reference's ensembles are repeats of one another, or another engine's model twin.",
-        f"{len(data.shown(by_label))} panels, one per quantity, a line for each of {names}.",
-        figures.distributions(by_label),
-    )
-    phases = None
-    if data.compared(by_label):
-        phases = Figure(
-            f"predictability-phases-{scene}",
-            f"Impacts by crank angle on {scene}",
-            "Impacts per revolution by the crank angle at touch, each engine beside its model twin: "
-            "means over members with 95 % bootstrap intervals.",
-            f"A panel for each engine with its model twin over the crank angle: {names}.",
-            figures.phases(results, by_label),
-        )
-    alarms = comparison.alarms(by_label)
+    verdicts = comparison.verdicts(by_label)
+    calibrations = comparison.calibrations(by_label, verdicts)
+    drawn = [*_pairs(results, scene, by_label, verdicts)] if verdicts else []
+    compared = [
+        comparison.verdict_table(verdicts, scene),
+        comparison.compared(verdicts, scene),
+        comparison.calibration_table(calibrations, data.shown(by_label), scene),
+    ]
     return Section.of(
         f"ensembles-{scene}",
         f"Ensembles on {scene}",
-        findings.ensembles(by_label, scene, alarms),
-        (members, phases),
-        (
-            tables.means(by_label, scene),
-            comparison.compared(by_label, scene),
-            comparison.false_alarm_table(alarms, scene) if alarms else None,
-        ),
+        findings.ensembles(scene, verdicts, calibrations),
+        drawn,
+        (tables.means(by_label, scene), *(compared if verdicts else ())),
+    )
+
+
+def _pairs(
+    results: Results, scene: str, by_label: data.Ensembles, verdicts: Sequence[comparison.Verdict]
+) -> Iterator[Figure]:
+    names = ", ".join(verdict.pair.label for verdict in verdicts)
+    yield Figure(
+        f"predictability-ensembles-{scene}",
+        f"Past the horizon on {scene}",
+        "Differences of means from the twin's, in units of the margin, with 90 % intervals. A quantity is "
+        "equivalent where its interval lies within the grey band. The ensembles of the reference are another "
+        "draw, the paper's method, and a clearance that is a tenth smaller, which has to differ.",
+        f"A panel of intervals, a line for each quantity, for each of {names}.",
+        figures.differences(verdicts),
+    )
+    yield Figure(
+        f"predictability-phases-{scene}",
+        f"Impacts by crank angle on {scene}",
+        "Impacts per revolution by the crank angle at touch, each ensemble beside its twin's: means over "
+        "members with Student's 95 % intervals.",
+        f"A panel over the crank angle for each of {names}, with its twin.",
+        figures.phases(results, by_label),
     )
 
 
@@ -110,8 +121,8 @@ def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
             f"predictability-{part.replace(' ', '-')}",
             f"What the pin does {part}",
             "Set R by the reference, after a transient: the pin's height in its bearing whenever "
-            "the crank is at 90°, one point per revolution, so that few points are a periodic motion "
-            "and a smear is chaos; and crank angle and speed of every impact. Where the pin stays in "
+            "the crank is at 90°, one point per revolution, so that points on each other are a motion "
+            "that repeats; and crank angle and speed of every impact. Where the pin stays in "
             "contact there are no impacts. The clearance against the speed is 0.1 mm.",
             f"Three panels of points over {words}: the pin's height at 90 degrees, the crank angle "
             "at impact, the impact speed.",
@@ -122,7 +133,7 @@ def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     ]
     if drawn:
         text = findings.pictures(results, data.points(rows, data.CLEARANCES))
-        yield Section.of("pictures", "From periodic to chaotic", text, drawn)
+        yield Section.of("pictures", "What the pin does in a revolution", text, drawn)
 
 
 def _failures(rows: pd.DataFrame) -> Section:

@@ -1,137 +1,199 @@
-"""Engines against their model twins past the horizon, and how far the tests can be trusted."""
+"""Ensembles against their model twins past the horizon, and how often the tests are right."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from reports.chapters.predictability import data, statistics
-from reports.chapters.predictability.statistics import CONFIDENCE, LEVEL, Rate
+from reports.chapters.predictability import data
+from reports.chapters.predictability.data import Pair
+from reports.chapters.predictability.statistics import (
+    LEVEL,
+    Calibration,
+    Interval,
+    Margins,
+    Rate,
+    calibrated,
+    difference_intervals,
+    equivalence_p,
+    told_apart_p,
+)
 from reports.parts import Table
 from reports.results import FloatArray
+from reports.tables import ABSENT
 
-#: Draws from the reference's members in which false alarms are counted.
-DRAWS = 300
-#: Of fewer members p-values are too coarse for their level to be told.
-FEWEST = 8
-_PERCENT = f"{100 * CONFIDENCE:.0f} %"
-
-
-def compared(by_label: data.Ensembles, scene: str) -> Table | None:
-    """Return every engine against its model twin, quantity by quantity."""
-    quantities = data.shown(by_label)
-    cells = [
-        cell
-        for label, twin in data.compared(by_label)
-        for cell in _comparison(by_label, label, twin, quantities)
-    ]
-    if not cells:
-        return None
-    return Table(
-        f"predictability-tests-{scene}",
-        f"Engines against their model twins on {scene}",
-        f"The difference of the means, in percent of the twin's but for phases, with its {_PERCENT} "
-        "bootstrap interval; p of the permutation test, alone and after Holm's correction for the number of "
-        "quantities; p of the test of Kolmogorov and Smirnov, which sees differences of shape too.",
-        ("engine", "quantity", "difference", "p (means)", "p (Holm)", "p (shape)"),
-        tuple(cells),
-    )
-
-
-def _comparison(
-    by_label: data.Ensembles, label: str, twin: str, quantities: Sequence[str]
-) -> list[tuple[str, ...]]:
-    one, other = (data.matrix(by_label[each], quantities) for each in (label, twin))
-    p = statistics.permutation_p(one, other)
-    shown = [
-        [f"{each:.3f}" for each in row]
-        for row in (p, statistics.holm(p), statistics.kolmogorov_smirnov_p(one, other))
-    ]
-    differences = map(_difference, quantities, one.T, other.T)
-    words = [data.QUANTITIES[quantity] for quantity in quantities]
-    return [(label, *cells) for cells in zip(words, differences, *shown, strict=True)]
-
-
-def _difference(quantity: str, one: np.ndarray, other: np.ndarray) -> str:
-    difference = statistics.difference_interval(one, other)
-    if _is_absolute(quantity, other):
-        return f"{difference.mean:+.2f} ({difference.low:+.2f} to {difference.high:+.2f})"
-    scale = 100 / abs(other.mean())
-    mean, low, high = (scale * end for end in (difference.mean, difference.low, difference.high))
-    return f"{mean:+.1f} % ({low:+.1f} to {high:+.1f})"
+#: Draws from the reference's members in which alarms are counted.
+DRAWS = 500
+_PERCENT = f"{100 * (1 - 2 * LEVEL):.0f} %"
 
 
 @dataclass(frozen=True)
-class Alarms:
-    """How often each test tells the reference's own members (n, k) of ``pool`` from one another.
+class Verdict:
+    """What the tests say of a pair: p of differences, ``alone`` (k,) and ``joint``, and of equivalence (k,).
 
-    Rates are by quantity, of samples of ``size`` members.
+    ``differences`` are in units of the margin.
     """
 
+    pair: Pair
     quantities: list[str]
-    pool: FloatArray
-    size: int
-    by_means: list[Rate]
-    by_any: list[Rate]
+    alone: FloatArray
+    joint: float
+    equivalent: FloatArray
+    differences: list[Interval]
+
+    @property
+    def differing(self) -> list[str]:
+        """The quantities that are told apart, in words."""
+        return self._named(self.alone <= LEVEL)
+
+    @property
+    def undecided(self) -> list[str]:
+        """The quantities that are not shown to be within the margin, in words."""
+        return self._named(self.equivalent > LEVEL)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether all quantities are within the margin, which no correction is needed for (Berger 1982)."""
+        return not self.undecided
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether any test tells the two apart."""
+        return bool(self.differing) or self.joint <= LEVEL
+
+    @property
+    def words(self) -> str:
+        """The verdict."""
+        if self.agrees:
+            return "equivalent, yet told apart" if self.told_apart else "equivalent"
+        return "different" if self.told_apart else "open"
+
+    def _named(self, which: NDArray[np.bool_]) -> list[str]:
+        return [
+            data.QUANTITIES[q].split(" [")[0]
+            for q, is_one in zip(self.quantities, which, strict=True)
+            if is_one
+        ]
 
 
-def alarms(by_label: data.Ensembles) -> Alarms | None:
-    """Return how often the tests tell the reference from itself, None of few members."""
+def verdicts(by_label: data.Ensembles) -> list[Verdict]:
+    """Return what the tests say of every pair of a scene's ensembles."""
     quantities = data.shown(by_label)
-    groups = _own(by_label, quantities)
-    if len(groups) < 2 or min(map(len, groups)) < FEWEST:
-        return None
-    pool = np.concatenate(groups)
-    size = min(min(map(len, groups)), len(pool) // 2)
-    return Alarms(quantities, pool, size, *statistics.false_alarms(pool, size, DRAWS))
+    return [_verdict(pair, quantities, data.margins(quantities)) for pair in data.pairs(by_label)]
 
 
-def _own(by_label: data.Ensembles, quantities: Sequence[str]) -> list[FloatArray]:
-    """Return the reference's ensembles of a scene's own law, (n, k) each."""
-    return [data.matrix(by_label[label], quantities) for label in data.OWN if label in by_label]
+def _verdict(pair: Pair, quantities: list[str], margins: Margins) -> Verdict:
+    one, other = pair.one, pair.other
+    ends = (one.mean(axis=0) - other.mean(axis=0), *difference_intervals(one, other))
+    differences = [Interval(*map(float, each)) for each in np.transpose(ends / margins.sizes(other))]
+    *alone, joint = told_apart_p(one, other)
+    equivalent = equivalence_p(one, other, margins)
+    return Verdict(pair, quantities, np.array(alone), float(joint), equivalent, differences)
 
 
-def false_alarm_table(alarms: Alarms, scene: str) -> Table:
-    """Return the false-alarm rates of both tests, and what they could miss."""
-    detectable = [
-        _detectable(quantity, values, alarms.size)
-        for quantity, values in zip(alarms.quantities, alarms.pool.T, strict=True)
-    ]
+def verdict_table(verdicts: list[Verdict], scene: str) -> Table:
+    """Return the verdict on every pair."""
     return Table.of(
-        f"predictability-false-alarms-{scene}",
-        f"False alarms of the tests on {scene}",
-        f"How often two samples of {alarms.size} members are told apart at a nominal {100 * LEVEL:.0f} % "
-        f"though both were drawn from the {len(alarms.pool)} members of the reference (its own starts, "
-        f"others, and half the step): {DRAWS} draws, with the interval that as many independent ones would "
-        "have. The last column is the difference of means that samples of this size show four times out "
-        "of five.",
+        f"predictability-verdicts-{scene}",
+        f"Ensembles against their twins on {scene}",
+        "The twin is the reference with the engine's own contact law where that differs from the scene's. "
+        "Equivalent: two one-sided tests put every quantity within its margin. Different: Hotelling's joint "
+        "test of all means, or Welch's of a single one, tells the two apart, all after Holm's correction for "
+        "their number. Open: neither, the members being too few. All levels are "
+        f"{100 * LEVEL:.0f} %.",
         {
-            "quantity": [data.QUANTITIES[quantity] for quantity in alarms.quantities],
-            "permutation of means": map(_rate, alarms.by_means),
-            "Kolmogorov-Smirnov": map(_rate, alarms.by_any),
-            "detectable difference": detectable,
+            "ensemble": [each.pair.label for each in verdicts],
+            "twin": [each.pair.twin for each in verdicts],
+            "members each": [str(len(each.pair.one)) for each in verdicts],
+            "p (joint)": [_p(each.joint) for each in verdicts],
+            "quantities": [str(len(each.quantities)) for each in verdicts],
+            "told apart": [str(len(each.differing)) for each in verdicts],
+            "within their margins": [str(len(each.quantities) - len(each.undecided)) for each in verdicts],
+            "verdict": [each.words for each in verdicts],
         },
     )
 
 
-def _detectable(quantity: str, values: np.ndarray, size: int) -> str:
-    least = statistics.detectable_difference(values, size)
-    return f"{least:.2f}" if _is_absolute(quantity, values) else f"{100 * least / abs(values.mean()):.0f} %"
+def compared(verdicts: list[Verdict], scene: str) -> Table:
+    """Return every pair quantity by quantity."""
+    cells = [
+        (
+            each.pair.label,
+            data.QUANTITIES[quantity],
+            _margin(quantity),
+            _difference(quantity, each.differences[q]),
+            _p(each.alone[q]),
+            _p(each.equivalent[q]),
+        )
+        for each in verdicts
+        for q, quantity in enumerate(each.quantities)
+    ]
+    return Table(
+        f"predictability-tests-{scene}",
+        f"Ensembles against their twins on {scene}, by quantity",
+        f"The difference of the means, in percent of the twin's but for phases, with its {_PERCENT} "
+        "interval; p that the means are the same (Welch, after Holm's correction for the number of tests); p "
+        "that they differ by the margin or more (two one-sided tests).",
+        ("ensemble", "quantity", "margin", "difference", "p (same)", "p (beyond the margin)"),
+        tuple(cells),
+    )
 
 
-def _is_absolute(quantity: str, values: np.ndarray) -> bool:
-    """Return whether differences of a quantity are no parts of its mean."""
-    return quantity in data.ABSOLUTE or values.mean() == 0
+def _p(value: float) -> str:
+    return f"{value:.3f}" if value >= 0.001 else "< 0.001"
+
+
+def _margin(quantity: str) -> str:
+    if quantity in data.SHIFTS:
+        return f"{data.SHIFTS[quantity]:g}"
+    return f"{100 * data.PARTS_OF_MEAN[quantity]:g} %"
+
+
+def _difference(quantity: str, in_margins: Interval) -> str:
+    mean, low, high = in_margins.mean, in_margins.low, in_margins.high
+    if quantity in data.SHIFTS:
+        mean, low, high = (data.SHIFTS[quantity] * end for end in (mean, low, high))
+        return f"{mean:+.3f} ({low:+.3f} to {high:+.3f})"
+    mean, low, high = (100 * data.PARTS_OF_MEAN[quantity] * end for end in (mean, low, high))
+    return f"{mean:+.2f} % ({low:+.2f} to {high:+.2f})"
+
+
+def calibrations(by_label: data.Ensembles, verdicts: list[Verdict]) -> list[Calibration]:
+    """Return how the tests do at every size of a pair, by members of the reference; none without a pair."""
+    pool, margins = data.pool(by_label), data.margins(data.shown(by_label))
+    sizes = sorted({len(each.pair.one) for each in verdicts})
+    return [calibrated(pool, size, margins, DRAWS) for size in sizes]
+
+
+def calibration_table(calibrations: list[Calibration], quantities: list[str], scene: str) -> Table:
+    """Return false-alarm rates and power of all tests, by size and quantity."""
+    cells = []
+    for of_size in calibrations:
+        size = str(of_size.size)
+        columns = (
+            *(of_size.same_alarms, of_size.planted_alarms, of_size.planted_joint),
+            *(of_size.planted_clear, of_size.same_clear),
+        )
+        for q, quantity in enumerate(quantities):
+            cells.append((size, data.QUANTITIES[quantity], *(_rate(column[q]) for column in columns)))
+        absent = (ABSENT,) * 3
+        cells.append((size, "jointly", _rate(of_size.same_joint), *absent, ABSENT))
+        cells.append((size, "all together", _rate(of_size.any_alarm), *absent, _rate(of_size.all_clear)))
+    return Table(
+        f"predictability-calibration-{scene}",
+        f"How often the tests are right on {scene}",
+        f"Shares of {DRAWS} draws of two samples from the reference's members, as they are or with a "
+        "difference of the margin planted in one quantity. A false alarm tells apart what is the same; a "
+        "false equivalence is called where the margin is reached: at most "
+        f"{100 * LEVEL:.0f} % if the tests are right, of alarms in all together. Power is how often what is "
+        "planted is seen, by the quantity's own test or jointly, and what is the same is called equivalent.",
+        (
+            *("members each", "quantity", "false alarm", "power at the margin"),
+            *("joint power at the margin", "false equivalence", "power of equivalence"),
+        ),
+        tuple(cells),
+    )
 
 
 def _rate(rate: Rate) -> str:
-    low, high = rate.interval
-    return f"{100 * rate.value:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
-
-
-def told_apart(by_label: data.Ensembles) -> Rate:
-    """Return how many of the tests of means between the reference's own ensembles sound an alarm."""
-    samples = _own(by_label, data.shown(by_label))
-    p = np.array([statistics.permutation_p(one, other) for one, other in combinations(samples, 2)])
-    return Rate(int((p <= LEVEL).sum()), p.size)
+    return f"{100 * rate.value:.1f} %"

@@ -1,8 +1,7 @@
 """Figures of the predictability study."""
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,8 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from reports.chapters.predictability import data
-from reports.chapters.predictability.statistics import mean_interval, student_interval
+from reports.chapters.predictability.comparison import Verdict
+from reports.chapters.predictability.statistics import student_interval
 from reports.plots.step_figures import engine_legend, grid
 from reports.plots.time_figures import so_far
 from reports.results import FloatArray, Results
@@ -24,7 +24,6 @@ from reports.style import BLACK, BLUE, GREY, VERMILLION, WIDTH_IN, line_styles
 LEAST_M = 1e-14
 #: Bins of the impact phase, in degrees.
 BIN_DEG = 30
-_SMALL: dict[str, Any] = {"linestyle": "", "markersize": 3, "alpha": 0.55, "markeredgewidth": 0.6}
 
 
 def growth(results: Results, rows: pd.DataFrame) -> Drawing:
@@ -70,47 +69,68 @@ def _mark_horizon(ax: Axes, row: pd.Series, words: str, tolerance: float, unit: 
         ax.plot(median / unit, tolerance, marker="D", markersize=4, color=VERMILLION)
 
 
-def exponents(by_scene: Mapping[str, pd.DataFrame]) -> Drawing:
-    """Return the exponents of all starts, with mean and interval, a line per scene."""
-    drawing = Drawing(figsize=(WIDTH_IN, 0.34 * len(by_scene) + 1.1))
-    ax = drawing.add_subplot()
-    for place, starts in enumerate(by_scene.values()):
-        values = data.measured(starts)
-        ax.plot(values, [place] * len(values), marker="o", color=BLACK, fillstyle="none", **_SMALL)
-        if len(values) > 1:
-            mean = student_interval(values)
-            ax.plot([mean.low, mean.high], [place + 0.25] * 2, color=BLACK, linewidth=2)
-            ax.plot(mean.mean, place + 0.25, marker="D", color=BLACK)
-        if len(values) < len(starts):
-            settled = f"{len(starts) - len(values)} of {len(starts)} starts settle: no exponent"
-            ax.annotate(settled, (0.15, place), va="center", fontsize=8)
-    ax.set_yticks(range(len(by_scene)), list(by_scene))
-    ax.set_xlim(left=0)
-    ax.set_ylim(len(by_scene) - 0.4, -0.6)
-    ax.set_xlabel("Lyapunov exponent per revolution (open: a start; filled: mean and 95 % interval)")
+def exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Drawing | None:
+    """Return exponents against the length of the run, a panel for each scene whose every start has one."""
+    whole = {scene: of for scene, of in by_scene.items() if len(data.measured(of)) == len(of) > 1}
+    if not whole:
+        return None
+    drawing, axes = grid(len(whole), height_in=2.3)
+    for ax, (scene, starts) in zip(axes, whole.items(), strict=True):
+        used = np.arange(1.0, math.floor(starts["revolutions"].min()))
+        each = np.array([_so_far(results, row, used) for _, row in starts.iterrows()])
+        intervals = [student_interval(values) for values in each.T]
+        ax.plot(used, each.T, color=GREY, linewidth=0.6)
+        ax.fill_between(
+            used,
+            [of.low for of in intervals],
+            [of.high for of in intervals],
+            color=BLUE,
+            alpha=0.3,
+            linewidth=0,
+        )
+        ax.plot(used, [of.mean for of in intervals], color=BLACK, linewidth=1.6)
+        ax.axhline(0.0, color=VERMILLION, linewidth=0.8, linestyle="--")
+        ax.set(title=scene, xlabel="revolutions used", ylabel="exponent per revolution")
+    handles = [
+        Line2D([], [], color=BLACK, linewidth=1.6, label="mean"),
+        Patch(color=BLUE, alpha=0.3, linewidth=0, label="its 95 % interval"),
+        Line2D([], [], color=GREY, linewidth=0.6, label="a start"),
+        Line2D([], [], color=VERMILLION, linewidth=0.8, linestyle="--", label="zero"),
+    ]
+    drawing.legend(handles=handles, loc="outside lower center", ncols=4)
     return drawing
 
 
-def distributions(by_label: data.Ensembles) -> Drawing:
-    """Return every quantity's members and mean with its interval, one panel per quantity."""
-    quantities, members = data.shown(by_label), pd.concat(by_label.values())
-    styles = line_styles(members)
-    drawing, axes = grid(len(quantities), height_in=0.5 + 0.24 * len(by_label))
-    for ax, quantity in zip(axes, quantities, strict=True):
-        for place, label in enumerate(by_label):
-            style, values = styles[label], data.matrix(by_label[label], [quantity])[:, 0]
-            mean = mean_interval(values)
-            ax.plot(values, [place - 0.3] * len(values), marker="|", color=style["color"], **_SMALL)
-            ax.plot([mean.low, mean.high], [place] * 2, color=style["color"], linewidth=2)
-            ax.plot(mean.mean, place, **{**style, "linestyle": "", "markersize": 6})
-        ax.set(ylim=(len(by_label) - 0.4, -0.6), yticks=[], xlabel=data.QUANTITIES[quantity])
-    engine_legend(drawing, members, failures=False)
+def _so_far(results: Results, row: pd.Series, used: FloatArray) -> FloatArray:
+    """Return a start's exponents from the first revolutions ``used`` after the one that is left out."""
+    time, growth = results.curve(row["case"], "time_s"), results.curve(row["case"], "log_growth")
+    grown = np.interp(np.append(0.0, used) + 1.0, time * row["revolutions"] / time[-1], growth)
+    return np.asarray((grown[1:] - grown[0]) / used)
+
+
+def differences(verdicts: Sequence[Verdict]) -> Drawing:
+    """Return the difference of every quantity in units of its margin, one panel per pair of ensembles."""
+    drawing, axes = grid(len(verdicts), height_in=2.4)
+    reach = 1.1 * max(abs(end) for each in verdicts for of in each.differences for end in (of.low, of.high))
+    for ax, verdict in zip(axes, verdicts, strict=True):
+        ax.axvspan(-1, 1, color=GREY, alpha=0.25, linewidth=0)
+        ax.axvline(0.0, color=GREY, linewidth=0.8)
+        for place, difference in enumerate(verdict.differences):
+            ax.plot([difference.low, difference.high], [place] * 2, color=BLACK, linewidth=2)
+            ax.plot(difference.mean, place, marker="o", color=BLACK)
+        names = [data.QUANTITIES[quantity].split(" [")[0] for quantity in verdict.quantities]
+        # One scale for all, so that the names are needed once in a row.
+        ax.set(xlim=(-max(reach, 1.1), max(reach, 1.1)), ylim=(len(names) - 0.5, -0.5))
+        spec = ax.get_subplotspec()
+        ax.set_yticks(range(len(names)), names if spec is None or spec.is_first_col() else [])
+        ax.set(xlabel="difference / margin")
+        ax.set_title(verdict.pair.label, fontsize=8)
     return drawing
 
 
 def phases(results: Results, by_label: data.Ensembles) -> Drawing:
-    """Return the impacts of a revolution by crank angle, each engine beside its model twin."""
-    pairs = data.compared(by_label)
+    """Return the impacts of a revolution by crank angle, each ensemble beside its twin's."""
+    pairs = [(pair.label, pair.twin) for pair in data.pairs(by_label)]
     drawing, axes = grid(len(pairs), height_in=2.6)
     edges = np.arange(0, 361, BIN_DEG)
     members = pd.concat([by_label[label] for label in by_label if any(label in pair for pair in pairs)])
@@ -118,7 +138,7 @@ def phases(results: Results, by_label: data.Ensembles) -> Drawing:
     for ax, pair in zip(axes, pairs, strict=True):
         for shift, label in zip((-0.18, 0.18), pair, strict=True):
             counts = np.array([_counts(results, row, edges) for _, row in by_label[label].iterrows()])
-            means = [mean_interval(column) for column in counts.T]
+            means = [student_interval(column) for column in counts.T]
             at = (edges[:-1] + edges[1:]) / 2 + shift * BIN_DEG
             middle = np.array([mean.mean for mean in means])
             ends = np.array([[mean.mean - mean.low, mean.high - mean.mean] for mean in means]).T

@@ -1,22 +1,23 @@
 """What the predictability study's rows say, in sentences made from the rows or checked against them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from reports.chapters.predictability import data
-from reports.chapters.predictability.comparison import Alarms, told_apart
-from reports.chapters.predictability.statistics import LEVEL, Interval, holm, permutation_p, student_interval
+from reports.chapters.predictability.comparison import Verdict
+from reports.chapters.predictability.statistics import LEVEL, Calibration, Interval, student_interval
 from reports.parts import stated
 from reports.results import Results
 from reports.tables import in_text, listed
 
 #: A scene whose twins stay closer than this to the end has no horizon worth the name, in m.
 TOGETHER_M = 1e-9
-#: The measured level of a test may be above the nominal one by this: twice the counting error of 300 draws.
-#: It may be below it by anything, where members share a value.
-LEVEL_ROOM = 0.025
+#: A measured level may be above the nominal one by this: three times the counting error of 500 draws.
+LEVEL_ROOM = 0.03
+#: Of more quantities than these a sentence tells the number.
+MOST_NAMED = 3
 #: Revolutions repeat when the pin is back in its place within this part of the clearance.
 REPEATS = 0.01
 
@@ -27,26 +28,23 @@ def horizons(rows: pd.DataFrame) -> Iterator[str]:
     if followed.any():
         whole = rows[followed]
         largest = whole[["largest_distance_perturbed_m", "largest_distance_halved_m"]].max(axis=None)
-        named = listed(
-            f"{row['scene']} (for {_length(row, row['end_time_s'])})" for _, row in whole.iterrows()
-        )
-        sentence = f"Nothing parts on {named}: all twins stay within {in_text(largest)} m of the reference."
+        scenes = listed(whole["scene"])
+        sentence = f"Nothing parts on {scenes}: all twins stay within {in_text(largest)} m of the reference."
         yield stated(sentence, largest < TOGETHER_M)
+    if not followed.all():
+        moved = in_text(rows["perturbation_rad"].iloc[0])
+        yield f"Elsewhere runs part whose start is moved by {moved} rad, or whose step is halved."
     for _, row in rows[~followed].iterrows():
         yield f"On {row['scene']} {_parting(row)}."
 
 
 def _parting(row: pd.Series) -> str:
-    """Return after how long the twins of a scene that parts are off by each tolerance."""
-    parts = []
-    for words, (tolerance, _) in data.TOLERANCES.items():
+    """Return after how long the first twin's slider is off by the largest tolerance that any passes."""
+    for words, (tolerance, _) in reversed(data.TOLERANCES.items()):
         first = row[[f"horizon_{words}_s", f"horizon_halved_{words}_s"]].min()
         if first == first:
-            parts.append(f"{tolerance} after {_length(row, first)}")
-    if not parts:
-        return "only some twins part before the end"
-    moved = in_text(row["perturbation_rad"])
-    return f"a start moved by {moved} rad, or half the step, moves the slider by {listed(parts)}"
+            return f"the slider is off by {tolerance} after {_length(row, first)}"
+    return "only some twins part before the end"
 
 
 def _length(row: pd.Series, time_s: float) -> str:
@@ -55,73 +53,98 @@ def _length(row: pd.Series, time_s: float) -> str:
 
 
 def exponents(by_scene: Mapping[str, pd.DataFrame]) -> Iterator[str]:
-    """Yield the exponents of the scenes that have one, and which have none."""
-    settled = []
+    """Yield the exponents of the scenes whose every start has one, and why the others have none."""
+    none = []
     for scene, starts in by_scene.items():
-        values = data.measured(starts)
-        if len(values) > 1:
-            yield _grows(scene, student_interval(values))
-        elif not len(values):
-            settled.append(f"{scene} (within {starts['revolutions'].max():.0f} revolutions)")
-    if settled:
-        yield f"No exponent is given where every start settles to continuous contact: {listed(settled)}."
+        values, settled = data.measured(starts), int(starts["settled"].eq(True).sum())
+        if len(values) == len(starts) > 1:
+            yield from _grows(scene, starts)
+        elif settled == len(starts):
+            none.append(f"{scene} (within {starts['revolutions'].max():.0f} revolutions)")
+        elif settled:
+            yield (
+                f"On {scene} {settled} of {len(starts)} starts settle to continuous contact: what is chaotic "
+                "there may all be transient, and nothing is claimed."
+            )
+        elif len(starts) > 1:
+            yield (
+                f"On {scene} only {len(values)} of {len(starts)} starts could be followed for half of the "
+                "run, and nothing is claimed."
+            )
+    if none:
+        yield f"No exponent is given where every start settles to continuous contact: {listed(none)}."
 
 
-def _grows(scene: str, mean: Interval) -> str:
+def _grows(scene: str, starts: pd.DataFrame) -> Iterator[str]:
+    """Yield what the exponent of a scene is, and whether it is the same from half of the run."""
+    whole, half = (student_interval(data.measured(starts, part)) for part in ("", "_half"))
+    sentence = f"On {scene} neighbouring motions part with an exponent of {_interval(whole)} per revolution"
+    converged = whole.low <= half.high and half.low <= whole.high
+    if not converged:
+        yield f"{sentence}, which has not converged: nothing is claimed."
+    elif whole.low > 0:
+        yield f"{sentence}, which is chaos."
+    else:
+        yield f"{sentence}, which these starts do not tell from zero."
+    yield f"From half of each run it is {_interval(half)}."
+
+
+def _interval(of: Interval) -> str:
+    return f"{of.mean:.2f} ± {(of.high - of.low) / 2:.2f}"
+
+
+def ensembles(scene: str, verdicts: list[Verdict], calibrations: list[Calibration]) -> Iterator[str]:
+    """Yield how often the tests are right on a scene, and what they say of every ensemble."""
+    for calibration in calibrations:
+        yield from _trusted(scene, calibration)
+    for verdict in verdicts:
+        sentence = _verdict(scene, verdict)
+        yield stated(sentence, verdict.told_apart) if verdict.pair.label == data.PLANTED else sentence
+
+
+def _trusted(scene: str, calibration: Calibration) -> Iterator[str]:
+    """Yield, checked, how often the tests sound false alarms, and how often equivalence is found."""
+    alarms = calibration.any_alarm.value
     sentence = (
-        f"On {scene} distances grow {float(f'{np.exp(mean.mean):.1e}'):,.0f}-fold in a revolution: an "
-        f"exponent of {mean.mean:.1f} ({mean.low:.1f} to {mean.high:.1f})"
+        f"Two samples of {calibration.size} members of the reference itself on {scene} are told apart in "
+        f"{100 * alarms:.1f} % of draws by any test: alarms mean what they should."
     )
-    if mean.low > 0:
-        return f"{sentence}, which is chaos."
-    return f"{sentence}, which these starts do not tell from zero."
-
-
-def ensembles(by_label: data.Ensembles, scene: str, alarms: Alarms | None) -> Iterator[str]:
-    """Yield which engines differ from their model twins, and how far the test can be trusted."""
-    if alarms is not None:
-        yield from _trusted(by_label, scene, alarms)
-    quantities = data.shown(by_label)
-    for label, twin in data.compared(by_label):
-        one, other = (data.matrix(by_label[each], quantities) for each in (label, twin))
-        raised = holm(permutation_p(one, other))
-        differing = [
-            data.QUANTITIES[q].split(" [")[0] for q, p in zip(quantities, raised, strict=True) if p <= LEVEL
-        ]
-        sentence = (
-            f"{label} differs from its model twin on {scene} in {listed(differing)}"
-            if differing
-            else f"{label} is not told from its model twin on {scene} by any of {len(quantities)} quantities"
-        )
-        yield f"{sentence} ({len(one)} members each)."
-
-
-def _trusted(by_label: data.Ensembles, scene: str, alarms: Alarms) -> Iterator[str]:
-    """Yield, checked, how often the tests of means tell the reference from itself."""
-    share = sum(rate.count for rate in alarms.by_means) / sum(rate.trials for rate in alarms.by_means)
-    sentence = (
-        f"On {scene} the permutation test tells the reference from itself in {100 * share:.1f} % of "
-        f"draws, at a nominal {100 * LEVEL:.0f} %: its alarms mean what they should."
-    )
-    yield stated(sentence, share <= LEVEL + LEVEL_ROOM)
-    direct = told_apart(by_label)
+    yield stated(sentence, alarms <= LEVEL + LEVEL_ROOM)
     yield (
-        f"Taken as they are, the reference's ensembles on {scene} (same starts, others, half the step) "
-        f"are told from one another in {direct.count} of {direct.trials} tests, where "
-        f"{LEVEL * direct.trials:.1f} alarms are expected."
+        f"With {calibration.size} members all quantities are found equivalent, rightly, in "
+        f"{100 * calibration.all_clear.value:.0f} % of draws."
     )
+
+
+def _verdict(scene: str, verdict: Verdict) -> str:
+    """Return what the tests say of a pair, in a sentence."""
+    pair = verdict.pair
+    twin = "its model twin" if pair.twin.startswith(data.TWIN_OF) else pair.twin
+    both, members = f"{pair.label} and {twin} on {scene}", f"{len(pair.one)} members each"
+    if verdict.agrees:
+        though = "though they are told apart" if verdict.told_apart else "and not told apart"
+        return f"{both} are equivalent in all {len(verdict.quantities)} quantities, {though} ({members})."
+    if verdict.differing:
+        return f"{both} differ in {_named(verdict.differing)} ({members})."
+    if verdict.told_apart:
+        return f"{both} differ in their means taken together, in none alone ({members})."
+    return f"Whether {both} are equivalent is open in {_named(verdict.undecided)}: {members} are too few."
+
+
+def _named(quantities: Sequence[str]) -> str:
+    return listed(quantities) if len(quantities) <= MOST_NAMED else f"{len(quantities)} quantities"
 
 
 def pictures(results: Results, points: pd.DataFrame) -> Iterator[str]:
-    """Yield up to which clearance every revolution repeats the one before."""
+    """Yield at how many clearances every revolution repeats the one before, and what that does not show."""
     spreads = [float(np.ptp(results.curve(case, "gap_y_part"))) for case in points["case"]]
-    room, spread = 1e3 * points["radial_clearance_m"], pd.Series(spreads, points.index, dtype=float)
-    repeating = room[spread <= REPEATS]
-    if len(repeating) in (0, len(room)):
-        return
-    sentence = (
-        f"Every revolution repeats the one before at {len(repeating)} of {len(room)} clearances, all of "
-        f"them up to {repeating.max():.2g} mm; the pin's height at 90° varies by up to {spread.max():.1f} "
-        "clearances from revolution to revolution at larger ones."
+    repeating = sum(spread <= REPEATS for spread in spreads)
+    if spreads:
+        yield (
+            f"At {repeating} of {len(spreads)} clearances the pin comes back to its place, within a "
+            "hundredth of the clearance, in all revolutions shown."
+        )
+    yield (
+        "Few revolutions at few values do not show where a motion becomes chaotic: what is claimed of "
+        "that is under the exponents."
     )
-    yield stated(sentence, room[spread.idxmax()] > repeating.max())

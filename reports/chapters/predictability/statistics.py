@@ -1,17 +1,18 @@
-"""Intervals and tests over members of ensembles, and how often the tests sound a false alarm."""
+"""Intervals and tests over members of ensembles, and how often the tests are right.
+
+Samples are (..., n, k): n independent members with k quantities each; tests of many samples are made at once.
+"""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy import stats
 
 from reports.results import FloatArray
 
-#: Confidence of every interval, and level of every test.
+#: Confidence of every interval of a mean, and level of every test.
 CONFIDENCE, LEVEL = 0.95, 0.05
-RESAMPLES, PERMUTATIONS = 4000, 1999
-#: Every call begins with the same random numbers, so that a report is the same whenever it is made.
+#: Calibration begins with the same random numbers, so that a report is the same whenever it is made.
 SEED = 20240229
 
 
@@ -24,63 +25,79 @@ class Interval:
     high: float
 
 
-def mean_interval(values: FloatArray) -> Interval:
-    """Return the mean of independent values (n,) with its bootstrap interval (percentiles, Efron 1979)."""
-    return difference_interval(values, np.zeros(1))
-
-
 def student_interval(values: FloatArray) -> Interval:
-    """Return the mean of a few independent values (n,), n > 1, with Student's interval.
-
-    A bootstrap of five values would be too narrow by a quarter.
-    """
+    """Return the mean of independent values (n,), n > 1, with Student's interval."""
     low, high = stats.ttest_1samp(values, 0.0).confidence_interval(CONFIDENCE)
     return Interval(float(values.mean()), float(low), float(high))
 
 
-def difference_interval(one: FloatArray, other: FloatArray) -> Interval:
-    """Return the difference of the means of two samples, (n,) and (m,), with its bootstrap interval."""
-    rng = np.random.default_rng(SEED)
-    means = [
-        values[rng.integers(len(values), size=(RESAMPLES, len(values)))].mean(axis=1)
-        for values in (one, other)
-    ]
-    low, high = np.quantile(means[0] - means[1], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return Interval(float(one.mean() - other.mean()), float(low), float(high))
-
-
-def permutation_p(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the two-sided p of a difference of means of samples (n, k) and (m, k) of k quantities, (k,).
-
-    Members are reassigned to the samples at random, whole, so that no distribution is assumed (Fisher 1935).
+@dataclass(frozen=True)
+class Margins:
+    """The differences of means, (k,) each, up to which samples count as equivalent: ``part`` of the other
+    sample's mean, which is positive, and ``shift`` in the quantity's unit; one of the two is 0.
     """
-    pooled, n = np.concatenate([one, other]), len(one)
-    parts = _reassignments(len(pooled), n)
-    differences = np.abs(parts @ pooled)
-    observed = np.abs(one.mean(axis=0) - other.mean(axis=0))
-    # The observed assignment is one of those possible; ties within round-off count as such.
-    beyond = (differences >= observed * (1 - 1e-12)).sum(axis=0)
-    return np.asarray((1 + beyond) / (1 + PERMUTATIONS))
+
+    part: FloatArray
+    shift: FloatArray
+
+    def above(self, sample: FloatArray) -> FloatArray:
+        """Return a sample with every mean moved up by its margin."""
+        return sample * (1 + self.part) + self.shift
+
+    def below(self, sample: FloatArray) -> FloatArray:
+        """Return a sample with every mean moved down by its margin."""
+        return sample * (1 - self.part) - self.shift
+
+    def sizes(self, sample: FloatArray) -> FloatArray:
+        """Return the margins about a sample's means in the quantities' units, (k,)."""
+        return np.asarray(self.part * sample.mean(axis=-2) + self.shift)
 
 
-@lru_cache(maxsize=8)
-def _reassignments(total: int, n: int) -> FloatArray:
-    """Return weights (PERMUTATIONS, total) that give the difference of means of a random n and the rest."""
-    order = np.random.default_rng(SEED).permuted(np.tile(np.arange(total), (PERMUTATIONS, 1)), axis=1)
-    return np.where(order < n, 1 / n, -1 / (total - n))
+def difference_intervals(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the ends, (k,) each, of Welch's intervals of the differences of means.
+
+    Their confidence of 1 - 2 ``LEVEL`` is that of two one-sided tests.
+    """
+    low, high = stats.ttest_ind(one, other, equal_var=False).confidence_interval(1 - 2 * LEVEL)
+    return np.asarray(low), np.asarray(high)
 
 
-def kolmogorov_smirnov_p(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the p of Kolmogorov and Smirnov's test of samples (n, k) and (m, k), (k,)."""
-    return np.asarray(stats.ks_2samp(one, other, method="exact", axis=0).pvalue)
+def difference_p(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the p of Welch's test that means are the same, (..., k)."""
+    return np.asarray(stats.ttest_ind(one, other, axis=-2, equal_var=False).pvalue)
+
+
+def equivalence_p(one: FloatArray, other: FloatArray, margins: Margins) -> FloatArray:
+    """Return the p of Schuirmann's two one-sided tests (1987) that means differ by the margin, (..., k).
+
+    Where the margin is a part of the other mean, that mean's scatter is part of the test (Sasabuchi 1980).
+    """
+    sides = ((margins.above(other), "less"), (margins.below(other), "greater"))
+    p = [stats.ttest_ind(one, end, axis=-2, equal_var=False, alternative=side).pvalue for end, side in sides]
+    return np.asarray(np.max(p, axis=0))
+
+
+def joint_p(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the p of Hotelling's test (1931) that all k means are the same, (...).
+
+    It sees any combination of differences, also such as hide within the scatter of each quantity.
+    """
+    n, m, k = one.shape[-2], other.shape[-2], one.shape[-1]
+    off = [sample - sample.mean(axis=-2, keepdims=True) for sample in (one, other)]
+    freedom = n + m - 2
+    covariance = sum(np.swapaxes(each, -1, -2) @ each for each in off) / freedom
+    difference = (one.mean(axis=-2) - other.mean(axis=-2))[..., None]
+    distance = (difference * np.linalg.solve(covariance, difference)).sum(axis=(-2, -1))
+    scale = n * m / (n + m) * (freedom - k + 1) / (freedom * k)
+    return np.asarray(stats.f.sf(scale * distance, k, freedom - k + 1))
 
 
 def holm(p: FloatArray) -> FloatArray:
-    """Return p-values (k,) raised so that any false alarm among them has the level's chance (Holm 1979)."""
-    order = np.argsort(p)
-    raised = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
-    out = np.empty(len(p))
-    out[order] = np.minimum(raised, 1.0)
+    """Return p-values (..., k) raised so that any false alarm among k has the level's chance (Holm 1979)."""
+    order = np.argsort(p, axis=-1)
+    weighted = np.take_along_axis(p, order, axis=-1) * np.arange(p.shape[-1], 0, -1)
+    out = np.empty_like(p)
+    np.put_along_axis(out, order, np.minimum(np.maximum.accumulate(weighted, axis=-1), 1.0), axis=-1)
     return out
 
 
@@ -103,26 +120,57 @@ class Rate:
         return float(low), float(high)
 
 
-def false_alarms(pool: FloatArray, size: int, draws: int) -> tuple[list[Rate], list[Rate]]:
-    """Return how often each test tells two samples of ``size`` apart that come from one pool (n, k).
+def told_apart_p(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the p of all tests of differences, (..., k + 1): of each mean, and at the end of all jointly.
 
-    The first list is of the permutation test, the second of Kolmogorov and Smirnov's, one for each quantity.
+    They are raised by Holm's correction, so that any false alarm among them has the level's chance.
     """
-    rng = np.random.default_rng(SEED)
-    alarms = np.zeros((2, pool.shape[1]), dtype=int)
-    for _ in range(draws):
-        chosen = pool[rng.choice(len(pool), 2 * size, replace=False)]
-        one, other = chosen[:size], chosen[size:]
-        for row, test in zip(alarms, (permutation_p, kolmogorov_smirnov_p), strict=True):
-            row += test(one, other) <= LEVEL
-    by_means, by_any = ([Rate(int(count), draws) for count in row] for row in alarms)
-    return by_means, by_any
+    return holm(np.append(difference_p(one, other), joint_p(one, other)[..., None], axis=-1))
 
 
-def detectable_difference(values: FloatArray, size: int) -> float:
-    """Return the difference of means that samples of ``size`` of such values (n,) show 4 times of 5.
+@dataclass(frozen=True)
+class Calibration:
+    """How often the tests of two samples of ``size`` give an alarm or an all-clear, over many draws.
 
-    By the normal approximation: (1.96 + 0.84) standard errors of a difference.
+    Lists are of the k quantities, with a difference of the margin ``planted`` in that one alone, or in none
+    (``same``). ``alarms`` are of the quantity's own test, ``joint`` of the joint one, both after Holm's
+    correction; ``clear`` is that two one-sided tests call its means equivalent. ``any_alarm`` and
+    ``all_clear`` are without a difference.
     """
-    quantiles = stats.norm.ppf(1 - LEVEL / 2) + stats.norm.ppf(0.8)
-    return float(quantiles * values.std(ddof=1) * np.sqrt(2 / size))
+
+    size: int
+    same_alarms: list[Rate]
+    planted_alarms: list[Rate]
+    same_joint: Rate
+    planted_joint: list[Rate]
+    same_clear: list[Rate]
+    planted_clear: list[Rate]
+    any_alarm: Rate
+    all_clear: Rate
+
+
+def calibrated(pool: FloatArray, size: int, margins: Margins, draws: int) -> Calibration:
+    """Return how the tests do on samples of ``size`` drawn from a pool (N, k), members with replacement.
+
+    The pool is taken for the distribution: two samples are independent draws from it, and a member may be in
+    both, as two values of a distribution may be alike.
+    """
+    rng, k = np.random.default_rng(SEED), pool.shape[-1]
+    one, other = pool[rng.integers(len(pool), size=(2, draws, size))]
+    moved, same, clear = margins.above(one), told_apart_p(one, other), equivalence_p(one, other, margins)
+    planted = [told_apart_p(np.where(alone, moved, one), other) for alone in np.eye(k, dtype=bool)]
+
+    def rate(p: FloatArray) -> Rate:
+        return Rate(int((p <= LEVEL).sum()), draws)
+
+    return Calibration(
+        size,
+        same_alarms=[rate(p) for p in same.T[:k]],
+        planted_alarms=[rate(p[:, q]) for q, p in enumerate(planted)],
+        same_joint=rate(same[:, k]),
+        planted_joint=[rate(p[:, k]) for p in planted],
+        same_clear=[rate(p) for p in clear.T],
+        planted_clear=[rate(p) for p in equivalence_p(moved, other, margins).T],
+        any_alarm=rate(same.min(axis=-1)),
+        all_clear=rate(clear.max(axis=-1)),
+    )

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 import pandas as pd
 
 from reports.chapters.predictability import data
-from reports.chapters.predictability.statistics import CONFIDENCE, mean_interval, student_interval
+from reports.chapters.predictability.statistics import CONFIDENCE, student_interval
 from reports.parts import Table
+from reports.results import FloatArray
 from reports.tables import ABSENT
 
 _PERCENT = f"{100 * CONFIDENCE:.0f} %"
@@ -46,20 +47,25 @@ def _milliseconds(time_s: float) -> str:
 
 
 def exponents(by_scene: Mapping[str, pd.DataFrame]) -> Table:
-    """Return the exponent of each scene with its interval."""
+    """Return the exponent of each scene with its interval, by the part of the run that it is from."""
     cells = []
     for scene, starts in by_scene.items():
-        values, shown = data.measured(starts), (ABSENT, ABSENT)
-        if len(values) > 1:
-            mean = student_interval(values)
-            shown = f"{mean.mean:.2f}", f"{mean.low:.2f} to {mean.high:.2f}"
-        cells.append((scene, str(len(starts)), str(len(starts) - len(values)), *shown))
+        by_part = [data.measured(starts, part) for part in data.PARTS]
+        shown = [_interval(values) if len(values) > 1 else ABSENT for values in by_part]
+        settled = str(starts["settled"].eq(True).sum())
+        length = f"{starts['revolutions'].max():.0f}"
+        cells.append((scene, str(len(starts)), settled, str(len(by_part[-1])), length, *shown))
     return Table(
         "predictability-exponents",
         "Finite-time Lyapunov exponents",
-        f"Per revolution, means over starts with Student's {_PERCENT} interval. A start that settles to "
-        "continuous contact has no exponent.",
-        ("scene", "starts", "settled", "exponent per revolution", f"{_PERCENT} interval"),
+        f"Per revolution, means over starts with half of Student's {_PERCENT} interval, from the first "
+        "quarter, the first half and all of the run: where they agree the exponent has converged. A start "
+        "that settles to continuous contact has no exponent, nor has one whose companion could not be put "
+        "back until half of the run.",
+        (
+            *("scene", "starts", "settled", "with an exponent", "revolutions"),
+            *(f"from {part}" for part in data.PARTS.values()),
+        ),
         tuple(cells),
     )
 
@@ -69,16 +75,21 @@ def means(by_label: data.Ensembles, scene: str) -> Table:
     quantities = data.shown(by_label)
     cells = []
     for label, members in by_label.items():
-        intervals = map(mean_interval, data.matrix(members, quantities).T)
-        shown = [f"{mean.mean:.3g} ± {(mean.high - mean.low) / 2:.1g}" for mean in intervals]
+        columns = data.matrix(members, quantities).T
+        shown = [_interval(values) if len(values) > 1 else f"{values[0]:.3g}" for values in columns]
         cells.append((label, str(len(members)), *shown))
     return Table(
         f"predictability-means-{scene}",
         f"Ensembles on {scene}",
-        f"Means over members and half the width of their {_PERCENT} bootstrap interval.",
-        ("engine", "members", *(data.QUANTITIES[q] for q in quantities)),
+        f"Means over members and half of Student's {_PERCENT} interval.",
+        ("ensemble", "members", *(data.QUANTITIES[q] for q in quantities)),
         tuple(cells),
     )
+
+
+def _interval(values: FloatArray) -> str:
+    mean = student_interval(values)
+    return f"{mean.mean:.3g} ± {(mean.high - mean.low) / 2:.1g}"
 
 
 def failures(rows: pd.DataFrame) -> Table | None:
