@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from engine_models.engine import Engine
-from engine_models.scene.plain_words import one_of, refusal, shown
+from engine_models.scene.plain_words import meant, one_of, refusal, shown
 
 _CLASSES = {
     "reference": ("engine_models.reference.engine", "ReferenceEngine"),
@@ -54,5 +54,5 @@ def make_engine(name: str, **settings: object) -> Engine:
 def _place(name: str) -> tuple[str, str]:
     """Return the module and the name of an engine's class."""
     if name not in _CLASSES:
-        raise ValueError(f"engine: expected {one_of(list(ENGINES))}, got {shown(name)}")
+        raise ValueError(f"engine: expected {one_of(list(ENGINES))}, got {shown(name)}{meant(name, ENGINES)}")
     return _CLASSES[name]

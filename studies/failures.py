@@ -12,13 +12,11 @@ from pathlib import Path
 
 import typer
 
+from engine_models.scene.bad_input import BadInput as BadInput  # exit code 2
+
 INTERRUPTED = 130
 #: After this time an interrupt comes again that got lost.
 AGAIN_S = 0.01
-
-
-class BadInput(Exception):
-    """Input was refused: exit code 2. The message names the field, what was expected and what came."""
 
 
 class Failed(Exception):

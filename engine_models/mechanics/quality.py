@@ -64,9 +64,14 @@ class Finding:
     doubtful_s: float | None
     failed_s: float | None
 
+    @property
+    def in_percent(self) -> str:
+        """The worst in percent, as text."""
+        return f"{100 * self.part:.3g} %"
+
     def line(self, limit: float, time_s: float, step_s: float) -> str:
         """Return in one line what was found, when it came past a limit, and what to do."""
-        text, when = self.respect.text.format(f"{100 * self.part:.3g} %"), f"t = {time_s:.6g} s"
+        text, when = self.respect.text.format(self.in_percent), f"t = {time_s:.6g} s"
         return f"{text}, past {100 * limit:g} % at {when} with step {step_s:.3g} s: {self.respect.remedy}"
 
 
@@ -80,6 +85,10 @@ class Quality:
     def parts(self) -> dict[str, float]:
         """Return the worst in every respect by its column."""
         return {found.respect.column: found.part for found in self.findings}
+
+    def summary(self) -> str:
+        """Return the worst in every respect in one line."""
+        return ", ".join(found.respect.text.format(found.in_percent) for found in self.findings)
 
     def failure(self) -> str | None:
         """Return in one line what makes the run none, the first thing if several do; None if it is one."""

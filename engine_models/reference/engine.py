@@ -38,7 +38,10 @@ SHARPEST, LOOSE = 1e-14, 1e-6
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
 class ReferenceEngine:
-    """Settings of the reference solver; the gains in 1/s belong to ``stabilisation = baumgarte``.
+    """Settings of the reference solver.
+
+    ``stabilisation`` holds drift back, by projection after every step or by Baumgarte's terms. Their gains in
+    1/s are ``baumgarte_alpha_s`` and ``baumgarte_beta_s``.
 
     ``kernel`` chooses between the two faces of the algorithm, which agree to round-off.
 

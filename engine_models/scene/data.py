@@ -7,7 +7,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from engine_models.scene.plain_words import refusal
+from engine_models.scene.bad_input import BadInput
+from engine_models.scene.plain_words import refusals
 
 Part = TypeVar("Part", bound="SceneData")
 
@@ -24,8 +25,12 @@ Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
 FEWEST_POINTS = 4
 
 
-class SceneError(ValueError):
-    """A scene was refused; the message names the field, what was expected and what came."""
+class SceneError(BadInput):
+    """A scene was refused; each of the reasons names the field, what was expected and what came."""
+
+    def __init__(self, *reasons: str) -> None:
+        self.reasons = reasons
+        super().__init__("; ".join(reasons))
 
 
 class SceneData(BaseModel):
@@ -43,7 +48,7 @@ class SceneData(BaseModel):
         try:
             return cls.model_validate(data)
         except ValidationError as error:
-            raise SceneError(refusal(error, cls)) from None
+            raise SceneError(*refusals(error, cls)) from None
 
     def model_copy(self: Part, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Part:
         """Return a copy with other values in some fields, checked as if it had been read from a file.

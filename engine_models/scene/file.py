@@ -6,6 +6,7 @@ from pathlib import Path
 import tomli_w
 
 from engine_models.scene.data import SceneError as SceneError
+from engine_models.scene.lines import line_of
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene
 from engine_models.scene.tables import BadTable, files_of, with_tables
@@ -48,12 +49,24 @@ def load(path: Path) -> Scene:
     """Return the scene in a TOML file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
 
     Raises:
-        SceneError: the file cannot be read, is too large, is not UTF-8 text, not TOML or not a scene.
+        SceneError: the file cannot be read, is too large, is not UTF-8 text, not TOML or not a scene. What is
+            wrong in it is told with the file and the line.
     """
     try:
-        return from_toml(read_text(path, "a scene"), folder_of(path))
+        text = read_text(path, "a scene")
     except UnreadableFile as reason:
         raise SceneError(str(reason)) from None
+    try:
+        return from_toml(text, folder_of(path))
+    except SceneError as error:
+        first, *others = [_with_line(text, reason) for reason in error.reasons]
+        raise SceneError(f"{path}: {first}", *others) from None
+
+
+def _with_line(text: str, reason: str) -> str:
+    """Return a reason with the line of the field that it begins with, if there is one."""
+    line = line_of(text, reason.partition(": ")[0])
+    return f"line {line}: {reason}" if line else reason
 
 
 def sources(path: Path) -> list[Path]:

@@ -6,7 +6,8 @@ a ``ValueError`` of the same form, its field counted from that part; the part's 
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -54,6 +55,12 @@ def one_of(choices: list[str]) -> str:
     return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)
 
 
+def meant(came: object, choices: Iterable[str]) -> str:
+    """Return which of the choices was meant, to stand behind a refusal; nothing if none is like what came."""
+    near = get_close_matches(str(came), list(choices), n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
 def shown(value: object) -> str:
     """Return a value as a TOML file would have it, shortened, on one line."""
     if isinstance(value, dict | BaseModel):
@@ -81,15 +88,20 @@ def no_numbers(strings: Mapping[str, str], kind: Any, prefix: str = "") -> str:
 
 
 def refusal(error: ValidationError, kind: Any, prefix: str = "") -> str:
-    """Return why pydantic refused input for ``kind``: the first reasons, and how many more there are.
+    """Return why pydantic refused input for ``kind`` in one line.
 
     The prefix goes before each field: ``--`` for the options of a command line.
     """
+    return "; ".join(refusals(error, kind, prefix))
+
+
+def refusals(error: ValidationError, kind: Any, prefix: str = "") -> list[str]:
+    """Return why pydantic refused input for ``kind``: the first reasons, and how many more there are."""
     root, errors = TypeAdapter(kind).json_schema(), error.errors()
     reasons = [prefix + _reason(details, root) for details in errors[:MOST_REASONS]]
     if len(errors) > MOST_REASONS:
         reasons.append(f"and {len(errors) - MOST_REASONS} more")
-    return "; ".join(reasons)
+    return reasons
 
 
 def _reason(error: ErrorDetails, root: JsonSchema) -> str:
@@ -98,17 +110,19 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
         return ".".join([*path, str(error["ctx"]["error"])])
     if error["type"] in UNKNOWN_KEY:
         path, section = _follow(error["loc"][:-1], root)
-        expected = f"the key {one_of(list(section['properties']))}"
-        return f"{'.'.join([*path, _key(error['loc'][-1])])}: expected {expected}, got an unknown key"
+        known, key = list(section["properties"]), _key(error["loc"][-1])
+        expected = f"the key {one_of(known)}"
+        return f"{'.'.join([*path, key])}: expected {expected}, got an unknown key{meant(key, known)}"
     if error["type"] in NO_TAG:
         path, union = _follow(error["loc"], root)
         tag = union["discriminator"]["propertyName"]
-        expected = one_of([shown(choice) for choice in union["discriminator"]["mapping"]])
+        choices = list(union["discriminator"]["mapping"])
         given = error["input"] if isinstance(error["input"], Mapping) else {}
-        came = shown(given[tag]) if tag in given else "nothing"
-        return f"{'.'.join([*path, tag])}: expected {expected}, got {came}"
+        came = f"{shown(given[tag])}{meant(given[tag], choices)}" if tag in given else "nothing"
+        return f"{'.'.join([*path, tag])}: expected {one_of(list(map(shown, choices)))}, got {came}"
     path, field = _follow(error["loc"], root)
-    came = "nothing" if error["type"] == "missing" else shown(error["input"])
+    given = error["input"]
+    came = "nothing" if error["type"] == "missing" else f"{shown(given)}{meant(given, field.get('enum', ()))}"
     return f"{'.'.join(path)}: expected {expectation(field)}, got {came}"
 
 

@@ -8,8 +8,9 @@ from joint O.
 """
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -232,6 +233,25 @@ class Scene(SceneData):
                 raise ValueError(f"clearance.{joint}: expected nothing without rod and slider, got a section")
         if self.load.slider is not None:
             raise ValueError("load.slider: expected nothing without rod and slider, got a section")
+
+    def replace(self, field: str | Mapping[str, object], value: object = None) -> "Scene":
+        """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
+
+        Several fields, checked together, are given as a mapping. None takes a part away, and what there is
+        not yet comes to be: ``replace("clearance.B", None)`` makes a joint ideal.
+
+        Raises:
+            SceneError: with the new values it is no scene.
+        """
+        data: dict[str, Any] = self.model_dump(exclude_none=True)
+        for path, new in ({field: value} if isinstance(field, str) else field).items():
+            part, *names = data, *path.split(".")
+            for name in names[:-1]:
+                if not isinstance(part.get(name), dict):
+                    part[name] = {}
+                part = part[name]
+            part[names[-1]] = new
+        return self.checked(data)
 
     @property
     def is_crank_slider(self) -> bool:

@@ -29,7 +29,7 @@ SHARPEST = 1e-13
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
 class ScipyEngine:
-    """Settings of ``solve_ivp``: its method, and the relative and absolute tolerance of a step.
+    """Settings of ``solve_ivp``: its ``method``; ``rtol`` and ``atol``, the tolerances of a step.
 
     It integrates the multiplier equations (1)-(10) by the reference's compiled right-hand side, so that the
     two engines differ in the integrator and not in the equations. A call of that from Python takes 1-2 us,

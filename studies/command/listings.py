@@ -1,11 +1,18 @@
 """What there is: the text of ``crankslider scenes`` and ``crankslider engines``."""
 
+import re
 from collections.abc import Sequence
+from inspect import cleandoc
+from textwrap import indent, shorten
 
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import ENGINES, engine_class, make_engine
 from engine_models.scene.library import SCENES
-from engine_models.scene.plain_words import expectation, fields, shown
+from engine_models.scene.plain_words import expectation, fields, meant, one_of, shown
+from studies.failures import BadInput
+
+#: Characters of what a setting takes, and of what is said of it in a line.
+LONGEST_CHOICE, LONGEST_CLAUSE = 60, 100
 
 
 def scene_listing() -> str:
@@ -19,16 +26,49 @@ def scene_listing() -> str:
 
 
 def engine_listing() -> str:
-    """Return each engine with its settings (default, allowed values) and the library scenes it can run."""
-    return "\n\n".join(_engine(name) for name in ENGINES)
+    """Return each engine with its settings, a line on each, and the library scenes it can run."""
+    return "\n\n".join(
+        f"{name}: {_summary(engine_class(name))}\n{_settings(name)}\n{_support(name)}" for name in ENGINES
+    )
 
 
-def _engine(name: str) -> str:
+def engine_in_full(name: str) -> str:
+    """Return all there is to say of one engine: its documentation, its settings and what it runs.
+
+    Raises:
+        BadInput: there is no such engine.
+    """
+    if name not in ENGINES:
+        raise BadInput(f"NAME: expected {one_of(list(ENGINES))}, got {shown(name)}{meant(name, ENGINES)}")
     cls = engine_class(name)
     settings = [
         (f"  {key}", shown(field["default"]), expectation(field)) for key, field in fields(cls).items()
     ]
-    return f"{name}: {_summary(cls)}\n{_aligned(settings)}\n{_support(name)}"
+    return f"{name}\n{indent(_documentation(cls), '  ')}\n\n{_aligned(settings)}\n{_support(name)}"
+
+
+def _settings(engine: str) -> str:
+    """Return a line for each setting: its name, its default, what it takes, and what it is."""
+    cls = engine_class(engine)
+    rows = []
+    for key, field in fields(cls).items():
+        allowed = shorten(expectation(field), LONGEST_CHOICE, placeholder=" ...")
+        rows.append((f"  {key}", shown(field["default"]), allowed, _explained(key, _documentation(cls))))
+    return _aligned(rows)
+
+
+def _documentation(cls: type) -> str:
+    """Return the docstring of an engine, and those of the classes of ours that it builds on."""
+    ours = (kind for kind in cls.__mro__ if kind is not object)
+    return "\n\n".join(cleandoc(kind.__doc__ or "") for kind in ours)
+
+
+def _explained(setting: str, documentation: str) -> str:
+    """Return the first clause of a documentation that names a setting, on one line."""
+    clauses = re.split(r"(?<=[.:;]) (?=[A-Z`])", " ".join(documentation.split()))
+    named = re.compile(rf"``{setting}( = [^`]*)?``")
+    clause = next((clause for clause in clauses if named.search(clause)), "")
+    return shorten(clause.replace("``", "").rstrip(".:;"), LONGEST_CLAUSE, placeholder=" ...")
 
 
 def _support(engine: str) -> str:

@@ -3,23 +3,60 @@
 import logging
 import os
 import sys
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Option, Typer
+from typer import Argument, Exit, Option, Typer
 
 from studies import failures
+from studies.running.registry import STUDIES
 
 app = Typer(
-    add_completion=False,
-    rich_markup_mode=None,
-    help="Crank-slider simulations with the reference solver, Exudyn and Pymunk, and the study of them.",
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Crank-slider simulations by the reference solver, Exudyn, Pymunk and SciPy, and the study of them.",
 )
+
+
+def _version(wanted: bool) -> None:
+    """Print the version and leave, if that is wanted."""
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"crankslider {version('crankslider')}")
+        raise Exit
+
+
+def _scenes(begun: str) -> Iterator[str]:
+    """Yield the library scenes whose names begin so, for a shell that completes."""
+    from engine_models.scene.library import SCENES
+
+    yield from (name for name in SCENES if name.startswith(begun))
+
+
+def _engines(begun: str) -> Iterator[str]:
+    """Yield the engines whose names begin so."""
+    from engine_models.engines import ENGINES
+
+    yield from (name for name in ENGINES if name.startswith(begun))
+
 
 #: What is checked as text, and not by Typer, so that it is refused in our own words.
 Text = str | None
-SceneName = Annotated[str, Argument(metavar="SCENE", help="A library scene or a TOML file.")]
+SceneName = Annotated[
+    str, Argument(metavar="SCENE", help="A library scene or a TOML file.", autocompletion=_scenes)
+]
+
+
+@app.callback()
+def about(
+    version: Annotated[
+        bool, Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Take the options that stand before a command."""
 
 
 @app.command()
@@ -31,11 +68,15 @@ def scenes() -> None:
 
 
 @app.command()
-def engines() -> None:
+def engines(
+    name: Annotated[
+        str | None, Argument(metavar="[NAME]", help="One engine, in full.", autocompletion=_engines)
+    ] = None,
+) -> None:
     """List the engines, their settings and the library scenes that each can run."""
-    from studies.command.listings import engine_listing
+    from studies.command.listings import engine_in_full, engine_listing
 
-    print(engine_listing())
+    print(engine_listing() if name is None else engine_in_full(name))
 
 
 @app.command()
@@ -50,10 +91,20 @@ def show(scene: SceneName) -> None:
 @app.command()
 def simulate(
     scene: SceneName,
-    engine: Annotated[str, Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.")] = "reference",
+    engine: Annotated[
+        str, Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.", autocompletion=_engines)
+    ] = "reference",
     assignments: Annotated[
         list[str] | None,
         Option("--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        Option(
+            "--with",
+            metavar="FIELD=VALUE",
+            help="Another value in a field of the scene, as clearance.B.radial_clearance_m=1e-4.",
+        ),
     ] = None,
     step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
     tolerance: Annotated[
@@ -61,58 +112,64 @@ def simulate(
     ] = None,
     end: Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")] = None,
     samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "200",
-    out: Annotated[Path | None, Option(metavar="FILE.csv", help="Output file; stdout.")] = None,
+    out: Annotated[
+        Path, Option(metavar="FILE", help="Samples as .csv, .json or .parquet; - is stdout, as CSV.")
+    ] = Path("-"),
+    impacts: Annotated[
+        Path | None, Option(metavar="FILE", help="Impacts, a row each, as .csv, .json or .parquet.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Figure of motion, forces and energy, as .png, .svg or .pdf."),
+    ] = None,
+    animate: Annotated[
+        Path | None, Option(metavar="FILE", help="Film of the mechanism, as .html, .gif or .mp4.")
+    ] = None,
+    exaggerate: Annotated[
+        Text, Option(metavar="TIMES", help="How many times as large the film shows clearances; 1.")
+    ] = None,
+    quiet: Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")] = False,
 ) -> None:
-    """Run one scene and write motion, forces and energy as CSV."""
-    import numpy as np
-
-    from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
-    from engine_models.memory import TooLarge
-    from engine_models.reference.kernels import FolderRefused
-    from engine_models.step_halving import simulate_to_tolerance
-    from studies.command import options
-    from studies.command.doubts import doubts
+    """Run one scene and write motion, forces and energy as a table; on request impacts, a figure, a film."""
+    from studies.command import options, outputs
     from studies.command.progress_display import shown_progress
-    from studies.command.trajectory_table import table
-    from studies.running.whole_file import whole_file
+    from studies.command.simulation import simulated
 
     strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
     numbers = options.checked(options.SimulateOptions, "--", strings)
-    physics = options.read_scene(scene, numbers.end)
-    if out is not None and options.is_source(out, scene):
-        raise failures.BadInput(f"--out: expected another file than the scene or its tables, got {out}")
-    chosen = options.read_engine(engine, assignments or [], to_tolerance=numbers.tolerance is not None)
-    longest_step = options.longest_step_s(numbers, physics.end_time_s, chosen)
-    output = nullcontext(sys.stdout) if out is None else whole_file(out)
-    with failures.writing("--out", out or Path("stdout")), output as file:
-        try:
-            # Engines look for non-finite numbers themselves.
-            with np.errstate(all="ignore"), shown_progress(physics.end_time_s):
-                if numbers.tolerance is not None:
-                    result = simulate_to_tolerance(chosen, physics, numbers.tolerance, numbers.samples)
-                else:
-                    result = chosen.simulate(physics, RunSettings(longest_step, numbers.samples))
-                warnings = doubts(chosen, physics, result, numbers.tolerance is not None)
-        except TooLarge as reason:
-            raise failures.BadInput(f"--{reason}") from None
-        except UnsupportedScene as reason:
-            raise failures.BadInput(
-                f"--engine: expected one that can run this scene, got '{reason}'"
-            ) from None
-        except FolderRefused as reason:
-            raise failures.BadInput(str(reason)) from None
-        except SimulationFailed as reason:
-            raise failures.Failed(str(reason)) from None
-        table(physics, result).to_csv(file, index=False, lineterminator="\n")
-    for warning in warnings:
+    physics = options.changed(options.read_scene(scene), changes or [], numbers.end)
+    settings = options.assigned("--set", "KEY=VALUE", assignments or [])
+    chosen = options.read_engine(engine, settings, to_tolerance=numbers.tolerance is not None)
+    files = [outputs.samples(out)]
+    if impacts is not None:
+        files.append(outputs.impacts(impacts, physics))
+    if plot is not None:
+        files.append(outputs.plot(plot))
+    if animate is not None:
+        files.append(outputs.film(animate, exaggerate))
+    elif exaggerate is not None:
+        raise failures.BadInput(f"--exaggerate: expected nothing without --animate, got {exaggerate}")
+    outputs.require_places(files, scene)
+    progress = nullcontext() if quiet else shown_progress(physics.end_time_s)
+    with ExitStack() as stack:
+        opened = [stack.enter_context(file.opened()) for file in files]
+        with progress:
+            result = simulated(physics, engine, chosen, numbers)
+            contents = [file.content(result) for file in files]
+        for write, content in zip(opened, contents, strict=True):
+            write(content)
+    for warning in result.warnings:
         failures.say(f"warning: {warning}")
-    of_method = f" of {chosen.method}" if hasattr(chosen, "method") else ""
-    failures.say(f"note: {result.steps} steps{of_method}, the longest {result.step_s:.6g} s")
+    for note in [] if quiet else result.notes():
+        failures.say(f"note: {note}")
 
 
 @app.command()
 def run(
-    studies: Annotated[list[str] | None, Argument(metavar="[STUDY]...", help="Studies to run; all.")] = None,
+    studies: Annotated[
+        list[str] | None,
+        Argument(metavar="[STUDY]...", help=f"Studies to run, all if none is named: {', '.join(STUDIES)}."),
+    ] = None,
     full: Annotated[bool, Option("--full", help="The full set of cases, not the quick one.")] = False,
     jobs: Annotated[Text, Option(metavar="N", help="Cases run at once; one for each core.")] = None,
     out: Annotated[Path, Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
@@ -126,17 +183,17 @@ def run(
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
     from engine_models.reference.kernels import FolderRefused, writable_folder
-    from engine_models.scene.plain_words import one_of, shown
+    from engine_models.scene.plain_words import meant, one_of, shown
     from studies.command.options import RunOptions, checked
     from studies.running.cluster import cluster
     from studies.running.finished_cases import DamagedRows
     from studies.running.folder_lock import FolderHeld
-    from studies.running.registry import STUDIES
     from studies.running.runner import run_studies
 
     for name in studies or []:
         if name not in STUDIES:
-            raise failures.BadInput(f"STUDY: expected {one_of(list(STUDIES))}, got {shown(name)}")
+            expected = one_of(list(STUDIES))
+            raise failures.BadInput(f"STUDY: expected {expected}, got {shown(name)}{meant(name, STUDIES)}")
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     names = list(dict.fromkeys(studies or STUDIES))
     try:
@@ -161,7 +218,6 @@ def report(
     out: Annotated[Path, Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
 ) -> None:
     """Make tables, figures and the HTML page from results."""
-    os.environ.pop("MPLBACKEND", None)  # what is in there may end Matplotlib, and figures in files need none
     from reports.page import NoResults, write_report
     from reports.parts import Contradiction
     from reports.results import BrokenResults
@@ -180,6 +236,7 @@ def report(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    os.environ.pop("MPLBACKEND", None)  # what is in there may end Matplotlib, and figures in files need none
     logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
         with failures.interrupted_in_silence():

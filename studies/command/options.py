@@ -1,6 +1,10 @@
 """What ``crankslider simulate`` is asked for: strings of a command line, checked before anything runs."""
 
-from collections.abc import Sequence
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -12,9 +16,14 @@ from engine_models.engines import ENGINES, engine_class
 from engine_models.scene.data import Positive
 from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library import SCENES
-from engine_models.scene.plain_words import no_numbers, one_of, refusal, shown
+from engine_models.scene.plain_words import meant, no_numbers, one_of, refusal, shown
 from engine_models.scene.scene import Scene
 from studies.failures import BadInput
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
 T = TypeVar("T")
 
@@ -34,20 +43,38 @@ class SimulateOptions:
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
+class FilmOptions:
+    """How many times as large as they are a film shows clearances."""
+
+    exaggerate: Positive = 1.0
+
+
+@dataclass(frozen=True, config=SETTINGS_CONFIG)
 class RunOptions:
     """The numeric options of ``run``."""
 
     jobs: Annotated[int, Field(ge=1, le=1000)]
 
 
-def checked(kind: type[T], prefix: str, strings: dict[str, str | None]) -> T:
-    """Return ``kind`` made from the strings that were given; the prefix makes a field what the user typed.
+@contextmanager
+def as_arguments() -> Iterator[None]:
+    """Have refusals in the block name the arguments of a function, not the options of the command line."""
+    try:
+        yield
+    except BadInput as error:
+        raise BadInput(re.sub(r"--(set )?(?=\w)", "", str(error)).replace("SCENE:", "scene:", 1)) from None
+
+
+def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
+    """Return ``kind`` made from the values that are not None, strings or what is written as one.
+
+    The prefix makes a field what the user typed.
 
     Raises:
         BadInput: a field is unknown or its value is refused.
     """
     adapter: TypeAdapter[T] = TypeAdapter(kind)
-    given = {key: value for key, value in strings.items() if value is not None}
+    given = {key: str(value) for key, value in values.items() if value is not None}
     if reason := no_numbers(given, kind, prefix):
         raise BadInput(reason)
     try:
@@ -56,19 +83,59 @@ def checked(kind: type[T], prefix: str, strings: dict[str, str | None]) -> T:
         raise BadInput(refusal(error, kind, prefix)) from None
 
 
-def read_scene(name: str, end_s: float | None = None) -> Scene:
-    """Return a library scene by its name, or the scene in a TOML file; if given, with another end.
+def read_scene(name: str) -> Scene:
+    """Return a library scene by its name, or the scene in a TOML file.
 
     Raises:
         BadInput: there is no such scene, or it was refused.
     """
-    if name not in SCENES and not Path(name).exists():
-        raise BadInput(f"SCENE: expected {one_of(list(SCENES))}, or a TOML file, got {shown(name)}")
+    if name in SCENES:
+        return SCENES[name]()
+    if not os.path.exists(name):  # pathlib's raises for a name too long
+        if "/" in name or name.endswith(".toml"):
+            raise BadInput(f"SCENE: expected a TOML file that is there, got {shown(name)} (no such file)")
+        expected = f"{one_of(list(SCENES))}, or a TOML file"
+        raise BadInput(f"SCENE: expected {expected}, got {shown(name)}{meant(name, SCENES)}")
+    return load(Path(name))
+
+
+def changed(scene: Scene, assignments: Sequence[str], end_s: float | None) -> Scene:
+    """Return the scene with fields given as ``FIELD=VALUE``, a value as in TOML, and another end if given.
+
+    Raises:
+        BadInput: an assignment is none, or the scene is none with it.
+    """
+    fields = {field: _value(text) for field, text in assigned("--with", "FIELD=VALUE", assignments).items()}
     try:
-        scene = SCENES[name]() if name in SCENES else load(Path(name))
-        return scene if end_s is None else scene.model_copy(update={"end_time_s": end_s})
+        changed = scene.replace(fields) if fields else scene
     except SceneError as error:
-        raise BadInput(str(error)) from None
+        raise BadInput(f"--with {error}") from None
+    return changed if end_s is None else changed.replace("end_time_s", end_s)
+
+
+def _value(text: str) -> object:
+    """Return the value that a text is in TOML, or else the text itself."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def assigned(option: str, form: str, assignments: Sequence[str]) -> dict[str, str]:
+    """Return the values of assignments, each of a ``form`` such as ``KEY=VALUE``, by their keys.
+
+    Raises:
+        BadInput: one has another form, or a key has two values.
+    """
+    values: dict[str, str] = {}
+    for assignment in assignments:
+        key, equals, value = assignment.partition("=")
+        if not (key and equals):
+            raise BadInput(f"{option}: expected {form}, got {shown(assignment)}")
+        if key in values:
+            raise BadInput(f"{option} {key}: expected one value, got {values[key]} and {value}")
+        values[key] = value
+    return values
 
 
 def is_source(file: Path, scene: str) -> bool:
@@ -81,8 +148,8 @@ def is_source(file: Path, scene: str) -> bool:
         return False
 
 
-def read_engine(name: str, assignments: Sequence[str], to_tolerance: bool = False) -> Engine:
-    """Return the engine of this name with settings given as ``KEY=VALUE``, the rest at their defaults.
+def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = False) -> Engine:
+    """Return the engine of this name with the settings given, the rest at their defaults.
 
     To keep a tolerance, an engine that can control its error does, unless ``method`` is among the settings.
 
@@ -90,15 +157,7 @@ def read_engine(name: str, assignments: Sequence[str], to_tolerance: bool = Fals
         BadInput: the engine or a setting is unknown, or a value is refused.
     """
     if name not in ENGINES:
-        raise BadInput(f"--engine: expected {one_of(list(ENGINES))}, got {shown(name)}")
-    settings: dict[str, str | None] = {}
-    for assignment in assignments:
-        key, equals, value = assignment.partition("=")
-        if not (key and equals):
-            raise BadInput(f"--set: expected KEY=VALUE, got {shown(assignment)}")
-        if key in settings:
-            raise BadInput(f"--set {key}: expected one value, got {settings[key]} and {value}")
-        settings[key] = value
+        raise BadInput(f"--engine: expected {one_of(list(ENGINES))}, got {shown(name)}{meant(name, ENGINES)}")
     engine: Engine = checked(engine_class(name), "--set ", settings)
     if to_tolerance and hasattr(engine, "controlling_error") and "method" not in settings:
         engine = engine.controlling_error()

@@ -6,9 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
 from engine_models.progress import told_to
 from studies.failures import say
 
@@ -41,6 +38,9 @@ def shown_progress(end_time_s: float, line_s: float | None = None) -> Iterator[N
 def _bar(reached: list[float], end_time_s: float, over: Event, _: float) -> None:
     if over.wait(DELAY_S):
         return
+    from rich.console import Console  # which most runs are over without
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
     text = TextColumn("t = {task.completed:.3g} s of {task.total:g} s")
     columns = text, BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as progress:

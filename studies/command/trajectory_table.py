@@ -1,8 +1,13 @@
-"""A trajectory as the table that ``crankslider simulate`` writes: fixed columns in a fixed order."""
+"""A trajectory as the tables that ``crankslider simulate`` writes: fixed columns in a fixed order."""
 
-import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
 
-from engine_models.engine import Trajectory
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
@@ -11,8 +16,8 @@ from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, 
 OF_TIME = ("ramp", "fluctuating", "table", "motor")
 
 
-def table(scene: Scene, trajectory: Trajectory) -> pd.DataFrame:
-    """Return a row for each sample, units in the column names; columns without use in the scene are absent.
+def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
+    """Return a value for each sample, units in the names; columns without use in the scene are absent.
 
     A joint's force is on the body further from the crank pivot, the guide's on the slider along +y.
     """
@@ -48,4 +53,15 @@ def table(scene: Scene, trajectory: Trajectory) -> pd.DataFrame:
             columns[f"contact_{joint}_friction_force_N"] = contact.friction_force_N
     if trajectory.dissipated_energy_J is not None:
         columns["dissipated_energy_J"] = trajectory.dissipated_energy_J
-    return pd.DataFrame(columns)
+    return columns
+
+
+def impact_columns(contacts: Mapping[str, Contact]) -> dict[str, NDArray[Any]]:
+    """Return a value for each impact in the order of time: its joint, and what ``Impacts`` has of it."""
+    impacts = {joint: contact.impacts for joint, contact in contacts.items()}
+    counts = [len(each.time_s) for each in impacts.values()]
+    columns: dict[str, NDArray[Any]] = {"joint": np.repeat(np.array(list(impacts), dtype=str), counts)}
+    for field in fields(Impacts):
+        columns[field.name] = np.concatenate([[], *(getattr(each, field.name) for each in impacts.values())])
+    order = np.argsort(columns["time_s"], kind="stable")
+    return {name: values[order] for name, values in columns.items()}

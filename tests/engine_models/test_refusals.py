@@ -108,8 +108,8 @@ def test_a_copy_is_refused_in_the_words_of_the_file_and_of_the_command(tmp_path:
     file.write_text(to_toml(LOOSE).replace("end_time_s = 0.08", "end_time_s = -1.0"))
     with pytest.raises(SceneError) as read:
         load(file)
-    assert str(copy.value) == str(read.value)
-    assert crankslider("simulate", file).stderr == f"error: {copy.value}\n"
+    assert str(read.value) == f"{file}: line 2: {copy.value}"
+    assert crankslider("simulate", file).stderr == f"error: {read.value}\n"
     said = crankslider("simulate", "ideal-free", "--samples", 100_001).stderr
     with pytest.raises(ValueError, match="samples") as asked:
         RunSettings(1e-5, 100_001)

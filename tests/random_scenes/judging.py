@@ -63,7 +63,7 @@ def _run(engine: str, scene: Scene, tolerance: float | str) -> tuple[Trajectory,
     """Return a run as ``crankslider simulate`` does it, what it may be off by in m, and its warnings."""
     with np.errstate(all="ignore"):
         if isinstance(tolerance, float):
-            to_it = read_engine(engine, [], to_tolerance=True)
+            to_it = read_engine(engine, {}, to_tolerance=True)
             return simulate_to_tolerance(to_it, scene, tolerance, SAMPLES), tolerance, []
         plain, settings = make_engine(engine), RunSettings(min(DEFAULT_STEP_S, scene.end_time_s), SAMPLES)
         if tolerance == BOUND:

@@ -141,7 +141,7 @@ def test_every_refusal_of_a_file_is_reported_at_once() -> None:
     assert str(refused.value) == (
         "crank.length_m: expected a finite number > 0, got nothing; "
         "crank.lenght_m: expected the key length_m, mass_kg, inertia_kg_m2 or centre_of_mass_m, "
-        "got an unknown key"
+        "got an unknown key (did you mean length_m?)"
     )
 
 

@@ -105,7 +105,7 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "no command": ((), ("COMMAND: expected scenes", "Missing command")),
     "unknown command": (("simulat",), ("COMMAND: expected scenes", "report", "'simulat'")),
     "unknown option": ((*SIMULATE, "--stepp", 1), ("simulate: expected SCENE, --engine", "--stepp")),
-    "unknown global option": (("--version",), ("COMMAND: expected", "--version")),
+    "unknown global option": (("--verbose",), ("COMMAND: expected", "--verbose")),
     "option without value": ((*SIMULATE, "--step"), ("--step: expected a value, got nothing",)),
     "no scene": (("simulate",), ("SCENE: expected a value, got nothing",)),
     "two scenes": (("show", "ideal-free", "ideal-torque"), ("show: expected SCENE", "ideal-torque")),
@@ -165,6 +165,84 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "no jobs": (("run", "--jobs", 0), ("--jobs: expected an integer >= 1", 'got "0"')),
     "no results": (("report", "--results", "nowhere"), ("--results: expected", "nowhere")),
     "two lines in an argument": (("show", "a\nb"), ("SCENE: expected", r"a\nb")),
+    "scene with a slip": (("show", "ideal-fre"), ('got "ideal-fre" (did you mean ideal-free?)',)),
+    "file with a slip": (("show", "mine.toml"), ("expected a TOML file that is there", "(no such file)")),
+    "engine with a slip": ((*SIMULATE, "--engine", "exudin"), ('got "exudin" (did you mean exudyn?)',)),
+    "engine in full with a slip": (("engines", "pymonk"), ("NAME: expected", "(did you mean pymunk?)")),
+    "study with a slip": (("run", "agreemnt"), ("STUDY: expected", "(did you mean agreement?)")),
+    "setting with a slip": (
+        (*SIMULATE, "--set", "stabilization=none"),
+        ("--set stabilization: expected the key", "(did you mean stabilisation?)"),
+    ),
+    "choice with a slip": (
+        (*SIMULATE, "--set", "method=dop835"),
+        ("--set method: expected", '"dop835" (did you mean dop853?)'),
+    ),
+    "field with a slip": (
+        (*SIMULATE, "--with", "crank.lenght_m=0.1"),
+        ("--with crank.lenght_m: expected the key", "(did you mean length_m?)"),
+    ),
+    "drive with a slip": (
+        (*SIMULATE, "--with", "drive.kind=constant-sped"),
+        ("--with drive.kind: expected", "(did you mean constant-speed?)"),
+    ),
+    "field without value": ((*SIMULATE, "--with", "crank"), ("--with: expected FIELD=VALUE", '"crank"')),
+    "field twice": (
+        (*SIMULATE, "--with", "end_time_s=1", "--with", "end_time_s=2"),
+        ("--with end_time_s: expected one value, got 1 and 2",),
+    ),
+    "bad value of a field": (
+        (*SIMULATE, "--with", "crank.mass_kg=-1"),
+        ("--with crank.mass_kg: expected a finite number > 0, got -1",),
+    ),
+    "word in a field": (
+        (*SIMULATE, "--with", "crank.mass_kg=heavy"),
+        ("--with crank.mass_kg: expected a finite number > 0", '"heavy"'),
+    ),
+    "field below a number": (
+        (*SIMULATE, "--with", "crank.mass_kg.x=1"),
+        ("--with crank.mass_kg: expected a finite number > 0, got a section",),
+    ),
+    "half a clearance": (
+        (*SIMULATE, "--with", "clearance.B.radial_clearance_m=1e-4"),
+        ("--with clearance.B.bearing_radius_m: expected a finite number > 0, got nothing",),
+    ),
+    "unknown ending of a table": (
+        (*SIMULATE, "--out", "run.xlsx"),
+        ("--out: expected a file that ends in .csv, .json or .parquet, got", "run.xlsx"),
+    ),
+    "unknown ending of impacts": (
+        ("simulate", "clearance-driven-0.5mm", "--impacts", "i.txt"),
+        ("--impacts: expected a file that ends in .csv, .json or .parquet",),
+    ),
+    "impacts of ideal joints": (
+        (*SIMULATE, "--impacts", "i.csv"),
+        ("--impacts: expected a scene with clearance, got ideal-free",),
+    ),
+    "unknown ending of a figure": (
+        (*SIMULATE, "--plot", "figure"),
+        ("--plot: expected a file that ends in .png, .svg or .pdf",),
+    ),
+    "unknown ending of a film": (
+        (*SIMULATE, "--animate", "film.avi"),
+        ("--animate: expected a file that ends in .html, .gif or .mp4",),
+    ),
+    "nothing to exaggerate by": (
+        (*SIMULATE, "--animate", "film.gif", "--exaggerate", 0),
+        ("--exaggerate: expected a finite number > 0",),
+    ),
+    "exaggerated without a film": (
+        (*SIMULATE, "--exaggerate", 20),
+        ("--exaggerate: expected nothing without --animate, got 20",),
+    ),
+    "two tables to one file": (
+        ("simulate", "clearance-driven-0.5mm", "--out", "a.csv", "--impacts", "./a.csv"),
+        ("--impacts: expected another place than --out, got a.csv",),
+    ),
+    "two tables to stdout": (
+        ("simulate", "clearance-driven-0.5mm", "--impacts", "-"),
+        ("--impacts: expected another place than --out, got -",),
+    ),
 }
 
 

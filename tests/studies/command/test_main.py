@@ -13,10 +13,11 @@ import pytest
 from engine_models.engine import RunSettings
 from engine_models.engines import ENGINES, make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
-from studies.command.trajectory_table import table
+from studies.command.trajectory_table import sample_columns
 from studies.judges.ideal_truth import exact
 from tests.helpers.command import crankslider
 from tests.helpers.running import HEAR
+from tests.helpers.tables import table_of
 
 IDEAL = list(IDEAL_SCENES)
 SHORT = ("--end", 0.01, "--samples", 4)
@@ -26,11 +27,6 @@ MOTION = "time_s,crank_angle_rad,crank_speed_rad_s,slider_position_m,slider_velo
 FORCES = (
     ",".join(f"joint_{joint}_force_{axis}_N" for joint in "OAB" for axis in "xy") + ",guide_normal_force_N"
 )
-
-
-def read(csv: str) -> pd.DataFrame:
-    header, *rows = (line.split(",") for line in csv.splitlines())
-    return pd.DataFrame(np.array(rows, dtype=float), columns=header)
 
 
 def test_scenes_lists_every_scene_with_its_description() -> None:
@@ -98,20 +94,23 @@ def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
     shorter = engine == "scipy" or (engine == "reference" and name == "ideal-compressor")
     assert run.steps == 1000 or (shorter and run.steps > 1000), "at SciPy's start, and before knots of gas"
     of = {"reference": " of rk4", "scipy": " of DOP853"}.get(engine, "")
-    assert (done.code, done.stderr) == (0, f"note: {run.steps} steps{of}, the longest 1e-05 s\n")
+    assert done.code == 0
+    assert done.stderr.endswith(f"\nnote: {run.steps} steps{of}, the longest 1e-05 s\n")
     assert done.stdout.splitlines()[0] == (
         f"{MOTION},{FORCES}{torque},kinetic_energy_J,potential_energy_J,{WORKS.get(name, '')}"
         "energy_balance_residual_J"
     )
-    pd.testing.assert_frame_equal(read(done.stdout), table(scene, run), check_exact=True)
+    pd.testing.assert_frame_equal(
+        table_of(done.stdout), pd.DataFrame(sample_columns(scene, run)), check_exact=True
+    )
 
 
 @pytest.mark.parametrize("name", IDEAL)
 def test_each_column_holds_what_its_name_says(name: str) -> None:
     # The reference at this step is off by 1e-9 of each signal's size at most: a wrong column is off by 1.
     scene = SCENES[name]().model_copy(update={"end_time_s": 0.01})
-    samples = read(crankslider("simulate", name, *SHORT).stdout)
-    true = table(scene, exact(scene, 4))
+    samples = table_of(crankslider("simulate", name, *SHORT).stdout)
+    true = pd.DataFrame(sample_columns(scene, exact(scene, 4)))
     for column in true.columns:
         measure = "kinetic_energy_J" if column == "energy_balance_residual_J" else column
         scale = np.abs(true[measure]).max()
@@ -119,14 +118,14 @@ def test_each_column_holds_what_its_name_says(name: str) -> None:
 
 
 def test_the_crank_angle_is_unwrapped() -> None:
-    angle = read(crankslider("simulate", "ideal-driven").stdout)["crank_angle_rad"]
+    angle = table_of(crankslider("simulate", "ideal-driven").stdout)["crank_angle_rad"]
     assert angle.iloc[-1] == pytest.approx(4 * np.pi)
 
 
 def test_without_gravity_there_is_no_potential_energy(tmp_path: Path) -> None:
     file = tmp_path / "light.toml"
     file.write_text(crankslider("show", "ideal-free").stdout.replace("= 9.81", "= 0.0"))
-    columns = read(crankslider("simulate", file, *SHORT).stdout).columns
+    columns = table_of(crankslider("simulate", file, *SHORT).stdout).columns
     assert "potential_energy_J" not in columns
     assert "kinetic_energy_J" in columns
 
@@ -159,7 +158,7 @@ def test_a_joint_with_clearance_has_its_own_columns(friction: str, tmp_path: Pat
         f"{MOTION},{FORCES},driver_torque_N_m,kinetic_energy_J,potential_energy_J,energy_balance_residual_J,"
         f"clearance_B_x_m,clearance_B_y_m,contact_B_penetration_m,{force}dissipated_energy_J"
     )
-    samples = read(done.stdout)
+    samples = table_of(done.stdout)
     gap = np.hypot(samples["clearance_B_x_m"], samples["clearance_B_y_m"])
     np.testing.assert_allclose(samples["contact_B_penetration_m"], gap - 5e-4, rtol=0, atol=1e-12)
     flying = samples["contact_B_penetration_m"] < 0
@@ -197,14 +196,14 @@ def test_settings_reach_the_engine() -> None:
 
 def test_the_note_tells_the_step_that_was_taken() -> None:
     done = crankslider("simulate", "ideal-free", "--end", 0.01, "--samples", 3, "--step", 1e-3)
-    assert done.stderr == "note: 12 steps of rk4, the longest 0.000833333 s\n"
+    assert done.stderr.endswith("\nnote: 12 steps of rk4, the longest 0.000833333 s\n")
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_tolerance_is_kept(engine: str) -> None:
     done = crankslider("simulate", "ideal-torque", *SHORT, "--engine", engine, "--tolerance", 1e-7)
     scene = SCENES["ideal-torque"]().model_copy(update={"end_time_s": 0.01})
-    error = np.abs(read(done.stdout)["slider_position_m"] - exact(scene, 4).slider_position_m).max()
+    error = np.abs(table_of(done.stdout)["slider_position_m"] - exact(scene, 4).slider_position_m).max()
     assert error <= 1e-7, f"{error:.3g} m"
 
 
@@ -325,7 +324,7 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
 
 def test_the_scene_is_not_overwritten_by_its_own_output(tmp_path: Path) -> None:
-    file = tmp_path / "mine.toml"
+    file = tmp_path / "mine"
     file.write_text(crankslider("show", "ideal-free").stdout)
     before = file.read_text()
     done = crankslider("simulate", file, *SHORT, "--out", file)

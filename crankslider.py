@@ -1,0 +1,118 @@
+"""Planar crank-sliders with joint clearance, simulated from Python.
+
+    import crankslider as cs
+
+    run = cs.simulate("clearance-driven-0.5mm", end=0.012, tolerance=1e-8)
+    run.frame["slider_position_m"]      # pandas, over time_s
+    run.plot_orbit("B")
+
+What a user gives and gets wrong is refused with a ``BadInput``, in the words of the command line.
+"""
+
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from pkgutil import extend_path
+from types import MappingProxyType
+from warnings import warn
+
+PACKAGES = ("reference_solver", "engine_models", "studies", "reports")
+
+
+@contextmanager
+def _home_first() -> Iterator[None]:
+    """Have our packages found beside this file, though the user's folder may have some of the same names.
+
+    What else is in the user's can be imported as well, before and after.
+
+    Raises:
+        ImportError: a module of the user's has the full name of one of ours.
+    """
+    home = Path(__file__).resolve().parent
+    for name, module in list(sys.modules.items()):
+        place, ours = getattr(module, "__file__", None), home.joinpath(*name.split("."))
+        is_ours = name.partition(".")[0] in PACKAGES and (ours.is_dir() or ours.with_suffix(".py").exists())
+        if "." in name and place and is_ours and home not in Path(place).resolve().parents:
+            raise ImportError(
+                f"{name}: expected crankslider's own, got {place}: import crankslider before it"
+            )
+    sys.path.insert(0, str(home))
+    try:
+        for name in PACKAGES:
+            package, folder = import_module(name), str(home / name)
+            found = extend_path(list(getattr(package, "__path__", [])), name)
+            package.__path__ = [folder, *(other for other in found if other != folder)]
+        yield
+    finally:
+        sys.path.remove(str(home))
+
+
+with _home_first():
+    from engine_models.scene import file
+    from engine_models.scene.library import SCENES
+    from engine_models.scene.scene import Scene
+    from studies.command.finished_run import Run
+    from studies.command.options import (
+        SimulateOptions,
+        as_arguments,
+        changed,
+        checked,
+        read_engine,
+        read_scene,
+    )
+    from studies.failures import BadInput, Failed
+
+__all__ = ["BadInput", "Failed", "Run", "Scene", "load", "scenes", "simulate"]
+__version__ = version("crankslider")
+
+#: The library's scenes by name.
+scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in SCENES.items()})
+
+
+def simulate(
+    scene: Scene | str | Path,
+    engine: str = "reference",
+    *,
+    step: float | None = None,
+    tolerance: float | None = None,
+    end: float | None = None,
+    samples: int = 200,
+    settings: Mapping[str, object] | None = None,
+    **more_settings: object,
+) -> Run:
+    """Return the run of a scene: of one made here, of the library's by name, or of one in a TOML file.
+
+    ``step`` in s is the longest time step, 1e-5 unless the engine chooses its own. With a ``tolerance`` in m
+    the run is sharpened until the slider is known so well. ``end`` in s takes the place of the scene's,
+    ``samples`` is the number of equal output intervals. Settings of the engine go by their names, in a
+    mapping or as further arguments. Doubts about the run are warned of.
+
+    Raises:
+        BadInput: an argument or the scene is refused, or the engine cannot run the scene.
+        Failed: the simulation broke down; the message says when and why.
+    """
+    from studies.command.simulation import simulated  # loads the compiler, which takes a second
+
+    with as_arguments():
+        if not isinstance(settings, Mapping | None):
+            raise BadInput(f"settings: expected a mapping of names to values, got {settings!r}")
+        numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
+        options = checked(SimulateOptions, "--", numbers)
+        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
+        chosen = read_engine(engine, {**(settings or {}), **more_settings}, tolerance is not None)
+        run = simulated(changed(physics, [], options.end), engine, chosen, options)
+    for doubt in run.warnings:
+        warn(doubt, stacklevel=2)
+    return run
+
+
+def load(path: str | Path) -> Scene:
+    """Return the scene in a TOML file.
+
+    Raises:
+        BadInput: there is none; the message names the file, the line and the field.
+    """
+    return file.load(Path(path))

@@ -1,0 +1,140 @@
+"""What a simulation gives a user: tables, pictures, and how far it is to be trusted."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from engine_models.engine import Engine, Trajectory
+from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.quality import Quality, quality_of
+from engine_models.progress import tell
+from engine_models.scene.file import to_toml
+from engine_models.scene.plain_words import one_of, shown
+from engine_models.scene.scene import Scene
+from studies.command.endings import film_ending
+from studies.command.options import FilmOptions, as_arguments, checked
+from studies.command.trajectory_table import impact_columns, sample_columns
+from studies.failures import BadInput, writing
+from studies.running.whole_file import whole_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished simulation: what was asked for, and all that came out.
+
+    ``engine`` holds the settings that ran, ``tolerance_m`` is the slider's, None without one, and
+    ``warnings`` has a line for each doubt about the run. ``trajectory`` has everything as arrays.
+    """
+
+    scene: Scene
+    engine_name: str
+    engine: Engine
+    tolerance_m: float | None
+    trajectory: Trajectory
+    warnings: tuple[str, ...]
+
+    @cached_property
+    def frame(self) -> "pd.DataFrame":
+        """The samples: motion, forces and energies over ``time_s``, the columns of the command line's CSV."""
+        import pandas as pd
+
+        return pd.DataFrame(sample_columns(self.scene, self.trajectory)).set_index("time_s")
+
+    @cached_property
+    def impacts(self) -> "pd.DataFrame":
+        """The contacts that have ended, a row each in the order of time; none in an ideal scene."""
+        import pandas as pd
+
+        return pd.DataFrame(impact_columns(self.trajectory.contacts))
+
+    @property
+    def quality(self) -> Quality:
+        """How far the run is from what physics allows; ``summary()`` says so in a line."""
+        return quality_of(self.scene, self.trajectory)
+
+    def plot(self) -> "Figure":
+        """Return a figure of position, velocity, forces and energy over time."""
+        from reports.run.time_plot import time_plot
+
+        return time_plot(self.frame, self._title, self.quality.summary())
+
+    def plot_orbit(self, joint: str) -> "Figure":
+        """Return a figure of the pin's path in the clearance circle of a joint.
+
+        Raises:
+            BadInput: the joint has no clearance.
+        """
+        from reports.run.orbit_plot import orbit_plot
+
+        loose = clearances(self.scene)
+        if joint not in loose:
+            expected = f"{one_of(list(loose))}, which has clearance" if loose else "a scene with clearance"
+            raise BadInput(f"joint: expected {expected}, got {shown(joint)}")
+        return orbit_plot(self.frame, joint, loose[joint].radial_clearance_m, self._title)
+
+    def animate(self, file: str | Path, exaggerate: float = 1.0) -> None:
+        """Write a film of the mechanism, with its joint forces as arrows, to a .html, .gif or .mp4 file.
+
+        Clearances are drawn ``exaggerate`` times as large as they are.
+
+        Raises:
+            BadInput: the file ends otherwise or cannot be written, or .mp4 is wanted without ffmpeg.
+        """
+        with as_arguments():
+            path, ending = Path(file), film_ending(Path(file))
+            times = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate
+            with writing("--animate", path), whole_file(path) as opened:
+                opened.buffer.write(self.film(ending, times))
+
+    def film(self, ending: str, exaggerate: float) -> bytes:
+        """Return the film of ``animate`` as the bytes of a file; how far it is is told as a run tells."""
+        from reports.run.film import film_bytes
+        from reports.run.mechanism import Mechanism
+
+        mechanism = Mechanism(
+            self.scene.crank.length_m,
+            self.scene.rod.length_m if self.scene.rod else None,
+            {name: clearance.radial_clearance_m for name, clearance in clearances(self.scene).items()},
+        )
+        return film_bytes(self.frame, mechanism, exaggerate, self.scene.name, ending, tell)
+
+    @property
+    def made_by(self) -> dict[str, Any]:
+        """What made the run: version, engine, settings, steps, quality, and the scene as TOML."""
+        return {
+            "version": version("crankslider"),
+            "engine": self.engine_name,
+            "settings": dict(vars(self.engine)),
+            "tolerance_m": self.tolerance_m,
+            "step_s": self.trajectory.step_s,
+            "steps": self.trajectory.steps,
+            "samples": len(self.trajectory.time_s) - 1,
+            "quality": self.quality.parts(),
+            "warnings": list(self.warnings),
+            "scene": to_toml(self.scene),
+        }
+
+    def notes(self) -> list[str]:
+        """Return what there is to say of any run: its quality and its steps, a line each."""
+        of_method = f" of {self.engine.method}" if hasattr(self.engine, "method") else ""
+        steps = f"{self.trajectory.steps} steps{of_method}, the longest {self.trajectory.step_s:.6g} s"
+        return [f"quality: {self.quality.summary()}", steps]
+
+    @property
+    def _title(self) -> str:
+        return f"{self.scene.name}, {self.engine_name}"
+
+    def __repr__(self) -> str:
+        return f"Run of {self._title}: {'; '.join([*self.notes(), *self.warnings])}"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: what ran, how well, and the figure."""
+        from reports.run.card import card
+
+        return card(self._title, [*self.notes(), *self.warnings], self.plot())

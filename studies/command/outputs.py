@@ -1,0 +1,128 @@
+"""The files that ``crankslider simulate`` writes: tables and pictures of a run, each by its name's ending."""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from engine_models.scene.scene import Scene
+from studies.command.endings import PICTURES, ending_of, film_ending
+from studies.command.finished_run import Run
+from studies.command.options import FilmOptions, checked, is_source
+from studies.command.trajectory_table import impact_columns, sample_columns
+from studies.failures import BadInput, writing
+from studies.running.whole_file import whole_file
+
+Columns = Mapping[str, NDArray[Any]]
+
+#: Where a table goes that has no file.
+STDOUT = Path("-")
+
+
+@dataclass(frozen=True)
+class Output:
+    """A file to come: the option that asked for it, where it goes, and how it is made of a run."""
+
+    option: str
+    path: Path
+    content: Callable[[Run], bytes]
+
+    @contextmanager
+    def opened(self) -> Iterator[Callable[[bytes], None]]:
+        """Open the file, and yield what writes into it; what was there stays until all is well."""
+        if self.path == STDOUT:
+            yield lambda content: print(content.decode("utf-8"), end="")
+            return
+        with writing(self.option, self.path), whole_file(self.path) as file:
+
+            def write(content: bytes) -> None:
+                with writing(self.option, self.path):
+                    file.buffer.write(content)
+                    file.flush()
+
+            yield write
+
+
+def samples(path: Path) -> Output:
+    """Return the file of a run's samples."""
+    encode = FORMATS[ending_of("--out", path, FORMATS)]
+    return Output("--out", path, lambda run: encode(sample_columns(run.scene, run.trajectory), run))
+
+
+def impacts(path: Path, scene: Scene) -> Output:
+    """Return the file of a run's impacts."""
+    encode = FORMATS[ending_of("--impacts", path, FORMATS)]
+    if not scene.joints_with_clearance:
+        raise BadInput(f"--impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
+    return Output("--impacts", path, lambda run: encode(impact_columns(run.trajectory.contacts), run))
+
+
+def plot(path: Path) -> Output:
+    """Return the file of a run's figure."""
+    ending = ending_of("--plot", path, PICTURES)
+
+    def content(run: Run) -> bytes:
+        from reports.run.picture import picture_bytes
+
+        return picture_bytes(run.plot(), ending)
+
+    return Output("--plot", path, content)
+
+
+def film(path: Path, exaggerate: str | None) -> Output:
+    """Return the file of a run's film, its clearances shown so many times as large as they are."""
+    times, ending = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate, film_ending(path)
+    return Output("--animate", path, lambda run: run.film(ending, times))
+
+
+def require_places(files: Sequence[Output], scene: str) -> None:
+    """Refuse two outputs to one place, and one to a file that the scene was read from."""
+    for number, file in enumerate(files):
+        if is_source(file.path, scene):
+            expected = "another file than the scene or its tables"
+            raise BadInput(f"{file.option}: expected {expected}, got {file.path}")
+        for other in files[:number]:
+            if file.path.resolve() == other.path.resolve():
+                expected = f"another place than {other.option}"
+                raise BadInput(f"{file.option}: expected {expected}, got {file.path}")
+
+
+def _csv(columns: Columns, _: Run) -> bytes:
+    """Return a table as CSV, its numbers with all their digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
+    return text.getvalue().encode("utf-8")
+
+
+def _json(columns: Columns, run: Run) -> bytes:
+    """Return a table as JSON: what made it, and a list of each column."""
+    lists = {name: values.tolist() for name, values in columns.items()}
+    return (json.dumps({"made_by": run.made_by, "columns": lists}) + "\n").encode("utf-8")
+
+
+def _parquet(columns: Columns, run: Run) -> bytes:
+    """Return a table as Parquet, with what made it in the metadata of its schema."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    made_by = {name: x if isinstance(x, str) else json.dumps(x) for name, x in run.made_by.items()}
+    sink = io.BytesIO()
+    parquet.write_table(pa.table(dict(columns)).replace_schema_metadata(made_by), sink)
+    return sink.getvalue()
+
+
+#: How a table is encoded, by the ending of its file's name.
+FORMATS: Mapping[str, Callable[[Columns, Run], bytes]] = {
+    "": _csv,
+    ".csv": _csv,
+    ".json": _json,
+    ".parquet": _parquet,
+}

@@ -1,0 +1,39 @@
+"""The one way from what a user asks for to a run: the command line goes it, and so does the library."""
+
+import numpy as np
+
+from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.memory import TooLarge
+from engine_models.reference.kernels import FolderRefused
+from engine_models.scene.scene import Scene
+from engine_models.step_halving import simulate_to_tolerance
+from studies.command.doubts import doubts
+from studies.command.finished_run import Run
+from studies.command.options import SimulateOptions, longest_step_s
+from studies.failures import BadInput, Failed
+
+
+def simulated(scene: Scene, engine_name: str, engine: Engine, options: SimulateOptions) -> Run:
+    """Run a scene by an engine at the step, or to the tolerance, that is asked for.
+
+    Raises:
+        BadInput: the engine cannot run the scene, or not at this step or with as many samples.
+        Failed: the simulation broke down, or its quality makes it none.
+    """
+    longest_step = longest_step_s(options, scene.end_time_s, engine)
+    try:
+        with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
+            if options.tolerance is not None:
+                run = simulate_to_tolerance(engine, scene, options.tolerance, options.samples)
+            else:
+                run = engine.simulate(scene, RunSettings(longest_step, options.samples))
+            warnings = doubts(engine, scene, run, options.tolerance is not None)
+    except TooLarge as reason:
+        raise BadInput(f"--{reason}") from None
+    except UnsupportedScene as reason:
+        raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None
+    except SimulationFailed as reason:
+        raise Failed(str(reason)) from None
+    return Run(scene, engine_name, engine, options.tolerance, run, tuple(warnings))

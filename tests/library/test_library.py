@@ -1,0 +1,198 @@
+"""The library does what the command line does, and refuses in its words."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pytest
+
+import crankslider as cs
+from engine_models.scene.file import to_toml
+from tests.helpers.command import crankslider
+from tests.helpers.tables import table_of
+
+ROOT = Path(__file__).parents[2]
+LOOSE = cs.scenes["clearance-driven-0.5mm"]
+
+
+def short_run(scene: cs.Scene | str | Path) -> cs.Run:
+    return cs.simulate(scene, end=0.002, samples=20)
+
+
+@pytest.fixture(scope="module")
+def loose_run() -> cs.Run:
+    return short_run(LOOSE)
+
+
+@pytest.mark.parametrize("scene", ["ideal-driven", "clearance-driven-0.5mm", "rigid-pendulum"])
+def test_a_frame_is_the_table_of_the_command_line_over_time(scene: str) -> None:
+    written = crankslider("simulate", scene, "--end", 0.002, "--samples", 20).stdout
+    expected = table_of(written).set_index("time_s")
+    pd.testing.assert_frame_equal(short_run(scene).frame, expected, check_exact=True)
+
+
+def test_a_scene_may_be_given_by_name_by_file_or_itself(tmp_path: Path, loose_run: cs.Run) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(to_toml(LOOSE))
+    assert cs.load(file) == cs.load(str(file)) == LOOSE
+    for scene in (LOOSE.name, file, str(file)):
+        pd.testing.assert_frame_equal(short_run(scene).frame, loose_run.frame)
+
+
+def test_impacts_come_in_the_order_of_time_with_their_joint() -> None:
+    run = cs.simulate("clearance-driven-AB", end=0.004)
+    assert list(run.impacts) == [
+        "joint",
+        "time_s",
+        "duration_s",
+        "approach_speed_m_s",
+        "normal_impulse_N_s",
+        "energy_lost_J",
+    ]
+    assert run.impacts["time_s"].is_monotonic_increasing
+    for joint, contact in run.trajectory.contacts.items():
+        own = run.impacts[run.impacts["joint"] == joint]
+        np.testing.assert_array_equal(own["normal_impulse_N_s"], contact.impacts.normal_impulse_N_s)
+    assert set(run.impacts["joint"]) == {"A", "B"}
+
+
+def test_an_ideal_run_has_no_impacts() -> None:
+    assert len(cs.simulate("ideal-free", end=0.01, samples=4).impacts) == 0
+
+
+def test_settings_go_by_name_or_in_a_mapping() -> None:
+    by_name = cs.simulate("ideal-free", end=0.01, samples=4, method="dop853")
+    mapped = cs.simulate("ideal-free", end=0.01, samples=4, settings={"method": "dop853", "tolerance": 1e-9})
+    assert by_name.engine == mapped.engine
+    assert by_name.made_by["settings"]["method"] == "dop853"
+
+
+def test_a_tolerance_is_kept_and_told() -> None:
+    run = cs.simulate("ideal-free", tolerance=1e-9, end=0.05, samples=4)
+    finer = cs.simulate("ideal-free", tolerance=1e-11, end=0.05, samples=4)
+    assert run.tolerance_m == 1e-9
+    assert np.abs(run.frame["slider_position_m"] - finer.frame["slider_position_m"]).max() < 1e-9
+
+
+def test_a_doubtful_run_warns() -> None:
+    with pytest.warns(UserWarning, match=r"^energy off by .* past 1 % at t = "):
+        run = cs.simulate("ideal-free", engine="pymunk", step=1e-3)
+    assert len(run.warnings) == 1
+
+
+def test_quality_says_the_parts_in_one_line(loose_run: cs.Run) -> None:
+    said, parts = loose_run.quality.summary(), loose_run.quality.parts()
+    assert list(parts) == ["unaccounted_energy_part", "ideal_gap_part", "penetration_part"]
+    for part in parts.values():
+        assert f"by {100 * part:.3g} % of" in said
+    assert "\n" not in said
+    assert crankslider("simulate", LOOSE.name, "--end", 0.002, "--samples", 20).stderr.startswith(
+        f"note: quality: {said}\n"
+    )
+
+
+def test_another_value_in_a_field_makes_another_scene() -> None:
+    changed = LOOSE.replace("clearance.B.radial_clearance_m", 1e-4)
+    assert changed.clearance.B is not None
+    assert changed.clearance.B.radial_clearance_m == 1e-4
+    assert changed.replace("clearance.B.radial_clearance_m", 5e-4) == LOOSE
+    assert LOOSE.replace({"end_time_s": 1.0, "clearance.B": None}).joints_with_clearance == ()
+    both = LOOSE.replace("clearance.A", LOOSE.clearance.B)
+    assert both.joints_with_clearance == ("A", "B")
+    friction = {"law": "tanh", "coefficient": 0.1, "regularisation_speed_m_s": 0.1}
+    rubbing = LOOSE.replace({f"clearance.B.friction.{name}": value for name, value in friction.items()})
+    assert rubbing.clearance.B is not None
+    assert rubbing.clearance.B.friction is not None
+
+
+REFUSED: dict[str, tuple[Callable[[], object], str]] = {
+    "unknown scene": (lambda: cs.simulate("ideal-fre"), "(did you mean ideal-free?)"),
+    "no scene": (lambda: cs.simulate(None), "scene: expected ideal-free, "),  # type: ignore[arg-type]
+    "endless name": (lambda: cs.simulate("x" * 300), "scene: expected ideal-free, "),
+    "missing file": (lambda: cs.simulate("no/such.toml"), "scene: expected a TOML file that is there"),
+    "missing file to load": (lambda: cs.load("such.toml"), "such.toml: expected a file that can be read"),
+    "negative step": (lambda: cs.simulate("ideal-free", step=-1.0), "step: expected a finite number > 0"),
+    "endless step": (lambda: cs.simulate("ideal-free", step=np.inf), "step: expected a finite number > 0"),
+    "true step": (lambda: cs.simulate("ideal-free", step=True), 'step: expected a finite number > 0, got "T'),
+    "long step": (lambda: cs.simulate("ideal-free", step=2), "step: expected a number from 1e-12 to"),
+    "step and tolerance": (
+        lambda: cs.simulate("ideal-free", step=1e-4, tolerance=1e-6),
+        "tolerance: expected nothing beside step, got 1e-06",
+    ),
+    "no samples": (lambda: cs.simulate("ideal-free", samples=0), "samples: expected an integer >= 1 and <= "),
+    "no end": (lambda: cs.simulate("ideal-free", end=0), "end: expected a finite number > 0"),
+    "unknown engine": (lambda: cs.simulate("ideal-free", "exudin"), "engine: expected reference, exudyn, "),
+    "unfit engine": (
+        lambda: cs.simulate("rigid-pendulum", "scipy"),
+        "engine: expected one that can run this scene",
+    ),
+    "unknown setting": (
+        lambda: cs.simulate("ideal-free", stabilization="none"),
+        "stabilization: expected the key method, ",
+    ),
+    "no setting's value": (
+        lambda: cs.simulate("ideal-free", "pymunk", iterations=0),
+        "iterations: expected an integer > 0",
+    ),
+    "settings in a list": (
+        lambda: cs.simulate("ideal-free", settings=["none"]),  # type: ignore[arg-type]
+        "settings: expected a mapping",
+    ),
+    "no field": (lambda: LOOSE.replace("crank.lenght_m", 1.0), "(did you mean length_m?)"),
+    "no value of a field": (lambda: LOOSE.replace("crank.mass_kg", -1), "crank.mass_kg: expected a finite"),
+    "no part": (lambda: LOOSE.replace("crank.mass_kg.x", 1), "crank.mass_kg: expected a finite number > 0"),
+    "no room": (
+        lambda: LOOSE.replace("clearance.B.radial_clearance_m", 1.0),
+        "clearance.B.radial_clearance_m: expected a number < bearing_radius_m",
+    ),
+    "half a part": (
+        lambda: LOOSE.replace("clearance.A.radial_clearance_m", 1e-4),
+        "clearance.A.bearing_radius_m: expected a finite number > 0, got nothing",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_wrong_is_refused_in_one_line(case: str) -> None:
+    wrong, words = REFUSED[case]
+    with pytest.raises(cs.BadInput) as refused:
+        wrong()
+    said = str(refused.value)
+    assert words in said
+    assert "--" not in said
+    assert "\n" not in said
+    assert isinstance(refused.value, ValueError)
+
+
+def test_pictures_are_refused_in_one_line(loose_run: cs.Run, tmp_path: Path) -> None:
+    with pytest.raises(cs.BadInput, match=r'^joint: expected B, which has clearance, got "A"$'):
+        loose_run.plot_orbit("A")
+    with pytest.raises(cs.BadInput, match=r"^animate: expected a file that ends in .html, .gif or .mp4"):
+        loose_run.animate(tmp_path / "film.avi")
+    with pytest.raises(cs.BadInput, match=r"^exaggerate: expected a finite number > 0"):
+        loose_run.animate(tmp_path / "film.gif", exaggerate=0)
+    with pytest.raises(cs.BadInput, match=r"^animate: expected a place that can be written"):
+        loose_run.animate(tmp_path / "nowhere" / "film.gif")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_breaks_down_says_when() -> None:
+    with pytest.raises(cs.Failed, match=r"^energy off by .* at t = "):
+        cs.simulate("ideal-free", "pymunk", step=5e-3)
+
+
+def test_a_notebook_shows_what_ran_how_well_and_a_figure() -> None:
+    run = cs.simulate(cs.scenes["ideal-free"].replace("name", "<i>mine"), end=0.01, samples=4)
+    html = run._repr_html_()
+    assert "&lt;i&gt;mine, reference" in html
+    assert "<i>" not in html
+    assert run.quality.summary() in html
+    assert 'src="data:image/png;base64,iVBOR' in html
+    assert run.plot()._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
+
+
+def test_the_version_is_the_packages() -> None:
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert re.findall(r'^version = "(.*)"$', project, re.MULTILINE) == [cs.__version__]

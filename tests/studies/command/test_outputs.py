@@ -1,0 +1,160 @@
+"""What ``simulate`` writes: tables by the ending of their names, a figure, a film, and what made them."""
+
+import json
+from pathlib import Path
+from unittest.mock import patch
+
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pytest
+from matplotlib.animation import FFMpegWriter
+from pyarrow import parquet
+
+from engine_models.scene.file import from_toml
+from tests.helpers.command import crankslider
+from tests.helpers.refusals import require_refusal
+from tests.helpers.tables import table_of
+
+LOOSE = ("simulate", "clearance-driven-0.5mm", "--end", 0.002, "--samples", 20)
+
+
+@pytest.mark.parametrize("option", ["--out", "--impacts"])
+def test_all_formats_hold_the_same_numbers(option: str, tmp_path: Path) -> None:
+    for name in ("a", "a.csv", "a.json", "a.PARQUET"):
+        assert crankslider(*LOOSE, option, tmp_path / name).code == 0
+    table = table_of((tmp_path / "a.csv").read_text())
+    assert len(table) > 1
+    columns = json.loads((tmp_path / "a.json").read_text())["columns"]
+    assert (tmp_path / "a").read_text() == (tmp_path / "a.csv").read_text()
+    for other in (pd.DataFrame(columns), pd.read_parquet(tmp_path / "a.PARQUET")):
+        pd.testing.assert_frame_equal(other, table, check_exact=True, check_dtype=False)
+
+
+def test_a_file_tells_what_made_it(tmp_path: Path) -> None:
+    for name in ("a.json", "a.parquet"):
+        changes = ("--with", "clearance.B.radial_clearance_m=1e-4", "--set", "steps_per_contact=50")
+        assert crankslider(*LOOSE, *changes, "--out", tmp_path / name).code == 0
+    made_by = json.loads((tmp_path / "a.json").read_text())["made_by"]
+    assert (made_by["engine"], made_by["settings"]["steps_per_contact"]) == ("reference", 50.0)
+    assert (made_by["step_s"], made_by["samples"], made_by["tolerance_m"]) == (1e-5, 20, None)
+    assert made_by["quality"]["unaccounted_energy_part"] < 1e-6
+    assert crankslider("--version").stdout == f"crankslider {made_by['version']}\n"
+    scene = from_toml(made_by["scene"])
+    assert scene.clearance.B is not None
+    assert scene.clearance.B.radial_clearance_m == 1e-4
+    metadata = parquet.read_schema(tmp_path / "a.parquet").metadata
+    texts = {key.decode(): value.decode() for key, value in metadata.items()}
+    assert texts["scene"] == made_by["scene"]
+    assert {key: json.loads(texts[key]) for key in ("settings", "step_s", "quality")} == {
+        key: made_by[key] for key in ("settings", "step_s", "quality")
+    }
+
+
+def test_a_made_by_scene_runs_to_the_same_file(tmp_path: Path) -> None:
+    first, again = tmp_path / "first.json", tmp_path / "again.json"
+    crankslider(*LOOSE, "--out", first)
+    file = tmp_path / "mine.toml"
+    file.write_text(json.loads(first.read_text())["made_by"]["scene"])
+    crankslider("simulate", file, "--samples", 20, "--out", again)
+    assert again.read_text() == first.read_text()
+
+
+def test_a_dash_is_standard_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert crankslider(*LOOSE, "--out", "-").stdout == crankslider(*LOOSE).stdout
+    impacts = crankslider(*LOOSE, "--out", "run.csv", "--impacts", "-").stdout
+    assert impacts.startswith("joint,time_s,duration_s,")
+    assert [file.name for file in tmp_path.iterdir()] == ["run.csv"]
+
+
+def test_figure_film_and_tables_come_from_one_run(tmp_path: Path) -> None:
+    wanted = {"--out": "a.csv", "--impacts": "b.csv", "--plot": "c.png", "--animate": "d.gif"}
+    options = [word for option, name in wanted.items() for word in (option, tmp_path / name)]
+    done = crankslider(*LOOSE, *options, "--exaggerate", 20)
+    assert (done.code, done.stdout) == (0, "")
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "d.gif").read_bytes().startswith(b"GIF89a")
+    samples, impacts = table_of((tmp_path / "a.csv").read_text()), table_of((tmp_path / "b.csv").read_text())
+    lost = samples["dissipated_energy_J"].iloc[-1]
+    assert 0 < impacts["energy_lost_J"].sum() <= lost * (1 + 1e-9)
+    assert {file.name for file in tmp_path.iterdir()} == set(wanted.values())
+
+
+def test_a_picture_that_cannot_be_written_leaves_all_files_as_they_were(tmp_path: Path) -> None:
+    out = tmp_path / "a.csv"
+    out.write_text("before")
+    done = crankslider(*LOOSE, "--out", out, "--plot", tmp_path / "nowhere" / "p.png")
+    require_refusal(done.stdout, done.stderr, done.code, "--plot: expected a place that can be written")
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["before"]
+
+
+def test_a_full_disk_is_told_of_the_file_that_it_struck(tmp_path: Path) -> None:
+    done = crankslider(*LOOSE, "--impacts", "/dev/full", "--out", tmp_path / "a.csv")
+    require_refusal(done.stdout, done.stderr, done.code, "--impacts: expected", "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_ffmpeg_mp4_is_refused_before_the_run(tmp_path: Path) -> None:
+    with patch.object(FFMpegWriter, "isAvailable", return_value=False):
+        done = crankslider("simulate", "ideal-free", "--end", 1e5, "--animate", tmp_path / "film.mp4")
+    expected = "--animate: expected a file that ends in .html or .gif where ffmpeg is not installed"
+    require_refusal(done.stdout, done.stderr, done.code, expected)
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ("clearance.B.radial_clearance_m=1e-4", "radial_clearance_m = 0.0001"),
+        ("clearance.B.law=flores", 'law = "flores"'),
+        ('clearance.B.law="flores"', 'law = "flores"'),
+        ('drive={kind = "torque", torque_N_m = 2}', "torque_N_m = 2.0"),
+    ],
+)
+def test_a_field_may_have_another_value_than_in_the_scene(change: str, line: str, tmp_path: Path) -> None:
+    out = tmp_path / "a.json"
+    assert crankslider(*LOOSE, "--with", change, "--out", out).code == 0
+    assert f"\n{line}\n" in json.loads(out.read_text())["made_by"]["scene"]
+
+
+def test_changed_fields_are_checked_together(tmp_path: Path) -> None:
+    wide = ("--with", "clearance.B.radial_clearance_m=0.015")
+    assert (
+        "--with clearance.B.radial_clearance_m: expected a number < bearing"
+        in crankslider(*LOOSE, *wide).stderr
+    )
+    done = crankslider(*LOOSE, *wide, "--with", "clearance.B.bearing_radius_m=0.02", "--out", tmp_path / "a")
+    assert done.code == 0
+
+
+def test_quiet_says_nothing() -> None:
+    done = crankslider(*LOOSE, "--quiet")
+    assert (done.code, done.stderr) == (0, "")
+    assert done.stdout == crankslider(*LOOSE).stdout
+
+
+def test_quiet_still_warns() -> None:
+    done = crankslider("simulate", "ideal-free", "--engine", "pymunk", "--step", "1e-3", "--quiet")
+    assert done.stderr.startswith("warning: energy off by ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_every_run_tells_its_quality() -> None:
+    said = crankslider(*LOOSE).stderr.splitlines()[0]
+    assert said.startswith("note: quality: energy off by ")
+    assert " % of that in play, ideal joints or guide open by " in said
+    assert said.endswith(" % of the bearing's radius")
+
+
+def test_a_field_error_names_the_file_and_the_line(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    text = crankslider("show", "clearance-driven-0.5mm").stdout
+    for name, old, new, after in (
+        ("rod.mass_kg", "mass_kg = 0.21", "mass_kg = -0.21", ""),
+        ("rod.mass_kg", "mass_kg = 0.21\n", "", "[rod]"),
+        ("clearance.B.law", 'law = "lankarani', 'law = "lankarini', ""),
+    ):
+        file.write_text(text.replace(old, new))
+        lines = file.read_text().splitlines()
+        number = 1 + next(k for k, line in enumerate(lines) if line.startswith(after or new))
+        said = crankslider("simulate", file).stderr
+        assert said.startswith(f"error: {file}: line {number}: {name}: expected "), said
+    assert "(did you mean lankarani-nikravesh?)" in said
