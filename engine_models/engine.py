@@ -213,6 +213,9 @@ class Engine(Protocol):
     in s: ``bare_solve_time_s``, of the solve without read-out where ``Trajectory.solve_time_s`` cannot leave
     it out, and ``compile_time_s``, of what is compiled for a scene on a machine that has nothing yet.
     Where ``controls_error`` is true, the step is but a limit; ``controlling_error()`` returns such an engine.
+
+    An attribute ``order`` states at which order the error of smooth motion falls with the step, None where a
+    tolerance of the engine's own chooses the steps: ``crankslider conform`` holds the engine to it.
     """
 
     def check(self, scene: Scene) -> None:

@@ -1,6 +1,13 @@
-"""The engines by name, each imported only when asked for. A new engine is a new file and a line here."""
+"""The engines by name, each imported only when asked for. A new engine is a new file and a line here.
 
+An engine from outside needs no line: it is named by where its class is, ``my_module:MyEngine``, or by an
+entry point of the group ``crankslider.engines``.
+"""
+
+import os
+import sys
 from importlib import import_module
+from importlib.metadata import entry_points
 from typing import Any
 
 from pydantic import ValidationError
@@ -8,14 +15,35 @@ from pydantic import ValidationError
 from engine_models.engine import Engine
 from engine_models.scene.plain_words import meant, one_of, refusal, shown
 
+#: The group of entry points by which installed packages bring engines.
+GROUP = "crankslider.engines"
+#: What an engine's class has to have.
+METHODS = ("check", "twin", "sharper", "simulate")
+
 _CLASSES = {
     "reference": ("engine_models.reference.engine", "ReferenceEngine"),
     "exudyn": ("engine_models.exudyn.engine", "ExudynEngine"),
     "pymunk": ("engine_models.pymunk.engine", "PymunkEngine"),
     "scipy": ("engine_models.scipy_ivp.engine", "ScipyEngine"),
 }
+_CLASSES |= {
+    point.name: (point.module, point.attr)
+    for point in entry_points(group=GROUP)
+    if point.name not in _CLASSES
+}
 
-ENGINES = tuple(_CLASSES)
+#: The names of all engines that take part in studies; one that joins is among them.
+ENGINES = _CLASSES.keys()
+
+
+def join(name: str) -> None:
+    """Let the engine ``my_module:MyEngine`` take part in this process's studies; a known name does already.
+
+    Raises:
+        ValueError: there is no such engine, or it is none.
+    """
+    engine_class(name)
+    _CLASSES[name] = _place(name)
 
 
 def engine_module(name: str) -> str:
@@ -31,10 +59,23 @@ def engine_class(name: str) -> Any:
     """Return the settings class of an engine.
 
     Raises:
-        ValueError: no engine has this name.
+        ValueError: no engine has this name, or what has it cannot be imported, or is no engine.
     """
-    module, cls = _place(name)
-    return getattr(import_module(module), cls)
+    module, attribute = _place(name)
+    if ":" in name and os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # last: nothing there hides what is installed
+    try:
+        kind = getattr(import_module(module), attribute)
+    except Exception as error:
+        if name not in _CLASSES or isinstance(error, ModuleNotFoundError | AttributeError):
+            raise ValueError(
+                f"engine {name}: expected a class that can be imported, got '{error}'"
+            ) from error
+        raise
+    lacking = [method for method in METHODS if not callable(getattr(kind, method, None))]
+    if lacking:
+        raise ValueError(f"engine {name}: expected the methods {', '.join(METHODS)}, got no {lacking[0]}")
+    return kind
 
 
 def make_engine(name: str, **settings: object) -> Engine:
@@ -53,6 +94,8 @@ def make_engine(name: str, **settings: object) -> Engine:
 
 def _place(name: str) -> tuple[str, str]:
     """Return the module and the name of an engine's class."""
-    if name not in _CLASSES:
-        raise ValueError(f"engine: expected {one_of(list(ENGINES))}, got {shown(name)}{meant(name, ENGINES)}")
-    return _CLASSES[name]
+    module, colon, attribute = name.partition(":")
+    if name not in _CLASSES and not (module and colon and attribute.isidentifier()):
+        expected = one_of([*ENGINES, "my_module:MyEngine"])
+        raise ValueError(f"engine: expected {expected}, got {shown(name)}{meant(name, ENGINES)}")
+    return _CLASSES.get(name, (module, attribute))

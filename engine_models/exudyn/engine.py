@@ -7,7 +7,7 @@ import pydantic
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
 from engine_models.exudyn.contact_law import native_twin
 from engine_models.exudyn.fast_build import load_build, require_build
-from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work, no_tree
+from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ORDERS, ExudynSettings, integrates_work, no_tree
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
@@ -42,6 +42,11 @@ class ExudynEngine(ExudynSettings):
         """
         self.check(scene)
         return native_twin(scene)
+
+    @property
+    def order(self) -> float | None:
+        """The solver's, of ``auto`` that for ideal joints; None where it chooses its steps."""
+        return ORDERS.get("TrapezoidalIndex2" if self.solver == "auto" else self.solver)
 
     def sharper(self) -> "ExudynEngine":
         """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""

@@ -9,6 +9,15 @@ from engine_models.engine import SETTINGS_CONFIG
 from engine_models.mechanics.slider_load import integrated_parts
 from engine_models.scene.scene import Scene
 
+#: Fixed-step solvers by their orders.
+ORDERS = {
+    "TrapezoidalIndex2": 2,
+    "GeneralizedAlpha": 2,
+    "RK67": 6,
+    "RK44": 4,
+    "RK33": 3,
+    "ExplicitMidpoint": 2,
+}
 IMPLICIT, ADAPTIVE = ("TrapezoidalIndex2", "GeneralizedAlpha"), ("DOPRI5", "ODE23")
 
 

@@ -109,6 +109,11 @@ class PymunkEngine:
         """
         return rigid_twin(scene) if self.contact == "rigid" else scene
 
+    @property
+    def order(self) -> float:
+        """The leap-frog's, or without the half kick at the start the library's own."""
+        return 2 if self.half_kick_start else 1
+
     def sharper(self) -> "PymunkEngine":
         """Return the engine itself: the step alone decides."""
         return self

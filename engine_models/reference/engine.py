@@ -101,6 +101,11 @@ class ReferenceEngine:
         return replace(self, tolerance=max(self.tolerance / 100, SHARPEST), kernel="compiled")
 
     @property
+    def order(self) -> float | None:
+        """RK4's, None with a tolerance."""
+        return None if self.controls_error else 4
+
+    @property
     def controls_error(self) -> bool:
         """Whether the tolerance decides, and the step is no more than a limit."""
         return self.method != "rk4"

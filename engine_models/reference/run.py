@@ -8,7 +8,7 @@ from collections.abc import Callable
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start
-from engine_models.pace import Pace, too_slow
+from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell
 from engine_models.reference.model import mechanism_of
 from engine_models.reference.trajectory import trajectory_of_solution
@@ -45,7 +45,7 @@ def reference_run(
     choice: StepChoice | ErrorControl,
     stabilisation: Stabilisation,
     compiled: bool,
-    most_steps: float,
+    most_steps: float = MOST_STEPS,
 ) -> Trajectory:
     """Run a scene, in no more steps than ``most_steps`` by the pace that it comes to.
 

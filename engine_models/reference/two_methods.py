@@ -2,9 +2,9 @@
 
 What the one claims is tested by the other. What they share is the equations. RK4 loses its order where
 friction has kinks, and its steps have no end where friction jams: there, and where it only comes near, what
-the one claims is tested by DOPRI5, of order 5 and with steps by its error, too. All follow bounces on rigid walls down to round-off at any tolerance, or what they leave out
-would be left out by both; the other method gives up at higher ones, so that what this does to the motion is
-seen as well.
+is left is tested by DOPRI5, of order 5 and with steps by its error, too. All follow bounces on rigid walls
+down to round-off at any tolerance, or what they leave out would be left out by both; the other method gives
+up at higher ones, so that what this does to the motion is seen as well.
 """
 
 from dataclasses import dataclass, replace

@@ -80,6 +80,10 @@ class ScipyEngine:
         self.check(scene)
         return scene
 
+    @property
+    def order(self) -> None:
+        """None: a tolerance chooses the steps."""
+
     def sharper(self) -> "ScipyEngine":
         """Return the engine with a tenth of its tolerances."""
         return replace(self, rtol=max(self.rtol / 10, SHARPEST), atol=self.atol / 10)

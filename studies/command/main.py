@@ -171,6 +171,10 @@ def run(
         Argument(metavar="[STUDY]...", help=f"Studies to run, all if none is named: {', '.join(STUDIES)}."),
     ] = None,
     full: Annotated[bool, Option("--full", help="The full set of cases, not the quick one.")] = False,
+    engines: Annotated[
+        list[str] | None,
+        Option("--engine", metavar="NAME", help="Only cases of this one; or of yours, my_module:MyEngine."),
+    ] = None,
     jobs: Annotated[Text, Option(metavar="N", help="Cases run at once; one for each core.")] = None,
     out: Annotated[Path, Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
     scheduler: Annotated[
@@ -182,9 +186,10 @@ def run(
     ] = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
+    from engine_models.engines import join
     from engine_models.reference.kernels import FolderRefused, writable_folder
     from engine_models.scene.plain_words import meant, one_of, shown
-    from studies.command.options import RunOptions, checked
+    from studies.command.options import RunOptions, checked, read_engine
     from studies.running.cluster import cluster
     from studies.running.finished_cases import DamagedRows
     from studies.running.folder_lock import FolderHeld
@@ -194,6 +199,9 @@ def run(
         if name not in STUDIES:
             expected = one_of(list(STUDIES))
             raise failures.BadInput(f"STUDY: expected {expected}, got {shown(name)}{meant(name, STUDIES)}")
+    for name in engines or []:
+        read_engine(name, {})
+        join(name)
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     names = list(dict.fromkeys(studies or STUDIES))
     try:
@@ -204,12 +212,33 @@ def run(
             failures.writing("--out", out),
             failures.terminated_as_interrupted(),
         ):
-            run_studies(names, full, options.jobs, out, executor, retry_failed)
+            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or ())
     except FolderRefused as reason:
         raise failures.BadInput(str(reason)) from None
     except (FolderHeld, DamagedRows) as reason:
         raise failures.BadInput(f"--out: expected {reason}") from None
     failures.say(f"note: the results are in {out}")
+
+
+@app.command()
+def conform(
+    engine: Annotated[
+        str, Argument(metavar="ENGINE", help="An engine, or one of yours: my_module:MyEngine.")
+    ],
+) -> None:
+    """Hold an engine to what every engine owes, claim by claim; exit code 1 where one does not hold."""
+    from rich.console import Console
+    from rich.progress import track
+
+    from studies.command.options import read_engine
+    from studies.conformance.verdicts import count, summary, verdicts
+
+    of = read_engine(engine, {})
+    console = Console(stderr=True)
+    lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
+    print("\n".join(lines))
+    if not holds:
+        raise failures.Failed(f"{engine} does not hold to all claims")
 
 
 @app.command()

@@ -12,7 +12,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from engine_models.engine import MOST_SAMPLES, SETTINGS_CONFIG, Engine
-from engine_models.engines import ENGINES, engine_class
+from engine_models.engines import engine_class
 from engine_models.scene.data import Positive
 from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library import SCENES
@@ -156,9 +156,11 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     Raises:
         BadInput: the engine or a setting is unknown, or a value is refused.
     """
-    if name not in ENGINES:
-        raise BadInput(f"--engine: expected {one_of(list(ENGINES))}, got {shown(name)}{meant(name, ENGINES)}")
-    engine: Engine = checked(engine_class(name), "--set ", settings)
+    try:
+        kind = engine_class(name)
+    except ValueError as reason:
+        raise BadInput(f"--{reason}") from None
+    engine: Engine = checked(kind, "--set ", settings)
     if to_tolerance and hasattr(engine, "controlling_error") and "method" not in settings:
         engine = engine.controlling_error()
     return engine

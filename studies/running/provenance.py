@@ -55,7 +55,8 @@ def changed_code(study: str, engines: Iterable[str]) -> list[str]:
 
 
 def _made_of(study: str, engines: Iterable[str]) -> Closure:
-    own = [engine_module(name) for name in engines if name in ENGINES]  # others only the study knows
+    # Others only the study knows. An engine from outside has joined this process, or the one that began it.
+    own = [engine_module(name) for name in engines if name in ENGINES or ":" in name]
     return reduce(or_, map(closure, (study_module(study), *ROW_MAKERS, *own)))
 
 

@@ -5,7 +5,7 @@ A study's folder holds what ``studies.running.finished_cases`` keeps there, and 
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
@@ -41,11 +41,13 @@ def run_studies(
     out: Path,
     executor: Executors | None = None,
     retry_failed: bool = False,
+    only: Collection[str] = (),
 ) -> None:
     """Run the named studies into ``out/NAME``, skipping every case that is there already.
 
     Cases run in ``jobs`` processes of this machine, the same for all studies since each takes two seconds to
     import what it needs, or on what ``executor`` makes. All folders are held before any work is done.
+    If engines are named, ``only`` theirs are run.
 
     Raises:
         FolderHeld: another run holds one of the folders.
@@ -60,7 +62,8 @@ def run_studies(
         pool = stack.enter_context(Processes(jobs))
         local: Executors = lambda: nullcontext(pool)  # noqa: E731
         for name, rows in folders.items():
-            _run_study(name, cases[name], rows, executor or local, local, retry_failed)
+            asked = [case for case in cases[name] if not only or case.engine in only]
+            _run_study(name, asked, rows, executor or local, local, retry_failed)
             content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY}
             write_whole(out / name / "sidecar.json", json.dumps(content, indent=2).encode() + b"\n")
 

@@ -68,7 +68,7 @@ def test_what_runs_cases_and_does_not_count_is_named() -> None:
 
 #: A study with all engines, and every other with one of them.
 PAIRS = [("clearance", engine) for engine in ENGINES]
-PAIRS += [(study, ENGINES[n % len(ENGINES)]) for n, study in enumerate(STUDIES) if study != "clearance"]
+PAIRS += [(study, [*ENGINES][n % len(ENGINES)]) for n, study in enumerate(STUDIES) if study != "clearance"]
 
 
 @pytest.mark.parametrize(("study", "engine"), PAIRS)

@@ -1,0 +1,1 @@
+"""What every engine owes, as a suite that anybody can run on an engine: ``crankslider conform``."""

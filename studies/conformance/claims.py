@@ -1,0 +1,181 @@
+"""What every engine owes on every scene that it runs, whatever its method: claims, each with what it found.
+
+Everything is worked out from the scene and the trajectory alone, and from independent truth.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.slider_load import slider_forces
+from engine_models.scene.scene import Scene
+from studies.judges.converged_truth import converged
+from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+
+#: Scenes whose speed is constant up to just before their second impact, others through their first: in s, and
+#: the steps.
+END_S, STEP_S = {True: 0.0006, False: 0.004}, {True: 1e-6, False: 4e-6}
+SAMPLES = 40
+#: The run begins in the scene's own state: in m and rad, and as a part of the speeds.
+START, START_SPEED = 1e-12, 1e-9
+#: Every ideal joint and the guide are closed to within this in m: Pymunk's sweeps leave the most, 6e-7.
+CLOSED_M = 5e-6
+#: Energy that no line of the ledger explains, as a part of the kinetic energy: first-order engines leave the
+#: most, at their first impact.
+LEDGER = 2e-3
+#: Forces and accelerations by central differences over two samples, as a part of the largest force.
+FORCES = 0.02
+#: The slider's place, in m: a tenth of the usual clearance. First-order engines are off by the most, 2.7e-5,
+#: after rigid impacts in three joints.
+PLACE_M = 5e-5
+
+
+class Finding(NamedTuple):
+    """Whether a claim holds, and what was measured."""
+
+    holds: bool
+    measured: str
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An engine on the beginning of a scene."""
+
+    engine: Engine
+    whole: Scene
+
+    @property
+    def _constant(self) -> bool:
+        return self.whole.drive.kind == "constant-speed"
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The beginning of the scene."""
+        return self.whole.model_copy(update={"end_time_s": END_S[self._constant]})
+
+    @cached_property
+    def run(self) -> Trajectory:
+        """The engine's run of it."""
+        return self.again()
+
+    def again(self) -> Trajectory:
+        """Return another run of it."""
+        return self.engine.simulate(self.scene, RunSettings(STEP_S[self._constant], SAMPLES))
+
+
+def arrays_fit(trial: Trial) -> Finding:
+    """Arrays have the scene's shapes and the grid's times."""
+    scene, run = trial.scene, trial.run
+    n, bodies, own = SAMPLES + 1, len(scene.bodies), trial.engine.twin(scene)
+    rubbing = {
+        name: getattr(own.clearance, name).friction is not None for name in scene.joints_with_clearance
+    }
+    free = scene.drive.kind == "free"
+    right = {
+        "position": run.position.shape == (n, bodies, 3),
+        "velocity": run.velocity.shape == (n, bodies, 3),
+        "joint_force_N": run.joint_force_N.shape == (n, len(scene.joints), 2),
+        "guide_normal_force_N": (run.guide_normal_force_N is not None) == scene.is_crank_slider,
+        "driver_torque_N_m": (run.driver_torque_N_m is None) == free,
+        "driver_work_J": (run.driver_work_J is None) == free,
+        "time_s": run.time_s.shape == (n,)
+        and np.allclose(run.time_s, np.linspace(0, scene.end_time_s, n), rtol=1e-12, atol=0),
+        "contacts": tuple(run.contacts) == scene.joints_with_clearance,
+        "steps": run.steps > 0,
+        "solve_time_s": run.solve_time_s > 0,
+    }
+    for name, contact in run.contacts.items():
+        right |= {
+            f"contacts {name} friction": (contact.friction_force_N is not None) == rubbing.get(name),
+            f"contacts {name} gap_m": contact.gap_m.shape == (n, 2),
+            f"contacts {name} forces": all(
+                array.shape == (n,)
+                for array in (contact.penetration_m, contact.normal_force_N, contact.normal_impulse_N_s)
+            ),
+        }
+    wrong = [name for name, fits in right.items() if not fits]
+    return Finding(not wrong, f"not as they should be: {', '.join(wrong)}" if wrong else "all")
+
+
+def begins_in_the_scenes_state(trial: Trial) -> Finding:
+    """The run begins in the scene's own state."""
+    position, velocity = start_state(trial.scene)
+    off = np.abs(trial.run.position[0] - position).max()
+    speed = np.abs(trial.run.velocity[0] - velocity).max() / (1 + np.abs(velocity).max())
+    return Finding(
+        bool(off <= START and speed <= START_SPEED), f"{off:.1e} m or rad, {speed:.1e} of the speeds"
+    )
+
+
+def joints_stay_closed(trial: Trial) -> Finding:
+    """Ideal joints and the guide stay closed."""
+    apart = float(constraint_violation_m(trial.scene, trial.run).max())
+    return Finding(apart < CLOSED_M, f"{apart:.1e} m")
+
+
+def ledger_closes(trial: Trial) -> Finding:
+    """No energy comes or goes that work and losses do not explain."""
+    scale = max(float(kinetic_energy_J(trial.scene, trial.run).max()), 1e-6)
+    left = float(np.abs(energy_balance_residual_J(trial.scene, trial.run)).max()) / scale
+    return Finding(left < LEDGER, f"{left:.1e} of the kinetic energy")
+
+
+def forces_fit_accelerations(trial: Trial) -> Finding:
+    """Forces are those that the accelerations need."""
+    scene, run = trial.scene, trial.run
+    quiet = np.ones(SAMPLES - 1, dtype=bool)  # no contact from the sample before to the one after
+    for contact in run.contacts.values():
+        quiet &= contact.normal_impulse_N_s[2:] == contact.normal_impulse_N_s[:-2]
+    quiet[:2] = False  # a start from rest forces on the first steps (Pymunk's kicks)
+    force = np.zeros_like(run.position[:, :, :2])
+    force[:, 0] = run.joint_force_N[:, 0]
+    if scene.is_crank_slider:
+        force[:, 0] -= run.joint_force_N[:, 1]
+        force[:, 1] = run.joint_force_N[:, 1] - run.joint_force_N[:, 2]
+        force[:, 2] = run.joint_force_N[:, 2]
+        assert run.guide_normal_force_N is not None
+        force[:, 2, 1] += run.guide_normal_force_N
+    for load in slider_forces(scene, run.position, run.velocity).values():
+        force[:, 2, 0] += load
+    masses = np.array([body.mass_kg for body in scene.bodies])[:, None]
+    force[:, :, 1] -= masses[:, 0] * scene.gravity_m_s2
+    needed = masses * (run.velocity[2:, :, :2] - run.velocity[:-2, :, :2]) / (2 * run.time_s[1])
+    scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
+    off = float(np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale)
+    return Finding(off < FORCES, f"{off:.1e} of the largest force")
+
+
+def slider_is_where_it_should_be(trial: Trial) -> Finding:
+    """The slider is where the converged solution of the engine's own law has it."""
+    truth, _ = converged(trial.engine.twin(trial.scene), SAMPLES)
+    off = float(np.abs(trial.run.slider_position_m - truth.slider_position_m).max())
+    return Finding(off < PLACE_M, f"{off:.1e} m")
+
+
+def repeats_itself(trial: Trial) -> Finding:
+    """A second run is the same to the last bit."""
+    first, second = trial.run, trial.again()
+    same = all(
+        np.array_equal(getattr(first, name), getattr(second, name)) for name in ("position", "joint_force_N")
+    )
+    return Finding(same, "the same" if same else "another")
+
+
+#: The claims by their sentences.
+CLAIMS: dict[str, Callable[[Trial], Finding]] = {
+    str(claim.__doc__).rstrip("."): claim
+    for claim in (
+        arrays_fit,
+        begins_in_the_scenes_state,
+        joints_stay_closed,
+        ledger_closes,
+        forces_fit_accelerations,
+        slider_is_where_it_should_be,
+        repeats_itself,
+    )
+}

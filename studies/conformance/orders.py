@@ -1,0 +1,57 @@
+"""The order that an engine states, and the error that a sharper tolerance leaves, held to the truth."""
+
+import numpy as np
+
+from engine_models.engine import Engine, RunSettings, UnsupportedScene
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Scene
+from studies.conformance.claims import SAMPLES, Finding
+from studies.judges.ideal_truth import exact
+
+#: Smooth motion on which orders are measured, and until when in s.
+SMOOTH, END_S = "ideal-free", 0.1
+#: The longest step in s, how often it is halved, how many of the finest points count, and the error in m
+#: below which a point is round-off.
+LONGEST_S, HALVINGS, POINTS, ROUND_OFF_M = 2e-4, 6, 4, 2e-12
+#: How far the order may be from what is stated.
+ORDER = 0.1
+#: Sharpened so often, an engine's error falls by so much at least: its tolerance does by 1000.
+SHARPENINGS, GAIN = 3, 100.0
+
+
+def states_its_order(engine: Engine) -> Finding:
+    """The slider's error falls with the step by the order that the engine states, or with its tolerance."""
+    scene = SCENES[SMOOTH]().model_copy(update={"end_time_s": END_S})
+    try:
+        engine.check(scene)
+    except UnsupportedScene as reason:
+        return Finding(True, f"not measured, since {SMOOTH} is refused: {reason}")
+    if not hasattr(engine, "order"):
+        return Finding(False, "no attribute 'order': a number, or None where a tolerance chooses the steps")
+    order: float | None = engine.order
+    return _falls_with_tolerance(engine, scene) if order is None else _falls_with_step(engine, scene, order)
+
+
+def _falls_with_step(engine: Engine, scene: Scene, stated: float) -> Finding:
+    points = [_error(engine, scene, LONGEST_S / 2**k) for k in range(HALVINGS + 1)]
+    above = np.log([point for point in points if point[0] > ROUND_OFF_M][-POINTS:])
+    if len(above) < 2:
+        return Finding(False, f"order {stated:g} is stated, and no error is above {ROUND_OFF_M:g} m")
+    order = float(np.polyfit(above[:, 1], above[:, 0], 1)[0])
+    return Finding(abs(order - stated) <= ORDER, f"{order:.2f}, and {stated:g} is stated")
+
+
+def _falls_with_tolerance(engine: Engine, scene: Scene) -> Finding:
+    first, _ = _error(engine, scene, scene.end_time_s)
+    for _ in range(SHARPENINGS):
+        engine = engine.sharper()
+    last, _ = _error(engine, scene, scene.end_time_s)
+    falls = max(last, ROUND_OFF_M) <= first / GAIN or last <= ROUND_OFF_M
+    return Finding(falls, f"from {first:.1e} to {last:.1e} m, {SHARPENINGS} times sharper")
+
+
+def _error(engine: Engine, scene: Scene, step_s: float) -> tuple[float, float]:
+    """Return the largest error of the slider's position in m, and the step that was taken in s."""
+    run = engine.simulate(scene, RunSettings(step_s, SAMPLES))
+    truth = exact(scene, SAMPLES)
+    return float(np.abs(run.slider_position_m - truth.slider_position_m).max()), run.step_s

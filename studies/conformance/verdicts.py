@@ -1,0 +1,73 @@
+"""The verdict on an engine: every claim on every scene that it runs, and what was found."""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple, TypeVar
+
+from engine_models.engine import Engine, UnsupportedScene
+from engine_models.scene.library import SCENES
+from studies.conformance.claims import CLAIMS, Finding, Trial
+from studies.conformance.orders import states_its_order
+
+Subject = TypeVar("Subject")
+
+
+class Verdict(NamedTuple):
+    """A claim on a scene; ``scene`` is empty where a claim is about the engine."""
+
+    claim: str
+    scene: str
+    finding: Finding
+
+
+#: The claim about an engine, by its sentence.
+OF_ENGINE = str(states_its_order.__doc__).rstrip(".")
+
+
+def scenes_of(engine: Engine) -> tuple[list[str], dict[str, str]]:
+    """Return the library scenes that an engine runs, and those that it refuses, with the reason."""
+    runs: list[str] = []
+    refused: dict[str, str] = {}
+    for name, make in SCENES.items():
+        try:
+            engine.check(make())
+            runs.append(name)
+        except UnsupportedScene as reason:
+            refused[name] = str(reason)
+    return runs, refused
+
+
+def count(engine: Engine) -> int:
+    """Return how many verdicts there are on an engine."""
+    return 1 + len(CLAIMS) * len(scenes_of(engine)[0])
+
+
+def verdicts(engine: Engine) -> Iterator[Verdict]:
+    """Yield the verdicts on an engine, scene by scene."""
+    yield Verdict(OF_ENGINE, "", tried(states_its_order, engine))
+    for scene in scenes_of(engine)[0]:
+        trial = Trial(engine, SCENES[scene]())
+        for claim, holds in CLAIMS.items():
+            yield Verdict(claim, scene, tried(holds, trial))
+
+
+def tried(claim: Callable[[Subject], Finding], subject: Subject) -> Finding:
+    """Return what a claim found, which does not hold where the engine raises anything."""
+    try:
+        return claim(subject)
+    except Exception as error:
+        return Finding(False, f"{type(error).__name__}: {error}")
+
+
+def summary(verdicts: Iterable[Verdict]) -> tuple[list[str], bool]:
+    """Return a line for each claim, below it those scenes on which it does not hold, and whether all do."""
+    by_claim: dict[str, list[Verdict]] = {}
+    for verdict in verdicts:
+        by_claim.setdefault(verdict.claim, []).append(verdict)
+    lines = []
+    for claim, ones in by_claim.items():
+        failed = [one for one in ones if not one.finding.holds]
+        held = f"{len(ones) - len(failed)} of {len(ones)} scenes"
+        found = held if ones[0].scene else ones[0].finding.measured
+        lines.append(f"{'FAILS' if failed else 'holds'}  {claim}: {found}")
+        lines += [f"         {one.scene}: {one.finding.measured}" for one in failed if one.scene]
+    return lines, all(line.startswith(("holds", " ")) for line in lines)

@@ -1,0 +1,136 @@
+"""An engine from outside takes part without a change to any file: it is named by its module and class."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from engine_models import engines
+from tests.helpers.command import crankslider
+from tests.helpers.row_files import read_rows
+
+#: Exudyn's ideal scenes in other clothes; ``off_m`` moves the slider that it reports.
+ENGINE = '''
+from dataclasses import dataclass, replace
+
+from engine_models.engine import UnsupportedScene
+from engine_models.engines import make_engine
+
+
+@dataclass(frozen=True)
+class MyEngine:
+    """Exudyn for ideal joints alone."""
+
+    off_m: float = {off_m}
+    order = {order}
+
+    def check(self, scene):
+        if scene.joints_with_clearance:
+            raise UnsupportedScene("no clearance")
+
+    def twin(self, scene):
+        self.check(scene)
+        return scene
+
+    def sharper(self):
+        return self
+
+    def simulate(self, scene, settings):
+        self.check(scene)
+        run = make_engine("exudyn").simulate(scene, settings)
+        position = run.position.copy()
+        position[1:, -1, 0] += self.off_m
+        return replace(run, position=position)
+
+
+class Nothing:
+    """No engine."""
+'''
+NAME = "my_module:MyEngine"
+
+
+@pytest.fixture
+def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's folder with the engine in it, which is forgotten afterwards."""
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr(engines, "_CLASSES", classes := dict(engines._CLASSES))
+    monkeypatch.setattr(engines, "ENGINES", classes.keys())
+    monkeypatch.delitem(sys.modules, "my_module", raising=False)
+    return tmp_path
+
+
+def write(folder: Path, off_m: float = 0.0, order: object = 2) -> None:
+    (folder / "my_module.py").write_text(ENGINE.format(off_m=off_m, order=order), encoding="utf-8")
+
+
+@pytest.mark.usefixtures("written")
+def test_an_engine_that_keeps_its_claims_conforms() -> None:
+    done = crankslider("conform", NAME)
+    assert done.code == 0, done.stdout
+    assert done.stdout.count("holds") == 8
+
+
+@pytest.mark.parametrize(
+    ("off_m", "order", "broken"),
+    [
+        (0.099, 2, "The slider is where"),
+        (0.0, 3, "2.00, and 3 is stated"),
+        (0.0, None, "m, 3 times sharper"),
+    ],
+    ids=["9.9 cm off", "another order", "a tolerance that does nothing"],
+)
+def test_one_that_does_not_fails_and_is_told_where(
+    written: Path, off_m: float, order: object, broken: str
+) -> None:
+    write(written, off_m, order)
+    done = crankslider("conform", NAME)
+    assert done.code == 1
+    failing = "\n".join(line for line in done.stdout.splitlines() if line.startswith("FAILS"))
+    assert broken in failing, done.stdout
+
+
+@pytest.mark.usefixtures("written")
+def test_it_runs_where_every_engine_does() -> None:
+    own = crankslider("simulate", "ideal-free", "--engine", NAME, "--end", 0.01, "--samples", 5)
+    exudyn = crankslider("simulate", "ideal-free", "--engine", "exudyn", "--end", 0.01, "--samples", 5)
+    assert own.code == 0, own.stderr
+    assert own.stdout == exudyn.stdout
+
+
+def test_a_study_runs_its_cases_and_no_others(written: Path) -> None:
+    done = crankslider("run", "agreement", "--engine", NAME, "--jobs", 2, "--out", written / "results")
+    assert done.code == 0, done.stderr
+    rows = read_rows(written / "results" / "agreement" / "rows.jsonl")
+    assert {row["engine"] for row in rows} == {NAME}
+    assert {row["status"] for row in rows} == {"ok"}
+
+
+def test_pytest_holds_it_to_the_claims_in_the_users_own_project(written: Path) -> None:
+    write(written, off_m=0.099)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--engine", NAME]
+    done = subprocess.run([*command, "-k", "ideal-free"], cwd=written, capture_output=True, text=True)
+    failed = {line for line in done.stdout.splitlines() if line.startswith("FAILED")}
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert any("The slider is where" in line for line in failed), done.stdout
+    assert not any("ledger" in line for line in failed)
+
+
+@pytest.mark.usefixtures("written")
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("my_module:Nothing", "expected the methods check, twin, sharper, simulate, got no check"),
+        ("my_module:Nobody", "expected a class that can be imported, got"),
+        ("no_module:MyEngine", "got 'No module named 'no_module''"),
+        ("my_module:", "expected reference, exudyn, pymunk"),
+    ],
+)
+def test_what_is_no_engine_is_refused_in_one_line(name: str, said: str) -> None:
+    for command in (("conform", name), ("simulate", "ideal-free", "--engine", name)):
+        done = crankslider(*command)
+        assert done.code == 2
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1
