@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test soak lint types benchmark publish lock clean
+.PHONY: study test rivals soak lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -10,6 +10,9 @@ study: .venv/.ready
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2
+
+# heyoka, which studies and tests do without: 100 MB, and for Linux and Python 3.11+ only.
+rivals: .venv/.rivals
 
 # Kills, full disks, fuzzed calls and singular positions, an hour; it prints its seed and its figures. Linux.
 soak: .venv/.ready
@@ -27,7 +30,7 @@ benchmark: .venv/.ready
 	$(BIN)/python -m tests.benchmarks.kernel
 
 # Renew reports/published from the committed code; a test recomputes what it says.
-publish: .venv/.ready
+publish: .venv/.rivals
 	git diff --quiet HEAD -- reference_solver engine_models studies reports ':!reports/published' || \
 	    { echo "error: commit the code first, so that the published results can name it"; exit 2; }
 	rm -rf results && $(BIN)/crankslider run && $(BIN)/crankslider report
@@ -44,10 +47,17 @@ publish: .venv/.ready
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	touch $@
 
-# Renew the pinned, hashed versions from pyproject.toml.
+.venv/.rivals: rivals.lock .venv/.ready
+	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r rivals.lock
+	touch $@
+
+# Renew the pinned, hashed versions from pyproject.toml; rivals.lock has what rivals need beside the others.
 lock: .venv/.ready
 	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.10 --upgrade \
 	    --generate-hashes --no-emit-index-url --no-header --quiet -o requirements.lock
+	grep -o 'heyoka==[^"]*' pyproject.toml | $(BIN)/uv pip compile - --constraint requirements.lock --universal \
+	    --python-version 3.10 --no-emit-package numpy --no-emit-package cloudpickle \
+	    --generate-hashes --no-emit-index-url --no-header --quiet -o rivals.lock
 
 clean:
 	rm -rf .venv results report *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -66,9 +66,15 @@ SCIPY = Arm("scipy", AS_IT_COMES)
 SCIPY_DOP853 = Arm("scipy", "DOP853", {"method": "DOP853"}, ("rtol", "atol"))
 LSODA = Arm("scipy", "LSODA", {"method": "LSODA"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
+#: The same on minimal coordinates, and heyoka, which has no others.
+SCIPY_DOP853_MINIMAL = Arm(
+    "scipy", "DOP853 minimal", {"method": "DOP853", "coordinates": "minimal"}, ("rtol", "atol")
+)
+LSODA_MINIMAL = Arm("scipy", "LSODA minimal", {"method": "LSODA", "coordinates": "minimal"}, ("rtol", "atol"))
+HEYOKA = Arm("heyoka", "Taylor", {}, ("tolerance",))
 
 #: Engines that the catalogue knows. Any other takes part in all studies as it comes.
-NAMED = ("reference", "exudyn", "pymunk", "scipy")
+NAMED = ("reference", "exudyn", "pymunk", "scipy", "heyoka")
 
 
 def with_iterations(iterations: int) -> Arm:

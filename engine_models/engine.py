@@ -165,7 +165,8 @@ class Trajectory:
     ``load_work_J`` has the work done on the slider since t = 0 by every part of its load, (n,): "force",
     "viscous", "spring", "gas" (see ``scene.loads``).
     ``stabilisation_loss_J`` (n,) is the energy that the stabilisation of constraints has removed since t = 0,
-    None where the engine does not tell it or has none.
+    None where the engine does not tell it or has none. ``evaluations`` of the equations of motion are those
+    of the whole run, None where the engine does not tell them.
     """
 
     time_s: FloatArray
@@ -181,6 +182,7 @@ class Trajectory:
     contacts: Mapping[str, Contact] = field(default_factory=dict)
     stabilisation_loss_J: FloatArray | None = None
     load_work_J: Mapping[str, FloatArray] = field(default_factory=dict)
+    evaluations: int | None = None
 
     @property
     def work_J(self) -> FloatArray:

@@ -170,7 +170,7 @@ class Equations:
 
     def applied_force(self, q: Array, v: Array, phases: Phases = None) -> Array:
         """Return {F(q, q')} (n,) of (2): gravity, loads, compliant contacts."""
-        return self._force(q, v, phases)[0]
+        return self.forces(q, v, phases)[0]
 
     def _compliant(self, phases: Phases) -> list[tuple[int, ClearanceJoint, Scalar, Scalar]]:
         """Return number, joint, phase and memory of every compliant contact."""
@@ -178,7 +178,7 @@ class Equations:
         phases = np.full((len(joints), 2), FLIGHT) if phases is None else phases
         return [(k, joint, *phases[k]) for k, joint in enumerate(joints) if not joint.rigid]
 
-    def _force(self, q: Array, v: Array, phases: Phases) -> tuple[Array, dict[str, Scalar], list[Scalar]]:
+    def forces(self, q: Array, v: Array, phases: Phases) -> tuple[Array, dict[str, Scalar], list[Scalar]]:
         """Return {F} (n,), the contacts' rates by name, and their friction forces."""
         state, rates = State(q, v), dict.fromkeys(self.power_names, 0.0)
         friction: list[Scalar] = [0.0] * len(self.mechanism.contacts)
@@ -221,7 +221,7 @@ class Equations:
         """Return {q''} = {A}, {lambda} and powers, equations (3)-(10)."""
         system = self.system(t, q, v)
         B = named("B", system.B, "(1) [B]")
-        F, powers, friction = self._force(q, v, phases)
+        F, powers, friction = self.forces(q, v, phases)
         free = named("f", self.inverse_mass * F, "(3) [M]^-1{F}")
         factors = self.factors(B)
         right, removed = system.C_dot - system.B_dot_v - B @ free, 0.0

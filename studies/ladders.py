@@ -47,6 +47,9 @@ def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
         *by_tolerance(arms.SCIPY_DOP853, whole, range(5, 14, 2 * every)),
         *by_tolerance(arms.LSODA, whole, range(5, 14, 2 * every)),
         *by_tolerance(arms.RADAU, whole, range(5, 12, 2 * every)),
+        *by_tolerance(arms.SCIPY_DOP853_MINIMAL, whole, range(5, 14, 2 * every)),
+        *by_tolerance(arms.LSODA_MINIMAL, whole, range(5, 14, 2 * every)),
+        *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]
 
 
@@ -84,4 +87,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         *by_step(arms.NATIVE_CONTACT, contact / 2, 3 + more),
         *by_tolerance(arms.SCIPY_DOP853, whole, range(6, 13, every)),
         *by_tolerance(arms.LSODA, whole, range(5, 13, 2 * every)),
+        *by_tolerance(arms.SCIPY_DOP853_MINIMAL, whole, range(6, 13, every)),
+        *by_tolerance(arms.LSODA_MINIMAL, whole, range(5, 13, 2 * every)),
+        *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]

@@ -88,7 +88,10 @@ def _errors(case: Case) -> Row:
     own, samples = engine.twin(case.scene), case.run.samples
     run = engine.simulate(case.scene, case.run)
     errors, _ = compared(own, run, *converged(own, samples), followed(own, samples))
-    return {"steps": run.steps, **errors, **checked(case.scene, run)}
+    steps: Row = {"steps": run.steps}
+    if run.evaluations is not None:
+        steps["evaluations"] = run.evaluations
+    return {**steps, **errors, **checked(case.scene, run)}
 
 
 def _solve_time_s(engine: Engine, scene: Scene, run: RunSettings) -> float:

@@ -17,6 +17,8 @@ ALLOWED = {
     "reference_solver": set(),
     "engine_models": set(),
     "engine_models/reference": {"reference_solver"},  # runs it
+    "engine_models/mechanics/minimal": {"reference_solver"},  # writes its kernels, with its forces
+    "engine_models/heyoka": {"reference_solver"},  # writes its expressions, with its forces
     "engine_models/scipy_ivp": {"reference_solver"},  # integrates its equations
     "studies": {"engine_models"},
     "studies/command": {"engine_models", "reports"},

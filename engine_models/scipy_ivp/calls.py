@@ -1,12 +1,13 @@
 """Calls of ``solve_ivp`` on a scene's equations: counted, silent, bounded, and failures told as such."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import OptimizeResult
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
 from engine_models.pace import Pace
@@ -18,6 +19,10 @@ from engine_models.scipy_ivp.model import Derivative
 #: Absolute tolerance of the sums in y, which takes them out of the error control. It is finite because Radau
 #: differences the right-hand side by steps of a part of it.
 UNCONTROLLED = 1e30
+#: Of t and y.
+OfTime = Callable[[float, FloatArray], float]
+#: The status of a solution that an event has ended.
+STOPPED = 1
 #: Evaluations after which a run tells how far it has come, and after which its pace is judged.
 PAUSE, OUTLASTING = 10_000, 300_000
 
@@ -42,20 +47,31 @@ class Root(NamedTuple):
 
 
 class Calls:
-    """The calls of one run. With ``memory`` (K,) the right-hand side sets the contacts' phases itself."""
+    """The calls of one run. With ``memory`` (K,) the right-hand side sets the contacts' phases itself.
+
+    ``bare`` calls are those that a user would write: nothing is counted, nobody told, and no sample taken but
+    that of the end.
+    """
 
     def __init__(
-        self, scene: Scene, derivative: Derivative, choice: Choice, memory: FloatArray | None = None
+        self,
+        scene: Scene,
+        derivative: Derivative,
+        choice: Choice,
+        memory: FloatArray | None = None,
+        bare: bool = False,
     ) -> None:
-        self._derivative, self._choice, self._memory = derivative, choice, memory
+        self._derivative, self._choice, self._memory, self._bare = derivative, choice, memory, bare
         self._atol = np.full(len(derivative.start), choice.atol)
         self._atol[2 * derivative.n :] = UNCONTROLLED
-        #: Accepted steps so far, the end of the last, the memories with the times from which on they hold.
-        self.steps, self._last_time_s = 0, 0.0
+        #: Accepted steps and evaluations by the method so far.
+        self.steps, self.evaluations = 0, 0
+        #: The end of the last step, the memories with the times from which on they hold.
+        self._last_time_s = 0.0
         self._times: list[float] = []
         self._memories: list[FloatArray] = []
-        #: Evaluations of the right-hand side so far, and at which to look up again.
-        self.evaluations, self._pause = 0, 0
+        #: Calls of the right-hand side so far, and at which to look up again.
+        self._called, self._pause = 0, 0
         self._pace = Pace(scene, OUTLASTING)
         solve_ivp(lambda _, y: -y, (0.0, 1.0), [1.0], choice.method)  # loads the method, out of any timing
 
@@ -72,35 +88,60 @@ class Calls:
             SimulationFailed: too many evaluations, a singular configuration, steps too short to go on, or
                 anything that SciPy warns of.
         """
-        choice = self._choice
+        if self._bare:
+            solution = self._solution(self._derivative.right, t, y, float(times[-1]), None, watched)
+            states = [] if solution.status == STOPPED else [solution.y[:, -1].copy()]
+        else:
+            solution = self._watched_solution(t, y, times, watched)
+            states = list(np.ascontiguousarray(np.transpose(solution.y)))
+        self.evaluations += solution.nfev
+        found = zip(watched, solution.t_events or [], solution.y_events or [], strict=False)
+        roots = [Root(of, float(t), y) for of, at, there in found for t, y in zip(at, there, strict=True)]
+        return states, roots
+
+    def _watched_solution(
+        self, t: float, y: FloatArray, times: FloatArray, watched: Sequence[Watch]
+    ) -> OptimizeResult:
+        """Return what ``solve_ivp`` does, with samples at the times, or say why it does not."""
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("error")
                 if not np.isfinite(self._right(t, y)).all():
                     # No first step would be short enough.
                     raise self._failure("non-finite accelerations", SimulationFailed)
-                solution = solve_ivp(
-                    self._right,
-                    (t, float(times[-1])),
-                    y,
-                    choice.method,
-                    times,
-                    events=[self._step_taken, *watched],
-                    rtol=choice.rtol,
-                    atol=self._atol,
-                    max_step=choice.longest_step_s,
-                )
+                events: list[OfTime] = [*watched, self._step_taken]
+                solution = self._solution(self._right, t, y, float(times[-1]), times, events)
         except (Warning, ValueError) as trouble:  # a value error is Radau's about a Jacobian with NaN
             raise self._failure(str(trouble)) from trouble
         if not solution.success:
             raise self._failure(solution.message)
         self.steps -= 1  # the call at the start
-        return list(np.transpose(solution.y)), list(
-            _roots(watched, solution.t_events[1:], solution.y_events[1:])
+        return solution
+
+    def _solution(
+        self,
+        right: Callable[[float, FloatArray], FloatArray],
+        t: float,
+        y: FloatArray,
+        end: float,
+        times: FloatArray | None,
+        events: Sequence[OfTime],
+    ) -> OptimizeResult:
+        choice = self._choice
+        return solve_ivp(
+            right,
+            (t, end),
+            y,
+            choice.method,
+            times,
+            events=events or None,
+            rtol=choice.rtol,
+            atol=self._atol,
+            max_step=choice.longest_step_s,
         )
 
     def _right(self, t: float, y: FloatArray) -> FloatArray:
-        self.evaluations += 1
+        self._called += 1
         if self._memory is not None:
             self._derivative.sense(y, self._memory)
         return self._derivative(t, y)
@@ -110,7 +151,7 @@ class Calls:
 
         It looks up now and then: not in the right-hand side, whose exceptions Fortran prints.
         """
-        if self.evaluations > self._pause:
+        if self._called > self._pause:
             self._look_up(t)
         self.steps, self._last_time_s = self.steps + 1, t
         if self._memory is not None:
@@ -122,25 +163,16 @@ class Calls:
 
     def _look_up(self, t: float) -> None:
         """Tell how far the run has come, and end one that does not get on."""
-        if self.evaluations > self._choice.max_evaluations:
+        if self._called > self._choice.max_evaluations:
             raise SimulationFailed(
                 f"{self._choice.max_evaluations} evaluations came no further than t = {t:.6g} s: "
                 "loosen rtol and atol, or raise max_evaluations"
             )
         tell(t)
-        self._pace.judge(t, self.evaluations)
-        self._pause = min(self.evaluations + PAUSE, self._choice.max_evaluations)
+        self._pace.judge(t, self._called)
+        self._pause = min(self._called + PAUSE, self._choice.max_evaluations)
 
     def _failure(self, message: str, failed: type[SimulationFailed] = EngineFailed) -> SimulationFailed:
         reached = self._last_time_s
         reason = self._derivative.diagnosis(reached) or message.rstrip(".")
         return failed(f"{self._choice.method} stopped at t = {reached:.6g} s: {reason}")
-
-
-def _roots(
-    watched: Sequence[Watch], times: Sequence[FloatArray], states: Sequence[FloatArray]
-) -> Iterator[Root]:
-    """Yield the roots that ``solve_ivp`` found, those of each function in the order of time."""
-    for watch, at, there in zip(watched, times, states, strict=True):
-        for t, y in zip(at, there, strict=True):
-            yield Root(watch, float(t), y)

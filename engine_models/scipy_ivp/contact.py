@@ -1,7 +1,6 @@
 """Events of contacts as ``solve_ivp`` takes them: functions of t and y, called at every step."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 
 from engine_models.engine import FloatArray
 from engine_models.scipy_ivp.model import Derivative
@@ -17,45 +16,58 @@ PARTING_M_S = -1e-9
 Event = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class Watch:
-    """Where a value of y passes zero in a direction; with an ``event`` the integration stops there."""
+class Watch(partial[float]):
+    """A compiled function of t and y, and the direction in which it passes zero.
+
+    With an ``event`` the integration stops there.
+    """
 
     contact: int
-    value: Callable[[FloatArray], float]
     direction: float
-    event: Event | None = None
+    event: Event | None
 
     @property
     def terminal(self) -> bool:
         """Whether the integration is to stop."""
         return self.event is not None
 
-    def __call__(self, _: float, y: FloatArray) -> float:
-        """Return the value."""
-        return self.value(y)
+
+def _watch(
+    derivative: Derivative,
+    contact: int,
+    field: str,
+    *,
+    sign: float = 1.0,
+    level: float = 0.0,
+    direction: float,
+    event: Event | None = None,
+) -> Watch:
+    watch = Watch(derivative.watched[field, contact], sign, level)
+    watch.contact, watch.direction, watch.event = contact, direction, event
+    return watch
 
 
 def alarms(derivative: Derivative, y: FloatArray, answered: set[Event]) -> list[Watch]:
     """Return every event that can end a segment begun at y; those answered there ended the one before."""
     watches = []
     for contact, kind in derivative.events:
+        field, sign = derivative.alarm_of(contact, kind)
         level = 0.0
         if (contact, kind) in answered:
             level = 2 * max(derivative.alarm(contact, kind, y), 0.0) + NUDGE
-        watches.append(_alarm(derivative, (contact, kind), level))
+        if sign:
+            event = contact, kind
+            watches.append(
+                _watch(derivative, contact, field, sign=sign, level=level, direction=1.0, event=event)
+            )
     return watches
-
-
-def _alarm(derivative: Derivative, event: Event, level: float) -> Watch:
-    return Watch(event[0], lambda y: derivative.alarm(*event, y) - level, 1.0, event)
 
 
 def nearest(derivative: Derivative, contact: int) -> Watch:
     """Watch where a pin in flight is nearest to the wall: it may have touched and left within the step."""
-    return Watch(contact, lambda y: float(derivative.gaps(y)["rate"][contact]) - PARTING_M_S, -1.0)
+    return _watch(derivative, contact, "rate", level=PARTING_M_S, direction=-1.0)
 
 
 def crossing(derivative: Derivative, contact: int) -> Watch:
     """Watch where a pin passes the wall of its bearing, either way."""
-    return Watch(contact, lambda y: float(derivative.gaps(y)["g"][contact]), 0.0)
+    return _watch(derivative, contact, "g", direction=0.0)

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
 from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.minimal.scope import require_coordinates
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
@@ -32,11 +34,14 @@ class ScipyEngine:
     """Settings of ``solve_ivp``: its ``method``; ``rtol`` and ``atol``, the tolerances of a step.
 
     It integrates the multiplier equations (1)-(10) by the reference's compiled right-hand side, so that the
-    two engines differ in the integrator and not in the equations. A call of that from Python takes 1-2 us,
-    where the equations take a tenth of one; with the methods' own arithmetic in Python an evaluation comes to
-    6 us (RK45, LSODA), 8 (DOP853) or 15 (Radau). No constraint is stabilised, as a plain user would have it:
-    drift is part of the error and falls with the tolerance. ``atol`` is in m, rad, m/s and rad/s alike.
+    two engines differ in the integrator and not in the equations. Every evaluation is one call of compiled
+    code; the rest of its time is SciPy's own Python. No constraint is stabilised, as a plain user would have
+    it: drift is part of the error and falls with the tolerance. ``atol`` is in m, rad, m/s and rad/s alike.
     Work, impulses and losses are integrated along but left out of the error control.
+
+    With ``coordinates = minimal`` it integrates as many coordinates as there are freedoms, those that
+    ``minimal.tree`` derives: the crank's angle alone, or with clearance those of an open tree. That gives the
+    motion alone; joint forces follow after the solve from the multiplier equations at the samples.
 
     Steps are chosen by the method, up to the run's longest, as if there were no samples: these come from the
     method's own interpolant, which is as good as the steps but for Radau's, of order 3.
@@ -53,19 +58,26 @@ class ScipyEngine:
     """
 
     method: Literal["DOP853", "RK45", "LSODA", "Radau"] = "DOP853"
+    coordinates: Literal["absolute", "minimal"] = "absolute"
     rtol: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-10
     atol: Annotated[float, Field(gt=0)] = 1e-12
     locate_events: bool = True
     max_evaluations: Annotated[int, Field(gt=0)] = 5_000_000
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene where a contact is rigid: its impulses and rows are no part of an ODE."""
+        """Raise UnsupportedScene where there is no ODE.
+
+        Impulses and rows of rigid contact are no part of one; on minimal coordinates an ideal mechanism at a
+        prescribed speed has none.
+        """
         joints = [name for name, clearance in clearances(scene).items() if clearance.law == "rigid"]
         if joints:
             raise UnsupportedScene(
                 "scipy integrates smooth right-hand sides: it has no impacts and no rows that come and go "
                 f"(law = 'rigid' at {', '.join(joints)})"
             )
+        if self.coordinates == "minimal":
+            require_coordinates("scipy", scene)
 
     def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
         """Return what compiling the right-hand side takes where there is none yet, in s."""
@@ -97,19 +109,56 @@ class ScipyEngine:
         """
         self.check(scene)
         require_memory(scene, settings)
-        derivative = Derivative(wound(scene))
-        located = self.locate_events or not scene.joints_with_clearance
-        memory = None if located else np.full(derivative.contact_count, np.nan)
-        longest = min(settings.step_s, scene.end_time_s)
-        choice = Choice(self.method, self.rtol, self.atol, longest * (1 + ROOM), self.max_evaluations)
-        calls = Calls(scene, derivative, choice, memory)
         times = np.linspace(0.0, scene.end_time_s, settings.samples + 1)
+        derivative, longest = self._derivative(scene), min(settings.step_s, scene.end_time_s)
+        located = self._located(scene)
+        memory = None if located else np.full(derivative.contact_count, np.nan)
+        calls = Calls(scene, derivative, self._choice(longest), memory)
         started = time.perf_counter()
         if located:
             record = LocatedRun(derivative, calls, times).run()
         else:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
-        solution = derivative.solution(scene.end_time_s, record.y, record.phases, record.ends, calls.steps)
+        samples, reader = derivative.absolute(record.y), derivative
+        if self.coordinates == "minimal":
+            reader = Derivative(wound(scene))
+        solution = reader.solution(scene.end_time_s, samples, record.phases, record.ends, calls.steps)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
-        return unwound(scene, require_finite(run))
+        return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
+
+    def bare_solve_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return the wall time of the same steps with nothing of ours between SciPy and the equations.
+
+        Nobody watches such a run, so that a watched one shows before that it comes to its end. Without
+        ``locate_events`` there is only that one: its right-hand side sets the contacts' phases.
+
+        Raises:
+            UnsupportedScene, SimulationFailed: as ``simulate`` does.
+        """
+        watched_s = _watched_time_s(self, scene, settings)
+        if not self._located(scene):
+            return watched_s
+        derivative, longest = self._derivative(scene), min(settings.step_s, scene.end_time_s)
+        calls = Calls(scene, derivative, self._choice(longest), bare=True)
+        run = LocatedRun(derivative, calls, np.array([0.0, scene.end_time_s]))
+        with np.errstate(all="ignore"):
+            started = time.perf_counter()
+            run.run()
+            return time.perf_counter() - started
+
+    def _derivative(self, scene: Scene) -> Derivative:
+        return Derivative(wound(scene), self.coordinates == "minimal")
+
+    def _located(self, scene: Scene) -> bool:
+        """Return whether the run goes from event to event, which it does in one go if there are none."""
+        return self.locate_events or not scene.joints_with_clearance
+
+    def _choice(self, longest_s: float) -> Choice:
+        return Choice(self.method, self.rtol, self.atol, longest_s * (1 + ROOM), self.max_evaluations)
+
+
+@lru_cache(maxsize=1)
+def _watched_time_s(engine: ScipyEngine, scene: Scene, settings: RunSettings) -> float:
+    """Return the wall time of the watched solve; of the same run again, the same."""
+    return engine.simulate(scene, settings).solve_time_s

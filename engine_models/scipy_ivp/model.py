@@ -2,52 +2,78 @@
 
 y = (q, q', sums) holds n coordinates, n velocities, and integrals since t = 0: a driver's work where there is
 one, then what every contact adds up (``contact.rates_of``), then works of loads. The text is the reference's
-own, (1)-(10) without stabilisation, compiled: a call from Python takes 1-2 us, most of it Python's and not
-the equations'.
+own, (1)-(10) without stabilisation. ``right`` and the watched functions are one compiled call each, without
+Numba's look at their arguments, which would take longer than the equations do.
 """
 
-from collections.abc import Sequence
-from functools import cache
+import math
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
+from engine_models.mechanics.minimal.kernel import MinimalKernel
+from engine_models.mechanics.minimal.tree import Posture, Tree
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.model import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact import types
+from reference_solver.contact.force import gap
 from reference_solver.equations import Equations
 from reference_solver.failures import SolverError
+from reference_solver.mechanism.points import State
 from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
+from reference_solver.tape import Scalar, choose
 
+#: Fields of a gap (see ``contact.types.GAP_RECORD``) whose zeros are watched.
+WATCHED = ("g", "rate", "push")
 #: A contact that is over: time of touch, contact, duration, approach speed, normal impulse and energy lost.
 ContactEnd = tuple[float, int, float, float, float, float]
 
 
-def derivative_source(topology: Topology) -> str:
-    """Return a module with ``evaluate`` and, for contacts, ``gaps`` (see ``kernel.Kernel.gaps``).
+def derivative_source(topology: Topology, minimal: bool) -> str:
+    """Return a module with ``evaluate``, and for contacts ``gaps`` and watched functions.
 
     ``evaluate(p, contacts, t, y, rate, forces)`` writes y', and in ``forces`` {lambda} and the contacts'
-    forces, and tells whether it could.
+    forces, and tells whether it could: else y' is not finite. In minimal coordinates there are no ``forces``.
+    The watched functions of contact k, ``<one of WATCHED><k>(p, contacts, sign, level, t, y)``, return sign
+    times what is watched less a level.
     """
-    kernel = Kernel(topology)
+    kernel, ok, forces = (MinimalKernel if minimal else Kernel)(topology), True, list[Scalar]()
     draft = kernel.begin()
-    answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
-    powers = [answer.powers[name] for name in _integrated(draft.equations)]
-    stores = places("rate[{}]", [*draft.v, *answer.accelerations, *powers])
-    forces = list(answer.multipliers)
-    for k, friction in enumerate(answer.friction_N):
-        forces += [answer.powers[f"normal{k}"], friction]
-    stores += places("forces[{}]", forces)
-    arguments = ["p", "contacts", "t", "y", "rate", "forces"]
-    kernel.entry("evaluate", arguments, draft, answer.ok, stores, "y")
+    if isinstance(kernel, MinimalKernel):
+        rates, accelerations, powers = kernel.accelerations(draft)
+    else:
+        answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+        rates, powers, ok, forces = [*draft.v], answer.powers, answer.ok, [*answer.multipliers]
+        accelerations = [choose(ok, answer.accelerations[0], math.inf), *answer.accelerations[1:]]
+        for k, friction in enumerate(answer.friction_N):
+            forces += [powers[f"normal{k}"], friction]
+    sums = [powers[name] for name in _integrated(draft.equations)]
+    stores = places("rate[{}]", [*rates, *accelerations, *sums]) + places("forces[{}]", forces)
+    kernel.entry("evaluate", ["p", "contacts", "t", "y", "rate", "forces"], draft, ok, stores, "y")
     if topology.mechanism.contacts:
         kernel.gaps()
+    for k in range(len(topology.mechanism.contacts)):
+        _watched(kernel, k)
     return kernel.source()
+
+
+def _watched(kernel: Kernel, contact: int) -> None:
+    """Write the watched functions of a contact."""
+    for field in WATCHED:
+        draft = kernel.begin()
+        joint, (phase, memory) = draft.equations.mechanism.contacts[contact], draft.phases[contact]
+        value = gap(joint, phase, memory, State(draft.q, draft.v))[field]
+        value = draft.tape.input("sign") * value - draft.tape.input("level")
+        kernel.entry(f"{field}{contact}", ["p", "contacts", "sign", "level", "t", "y"], draft, value, [], "y")
 
 
 def _integrated(equations: Equations) -> list[str]:
@@ -63,37 +89,65 @@ class Derivative:
     """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
 
     The contacts are in flight to begin with (see ``contact.loop``).
-    ``start`` is y at t = 0; ``sums`` names the integrals behind q and q' in it.
+    ``start`` is y at t = 0; ``sums`` names the integrals behind q and q' in it. If ``minimal``, minimal
+    coordinates are in place of q (see ``minimal.tree``).
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, minimal: bool = False) -> None:
         q, v = checked_start(scene)
         mechanism = mechanism_of(scene)
         topology = Topology(mechanism)
-        self._kernel = load_kernel(_source_of(topology.marked()))
+        self._kernel = load_kernel(_source_of(topology.marked(), minimal))
         self._parameters = topology.parameters(self._kernel, q.ravel())
         self._readable = Equations(mechanism, q.ravel())
         self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self._readable.C)
         self._forces = np.empty(self._rows + 2 * len(self._joints))
         self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
-        self.n = self._readable.n
+        self._tree = Tree(mechanism) if minimal else None
+        motion = np.concatenate([q, v], axis=None)
+        if self._tree is not None:
+            motion = self._tree.start(q.ravel(), v.ravel())
+        self.n = len(motion) // 2
         self.sums = tuple(_integrated(self._readable))
         self.contact_count = len(self._joints)
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
         clipped = [k for k, joint in enumerate(self._joints) if joint.compliance.clipped]
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
-        self.start = np.concatenate([q.ravel(), v.ravel(), np.zeros(len(self.sums))])
+        self.start = np.concatenate([motion, np.zeros(len(self.sums))])
         self._refused: tuple[float, FloatArray] | None = None
         # Compiled or loaded here, out of any timing.
-        self(0.0, self.start)
+        self._evaluate = self._direct("evaluate", 0.0, self.start, self.start.copy(), self._forces)
+        #: By field and contact: functions of sign, level, t and y, sign times the field less the level.
+        self.watched = {
+            (field, k): self._direct(f"{field}{k}", 1.0, 0.0, 0.0, self.start)
+            for field, k in product(WATCHED, range(self.contact_count))
+        }
         if self._joints:
             self.gaps(self.start)
 
+    def _direct(self, name: str, *arguments: object) -> Callable[..., Any]:
+        """Return a function of the kernel behind p and contacts, which does not look at its arguments.
+
+        They have to be of the kinds of these, and arrays contiguous.
+        """
+        function = getattr(self._kernel, name)
+        function(self._parameters, self._contacts, *arguments)
+        compiled = [*getattr(function, "overloads", {}).values()]
+        return partial(compiled[0].entry_point if compiled else function, self._parameters, self._contacts)
+
+    def right(self, t: float, y: FloatArray) -> FloatArray:
+        """Return y' in the present phases, not finite where [B] has lost rank: that rejects a step.
+
+        It is written over a copy of y, which is contiguous, as the compiled function takes for granted.
+        """
+        rate: FloatArray = y.copy()
+        self._evaluate(t, rate, rate, self._forces)
+        return rate
+
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
-        """Return y' in the present phases, NaN where [B] has lost rank: an integrator rejects such a step."""
-        rate = np.empty_like(y)
-        if not self._kernel.evaluate(self._parameters, self._contacts, t, y, rate, self._forces):
-            rate[:] = np.nan
+        """Return the same, and keep in mind where there is none."""
+        rate: FloatArray = y.copy()
+        if not self._evaluate(t, rate, rate, self._forces):
             self._refused = (t, y.copy())
         return rate
 
@@ -148,6 +202,15 @@ class Derivative:
             steps=steps,
         )
 
+    def absolute(self, samples: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return samples of y with q and q' in place of minimal coordinates."""
+        if self._tree is None:
+            return [*samples]
+        y = np.transpose(samples)
+        posture = Posture(self._tree, y[: self.n], y[self.n : 2 * self.n])
+        motion = np.broadcast_arrays(*posture.q, *posture.v, y[0])[:-1]
+        return list(np.column_stack([*motion, *y[2 * self.n :]]))
+
     def named_sums(self, y: FloatArray) -> dict[str, FloatArray]:
         """Return the integrals in y, (..., size), by name."""
         return dict(zip(self.sums, np.moveaxis(y, -1, 0)[2 * self.n :], strict=True))
@@ -170,14 +233,20 @@ class Derivative:
         """Return whether a contact is in flight."""
         return bool(self._contacts["phase"][contact] == types.FLIGHT)
 
-    def alarm(self, contact: int, kind: int, y: FloatArray) -> float:
-        """Return a number positive past an event: of kind 0, touch or release, or 1, clip or resume."""
-        gap, phase = self.gaps(y)[contact], self._contacts["phase"][contact]
+    def alarm_of(self, contact: int, kind: int) -> tuple[str, float]:
+        """Return the watched field, and its sign past an event, 0 if there is none in the present phase.
+
+        Of kind 0 that is touch or release, of kind 1 clip or resume.
+        """
+        phase = self._contacts["phase"][contact]
         if kind == 0:
-            return float(gap["g"] if phase == types.FLIGHT else -gap["g"])
-        return (
-            -1.0 if phase == types.FLIGHT else float(-gap["push"] if phase == types.CONTACT else gap["push"])
-        )
+            return "g", 1.0 if phase == types.FLIGHT else -1.0
+        return "push", 0.0 if phase == types.FLIGHT else -1.0 if phase == types.CONTACT else 1.0
+
+    def alarm(self, contact: int, kind: int, y: FloatArray) -> float:
+        """Return a number positive past an event (see ``alarm_of``)."""
+        field, sign = self.alarm_of(contact, kind)
+        return float(self.watched[field, contact](sign, 0.0, 0.0, y))
 
     def switch(self, contact: int, kind: int, y: FloatArray) -> None:
         """Change a contact's phase at an event, where a touch stores its a/v0."""

@@ -92,7 +92,8 @@ def show(scene: SceneName) -> None:
 def simulate(
     scene: SceneName,
     engine: Annotated[
-        str, Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.", autocompletion=_engines)
+        str,
+        Option(metavar="NAME", help="reference, exudyn, pymunk, scipy or heyoka.", autocompletion=_engines),
     ] = "reference",
     assignments: Annotated[
         list[str] | None,

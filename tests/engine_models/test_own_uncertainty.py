@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings
-from engine_models.engines import ENGINES, make_engine
+from engine_models.engines import make_engine
 from engine_models.own_uncertainty import simulate_with_uncertainty
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from studies.judges.ideal_truth import exact
+from tests.helpers.engines import supporting
 from tests.independent.clearance import integrate
 
 SAMPLES = 20
@@ -15,12 +16,15 @@ SAMPLES = 20
 #: a tenth here, and the truth's, which with clearance is 2 % of the error.
 LEAST, MOST = 0.95, 1.25
 #: Settings and longest step at which an engine's error is above round-off, and falls no faster than at order
-#: 4: scipy's is set by its tolerance, in steps below these.
+#: 4: scipy's and heyoka's are set by their tolerance, in steps below these.
 PLAIN: tuple[dict[str, object], float] = ({}, 2e-4)
-COARSE = {"scipy": ({"method": "RK45", "rtol": 1e-8, "atol": 1e-10}, 5e-3)}
+COARSE: dict[str, tuple[dict[str, object], float]] = {
+    "scipy": ({"method": "RK45", "rtol": 1e-8, "atol": 1e-10}, 5e-3),
+    "heyoka": ({"tolerance": 1e-6}, 5e-3),
+}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", supporting(IDEAL_SCENES["ideal-free"]()))
 @pytest.mark.parametrize("name", ["ideal-free", "ideal-torque"])
 def test_the_uncertainty_covers_the_true_error_of_an_ideal_scene(name: str, engine: str) -> None:
     scene = IDEAL_SCENES[name]().model_copy(update={"end_time_s": 0.1})

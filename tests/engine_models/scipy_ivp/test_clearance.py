@@ -9,7 +9,10 @@ from engine_models.engine import Impacts, RunSettings, SimulationFailed, Traject
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import CLEARANCE_SCENES, SCENES, clearance_pendulum
 from engine_models.scene.scene import BodyState, Clearance, Clearances, Friction, Scene
+from engine_models.scipy_ivp.calls import Calls, Choice
 from engine_models.scipy_ivp.engine import ScipyEngine
+from engine_models.scipy_ivp.model import Derivative
+from engine_models.scipy_ivp.run import LocatedRun
 from studies.judges.metrics import energy_balance_residual_J, errors, kinetic_energy_J, pin_gap_m
 
 SAMPLES = 30
@@ -198,3 +201,25 @@ def test_a_run_can_be_repeated_to_the_last_bit() -> None:
     np.testing.assert_array_equal(
         columns(again.contacts["B"].impacts), columns(run(name).contacts["B"].impacts)
     )
+
+
+@pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])
+@pytest.mark.parametrize("method", EVENT_METHODS)
+def test_a_bare_run_takes_the_steps_of_the_watched_one(name: str, method: str) -> None:
+    scene, choice = scene_of(name), Choice(method, 1e-8, 1e-10, 1.0, 1_000_000)
+    ends = []
+    for bare in (False, True):
+        derivative, times = Derivative(scene), np.array([0.0, scene.end_time_s])
+        with np.errstate(all="ignore"):  # a step through the wall that is tried in vain
+            ends.append(LocatedRun(derivative, Calls(scene, derivative, choice, bare=bare), times).run())
+    watched, bare_run = ends
+    assert len(watched.ends) > 1
+    # The watched run's sample at the end is on the method's interpolant: round-off of it.
+    np.testing.assert_allclose(bare_run.ends, watched.ends, rtol=1e-12)
+    np.testing.assert_allclose(bare_run.y[-1], watched.y[-1], rtol=1e-12, atol=1e-14)
+
+
+def test_a_bare_run_that_would_not_end_fails_as_the_watched_one() -> None:
+    limited = ScipyEngine(max_evaluations=20_000)
+    with pytest.raises(SimulationFailed, match=r"t = 0\.000227"):
+        limited.bare_solve_time_s(custom(stiffness=1e300), RunSettings(1e-4, SAMPLES))

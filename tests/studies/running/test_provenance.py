@@ -24,7 +24,7 @@ from studies.running.provenance import code_digest, fingerprint
 from studies.running.registry import STUDIES
 hashes = {f"{study} {engine}": fingerprint(study, engine) for study in STUDIES for engine in engines.ENGINES}
 hashes |= {study: code_digest(study, engines.ENGINES) for study in STUDIES}
-assert not {"exudyn", "pymunk", "numba", "newcomer"} & set(sys.modules)
+assert not {"exudyn", "heyoka", "pymunk", "numba", "newcomer"} & set(sys.modules)
 print(json.dumps(hashes))
 """
 #: Studies that compare with the converged solution, which is the reference's.
@@ -59,7 +59,8 @@ def of_the_reference(study: str, engine: str) -> bool | None:
     """Return whether the reference decides, by its runs or its converged solutions; None says neither."""
     if engine == "reference" or study in BY_THE_REFERENCE:
         return True
-    return None if study == "agreement" or engine == "scipy" else study == "predictability"
+    on_its_equations = engine in ("scipy", "heyoka")
+    return None if study == "agreement" or on_its_equations else study == "predictability"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""heyoka's compiled Taylor series on the mechanism in minimal coordinates."""

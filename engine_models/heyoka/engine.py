@@ -1,0 +1,153 @@
+"""heyoka's Taylor integrator on minimal coordinates: the fastest pick of a user who wants the motion."""
+
+import time
+from dataclasses import replace
+from functools import lru_cache
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
+from engine_models.mechanics.contact_law import exponent_of
+from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.minimal.scope import require_coordinates
+from engine_models.mechanics.start_check import unwound, wound
+from engine_models.memory import require_memory
+from engine_models.reference.trajectory import trajectory_of_solution
+from engine_models.scene.scene import Clearance, Scene
+from engine_models.scipy_ivp.model import Derivative
+
+if TYPE_CHECKING:
+    from engine_models.heyoka.run import Flight
+    from engine_models.heyoka.systems import Systems
+
+#: The smallest tolerance: that of a double's last place.
+SHARPEST = 2.3e-16
+
+
+@dataclass(frozen=True, config=SETTINGS_CONFIG)
+class HeyokaEngine:
+    """Taylor series of the equations of motion in minimal coordinates, by heyoka (Biscani and Izzo 2021).
+
+    heyoka compiles the equations for their Taylor coefficients; the ``tolerance`` sets the order of the
+    series, 6 at 1e-4 and 20 at round-off, and with it the steps. It gives the motion alone: joint forces
+    follow after the solve from the multiplier equations at the samples, works and losses from Gauss's
+    quadrature of the series. There is an integrator for flight, and one for every combination of contacts
+    (see ``systems``); touch, release and clipping are its terminal events. The run's longest step holds in
+    flight.
+
+    It tells no evaluations: a step computes Taylor coefficients. A run fails that takes more than
+    ``max_steps``; the default takes about a minute.
+    """
+
+    tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-12
+    max_steps: Annotated[int, Field(gt=0)] = 20_000_000
+
+    def check(self, scene: Scene) -> None:
+        """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series."""
+        if find_spec("heyoka") is None:
+            raise UnsupportedScene("heyoka is not installed: make rivals")
+        require_coordinates("heyoka", scene)
+        if scene.drive.kind in ("ramp", "fluctuating", "table"):
+            raise UnsupportedScene(
+                f"heyoka's model drives at constant speed only (drive.kind = '{scene.drive.kind}')"
+            )
+        if scene.load.slider is not None and scene.load.slider.gas is not None:
+            raise UnsupportedScene("heyoka's model has no tables (load.slider.gas)")
+        for joint, clearance in clearances(scene).items():
+            if (reason := _without_series(clearance)) is not None:
+                raise UnsupportedScene(f"heyoka has no Taylor series of the contact at {joint}: {reason}")
+
+    def twin(self, scene: Scene) -> Scene:
+        """Return the scene itself: what is supported is solved as it is.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+        """
+        self.check(scene)
+        return scene
+
+    @property
+    def order(self) -> None:
+        """None: a tolerance chooses the steps."""
+
+    def sharper(self) -> "HeyokaEngine":
+        """Return the engine with a tenth of its tolerance."""
+        return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        """Run the scene.
+
+        Raises:
+            UnsupportedScene: see ``check``.
+            SimulationFailed: a state that is not finite, or too many steps.
+        """
+        self.check(scene)
+        require_memory(scene, settings)
+        from engine_models.heyoka.run import Reading
+
+        derivative, flight = self._flight(scene, settings)
+        reading = Reading(derivative, np.linspace(0.0, scene.end_time_s, settings.samples + 1))
+        record = reading.read(flight.pieces(kept=True))
+        samples = derivative.absolute(record.y)
+        solution = Derivative(wound(scene)).solution(
+            scene.end_time_s, samples, record.phases, record.ends, flight.steps
+        )
+        longest, solve_time = min(settings.step_s, scene.end_time_s), self.bare_solve_time_s(scene, settings)
+        run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
+        return unwound(scene, require_finite(run))
+
+    def bare_solve_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return the wall time of the same steps with no series kept.
+
+        Raises:
+            UnsupportedScene, SimulationFailed: as ``simulate`` does.
+        """
+        self.check(scene)
+        systems, (_, flight) = _systems(self, wound(scene)), self._flight(scene, settings)
+        compiled, started = systems.compiled_s, time.perf_counter()
+        for _ in flight.pieces(kept=False):
+            pass
+        return time.perf_counter() - started - (systems.compiled_s - compiled)
+
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return what heyoka takes to compile the integrators of a run, in s; it keeps none on disk."""
+        self.check(scene)
+        import heyoka
+
+        _systems.cache_clear()
+        heyoka.llvm_state.clear_memcache()
+        self.bare_solve_time_s(scene, settings)
+        return _systems(self, wound(scene)).compiled_s
+
+    def _flight(self, scene: Scene, settings: RunSettings) -> "tuple[Derivative, Flight]":
+        from engine_models.heyoka.run import Flight  # which imports heyoka, where there is one
+
+        still, longest = wound(scene), min(settings.step_s, scene.end_time_s)
+        derivative = Derivative(still, minimal=True)
+        systems = _systems(self, still)
+        return derivative, Flight(still, derivative, systems, longest, self.max_steps)
+
+
+@lru_cache(maxsize=1)
+def _systems(engine: HeyokaEngine, scene: Scene) -> "Systems":
+    """Return the integrators of a scene; of the same one again, the same."""
+    from engine_models.heyoka.systems import Systems
+
+    return Systems(scene, engine.tolerance)
+
+
+def _without_series(clearance: Clearance) -> str | None:
+    """Return what of a clearance has no Taylor series, None if all has."""
+    if clearance.law == "rigid":
+        return "impacts are no part of an ODE (law = 'rigid')"
+    if (2 * exponent_of(clearance)) % 1 != 0:
+        return f"twice the exponent is not whole (exponent = {exponent_of(clearance):g})"
+    if clearance.friction is None:
+        return None
+    if clearance.friction.law != "tanh":
+        return f"friction has kinks (friction.law = '{clearance.friction.law}')"
+    return "friction stops where the force pulls (law = 'kelvin-voigt')" if clearance.damping_N_s_m else None

@@ -1,0 +1,1 @@
+"""The mechanism in minimal coordinates: the pick of a user who would rather not have constraints."""

@@ -1,0 +1,204 @@
+"""The equations of motion in minimal coordinates, of numbers and of a tape's values alike.
+
+With clearance in a joint the mechanism is an open tree: translations w_x and w_y carry a body's centre of
+mass, or none, and arms l_k along the axes u_k = (cos w_k, sin w_k) of links at angles w_k. The tree moves by
+M w'' + h = Q with
+
+    J = columns (1, 0), (0, 1) and l_k (-sin w_k, cos w_k) of each body
+    M = sum of m J^T J, and of inertias on the angles
+    h = sum of m J^T a,  a = -sum of l_k u_k w_k'^2
+    Q = sum of J^T F, and of torques on the angles
+
+Without clearance the rod closes a loop: sin(phi) = -(r/L) sin(theta), x = r cos(theta) + L cos(phi), so
+
+    phi' = k theta',  k = -(r cos(theta))/(L cos(phi)),  dk/dtheta = tan(phi) (k^2 - 1)
+    x' = g theta',    g = L sin(phi) (1 - k)
+
+and w'' = J theta'' + b with J = (1, k, g) leaves one equation, J^T M J theta'' = J^T (Q - h - M b).
+
+Coordinates are some of q = (x, y, phi) of crank, rod and slider: crank and rod by their angles, what nothing
+carries by the place of its centre of mass, and the slider by its place along the guide. A crank whose motion
+is prescribed is one of them, with its acceleration given.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reference_solver.factorisation import Factors
+from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism, RevoluteJoint
+from reference_solver.tape import Array, FloatArray, Scalar, arcsin, array, cos, sin, sqrt
+
+#: Places in q of the angles of crank and rod, and of the slider along its guide.
+THETA, PHI, SLIDER_X = 2, 5, 6
+#: Joints by their pins' bodies.
+O, A, B = range(3)  # noqa: E741  the joints' names
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """What carries a body's centre of mass: translations, by their places in q, and arms by those of angles.
+
+    A translation's place tells its axis: it is 3k for x and 3k + 1 for y.
+    """
+
+    moved_by: tuple[int, ...]
+    arms: dict[int, Scalar]
+
+    def past(self, arms: dict[int, Scalar], sign: float = 1.0) -> "Carrier":
+        """Return what carries a body so much further along the links, or back."""
+        further = {k: self.arms.get(k, 0.0) + sign * arm for k, arm in arms.items()}
+        return Carrier(self.moved_by, self.arms | further)
+
+
+class Tree:
+    """A mechanism's coordinates and equations; its numbers are numbers, or a tape's values."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        joints = [
+            part
+            for part in (*mechanism.constraints, *mechanism.contacts)
+            if isinstance(part, RevoluteJoint | ClearanceJoint)
+        ]
+        self.bodies = mechanism.bodies
+        loose = {joint.body_j for joint in mechanism.contacts}
+        self.closed = len(self.bodies) > 1 and not loose
+        #: From the centre of mass of a joint's bearing's body to that of its pin's.
+        self._ways = {joint.body_j: _way(joint) for joint in joints}
+        self.carriers = self._carried(loose)
+        angles = [THETA, PHI][: len(self.bodies)]
+        moved = [place for carrier in self.carriers for place in carrier.moved_by]
+        #: Places in q of all that moves the bodies, and of the coordinates among them.
+        self.places = tuple(sorted({*angles, *moved}))
+        self.coordinates = (THETA,) if self.closed else self.places
+
+    def start(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return z and z' (2n,) of the bodies' q and q', (3b,) each."""
+        places = [*self.coordinates]
+        return np.concatenate([q[places], v[places]])
+
+    @property
+    def radius(self) -> Scalar:
+        """The crank's length r."""
+        return self._ways[O][THETA] + self._ways[A][THETA]
+
+    @property
+    def length(self) -> Scalar:
+        """The rod's length L."""
+        return self._ways[A][PHI] + self._ways[B][PHI]
+
+    def _carried(self, loose: set[int]) -> list[Carrier]:
+        """Return what carries each body: it hangs on its neighbour, or is free."""
+        crank = Carrier((0, 1), {}) if O in loose else Carrier((), self._ways[O])
+        if len(self.bodies) == 1:
+            return [crank]
+        slider = Carrier((SLIDER_X,), {})
+        if A not in loose and loose != {O}:
+            return [crank, crank.past(self._ways[A]), slider]
+        rod = Carrier((3, 4), {}) if B in loose else slider.past(self._ways[B], -1.0)
+        return [crank if A in loose else rod.past(self._ways[A], -1.0), rod, slider]
+
+
+def _way(joint: RevoluteJoint | ClearanceJoint) -> dict[int, Scalar]:
+    """Return the arms through a joint: forward to it in its bearing's body, and from it in its pin's."""
+    angles = {0: THETA, 1: PHI}
+    arms = {joint.body_i: joint.point_i[0], joint.body_j: -joint.point_j[0]}
+    return {angles[body]: arm for body, arm in arms.items() if body in angles}
+
+
+class Posture:
+    """Where a tree's bodies are at coordinates z with rates u, (n,) each, and how they move.
+
+    ``q`` and ``v`` have the (x, y, phi) of every body, 3b each. Of many states at once, the elements of z and
+    u are arrays, and so are these.
+    """
+
+    def __init__(self, tree: Tree, z: Array, u: Array) -> None:
+        self._tree = tree
+        self._w = dict(zip(tree.coordinates, z, strict=True))
+        self._rate = dict(zip(tree.coordinates, u, strict=True))
+        self._turns = {k: (cos(self._w[k]), sin(self._w[k])) for k in (THETA, PHI) if k in self._w}
+        #: J, and what is left of w'' without z'', of all that moves the bodies.
+        self._J, self._b = dict[int, Scalar](), dict[int, Scalar]()
+        if tree.closed:
+            self._close()
+        self.q, self.v = self._of_bodies()
+
+    def _close(self) -> None:
+        """Add the rod's angle and the slider's place, which follow from the crank's angle."""
+        r, length = self._tree.radius, self._tree.length
+        cos_theta, sin_theta = self._turns[THETA]
+        sin_phi = -(r / length) * sin_theta
+        cos_phi = sqrt((1.0 - sin_phi) * (1.0 + sin_phi))
+        k = -(r / length) * cos_theta / cos_phi
+        g = length * sin_phi * (1.0 - k)
+        dk = sin_phi / cos_phi * (k * k - 1.0)
+        dg = length * (cos_phi * k * (1.0 - k) - sin_phi * dk)
+        rate = self._rate[THETA]
+        self._turns[PHI] = cos_phi, sin_phi
+        self._w |= {PHI: arcsin(sin_phi), SLIDER_X: r * cos_theta + length * cos_phi}
+        self._rate |= {PHI: k * rate, SLIDER_X: g * rate}
+        self._J = {THETA: 1.0, PHI: k, SLIDER_X: g}
+        self._b = {PHI: dk * rate * rate, SLIDER_X: dg * rate * rate}
+
+    def _columns(self, body: int) -> dict[int, tuple[Scalar, Scalar]]:
+        """Return the columns of a body's J: the velocity of its centre by each rate."""
+        carrier = self._tree.carriers[body]
+        moves = {k: (1.0, 0.0) if k % 3 == 0 else (0.0, 1.0) for k in carrier.moved_by}
+        turns = {k: self._turns[k] for k in carrier.arms}
+        return moves | {k: (-(arm * turns[k][1]), arm * turns[k][0]) for k, arm in carrier.arms.items()}
+
+    def _of_bodies(self) -> tuple[list[Scalar], list[Scalar]]:
+        q, v = list[Scalar](), list[Scalar]()
+        for body, carrier in enumerate(self._tree.carriers):
+            columns, angle = self._columns(body), 3 * body + 2
+            for axis in range(2):
+                place = sum((self._w[k] for k in carrier.moved_by if k % 3 == axis), start=0.0)
+                place = sum((arm * self._turns[k][axis] for k, arm in carrier.arms.items()), start=place)
+                q.append(place)
+                v.append(sum((column[axis] * self._rate[k] for k, column in columns.items()), start=0.0))
+            q.append(self._w.get(angle, 0.0))
+            v.append(self._rate.get(angle, 0.0))
+        return q, v
+
+    def accelerations(self, F: Array, driven: Scalar | None) -> tuple[list[Scalar], Scalar]:
+        """Return z'' (n,) under forces F (3b,) on the bodies, and the torque in N m of a driver of the crank.
+
+        ``driven`` is the crank's angular acceleration where that is prescribed; else it is None, and the
+        torque 0.
+        """
+        M, right = self._equations(F)
+        if self._tree.closed:
+            J, b = self._J, self._b
+            inertia = sum((J[i] * sum(M[i, j] * J[j] for j in J) for i in J), start=0.0)
+            force = sum((J[i] * (right[i] - sum(M[i, j] * b[j] for j in b)) for i in J), start=0.0)
+            return [force / inertia], 0.0
+        given = {} if driven is None else {THETA: driven}
+        free = [k for k in self._tree.places if k not in given]
+        matrix = array([[M[i, j] for j in free] for i in free])
+        rest = array([right[i] - sum((M[i, k] * given[k] for k in given), start=0.0) for i in free])
+        solved = given | dict(zip(free, Factors(matrix, 0.0).solve(rest), strict=True))
+        torque = sum((M[THETA, k] * solved[k] for k in solved), start=0.0) - right[THETA] if given else 0.0
+        return [solved[k] for k in self._tree.places], torque
+
+    def _equations(self, F: Array) -> tuple[dict[tuple[int, int], Scalar], dict[int, Scalar]]:
+        """Return M and Q - h of M w'' = Q - h, by places."""
+        places = self._tree.places
+        M: dict[tuple[int, int], Scalar] = {(i, j): 0.0 for i in places for j in places}
+        right: dict[int, Scalar] = dict.fromkeys(places, 0.0)
+        for body, (carrier, part) in enumerate(zip(self._tree.carriers, self._tree.bodies, strict=True)):
+            columns, m, angle = self._columns(body), part.mass_kg, 3 * body + 2
+            for i, (x, y) in columns.items():
+                right[i] = right[i] + x * F[3 * body] + y * F[3 * body + 1]
+                for k, arm in carrier.arms.items():
+                    if k != i:
+                        c, s = self._turns[k]
+                        right[i] = right[i] + m * arm * (x * c + y * s) * (self._rate[k] * self._rate[k])
+                for j, (x_j, y_j) in columns.items():
+                    # Columns that turn are as long as their arms: no squares of sine and cosine.
+                    dot = x * x_j + y * y_j if i != j else carrier.arms.get(i, 1.0) ** 2
+                    M[i, j] = M[i, j] + m * dot
+            if angle in places:
+                M[angle, angle] = M[angle, angle] + part.inertia_kg_m2
+                right[angle] = right[angle] + F[angle]
+        return M, right
