@@ -54,11 +54,18 @@ GENERALIZED_ALPHA_09 = Arm(
 RK44 = Arm("exudyn", "RK44", {"solver": "RK44"})
 DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("tolerance",))
 
+
+def _all_settings(engine: PymunkEngine) -> dict[str, Setting]:
+    """Return all settings of an engine that have a value."""
+    return {name: value for name, value in asdict(engine).items() if value is not None}
+
+
 #: Pymunk at its best, and with all that a user who sets nothing has; its contacts as the scene's law has
 #: them, and as Pymunk has them.
-TUNED = Arm("pymunk", "tuned", asdict(PymunkEngine()))
-OUT_OF_THE_BOX = Arm("pymunk", "out of the box", asdict(PymunkEngine.out_of_the_box()))
+TUNED = Arm("pymunk", "tuned", _all_settings(PymunkEngine()))
+OUT_OF_THE_BOX = Arm("pymunk", "out of the box", _all_settings(PymunkEngine.out_of_the_box()))
 AS_THE_SCENE = Arm("pymunk", "as the scene", {"contact": "as-scene"})
+SHORTER_IN_CONTACT = Arm("pymunk", "shorter in contact", {"contact": "as-scene", "shorter_in_contact": 8.0})
 NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
 
 #: SciPy as it comes, and its methods.

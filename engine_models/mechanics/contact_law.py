@@ -5,8 +5,9 @@ F = K delta^n (1 + a(e) delta'/v0) + c delta', v0 the approach speed at touch, n
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
-from engine_models.scene.scene import Clearance, ContactLaw, Friction
+from engine_models.scene.scene import Clearance, ContactLaw
 
 #: a(e) of each law that has one, e the nominal restitution.
 DAMPING_FACTORS: dict[ContactLaw, Callable[[float], float]] = {
@@ -59,28 +60,62 @@ def clips(clearance: Clearance) -> bool:
     return damping_factor_of(clearance) != 0 and not clearance.may_pull
 
 
-class NormalLaw:
-    """One contact's normal force, pushing positive, until delta = 0; see ``clips``."""
+class LawNumbers(NamedTuple):
+    """The constants of a clearance's law of normal force and friction, as its formulas take them.
 
-    def __init__(self, clearance: Clearance) -> None:
-        self.stiffness, self.exponent = stiffness_of(clearance), exponent_of(clearance)
-        self.factor, self.damping = damping_factor_of(clearance), clearance.damping_N_s_m or 0.0
-        self.floor = minimum_impact_speed_of(clearance)
-        self.clips = clips(clearance)
+    ``floor`` is that of the approach speed in m/s; without friction ``coefficient`` is 0. ``full`` and
+    ``dead`` are the sliding speeds in m/s from which all of the friction acts, and up to which none does.
+    """
 
-    def force(self, delta: float, rate: float, approach: float) -> tuple[float, float, bool]:
-        """Return the force in N, its elastic part, and whether it is clipped, with v0 = ``approach``."""
-        spring = self.stiffness * delta**self.exponent
-        share = 1 + self.factor * rate / max(approach, self.floor)
-        if share < 0 and self.clips:
-            return 0.0, spring, True
-        return spring * share + self.damping * rate, spring, False
+    stiffness: float
+    exponent: float
+    factor: float
+    damping: float
+    floor: float
+    clips: bool
+    coefficient: float = 0.0
+    full: float = 1.0
+    dead: float = 0.0
+    smooth: bool = False
 
 
-def friction_share(law: Friction, sliding: float) -> float:
-    """Return the part of mu F_n that acts at a sliding speed in m/s, with the speed's sign."""
-    full = law.regularisation_speed_m_s
-    if law.law == "tanh":
-        return math.tanh(sliding / full)
-    dead = law.dead_band_speed_m_s or 0.0  # Ambrosio's alone has one
-    return math.copysign(min(1.0, max(0.0, (abs(sliding) - dead) / (full - dead))), sliding)
+def law_numbers(clearance: Clearance) -> LawNumbers:
+    """Return the constants of a compliant clearance's law."""
+    normal = (
+        stiffness_of(clearance),
+        exponent_of(clearance),
+        damping_factor_of(clearance),
+        clearance.damping_N_s_m or 0.0,
+        minimum_impact_speed_of(clearance),
+        clips(clearance),
+    )
+    friction = clearance.friction
+    if friction is None:
+        return LawNumbers(*normal)
+    dead = friction.dead_band_speed_m_s or 0.0  # Ambrosio's alone has one
+    full, smooth = friction.regularisation_speed_m_s, friction.law == "tanh"
+    return LawNumbers(*normal, friction.coefficient, full, dead, smooth)
+
+
+# Numba compiles these two as they stand, for records with the fields of ``LawNumbers``.
+
+
+def normal_force(law: LawNumbers, delta: float, rate: float, approach: float) -> tuple[float, float, bool]:
+    """Return the force in N, its elastic part, and whether it is clipped, with v0 = ``approach``.
+
+    It pushes if positive, until delta = 0; see ``clips``.
+    """
+    spring = law.stiffness * delta**law.exponent
+    share = 1 + law.factor * rate / max(approach, law.floor)
+    if share < 0 and law.clips:
+        return 0.0, spring, True
+    return spring * share + law.damping * rate, spring, False
+
+
+def friction_force(law: LawNumbers, normal: float, sliding: float) -> float:
+    """Return the force in N along the pin's sliding, of speed ``sliding`` in m/s; none where normal pulls."""
+    if law.smooth:
+        share = math.tanh(sliding / law.full)
+    else:
+        share = math.copysign(min(1.0, max(0.0, (abs(sliding) - law.dead) / (law.full - law.dead))), sliding)
+    return -law.coefficient * max(normal, 0.0) * share

@@ -1,31 +1,14 @@
 """What a contact's steps leave behind, and the engine's ``Contact`` made of it after the run."""
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts
 from engine_models.mechanics.trajectory import contact_of
+from engine_models.pymunk.compiled.records import KICK
 from engine_models.scene.scene import Clearance
-
-
-class ContactStep(NamedTuple):
-    """One kick of a contact: impulses in N s on the pin, inward and along t, and speeds in m/s.
-
-    Speeds are those of the penetration before the kick, and the means of before and after: an impulse times
-    the mean speed is its work, exactly. ``spring_N_s`` is the elastic part of the normal impulse.
-    """
-
-    step: int
-    normal_N_s: float
-    friction_N_s: float
-    rate_before: float
-    mean_rate: float
-    mean_sliding: float
-    spring_N_s: float
-    clipped: bool
-
 
 #: What is added up, named as in ``Contact``.
 SUMS = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
@@ -42,23 +25,22 @@ class ContactLog:
     def __init__(self) -> None:
         self._last_step = -2  # of those taken up so far: the first kick, at step 0 or later, begins a contact
         self._totals = dict.fromkeys((*SUMS, "energy_lost_J"), 0.0)
-        #: Of every contact begun: its first step, its approach speed, normal impulse and loss before it, and
-        #: the last step of the contact before it.
+        self._last_time_s = 0.0
+        #: Of every contact begun: its first time, its approach speed, normal impulse and loss before it, and
+        #: step and time of the last kick of the contact before it.
         self._begun: list[FloatArray] = []
-        self.add([])
+        self.add(np.zeros(0, KICK))
 
-    def add(self, steps: list[ContactStep]) -> None:
-        """Take up the kicks that follow those so far, (k,)."""
-        table = np.array(steps, dtype=np.float64).reshape(-1, len(ContactStep._fields))
-        columns = dict(zip(ContactStep._fields, table.T, strict=True))
-        self._step: NDArray[np.int64] = columns["step"].astype(np.int64)
-        self._normal, self._friction = columns["normal_N_s"], columns["friction_N_s"]
-        clipped, spring, rate = columns["clipped"] != 0, columns["spring_N_s"], columns["mean_rate"]
+    def add(self, kicks: NDArray[Any]) -> None:
+        """Take up the kicks that follow those so far, (k,) of ``records.KICK``."""
+        self._step: NDArray[np.int64] = kicks["step"].astype(np.int64)
+        self._normal, self._friction = kicks["normal_N_s"], kicks["friction_N_s"]
+        clipped, spring, rate = kicks["clipped"] != 0, kicks["spring_N_s"], kicks["mean_rate"]
         amounts = {
             "normal_impulse_N_s": self._normal,
             "normal_loss_J": np.where(clipped, 0.0, (self._normal - spring) * rate),
             "clipped_loss_J": np.where(clipped, -spring * rate, 0.0),
-            "friction_loss_J": -self._friction * columns["mean_sliding"],
+            "friction_loss_J": -self._friction * kicks["mean_sliding"],
         }
         amounts["energy_lost_J"] = sum(amounts[name] for name in SUMS[1:])
         self._amounts = amounts
@@ -67,22 +49,23 @@ class ContactLog:
             name: np.cumsum(np.append(self._totals[name], amount)) for name, amount in amounts.items()
         }
         self._totals = {name: float(sums[-1]) for name, sums in self._sums.items()}
-        before = np.append(self._last_step, self._step)
+        before, times = np.append(self._last_step, self._step), np.append(self._last_time_s, kicks["time_s"])
         first = np.flatnonzero(np.diff(before) > 1)
         #: The steps at which a contact begins: they follow one without.
         self.touches = self._step[first]
         self._begun.append(
             np.column_stack(
                 [
-                    self.touches,
-                    columns["rate_before"][first],
+                    kicks["time_s"][first],
+                    kicks["rate_before"][first],
                     self._sums["normal_impulse_N_s"][first],
                     self._sums["energy_lost_J"][first],
                     before[first],
+                    times[first],
                 ]
             )
         )
-        self._last_step = int(before[-1])
+        self._last_step, self._last_time_s = int(before[-1]), float(times[-1])
 
     def at(self, impulse: FloatArray, wanted: NDArray[np.int64]) -> FloatArray:
         """Return an impulse at the wanted steps, zero where there is no contact."""
@@ -96,36 +79,41 @@ class ContactLog:
         before = self._sums[amount][np.searchsorted(self._step, wanted)]
         return np.asarray(before + share * self.at(self._amounts[amount], wanted))
 
-    def impacts(self, dt: float, last_step: int) -> Impacts:
+    def impacts(self, last_step: int) -> Impacts:
         """Return the contacts that have ended: runs of consecutive steps; a single one has no duration."""
-        first, speed, impulse, lost, before = np.concatenate(self._begun).T
-        ends = np.append(before[1:], self._last_step)[: len(first)]
-        over = ends < last_step
+        first_s, speed, impulse, lost, before, before_s = np.concatenate(self._begun).T
+        over = np.append(before[1:], self._last_step)[: len(first_s)] < last_step
+        ends_s = np.append(before_s[1:], self._last_time_s)[: len(first_s)]
 
         def change(before_each: FloatArray, amount: str) -> FloatArray:
             return np.asarray(np.diff(np.append(before_each, self._totals[amount]))[over])
 
         return Impacts(
-            time_s=dt * first[over],
-            duration_s=dt * (ends - first)[over],
+            time_s=first_s[over],
+            duration_s=(ends_s - first_s)[over],
             approach_speed_m_s=speed[over],
             normal_impulse_N_s=change(impulse, "normal_impulse_N_s"),
             energy_lost_J=change(lost, "energy_lost_J"),
         )
 
     def contact(
-        self, clearance: Clearance, gap: FloatArray, wanted: NDArray[np.int64], share: FloatArray, dt: float
+        self,
+        clearance: Clearance,
+        gap: FloatArray,
+        wanted: NDArray[np.int64],
+        share: FloatArray,
+        kick_s: FloatArray,
     ) -> Contact:
         """Return what the joint did at wanted steps (n,) of this block, where its gap is d (n, 2) in m.
 
-        Forces are those steps' impulses over dt; ``share`` (n,) of the work at a step is before its sample.
-        The impacts are left to the end of the run.
+        Forces are those steps' impulses over ``kick_s`` (n,); ``share`` (n,) of the work at a step is
+        before its sample. The impacts are left to the end of the run.
         """
         return contact_of(
             clearance,
             gap,
-            normal_force_N=self.at(self._normal, wanted) / dt,
-            friction_force_N=self.at(self._friction, wanted) / dt,
+            normal_force_N=self.at(self._normal, wanted) / kick_s,
+            friction_force_N=self.at(self._friction, wanted) / kick_s,
             impacts=NO_IMPACTS,
             **{name: self.since_start(name, wanted, share) for name in SUMS},
         )

@@ -11,14 +11,18 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
-from engine_models.pymunk.contact import CompliantContact, RigidContact, Sweeps, rigid_twin
-from engine_models.pymunk.loads import add_loads
-from engine_models.pymunk.model import Model, build, pins
+from engine_models.pymunk.loads import add_loads, needs_one_step
+from engine_models.pymunk.model import build, pins
+from engine_models.pymunk.rigid_twin import rigid_twin
 from engine_models.pymunk.run import pymunk_run
+from engine_models.pymunk.stepping import Model
+from engine_models.pymunk.sweeps import needed_sweeps
+from engine_models.pymunk.workspace import Workspace
+from engine_models.reference.kernels import compile_time_s
 from engine_models.scene.scene import Scene
 
 #: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
@@ -32,9 +36,10 @@ Count = Annotated[int, Field(gt=0, lt=2**31)]
 class PymunkEngine:
     """Settings of the Pymunk model; the defaults are its best practice, ``out_of_the_box`` is Pymunk's own.
 
-    ``iterations`` is the number of Gauss-Seidel sweeps over the joints in a step. ``error_bias`` is the
-    fraction of a joint's position error left after a second: 0 takes all of it back in every step, which
-    needs enough sweeps to be stable (the library's scenes six, a slider 100 times as heavy over twenty).
+    ``iterations`` is the number of Gauss-Seidel sweeps over the joints in a step; without one, a scene gets
+    as many as its joints need (see ``sweeps``). ``error_bias`` is the fraction of a joint's position error
+    left after a second: 0 takes all of it back in every step, which needs enough sweeps to be stable (the
+    library's scenes six, one with a slider 100 times as heavy over fifty).
 
     With ``half_kick_start`` the run begins with a kick over dt/2 that moves nothing. The scheme is then the
     leap-frog, of order 2: the velocity stored after step k is that of t_k + dt/2. Reported at t_k are x_k,
@@ -56,12 +61,19 @@ class PymunkEngine:
     table's acceleration has kinks at its entries: in the two steps after one forces are of order 1.
 
     Contacts. With ``contact`` = "as-scene" a compliant law is applied as a force in every kick
-    (``pymunk_compliant``) and a rigid one is Pymunk's native contact (``pymunk_rigid``); "rigid" makes the
+    (``compliant_contact``) and a rigid one is Pymunk's native contact (``native_contact``); "rigid" makes the
     compliant ones native too, with the restitution they name (see ``twin``). All of it is of order 1, since
     a contact is noticed in the first step that is past the wall. Forces at t_k are impulses of kick k over
     dt, means over a step: a rigid impact's peak grows as 1/dt and means nothing, its impulse does. At a kick
     that strikes a rigid wall (the first of a contact) the velocity reported is the one before, and losses
     and work are those before.
+
+    Steps. Pymunk's manual advises steps of one length, which is the default. With ``shorter_in_contact`` they
+    are that many times shorter in contact, and from two long steps before a touch on, foreseen along straight
+    lines. The change is abrupt, as a joint answers to it for two steps, and a kick's loads last from the
+    middle of the step before it to the middle of the one after, so that the order stays what it is. It pays
+    where flights are long and contacts brief; forces within two steps of a change are not those of their
+    time. It is for compliant contacts, half a kick at the start, and drives and loads that know no step.
 
     The other settings are for native contacts alone. ``contact_iterations`` are the sweeps of a step in
     contact: impulses must get through the joints within one step, or a bounce is lost (in the free scenes ten
@@ -75,7 +87,8 @@ class PymunkEngine:
     remembered.
     """
 
-    iterations: Count = 20
+    iterations: Count | None = None
+    shorter_in_contact: Annotated[float, Field(ge=1, le=16)] = 1.0
     error_bias: Annotated[float, Field(ge=0, lt=1)] = 0.0
     half_kick_start: bool = True
     contact: Literal["as-scene", "rigid"] = "as-scene"
@@ -98,7 +111,7 @@ class PymunkEngine:
         )
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene where a law that names no restitution would have to be rigid."""
+        """Raise UnsupportedScene for a law without a restitution, or a scene without the steps, asked for."""
         self.twin(scene)
 
     def twin(self, scene: Scene) -> Scene:
@@ -107,7 +120,14 @@ class PymunkEngine:
         Raises:
             UnsupportedScene: see ``check``.
         """
-        return rigid_twin(scene) if self.contact == "rigid" else scene
+        twin = rigid_twin(scene) if self.contact == "rigid" else scene
+        fixing = [*needs_one_step(twin), *([] if self.half_kick_start else ["half_kick_start = False"])]
+        if self.shorter_in_contact > 1 and fixing:
+            raise UnsupportedScene(
+                "pymunk with shorter_in_contact > 1: expected nothing that needs steps of one length, "
+                f"got {', '.join(fixing)}"
+            )
+        return twin
 
     @property
     def order(self) -> float:
@@ -118,8 +138,12 @@ class PymunkEngine:
         """Return the engine itself: the step alone decides."""
         return self
 
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+        """Return what compiling the loop takes where there is none yet, in s."""
+        return compile_time_s(self, scene, settings)
+
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        """Run the scene with fixed steps.
+        """Run the scene with steps of one length, or shorter ones in contact.
 
         Raises:
             UnsupportedScene: see ``check``.
@@ -131,19 +155,13 @@ class PymunkEngine:
         require_followed(scene, settings.step_used_s(scene.end_time_s))
         model = self._model(wound(self.twin(scene)), settings.step_used_s(scene.end_time_s))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            return unwound(scene, pymunk_run(model, settings, self.half_kick_start))
+            return unwound(scene, pymunk_run(model, settings, self.half_kick_start, self.shorter_in_contact))
 
     def _model(self, scene: Scene, step_s: float) -> Model:
-        space, bodies = build(scene, self.iterations, self.error_bias)
+        sweeps = self.iterations or needed_sweeps(scene)
+        space, bodies = build(scene, sweeps, self.error_bias)
         add_loads(scene, space, bodies, step_s if self.half_kick_start else None)
         space.collision_bias, space.collision_slop = self.collision_bias, self.collision_slop_m
         space.collision_persistence = self.collision_persistence
-        first_step = 0 if self.half_kick_start else 1
-        sweeps = Sweeps(space, self.iterations, self.contact_iterations)
-        contacts = {
-            pin.name: RigidContact(pin, number, sweeps, first_step)
-            if pin.clearance.law == "rigid"
-            else CompliantContact(space, pin, first_step)
-            for number, pin in enumerate(pins(scene, space, bodies))
-        }
-        return Model(scene, space, bodies, contacts)
+        workspace = Workspace(space, bodies, pins(scene, space, bodies), self.contact_iterations)
+        return Model(scene, space, bodies, workspace)

@@ -12,6 +12,7 @@ import math
 import pymunk
 
 from engine_models.engine import SimulationFailed
+from engine_models.mechanics.joints import clearances
 from engine_models.pymunk.model import Bodies
 from engine_models.scene.drives import MotorDrive
 from engine_models.scene.scene import Scene
@@ -43,6 +44,17 @@ def add_loads(scene: Scene, space: pymunk.Space, bodies: Bodies, centred_step_s:
         away = 2 * (crank_link.length_m + rod_link.length_m) + abs(free)
         ends = space.static_body, slider, (-away, 0.0), (0.0, 0.0)
         space.add(pymunk.DampedSpring(*ends, free + away, load.spring_N_m or 0.0, damping))
+
+
+def needs_one_step(scene: Scene) -> list[str]:
+    """Return what of a scene is made for steps of one length: native contacts, changing speeds, springs."""
+    load, drive = scene.load.slider, scene.drive.kind
+    joints = clearances(scene).items()
+    return [
+        *(f"clearance.{name}.law = rigid" for name, clearance in joints if clearance.law == "rigid"),
+        *([] if drive in ("free", "torque", "constant-speed") else [f"drive.kind = {drive}"]),
+        *(f"load.slider.{name}" for name in ("spring_N_m", "viscous_N_s_m") if load and getattr(load, name)),
+    ]
 
 
 def _centred(what: str, inertia: float, damping: float, step_s: float) -> tuple[float, float]:

@@ -1,16 +1,13 @@
 """The scene as bodies and ideal joints of a Pymunk space, and the pins that have room in their bearings."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pymunk
 
 from engine_models.mechanics.joints import End, clearances, ends
 from engine_models.mechanics.start_check import checked_start
-from engine_models.pymunk.contact import PinContact
-from engine_models.pymunk.pin import PinInBearing
-from engine_models.scene.scene import Scene
+from engine_models.scene.scene import Clearance, Scene
 
 Bodies = tuple[pymunk.Body, ...]
 
@@ -19,13 +16,14 @@ Place = tuple[pymunk.Body, float]
 
 
 @dataclass(frozen=True)
-class Model:
-    """A scene in Pymunk at t = 0: its space, bodies and contacts by joint, O to B."""
+class Pin:
+    """A bearing of radius R at (bearing_x, 0) of its body, a pin of radius R - c at (pin_x, 0) of its own."""
 
-    scene: Scene
-    space: pymunk.Space
-    bodies: Bodies
-    contacts: Mapping[str, PinContact]
+    bearing: pymunk.Body
+    bearing_x: float
+    pin: pymunk.Body
+    pin_x: float
+    clearance: Clearance
 
 
 def crank_is_kinematic(scene: Scene) -> bool:
@@ -82,10 +80,14 @@ def build(scene: Scene, iterations: int, error_bias: float) -> tuple[pymunk.Spac
     return space, bodies
 
 
-def pins(scene: Scene, space: pymunk.Space, bodies: Bodies) -> list[PinInBearing]:
+def pins(scene: Scene, space: pymunk.Space, bodies: Bodies) -> dict[str, Pin]:
     """Return the pins of the joints with clearance, in the order O, A, B."""
     sides = _sides(scene, space, bodies)
-    return [PinInBearing(name, *sides[name], clearance) for name, clearance in clearances(scene).items()]
+    return {
+        name: Pin(*bearing, *pin, clearance)
+        for name, clearance in clearances(scene).items()
+        for bearing, pin in [sides[name]]
+    }
 
 
 def _sides(scene: Scene, space: pymunk.Space, bodies: Bodies) -> dict[str, tuple[Place, Place]]:

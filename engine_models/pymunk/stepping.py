@@ -1,169 +1,148 @@
-"""The loop that steps a Pymunk space block by block and reads it; no exception of a callback gets lost."""
+"""The run of a Pymunk space, block by block, through the compiled loop."""
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pymunk
+from numba import types
 from numpy.typing import NDArray
-from pymunk import batch
+from pymunk._chipmunk_cffi import ffi, lib
 
-from engine_models.engine import FloatArray, RunSettings, SimulationFailed
+from engine_models.engine import FloatArray, RunSettings
 from engine_models.progress import tell
-from engine_models.pymunk.model import Bodies, Model
-from engine_models.pymunk.pin import PinLost
-from engine_models.pymunk.step_inputs import Input, StepInputs
+from engine_models.pymunk.compiled import loop
+from engine_models.pymunk.model import Bodies
+from engine_models.pymunk.self_test import require_usable
+from engine_models.pymunk.step_inputs import StepInputs
 from engine_models.pymunk.works import add_up
+from engine_models.pymunk.workspace import Workspace
+from engine_models.reference.kernels import callback
 from engine_models.scene.scene import Scene
 
-#: Steps that are worked off at once.
-BLOCK_STEPS = 16_384
-#: Sweeps in the first kicks of a half-kick start. They have no impulses of a like step to start from: kick 0
-#: none at all, kicks 1 and 2 those of an unlike one; 3 and 4 share in telling the force at t = 0 (see
-#: PymunkEngine). 100 sweeps are enough. The change to fewer leaves a ripple of some 1e-4 of the force at
-#: dt = 5e-5 s, of order 1, for the next eight kicks.
-START_ITERATIONS, START_KICKS = 200, 5
+#: Sweeps in the first kicks of a half-kick start (see ``loop.START_KICKS``). They have no impulses of a like
+#: step to start from: kick 0 none at all, kicks 1 and 2 those of an unlike one; 3 and 4 share in telling the
+#: force at t = 0 (see PymunkEngine). 100 sweeps are enough. The change to fewer leaves a ripple of some 1e-4
+#: of the force at dt = 5e-5 s, of order 1, for the next eight kicks.
+START_ITERATIONS = 200
+#: The number of a kick that no run comes to.
+NEVER = 2**62
+#: Of a body and a step.
+POSITION_UPDATE = types.void(types.uintp, types.float64)
 
-STATE = (
-    batch.BodyFields.POSITION
-    | batch.BodyFields.ANGLE
-    | batch.BodyFields.VELOCITY
-    | batch.BodyFields.ANGULAR_VELOCITY
-)
+
+@dataclass(frozen=True)
+class Model:
+    """A scene in Pymunk at t = 0: its space and bodies, and the memory of its run."""
+
+    scene: Scene
+    space: pymunk.Space
+    bodies: Bodies
+    workspace: Workspace
 
 
 @dataclass(frozen=True)
 class Block:
-    """Steps that are taken, and then worked off, together: up to ``last``.
+    """Kicks that are taken, and then worked off, together.
 
-    ``wanted`` are those of which results are kept, ``read`` those whose states it takes for that.
+    ``rows`` (n,) of ``records.ROW`` are those of which results are kept, with positions and velocities before
+    and after, (n, bodies, 3) each. ``begin`` has the first kicks' accelerations, (START_KICKS, bodies, 3), in
+    the first block.
     """
 
-    last: int
-    wanted: NDArray[np.int64]
-    read: NDArray[np.int64]
+    rows: NDArray[Any]
+    position: FloatArray
+    before: FloatArray
+    after: FloatArray
+    begin: FloatArray | None
+
+    @property
+    def kick_s(self) -> FloatArray:
+        """How long loads act in each kick, (n, 1, 1)."""
+        return np.asarray(self.rows["kick_s"][:, None, None])
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """The change of velocities in each kick over its time, (n, bodies, 3)."""
+        return (self.after - self.before) / self.kick_s
 
 
 class Timing:
-    """The steps of a run, in blocks: which of them are wanted, and which of those are samples."""
+    """The steps of a run: of one length, or in contact and before it ``shorter`` times as short."""
 
-    def __init__(self, scene: Scene, settings: RunSettings) -> None:
-        self.per_sample = settings.steps_per_sample(scene.end_time_s)
-        self.dt, self.steps = settings.step_used_s(scene.end_time_s), settings.samples * self.per_sample
+    def __init__(self, scene: Scene, settings: RunSettings, shorter: float = 1.0) -> None:
+        self.scene, self.samples, self.step_s = (
+            scene,
+            settings.samples,
+            settings.step_used_s(scene.end_time_s),
+        )
+        self._contact_s, self._per_sample = self.step_s / shorter, settings.steps_per_sample(scene.end_time_s)
+
+    def set(self, run: NDArray[Any]) -> None:
+        """Set the steps of a run (1,) of ``records.RUN``."""
+        run["flight_s"], run["contact_s"] = self.step_s, self._contact_s
+        run["interval_s"], run["samples"] = self.scene.end_time_s / self.samples, self.samples
+        varies, end = self._contact_s < self.step_s, self.samples * self._per_sample
+        run["per_sample"], run["end"] = (0, NEVER) if varies else (self._per_sample, end)
         # Works need forces and torques at every step, all else is asked for at the samples alone.
-        self._every = 1 if add_up(scene) else self.per_sample
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield the blocks, in order; memory holds no more of a run than one of them, and the samples."""
-        for first in range(0, self.steps + 1, BLOCK_STEPS):
-            last = min(first + BLOCK_STEPS - 1, self.steps)
-            wanted, ahead = self._wanted(first, last), self._wanted(first + 1, last + 1)
-            # The step before a wanted one tells the kick, the first few what kicks 0 and 1 should have been.
-            read = np.concatenate([wanted, ahead[ahead <= self.steps] - 1, np.arange(0 if first else 5)])
-            yield Block(last, wanted, np.unique(read))
-
-    def times_s(self, steps: NDArray[np.int64]) -> FloatArray:
-        """Return the times in s of steps (n,), counted from the start."""
-        return np.asarray(self.dt * steps, dtype=np.float64)
-
-    def _wanted(self, first: int, last: int) -> NDArray[np.int64]:
-        every = self._every
-        return np.arange(-(-first // every) * every, last + 1, every)
+        run["every"] = 1 if add_up(self.scene) else run["per_sample"]
 
 
-def run(
-    model: Model,
-    timing: Timing,
-    half_kick_start: bool,
-    work_off: Callable[[Block, FloatArray, FloatArray], None],
-) -> float:
-    """Step the space through the blocks, the first of which reads step 0 (before the first step) to step 4.
-
-    ``work_off`` gets a block with its states as Pymunk stores them, each (reads, bodies, 3): positions and
-    velocities of crank, rod, slider by (x, y, phi) of the body's origin.
+def run(model: Model, timing: Timing, half_kick_start: bool, work_off: Callable[[Block], None]) -> float:
+    """Step the space through the blocks.
 
     Returns:
-        The wall time in s of the calls of ``space.step`` and what must go with each (the loop, what has to be
-        set again, contacts' callbacks), without the reading and the work.
+        The wall time in s of the compiled loop, which steps and reads.
 
     Raises:
         SimulationFailed: a pin went through the wall of its bearing, or a contact's numbers overflowed.
-        BaseException: whatever else a callback raised, or a signal's handler while one ran.
+        UnsupportedScene: the installed Pymunk is not what the loop has been written for.
     """
-    space, bodies, dt, inputs = model.space, model.bodies, timing.dt, StepInputs(model, timing.dt)
-    log, (listed, order) = batch.Buffer(), _order_of_reading(space, bodies)
-    iterations, done, solve_time = space.iterations, 0, 0.0
-    with _exceptions_of_callbacks() as raised:
+    require_usable()
+    work, state = model.workspace, model.workspace.run[0]
+    inputs = StepInputs(model.scene, float(model.bodies[0].angle), timing.step_s)
+    timing.set(work.run)
+    state["half_kick_start"] = half_kick_start
+    state["torque_N_m"], state["force_N"] = inputs.torque_N_m, inputs.force_N
+    gas = inputs.gas_table()
 
-        def advance(step_s: float, first: int, last: int, given: Sequence[Input]) -> float:
-            step = space.step
-            started = perf_counter()
-            for k in range(first, last + 1):
-                for give in given:
-                    give(k)
-                step(step_s)
-                if raised:
-                    _raise(raised, k * dt)
-            return perf_counter() - started
+    def advance(last: int) -> float:
+        return work.advance(last, inputs.turns(np.arange(state["kick"] + 1, last + 1)), gas)
 
-        if half_kick_start:
-            space.iterations = max(iterations, START_ITERATIONS)
-            for body in bodies:
-                body.position_func = _stay
-            solve_time += advance(dt / 2, 0, 0, inputs.of(0, 0))
-            for body in bodies:
-                body.position_func = pymunk.Body.update_position
-        for block in timing.blocks():
-            log.clear()
-            reads, given = block.read.tolist(), inputs.of(done + 1, block.last)
-            for number, target in enumerate([*reads, block.last]):
-                if done == START_KICKS - 1:
-                    space.iterations = iterations
-                solve_time += advance(dt, done + 1, target, given)
-                done = max(done, target)
-                if number < len(reads):
-                    batch.get_space_bodies(space, STATE, log)
-            states = np.frombuffer(bytes(log.float_buf())).reshape(len(block.read), listed, 6)[:, order]
-            work_off(block, states[:, :, :3], states[:, :, 3:])
-            tell(block.last * dt)
-    return solve_time
+    if half_kick_start:
+        model.space.iterations = max(model.space.iterations, START_ITERATIONS)
+    with _staying(model.bodies):
+        solve_time = advance(0)
+    last = work.block_kicks - 1
+    while True:
+        solve_time += advance(last)
+        work_off(_block(work, last < work.block_kicks))
+        tell(float(state["time_s"]))
+        if state["kick"] < last or state["kick"] >= state["end"]:
+            return solve_time
+        last += work.block_kicks
+
+
+def _block(work: Workspace, begins: bool) -> Block:
+    """Return what has been read of a block."""
+    count = int(work.run[0]["row"])
+    work.run["row"] = 0
+    rows, out = work.rows[:count], work.out[:count]
+    start = loop.START_KICKS
+    begin = (out[:start, :, 6:] - out[:start, :, 3:6]) / rows["kick_s"][:start, None, None]
+    position, before, after = (out[rows["kept"], :, column : column + 3] for column in (0, 3, 6))
+    return Block(rows[rows["kept"]], position, before, after, begin if begins else None)
 
 
 @contextmanager
-def _exceptions_of_callbacks() -> Iterator[list[BaseException]]:
-    """Give the list that exceptions of callbacks go to: left alone, they are printed and forgotten."""
-    raised: list[BaseException] = []
-    before = sys.unraisablehook
-
-    def keep(unraisable: "sys.UnraisableHookArgs") -> None:
-        if unraisable.exc_value is not None:
-            raised.append(unraisable.exc_value)
-
-    sys.unraisablehook = keep
-    try:
-        yield raised
-    finally:
-        sys.unraisablehook = before
-
-
-def _raise(raised: Sequence[BaseException], time_s: float) -> None:
-    """Raise the first of the callbacks' exceptions; one that is no failure of the run comes before."""
-    for error in raised:
-        if not isinstance(error, (PinLost, ArithmeticError)):
-            raise error
-    raise SimulationFailed(f"{raised[0]} at t = {time_s:.6g} s") from raised[0]
-
-
-def _stay(body: pymunk.Body, dt: float) -> None:
-    """Leave the body where it is: the position update of a step that only kicks."""
-
-
-def _order_of_reading(space: pymunk.Space, bodies: Bodies) -> tuple[int, list[int]]:
-    """Return how many bodies a batch reading of the space has, and where these stand in it."""
-    ids = batch.Buffer()
-    batch.get_space_bodies(space, batch.BodyFields.BODY_ID, ids)
-    listed = memoryview(ids.int_buf()).cast("P").tolist()
-    return len(listed), [listed.index(body.id) for body in bodies]
+def _staying(bodies: Sequence[pymunk.Body]) -> Iterator[None]:
+    """Have bodies not move in a step."""
+    function = callback(loop.stay, POSITION_UPDATE)
+    for body in bodies:
+        pointer = ffi.cast("cpBodyPositionFunc", function.__wrapper_address__())
+        lib.cpBodySetPositionUpdateFunc(body._body, pointer)
+    yield
+    for body in bodies:
+        lib.cpBodySetPositionUpdateFunc(body._body, ffi.addressof(lib, "cpBodyUpdatePosition"))

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
 from engine_models.mechanics.crank_motion import crank_motion, motor_torque
@@ -21,47 +20,45 @@ def add_up(scene: Scene) -> bool:
 
 
 class Works:
-    """The works since t = 0 of a run with steps of ``step_s``, block by block."""
+    """The works since t = 0 of a run, block by block."""
 
-    def __init__(self, scene: Scene, step_s: float) -> None:
-        self._scene, self._dt, self._motion = scene, step_s, crank_motion(scene)
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._motion = scene, crank_motion(scene)
         self._sums: dict[str, float] = {}
 
     def since_start(
         self,
-        wanted: NDArray[np.int64],
+        time_s: FloatArray,
+        kick_s: FloatArray,
         share: FloatArray,
         position: FloatArray,
         felt: FloatArray,
         mean: FloatArray,
         torque_N_m: FloatArray,
     ) -> dict[str, FloatArray]:
-        """Return the works in J of the driver and of the parts of the load at the wanted steps, (n,) each.
+        """Return the works in J of the driver and of the parts of the load (n,) at kicks.
 
-        Of velocities (n, bodies, 3) the loads go by those ``felt``, and a load does its work on the ``mean``
-        of before and after a kick. ``torque_N_m`` (n,) is that of a prescribed speed. ``share`` (n,) of the
-        work at a step is before its sample; in smooth motion that is half, and the rule the trapezoidal one.
+        Those are at ``time_s`` (n,), and loads act for ``kick_s`` (n,) in each. Of velocities (n, bodies, 3)
+        the loads go by those ``felt``, and a load does its work on the ``mean`` of before and after a kick.
+        ``torque_N_m`` (n,) is that of a prescribed speed. ``share`` (n,) of the work at a step is before its
+        sample; in smooth motion that is half, and the rule the trapezoidal one.
         """
-        scene, dt = self._scene, self._dt
+        scene = self._scene
         forces = slider_forces(scene, position, felt)
-        kicks = {part: dt * mean[:, SLIDER, 0] * forces[part] for part in integrated_parts(scene)}
+        kicks = {part: kick_s * mean[:, SLIDER, 0] * forces[part] for part in integrated_parts(scene)}
         if self._motion is not None:
-            kicks[DRIVER] = (
-                dt * self._motion.speed_rad_s(np.asarray(dt * wanted, dtype=np.float64)) * torque_N_m
-            )
+            kicks[DRIVER] = kick_s * self._motion.speed_rad_s(time_s) * torque_N_m
         elif scene.drive.kind == "motor":
-            kicks[DRIVER] = dt * mean[:, CRANK, 2] * motor_torque(scene, felt[:, CRANK, 2])
-        return self._added(kicks, wanted, share)
+            kicks[DRIVER] = kick_s * mean[:, CRANK, 2] * motor_torque(scene, felt[:, CRANK, 2])
+        return self._added(kicks, time_s, share)
 
     def _added(
-        self, kicks: Mapping[str, FloatArray], wanted: NDArray[np.int64], share: FloatArray
+        self, kicks: Mapping[str, FloatArray], time_s: FloatArray, share: FloatArray
     ) -> dict[str, FloatArray]:
         works = {}
         for name, kick in kicks.items():
-            if wanted[0] == 0:
-                kick[0] /= 2
             sums = np.cumsum(np.append(self._sums.get(name, 0.0), kick))
             self._sums[name] = float(sums[-1])
             works[name] = sums[:-1] + share * kick
-            works[name][wanted == 0] = 0.0
+            works[name][time_s == 0] = 0.0
         return works

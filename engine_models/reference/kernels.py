@@ -6,9 +6,17 @@ from engine_models.engine import Engine, RunSettings
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.checked_files import read_checked, write_checked
 from reference_solver.compiled.folder import FolderRefused, writable_folder
-from reference_solver.compiled.store import compiled_anew
+from reference_solver.compiled.store import callback, compiled, compiled_anew
 
-__all__ = ["FolderRefused", "compile_time_s", "read_checked", "writable_folder", "write_checked"]
+__all__ = [
+    "FolderRefused",
+    "callback",
+    "compile_time_s",
+    "compiled",
+    "read_checked",
+    "writable_folder",
+    "write_checked",
+]
 
 
 def compile_time_s(engine: Engine, scene: Scene, settings: RunSettings) -> float:

@@ -20,6 +20,7 @@ import numba
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
+from numba.core.typing.templates import _OverloadFunctionTemplate
 
 from reference_solver.compiled.checked_files import read_checked, write_checked
 from reference_solver.compiled.folder import FolderRefused, kernel_folder, temporary_folder
@@ -109,9 +110,13 @@ def compiled(function: Callable[..., Any], signature: object) -> Callable[..., A
 
     It takes arguments of these types and does not look: to find out what they are would take Numba 30 us.
     """
-    dispatcher: Any = njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
+    dispatcher = _dispatcher(function, signature)
     overloads = [*getattr(dispatcher, "overloads", {}).values()]
     return cast(Callable[..., Any], overloads[0].entry_point if overloads else dispatcher)
+
+
+def _dispatcher(function: Callable[..., Any], signature: object) -> Any:
+    return njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
 
 
 class Callee(numba.types.WrapperAddressProtocol):
@@ -131,6 +136,12 @@ class Callee(numba.types.WrapperAddressProtocol):
         return self._signature
 
 
+@cache
+def callback(function: Callable[..., Any], signature: object) -> Callee:
+    """Return a function compiled as ``compiled`` does it, with an address at which C can call it."""
+    return Callee(_dispatcher(function, signature), signature)
+
+
 def callee(function: Any, kind: Any) -> Any:
     """Return a kernel's function as an argument of a Numba function type."""
     return Callee(function, kind.signature) if hasattr(function, "get_compile_result") else function
@@ -143,11 +154,19 @@ def compiled_anew() -> Iterator[None]:
     Numba itself has been set to work before that, which takes a second the first time.
     """
     with temporary_folder():
-        load_kernel.cache_clear()
-        compiled.cache_clear()
+        _forget()
         try:
             load_kernel("from numba import njit\n\nready = njit(lambda x: x + 1.0)\n").ready(1.0)
             yield
         finally:
-            load_kernel.cache_clear()
-            compiled.cache_clear()
+            _forget()
+
+
+def _forget() -> None:
+    """Have everything compiled again, also what Numba keeps of what compiled functions call."""
+    for kept in (load_kernel, compiled, callback):
+        kept.cache_clear()
+    template: Any
+    for template in _OverloadFunctionTemplate.__subclasses__():
+        template._impl_cache.clear()
+        callback.cache_clear()

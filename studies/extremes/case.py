@@ -11,8 +11,9 @@ from engine_models.scene.scene import Scene
 #: (``Engine.twin``), so that an engine is judged by the law that it solves.
 Check = Callable[[Scene, Trajectory], Mapping[str, float]]
 
-#: What is asked of an engine: the motion; the motion, or word that the step is too long for it; a refusal,
-#: for there is no motion; a stop at ``stop_s``, where the motion is determined no more, or a smooth way on.
+#: What is asked of an engine: the motion; the motion, or word that step or numbers are none to run with; a
+#: refusal, for there is no motion; a stop at ``stop_s``, where the motion is determined no more, or a smooth
+#: way on.
 Wanted = Literal["answer", "answer or word", "refusal", "stop"]
 
 
@@ -21,10 +22,9 @@ class Extreme:
     """A case of the gallery; its name is its scene's.
 
     ``theory`` is one sentence, ``check`` compares a run with an independent truth. ``step_s`` is the longest
-    step of every engine that does not choose its own, ``fixed_step_s`` that of those that take one step from
-    start to end, where the case is about that. Harmless cases come ``first``, without limits,
-    since they compile the kernels that all others use. ``long`` ones are the full set's, but for
-    the fastest engines.
+    step of every engine that does not choose its own, and of all where it is ``for_all``. Harmless cases come
+    ``first``, without limits, since they compile the kernels that all others use. ``long`` ones are the full
+    set's.
     """
 
     group: str
@@ -33,7 +33,7 @@ class Extreme:
     check: Check
     step_s: float
     samples: int = 100
-    fixed_step_s: float | None = None
+    for_all: bool = False
     wanted: Wanted = "answer"
     stop_s: float | None = None
     first: bool = False

@@ -6,13 +6,15 @@ import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.samples import selected
-from engine_models.scene.scene import Scene
+from engine_models.scene.scene import Clearances, Scene
 from studies.extremes.case import Check
-from studies.extremes.truth import braked_wheel, dropped_wheel
+from studies.extremes.truth import braked_wheel, dropped_wheel, swinging_pendulum
 from studies.judges.converged_truth import converged, followed
 from studies.judges.ideal_truth import exact
 
 Errors = Mapping[str, float]
+#: Turns after which a motion that settles has settled.
+SETTLED_TURNS = 20
 
 
 def _off(value: FloatArray, true: FloatArray, size: float) -> float:
@@ -35,22 +37,48 @@ def ideal_motion(scene: Scene, run: Trajectory) -> Errors:
 
 
 def loose_motion(scene: Scene, run: Trajectory) -> Errors:
-    """Judge clearance at B by the converged solution, for as long as independent solutions agree.
+    """Judge joints with clearance by the converged solution, for as long as independent solutions agree.
 
     The distance is that from the farthest of these, so that no solver is judged by itself.
     """
     samples = len(run.time_s) - 1
     truth, repeats = converged(scene, samples)
     until = slice(None, followed(scene, samples))
-    own, *others = (selected(motion.contacts["B"], until) for motion in (run, truth, *repeats))
-    size = float(np.hypot(*others[0].gap_m.T).max())
-    impulse = float(others[0].normal_impulse_N_s[-1])
-    return {
-        "place in the bearing": max(_off(own.gap_m, other.gap_m, size) for other in others),
-        "impulse at B": max(
+    errors: dict[str, float] = {}
+    for joint in scene.joints_with_clearance:
+        own, *others = (selected(motion.contacts[joint], until) for motion in (run, truth, *repeats))
+        size = float(np.hypot(*others[0].gap_m.T).max())
+        impulse = float(others[0].normal_impulse_N_s[-1])
+        errors[f"place in the bearing at {joint}"] = max(
+            _off(own.gap_m, other.gap_m, size) for other in others
+        )
+        errors[f"impulse at {joint}"] = max(
             _off(own.normal_impulse_N_s, other.normal_impulse_N_s, impulse) for other in others
-        ),
-    }
+        )
+    return errors
+
+
+def settled(scene: Scene, run: Trajectory) -> Errors:
+    """Judge a long run of clearance at B by the periodic motion that it settles to.
+
+    The samples are whole turns and a little apart, so that they take a part of a turn by its phases, and the
+    first of them comes after ``SETTLED_TURNS``. The truth is the converged solution, in the turn after these.
+    """
+    samples = len(run.time_s) - 1
+    turn = 2 * np.pi / scene.start.crank_speed_rad_s
+    per_turn = round(samples * turn / (scene.end_time_s % turn))
+    short = scene.model_copy(update={"end_time_s": SETTLED_TURNS * turn + scene.end_time_s % turn})
+    truth, _ = converged(short, SETTLED_TURNS * per_turn + samples)
+    true, gap = truth.contacts["B"].gap_m[SETTLED_TURNS * per_turn :], run.contacts["B"].gap_m
+    size = float(np.hypot(*true.T).max())
+    return {"place in the bearing at B": _off(gap[1:], true[1:], size)}
+
+
+def nearly_ideal(scene: Scene, run: Trajectory) -> Errors:
+    """Judge a clearance of next to nothing by the ideal joint's slider: the walls give less than is right."""
+    ideal = exact(scene.model_copy(update={"clearance": Clearances()}), len(run.time_s) - 1)
+    off = _off(run.slider_position_m, ideal.slider_position_m, scene.crank.length_m)
+    return {"slider position": off}
 
 
 def slider_by(truth: Callable[[Scene, FloatArray], FloatArray]) -> Check:
@@ -69,6 +97,18 @@ def dropped(scene: Scene, run: Trajectory) -> Errors:
     travel = float(np.ptp(height))
     place = run.position[:, 0, :2]
     return {"height": _off(place, np.stack([np.zeros_like(height), height], axis=-1), travel)}
+
+
+def bounced(scene: Scene, run: Trajectory) -> Errors:
+    """Judge a wheel that bounces once between two samples, by its height and the impulse told of impacts.
+
+    All that the wall gave is the momentum that the wheel has at the first sample after, and lost to weight.
+    """
+    time, height, g = run.time_s, dropped_wheel(scene, run.time_s), scene.gravity_m_s2
+    rising = (height[-1] - height[-2]) / (time[-1] - time[-2]) + g * (time[-1] - time[-2]) / 2
+    impulse = scene.crank.mass_kg * (rising + g * time[-2])
+    told = float(run.contacts["O"].impacts.normal_impulse_N_s.sum())
+    return {**dropped(scene, run), "impulse of the bounce": abs(told / impulse - 1)}
 
 
 def resting(scene: Scene, run: Trajectory) -> Errors:
@@ -93,6 +133,15 @@ def stopped(scene: Scene, run: Trajectory) -> Errors:
     of that angle.
     """
     return {"angle turned": braked(scene, run)["angle turned"]}
+
+
+def swung(scene: Scene, run: Trajectory) -> Errors:
+    """Judge a pendulum on a dry bearing by its angle and its pin's place in the bearing."""
+    angle, place = swinging_pendulum(scene, run.time_s)
+    return {
+        "angle": _off(run.position[:, 0, 2], angle, float(np.ptp(angle))),
+        "place in the bearing": _off(run.contacts["O"].gap_m, place, float(np.hypot(*place.T).max())),
+    }
 
 
 def impossible(scene: Scene, run: Trajectory) -> Errors:

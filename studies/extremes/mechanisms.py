@@ -48,6 +48,7 @@ def masses() -> list[Extreme]:
     case = partial(Extreme, "mass", check=ideal_motion, step_s=FREE_STEP_S)
     heavy = Slider(mass_kg=SLIDER.mass_kg * 1e6, inertia_kg_m2=SLIDER.inertia_kg_m2)
     light = Slider(mass_kg=SLIDER.mass_kg * 1e-6, inertia_kg_m2=SLIDER.inertia_kg_m2)
+    denormal = Slider(mass_kg=1e-310, inertia_kg_m2=SLIDER.inertia_kg_m2)
     slender, massless = {"inertia_kg_m2": 1e-12}, {"mass_kg": 0.21e-6, "inertia_kg_m2": 1e-12}
     stops = "From the dead centre the slider's share of J grows to all within 7e-4 rad (11 µs)"
     return [
@@ -60,6 +61,11 @@ def masses() -> list[Extreme]:
         case(
             free("slider mass × 1e-6", 0.1, slider=light),
             "Crank and rod move as if the slider were not there.",
+        ),
+        case(
+            free("slider mass 1e-310", 0.1, slider=denormal),
+            "Denormal, its inverse is infinite; crank and rod move as if the slider were not there.",
+            wanted="answer or word",
         ),
         case(
             free("rod inertia 1e-12", 0.1, rod=rod(FREE, **slender)),

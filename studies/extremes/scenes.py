@@ -100,6 +100,37 @@ def turning_wheel(
     )
 
 
+def hanging(name: str, end_time_s: float, coefficient: float) -> Scene:
+    """Return a pendulum on a dry bearing of a spring and a damper, let go 10 degrees off the vertical.
+
+    Friction holds it where its lever is below mu/sqrt(1 + mu^2) of the pin's radius: 2.7 degrees off. While
+    it sticks, the pin rolls up its wall.
+    """
+    radial, stiffness, angle = 1e-4, 1e6, math.radians(10) - math.pi / 2
+    link = WHEEL.model_copy(update={"centre_of_mass_m": WHEEL.length_m / 2})
+    distance = radial + link.mass_kg * GRAVITY_M_S2 / stiffness
+    zeros = dict.fromkeys(BodyState.model_fields, 0.0)
+    x, y = link.centre_of_mass_m * math.cos(angle), link.centre_of_mass_m * math.sin(angle) - distance
+    state = BodyState(**zeros | {"x_m": x, "y_m": y, "angle_rad": angle})
+    joint = Clearance(
+        radial_clearance_m=radial,
+        bearing_radius_m=BEARING_RADIUS_M,
+        law="kelvin-voigt",
+        stiffness=stiffness,
+        damping_N_s_m=200.0,
+        friction=Friction(law="saturated-linear", coefficient=coefficient, regularisation_speed_m_s=1e-4),
+    )
+    return Scene(
+        name=name,
+        end_time_s=end_time_s,
+        gravity_m_s2=GRAVITY_M_S2,
+        crank=link,
+        start=Start(crank_angle_rad=angle, crank_speed_rad_s=0.0, crank=state),
+        drive=FreeDrive(kind="free"),
+        clearance=Clearances(O=joint),
+    )
+
+
 def unchecked(part: Part, changes: Mapping[str, object]) -> Part:
     """Return a scene, or a part of one, with changes that nothing checks: a case may be what no scene is.
 

@@ -1,17 +1,26 @@
 """Extremes: a gallery of named cases, what theory expects of each, and how near every engine came to it."""
 
 import math
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from engine_models import arms
 from engine_models.arms import Arm
-from engine_models.engine import ImpossibleScene, RunSettings, Trajectory
+from engine_models.engine import (
+    Engine,
+    EngineFailed,
+    ImpossibleScene,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+    UnsupportedScene,
+)
 from engine_models.engines import make_engine
+from engine_models.guards import unguarded
 from engine_models.scene.file import SceneError, from_toml, to_toml
 from engine_models.scene.scene import Scene
-from studies.extremes import contacts, dead_centres, mechanisms, wheels
+from studies.extremes import contacts, dead_centres, loose_joints, mechanisms, wheels
 from studies.extremes.case import Extreme
 from studies.judges.comparison import checked
 from studies.judges.metrics import (
@@ -45,8 +54,6 @@ ARMS = (
     arms.OUT_OF_THE_BOX,
     arms.SCIPY,
 )
-#: Arms that make a hundred thousand revolutions in seconds.
-FAST = (arms.REFERENCE, arms.PLAIN_RK4, arms.REFERENCE_DOP853)
 
 
 @cache
@@ -57,39 +64,51 @@ def gallery() -> dict[str, Extreme]:
         mechanisms.everyday(),
         contacts.stiffness(),
         contacts.clearance(),
+        loose_joints.denormal(),
         contacts.restitution(),
+        loose_joints.restitution(),
         wheels.friction(),
+        loose_joints.friction(),
         mechanisms.speed(),
         contacts.speed(),
         mechanisms.masses(),
         dead_centres.dead_centres(),
+        loose_joints.dead_centres(),
+        loose_joints.joints(),
         mechanisms.starts(),
         wheels.starts(),
         mechanisms.loads(),
         wheels.stability(),
         mechanisms.long_runs(),
+        loose_joints.long_runs(),
     )
     return {extreme.scene.name: extreme for group in groups for extreme in group}
 
 
 def cases(full: bool) -> list[Case]:
-    """Return every case for every engine and arm; the quick set has long runs of few."""
+    """Return every case for every engine and arm, with guards and without; the quick set has no long runs.
+
+    Long ones take too long to be made twice.
+    """
     return [
-        _case(place, extreme, arm)
+        _case(place, extreme, arm, guarded)
         for place, extreme in enumerate(gallery().values())
         for arm in (*ARMS, *arms.newcomers())
-        if full or not extreme.long or arm in FAST
+        for guarded in ((True,) if extreme.long else (True, False))
+        if full or not extreme.long
     ]
 
 
-def _case(place: int, extreme: Extreme, arm: Arm) -> Case:
+def _case(place: int, extreme: Extreme, arm: Arm, guarded: bool) -> Case:
     scene, step = extreme.scene, extreme.step_s
-    if arm in (arms.REFERENCE_DOP853, arms.SCIPY) or (arm is arms.EXUDYN and scene.joints_with_clearance):
-        step = scene.end_time_s  # it chooses its own
-    elif extreme.fixed_step_s and arm is not arms.REFERENCE:
-        step = extreme.fixed_step_s
+    chooses = arm in (arms.REFERENCE_DOP853, arms.SCIPY) or (
+        arm is arms.EXUDYN and bool(scene.joints_with_clearance)
+    )
+    if chooses and not extreme.for_all:
+        step = scene.end_time_s
     columns: dict[str, Value] = {
         "place": place,
+        "guarded": guarded,
         "group": extreme.group,
         "theory": extreme.theory,
         "wanted": extreme.wanted,
@@ -105,26 +124,51 @@ def _case(place: int, extreme: Extreme, arm: Arm) -> Case:
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return how far a run is from theory, from a closed ledger and from its constraints, in relative terms.
 
-    A number that is not finite is left out; so is the error of a run that is not finite throughout.
+    A number that is not finite is left out; so is the error of a run that is not finite throughout. Without
+    guards there is no check after the run either.
 
     Raises:
         ImpossibleScene: no scene can be so, as a scene's file says in the same words.
     """
-    scene = _valid(case.scene)
-    engine = make_engine(case.engine, **case.settings)
-    run = engine.simulate(scene, case.run)
-    row: Row = {"steps": run.steps} | checked(scene, run)
-    if not finite(run):
-        return row, {}
-    errors = gallery()[scene.name].check(engine.twin(scene), run)
-    judged = max(errors, key=lambda name: errors[name] if math.isfinite(errors[name]) else math.inf)
-    numbers = {
-        "relative_error": errors[judged],
-        "energy_relative": energy_relative(scene, run),
-        "constraint_relative": float(constraint_violation_m(scene, run).max()) / scene.crank.length_m,
-    }
+    scene, engine = _valid(case.scene), make_engine(case.engine, **case.settings)
+    simulate = engine.simulate if case.columns["guarded"] else partial(_bare_run, engine)
+    with np.errstate(over="ignore"):  # of a mass that is no number's inverse, of joints very far apart
+        run = simulate(scene, case.run)
+        row: Row = {"steps": run.steps, "finite": finite(run)} | checked(scene, run) | _apart(scene, run)
+        if not case.columns["guarded"]:
+            row["quality_failure"] = ""
+        if not row["finite"]:
+            return row, {}
+        errors = gallery()[scene.name].check(engine.twin(scene), run)
+        judged = max(errors, key=lambda name: errors[name] if math.isfinite(errors[name]) else math.inf)
+        numbers = {
+            "relative_error": errors[judged],
+            "energy_relative": energy_relative(scene, run),
+            "constraint_relative": float(constraint_violation_m(scene, run).max()) / scene.crank.length_m,
+        }
     row |= {name: value for name, value in numbers.items() if math.isfinite(value)}
     return {**row, "judged": judged}, {}
+
+
+def _bare_run(engine: Engine, scene: Scene, settings: RunSettings) -> Trajectory:
+    """Return a run without guards; whatever is raised is its failure."""
+    with unguarded(), np.errstate(all="ignore"):
+        try:
+            return engine.simulate(scene, settings)
+        except (UnsupportedScene, SimulationFailed, MemoryError):
+            raise
+        except Exception as error:
+            raise EngineFailed(f"{type(error).__name__}: {error}") from error
+
+
+def _apart(scene: Scene, run: Trajectory) -> Row:
+    """Return how far a pin got outside its bearing's wall, and an ideal joint or guide apart, in m."""
+    depths = [contact.penetration_m.max() for contact in run.contacts.values()]
+    numbers = {
+        "penetration_m": float(max(depths, default=0.0)),
+        "ideal_gap_m": float(constraint_violation_m(scene, run).max()),
+    }
+    return {name: value for name, value in numbers.items() if math.isfinite(value)}
 
 
 def energy_relative(scene: Scene, run: Trajectory) -> float:

@@ -161,3 +161,46 @@ def folded_rod(scene: Scene, time_s: FloatArray) -> FloatArray:
     """
     theta = scene.start.crank_angle_rad + scene.start.crank_speed_rad_s * time_s
     return np.asarray(2 * scene.crank.length_m * np.cos(theta))
+
+
+def swinging_pendulum(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return angle (n,) in rad and pin's place (n, 2) in m of a pendulum that stays on its bearing's wall.
+
+    Its law is Kelvin and Voigt's, its friction saturates linearly. With e the unit vector from the bearing's
+    centre to the pin's, at the distance c + delta, and t = (-e_y, e_x) the forces on the pin are -N e and
+    -mu N f t, f the sliding speed in parts of the regularisation speed, no more than 1.
+    """
+    clearance, link, g = _bearing(scene), scene.crank, scene.gravity_m_s2
+    friction, K, d = clearance.friction, clearance.stiffness, clearance.damping_N_s_m
+    assert friction is not None
+    assert K is not None
+    assert d is not None
+    c, s, m = clearance.radial_clearance_m, link.centre_of_mass_m, link.mass_kg
+
+    def pin(state: FloatArray) -> tuple[float, float, float, float]:
+        x, y, angle, u, v, spin = state
+        cos, sin = math.cos(angle), math.sin(angle)
+        return x - s * cos, y - s * sin, u + s * spin * sin, v - s * spin * cos
+
+    def slopes(_: float, state: FloatArray) -> list[float]:
+        x, y, u, v = pin(state)
+        away = math.hypot(x, y)
+        e_x, e_y, depth = x / away, y / away, away - c
+        normal = K * depth + d * (u * e_x + v * e_y)
+        lever = clearance.bearing_radius_m - c - depth / 2
+        sliding = v * e_x - u * e_y + state[5] * lever
+        share = max(-1.0, min(1.0, sliding / friction.regularisation_speed_m_s))
+        drag = friction.coefficient * normal * share
+        force_x, force_y = -normal * e_x + drag * e_y, -normal * e_y - drag * e_x
+        at_x, at_y = x - state[0] + lever * e_x, y - state[1] + lever * e_y
+        torque = at_x * force_y - at_y * force_x
+        return [*state[3:], force_x / m, force_y / m - g, torque / link.inertia_kg_m2]
+
+    (begin,) = scene.start.states
+    y_0 = [
+        *(begin.x_m, begin.y_m, begin.angle_rad),
+        *(begin.velocity_x_m_s, begin.velocity_y_m_s, begin.angular_velocity_rad_s),
+    ]
+    run = solve_ivp(slopes, (0.0, time_s[-1]), y_0, method="LSODA", t_eval=time_s, rtol=1e-10, atol=1e-13)
+    place = np.array([pin(state)[:2] for state in run.y.T])
+    return run.y[2], place

@@ -79,10 +79,10 @@ def stability() -> list[Extreme]:
             ),
             text,
             dropped,
-            WHEEL_STEP_S,
+            factor * step,
             samples=swings,
             wanted="answer or word",
-            fixed_step_s=factor * step,
+            for_all=True,
         )
         for factor, text in texts.items()
     ]

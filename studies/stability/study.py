@@ -11,7 +11,7 @@ import numpy as np
 
 from engine_models import arms
 from engine_models.arms import Arm
-from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
@@ -21,7 +21,7 @@ from studies.running.case import Case, Curves, Limits, Row, Value
 from studies.running.outcome import ended
 from studies.stability import theory
 from studies.stability.scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator
-from studies.stability.verdict import BOUNDS, DIVERGED, REFUSED, before_chaos, judged, measured
+from studies.stability.verdict import BOUND_COLUMNS, DIVERGED, REFUSED, judged, measured
 
 #: An arm, and the method whose fixed step acts on the contact: None where there is no such step, or no spring
 #: for it to act on.
@@ -94,7 +94,7 @@ def _cells(full: bool) -> Iterator[Case]:
                 "impact_energy_J": energy,
                 "impact_frequency_rad_s": frequency,
                 "limit_frequency_step": theory.limit(method, 0.0) if method else None,
-                **BOUNDS,
+                **BOUND_COLUMNS,
             }
             for count in FINE if full else COARSE:
                 run = RunSettings(END_S / (SAMPLES * count), SAMPLES)
@@ -185,7 +185,31 @@ def _cell(case: Case, engine: Engine) -> Row:
     except (SimulationFailed, OverflowError) as failure:
         return {**ended("failed", failure), **judged(DIVERGED, str(failure))}
     energy = float(str(case.columns["impact_energy_J"]))
-    until = min(followed(own, case.run.samples), before_chaos(truth))
-    verdict = measured(case.scene, run, truth, until, energy)
+    verdict = measured(case.scene, run, truth, followed(own, case.run.samples), energy)
     taken: Row = {"steps": run.steps, "mean_step_s": END_S / run.steps}
-    return {**taken, "compared_until_s": float(truth.time_s[until - 1]), **verdict}
+    if case.columns["method"] is None:
+        taken["contact_step_s"] = _step_in_contact(case, engine, truth)
+    return {**taken, **verdict}
+
+
+def _step_in_contact(case: Case, engine: Engine, truth: Trajectory) -> float | None:
+    """Return the mean step that an engine takes within the first contact, in s, by its own count of steps.
+
+    It is counted in runs that end where the contact begins and where it ends. None is that of rigid walls,
+    whose contacts have no duration, and of an engine that fails at such a run.
+    """
+    impacts = truth.contacts["B"].impacts
+    duration = float(impacts.duration_s[0]) if len(impacts.time_s) else 0.0
+    if duration == 0.0:
+        return None
+    touch = float(impacts.time_s[0])
+    try:
+        before, after = (_steps_until(case, engine, end) for end in (touch, touch + duration))
+    except SimulationFailed:
+        return None
+    return duration / max(after - before, 1)
+
+
+def _steps_until(case: Case, engine: Engine, end_s: float) -> int:
+    scene = case.scene.model_copy(update={"end_time_s": end_s})
+    return engine.simulate(scene, RunSettings(case.run.step_s, 1)).steps

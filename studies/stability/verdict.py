@@ -1,5 +1,8 @@
 """The verdict on a run: from its trajectory alone, by stated bounds, against the converged solution."""
 
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+
 import numpy as np
 
 from engine_models.engine import Trajectory
@@ -13,33 +16,53 @@ TIMED_OUT, REFUSED = "timed out", "refused"
 #: The verdicts; their places are the column ``verdict_severity``.
 VERDICTS = (ACCURATE, INACCURATE, GROWING, DIVERGED, TIMED_OUT, REFUSED)
 
-#: Bounds of what is accurate: the slider's position error and the gap of ideal joints as parts of the radial
-#: clearance, the energy balance residual as a part of the first impact's energy. A residual above that bound
-#: is growth, one as far below zero a loss.
-POSITION_BOUND, VIOLATION_BOUND, ENERGY_BOUND = 0.01, 0.01, 0.05
-#: Positions are compared up to the end of so many impacts: without losses every impact makes errors some
-#: twice as large, and twenty of them tell who was lucky. Energy and gaps are judged to the end.
-COMPARED_IMPACTS = 5
-#: Bounds of what is still the mechanism: a residual of so many first impacts, a gap of so many clearances;
-#: and the check that every run has to pass.
+
+@dataclass(frozen=True)
+class Bounds:
+    """What is accurate: position and ideal joints in parts of the clearance, energy in first impacts.
+
+    ``position`` bounds the slider's error and ``constraint`` the gap of ideal joints: a hundredth of the
+    clearance is a line's width in a picture of the pin's path. ``energy`` bounds the energy balance residual
+    in parts of the first impact's energy: above it is growth, as far below zero a loss. Its twentieth is what
+    laws of one restitution differ by (at 0.9 those of Lankarani-Nikravesh and Gonthier by 7 %). Positions are
+    compared up to the end of so many ``impacts``: without losses every impact makes errors some twice as
+    large, and twenty of them tell who was lucky. Energy and gaps are judged to the end.
+    """
+
+    position: float = 0.01
+    constraint: float = 0.01
+    energy: float = 0.05
+    impacts: int = 5
+
+    def otherwise(self) -> Iterator[tuple[str, "Bounds"]]:
+        """Yield every bound halved and doubled, the others as they are, by a name for a column."""
+        for name, value in asdict(self).items():
+            for how, other in (("halved", value / 2), ("doubled", value * 2)):
+                yield f"{name}_{how}", replace(self, **{name: type(value)(other)})
+
+
+BOUNDS = Bounds()
+#: Bounds of what is still the mechanism: a residual of so many first impacts, a gap of so many clearances.
 DIVERGED_ENERGY, DIVERGED_VIOLATION = 10.0, 1.0
 
 ERROR, VIOLATION = "position_error_per_clearance", "constraint_violation_per_clearance"
 GAIN, LOSS = "energy_gain_per_impact", "energy_loss_per_impact"
 #: What the rows say of the bounds.
-BOUNDS: Row = {
-    "position_bound_per_clearance": POSITION_BOUND,
-    "constraint_bound_per_clearance": VIOLATION_BOUND,
-    "energy_bound_per_impact": ENERGY_BOUND,
-    "compared_impacts": COMPARED_IMPACTS,
+BOUND_COLUMNS: Row = {
+    "position_bound_per_clearance": BOUNDS.position,
+    "constraint_bound_per_clearance": BOUNDS.constraint,
+    "energy_bound_per_impact": BOUNDS.energy,
+    "compared_impacts": BOUNDS.impacts,
 }
 
 
-def measured(scene: Scene, run: Trajectory, truth: Trajectory, until: int, impact_energy_J: float) -> Row:
-    """Return the verdict on a finished run, its reason, the check's columns and the four numbers besides.
+def measured(scene: Scene, run: Trajectory, truth: Trajectory, agreed: int, impact_energy_J: float) -> Row:
+    """Return the verdict on a finished run, its reason, the check's columns and the numbers besides.
 
     ``truth`` is the converged solution of the law that the engine solves, to be compared with before the
-    sample ``until``. A number that is not finite is None in the row.
+    sample ``agreed``, and no longer than for the impacts that count. The numbers are errors and residuals at
+    their worst, and the position's error through half and twice as many impacts. One that is not finite is
+    None in the row. ``severity_if_energy_halved`` and so on are what the verdict's would be by other bounds.
     """
     clearance = scene.clearance.B
     assert clearance is not None
@@ -47,19 +70,37 @@ def measured(scene: Scene, run: Trajectory, truth: Trajectory, until: int, impac
     with np.errstate(all="ignore"):  # the verdict is what is said of an overflow
         residual = energy_balance_residual_J(scene, run) / impact_energy_J
         violation = constraint_violation_m(scene, run) / c
-        error = np.abs(run.slider_position_m - truth.slider_position_m)[:until] / c
-    numbers = {
-        ERROR: float(error.max()),
-        VIOLATION: float(violation.max()),
-        GAIN: float(residual.max()),
-        LOSS: float(-residual.min()),
-    }
+        error = np.abs(run.slider_position_m - truth.slider_position_m) / c
     check = checked(scene, run)
-    shown: Row = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
-    return judged(*verdict_of(numbers, finite(run), str(check["quality_failure"]))) | shown | check
+
+    def numbers(bounds: Bounds) -> dict[str, float]:
+        return {
+            ERROR: float(error[: min(agreed, before_chaos(truth, bounds.impacts))].max()),
+            VIOLATION: float(violation.max()),
+            GAIN: float(residual.max()),
+            LOSS: float(-residual.min()),
+        }
+
+    def verdict(bounds: Bounds) -> tuple[str, str]:
+        return verdict_of(numbers(bounds), finite(run), str(check["quality_failure"]), bounds)
+
+    shown = numbers(BOUNDS)
+    for name, bounds in BOUNDS.otherwise():
+        if bounds.impacts != BOUNDS.impacts:
+            shown[f"{ERROR}_{name}"] = numbers(bounds)[ERROR]
+    until = min(agreed, before_chaos(truth, BOUNDS.impacts))
+    return {
+        "compared_until_s": float(truth.time_s[until - 1]),
+        **judged(*verdict(BOUNDS)),
+        **{name: value if np.isfinite(value) else None for name, value in shown.items()},
+        **{f"severity_if_{name}": VERDICTS.index(verdict(bounds)[0]) for name, bounds in BOUNDS.otherwise()},
+        **check,
+    }
 
 
-def verdict_of(numbers: dict[str, float], all_finite: bool = True, failure: str = "") -> tuple[str, str]:
+def verdict_of(
+    numbers: dict[str, float], all_finite: bool = True, failure: str = "", bounds: Bounds = BOUNDS
+) -> tuple[str, str]:
     """Return the verdict on a finished run and its reason, by the numbers of ``measured`` and the check's."""
     gain, loss, gap, error = numbers[GAIN], numbers[LOSS], numbers[VIOLATION], numbers[ERROR]
     if not all_finite or not all(np.isfinite(value) for value in numbers.values()):
@@ -70,23 +111,23 @@ def verdict_of(numbers: dict[str, float], all_finite: bool = True, failure: str 
         return DIVERGED, f"energy off by that of {max(gain, loss):.2g} impacts"
     if gap > DIVERGED_VIOLATION:
         return DIVERGED, f"an ideal joint open by {gap:.2g} clearances"
-    if gain > ENERGY_BOUND:
+    if gain > bounds.energy:
         return GROWING, f"{gain:.2g} of an impact's energy gained"
-    if loss > ENERGY_BOUND:
+    if loss > bounds.energy:
         return INACCURATE, f"{loss:.2g} of an impact's energy lost"
-    if gap > VIOLATION_BOUND:
+    if gap > bounds.constraint:
         return INACCURATE, f"an ideal joint open by {gap:.2g} clearances"
-    if error > POSITION_BOUND:
+    if error > bounds.position:
         return INACCURATE, f"slider off by {error:.2g} clearances"
     return ACCURATE, ""
 
 
-def before_chaos(truth: Trajectory) -> int:
-    """Return how many samples come before the impact of slider and rod past those that are compared."""
+def before_chaos(truth: Trajectory, impacts: int) -> int:
+    """Return how many samples come before the impact of slider and rod past so many."""
     touches = truth.contacts["B"].impacts.time_s
-    if len(touches) <= COMPARED_IMPACTS:
+    if len(touches) <= impacts:
         return len(truth.time_s)
-    return int(np.searchsorted(truth.time_s, touches[COMPARED_IMPACTS]))
+    return int(np.searchsorted(truth.time_s, touches[impacts]))
 
 
 def judged(verdict: str, reason: str) -> Row:

@@ -14,7 +14,7 @@ from engine_models.scene.library import ideal_driven
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.store import compiled_anew, kernel_folder, load_kernel
 
-SETTINGS = RunSettings(1e-3, 10)
+SETTINGS = RunSettings(1e-4, 10)
 
 
 @pytest.fixture(autouse=True)
@@ -53,10 +53,10 @@ class Watched:
 
 def test_engines_that_compile_say_so() -> None:
     saying = {name for name in NAMED if hasattr(engine_class(name), "compile_time_s")}
-    assert saying == {"reference", "scipy", "heyoka"}
+    assert saying == {"reference", "scipy", "heyoka", "pymunk"}
 
 
-@pytest.mark.parametrize("name", ["reference", "scipy"])
+@pytest.mark.parametrize("name", ["reference", "scipy", "pymunk"])
 def test_of_two_runs_the_first_compiles_and_the_kernels_kept_are_left_alone(name: str, cache: Path) -> None:
     scene, engine = ideal_driven(), Watched(make_engine(name))
     engine.simulate(scene, SETTINGS)

@@ -7,7 +7,7 @@ import pytest
 from engine_models import memory
 from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
 from engine_models.exudyn.engine import ExudynEngine
-from engine_models.pymunk import stepping
+from engine_models.pymunk import workspace
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import SCENES
 from tests.helpers.arrays import arrays
@@ -28,7 +28,7 @@ def test_the_blocks_of_a_pymunk_run_change_no_bit_of_it(
     name: str, block: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = short_run(name, 1200, 6)
-    monkeypatch.setattr(stepping, "BLOCK_STEPS", block)
+    monkeypatch.setattr(workspace, "BLOCK_KICKS", block)
     assert arrays(short_run(name, 1200, 6)) == arrays(whole)
 
 
@@ -36,7 +36,7 @@ def test_the_blocks_of_a_pymunk_run_change_no_bit_of_it(
 def test_memory_of_a_pymunk_run_does_not_grow_with_its_steps(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stepping, "BLOCK_STEPS", 250)
+    monkeypatch.setattr(workspace, "BLOCK_KICKS", 250)
     peaks = []
     for steps in (1000, 1000, 3000):  # the first imports and caches
         tracemalloc.start()

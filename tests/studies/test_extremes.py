@@ -12,24 +12,31 @@ import pandas as pd
 import pytest
 from scipy.special import lambertw
 
+from engine_models.engine import RunSettings
+from engine_models.engines import make_engine
+from reports.chapters import extremes as chapter
 from reports.chapters.extremes.matrix import LOOKS
 from reports.chapters.extremes.verdict import Verdict, answers, verdict_on
 from reports.page import write_report
-from reports.results import frame, read_results
+from reports.results import frame, read_results, read_study
 from studies.extremes import study as extremes
-from studies.extremes.scenes import CLEARANCE_M, GRAVITY_M_S2, WHEEL, wheel
+from studies.extremes.checks import nearly_ideal, settled
+from studies.extremes.scenes import CLEARANCE_M, GRAVITY_M_S2, TURN_S, WHEEL, driven_loose, wheel
 from studies.extremes.truth import dropped_wheel
 from studies.running.case import Case, Row
 from studies.running.outcome import run_case
 from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows, write_rows
 
-CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=False)}
+QUICK = {
+    (case.scene.name, case.engine, case.arm.name, case.columns["guarded"]): case
+    for case in extremes.cases(full=False)
+}
 RIGHT: Row = {"relative_error": 1e-4, "energy_relative": 1e-4, "constraint_relative": 1e-6}
 
 
-def row(name: str, engine: str = "reference", arm: str = "default") -> Row:
-    return run_case(CASES[name, engine, arm])[0]
+def row(name: str, engine: str = "reference", arm: str = "default", guarded: bool = True) -> Row:
+    return run_case(QUICK[name, engine, arm, guarded])[0]
 
 
 def judged(of: Mapping[str, object]) -> pd.Series:
@@ -49,9 +56,9 @@ def synthetic(wanted: str = "answer", **changes: object) -> pd.Series:
 # The gallery
 
 
-def test_the_gallery_has_fifty_cases_each_with_a_sentence_of_theory_and_a_check() -> None:
+def test_the_gallery_has_sixty_cases_each_with_a_sentence_of_theory_and_a_check() -> None:
     gallery = extremes.gallery()
-    assert len(gallery) >= 50, "a case has gone, or two have one name"
+    assert len(gallery) >= 60, "a case has gone, or two have one name"
     for extreme in gallery.values():
         assert callable(extreme.check)
         assert extreme.theory.endswith("."), extreme.theory
@@ -61,9 +68,18 @@ def test_the_gallery_has_fifty_cases_each_with_a_sentence_of_theory_and_a_check(
 
 def test_every_extreme_case_meets_every_engine_within_limits() -> None:
     cases = extremes.cases(full=True)
-    assert len(cases) == len(extremes.gallery()) * len(extremes.ARMS)
+    met = {(case.scene.name, case.arm) for case in cases if case.columns["guarded"]}
+    assert len(met) == len(extremes.gallery()) * len(extremes.ARMS)
+    quick = {case.scene.name for case in QUICK.values()}
+    assert len(QUICK) == len(quick) * len(extremes.ARMS) * 2, "with guards and without"
     assert all(case.limits for case in cases if not extremes.gallery()[case.scene.name].first)
     assert all(pickle.loads(pickle.dumps(case)) == case for case in cases)
+
+
+def test_the_step_at_the_limit_is_the_same_for_all() -> None:
+    for name in ("step at the limit", "step beyond the limit"):
+        steps = {case.run.step_s for case in QUICK.values() if case.scene.name == name}
+        assert steps == {extremes.gallery()[name].step_s}
 
 
 # Theory against theory
@@ -101,6 +117,23 @@ def test_hertzs_contact_lasts_as_long_as_its_closed_form() -> None:
     assert above + CLEARANCE_M == pytest.approx(speed * 1e-4, rel=0.03)
 
 
+def test_a_pin_that_has_settled_is_judged_by_a_revolution_of_its_own() -> None:
+    scene = driven_loose("settled", (40 + 1 / 3) * TURN_S, 2e-5)
+    run = make_engine("reference", method="dop853").simulate(scene, RunSettings(scene.end_time_s, 2))
+    (error,) = settled(scene, run).values()
+    assert error < extremes.RIGHT["relative_error"], f"{error:.1e}"
+    contact = replace(run.contacts["B"], gap_m=run.contacts["B"].gap_m * 1.5)
+    (error,) = settled(scene, replace(run, contacts={"B": contact})).values()
+    assert error == pytest.approx(0.5, rel=0.1), "in parts of the largest distance from the centre"
+
+
+def test_next_to_no_clearance_is_judged_as_an_ideal_joint() -> None:
+    scene = driven_loose("tight", 5e-4, 1e-9)
+    run = make_engine("reference").simulate(scene, RunSettings(1e-6, 20))
+    (error,) = nearly_ideal(scene, run).values()
+    assert error < extremes.RIGHT["relative_error"], f"{error:.1e}"
+
+
 # Verdicts
 
 
@@ -121,6 +154,7 @@ def test_hertzs_contact_lasts_as_long_as_its_closed_form() -> None:
         ({"quality_failure": ""}, Verdict.RIGHT),
         ({"status": "unsupported", "reason": "no"}, Verdict.REFUSED),
         ({"status": "failed", "reason": "overflow at t = 1.2e-05 s"}, Verdict.FAILED),
+        ({"status": "failed", "reason": "initial positions: expected g = 0"}, Verdict.FAILED),
         ({"status": "failed", "reason": "something went wrong"}, Verdict.FAILED_OBSCURELY),
         ({"status": "timed out", "reason": "not finished"}, Verdict.TIMED_OUT),
         ({"status": "out of memory", "reason": "no memory"}, Verdict.OUT_OF_MEMORY),
@@ -147,6 +181,8 @@ def test_the_verdict_follows_from_status_numbers_and_bounds(
         ("refusal", {"quality_failure": "energy off at t = 0.1 s"}, True),
         ("stop", {"quality_failure": "energy off at t = 0.003 s"}, True),
         ("refusal", {"status": "unsupported"}, True),
+        ("answer or word", {"status": "unsupported"}, True),
+        ("answer", {"status": "unsupported"}, False),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.003 s"}, True),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.009 s"}, False),
         ("stop", {}, True),
@@ -172,10 +208,86 @@ def test_the_worse_the_verdict_the_darker_its_colour() -> None:
     assert steps.min() > 5, f"lightness {np.round(shades, 1)} in the order of the verdicts"
 
 
+# Guards
+
+
+GUARDED = {"status": "failed", "reason": "constraints lost at t = 0.1 s", "guarded": True}
+BARE = {"guarded": False, "finite": True, "penetration_part": 3.0, "penetration_m": 0.03}
+
+
+def pair(guarded: Mapping[str, object], bare: Mapping[str, object]) -> pd.Series:
+    """Return what the report makes of a run and of the same one without guards."""
+    bounds = {f"{name}_bound": bound for name, bound in extremes.RIGHT.items()}
+    arm = {"scene": "s", "engine": "pymunk", "arm": "a", "label": "l", "step_s": 1e-3, "place": 0}
+    head = {**arm, "nonsense_factor": extremes.NONSENSE, "wanted": "answer", **bounds, **RIGHT}
+    rows = [{**head, "case": k, **row} for k, row in (("0", guarded), ("1", bare))]
+    (answer,) = [row for _, row in answers(frame(rows)).iterrows()]
+    return answer
+
+
+def test_a_guard_is_what_spoke_where_the_same_run_without_guards_comes_out_otherwise() -> None:
+    success = {"status": "ok", "reason": "", "energy_relative": 0.5, "judged": "height", **BARE}
+    answer = pair(GUARDED, success)
+    assert (answer["told_by"], answer["unguarded"]) == ("guard", Verdict.NONSENSE)
+    assert answer["came"] == "success, with a pin 30 mm beyond the wall of its bearing"
+
+    own = pair(GUARDED, {**GUARDED, "guarded": False})
+    assert (own["told_by"], own["unguarded"], own["came"]) == ("engine", None, "")
+
+
+@pytest.mark.parametrize(
+    ("bare", "words"),
+    [
+        ({"finite": False}, "numbers that are not finite"),
+        ({"penetration_part": 0.5, "ideal_gap_part": 0.2, "ideal_gap_m": 0.01}, "a joint or the guide 10 mm"),
+        (
+            {"penetration_part": 0.5, "relative_error": 0.0, "energy_relative": 0.5},
+            "energy off by 5.0×10⁻¹ of all there is",
+        ),
+        ({"penetration_part": 0.5}, "height off by 4.0×10⁰"),
+    ],
+)
+def test_what_came_without_guards_is_told_by_its_worst(bare: dict[str, object], words: str) -> None:
+    success = {"status": "ok", "reason": "", "relative_error": 4.0, "judged": "height", **BARE}
+    assert words in pair(GUARDED, {**success, **bare})["came"]
+
+
+def test_guards_change_no_run_that_they_do_not_end() -> None:
+    for engine, arm in (("reference", "default"), ("pymunk", "tuned"), ("exudyn", "default")):
+        with_guards, without = (row("everyday linear law", engine, arm, on) for on in (True, False))
+        assert {**with_guards, "guarded": False} == without
+
+
+def test_pymunk_without_guards_reports_a_pin_outside_its_bearing_as_a_success() -> None:
+    name = "step at the limit"
+    assert "pin through the wall" in str(row(name, "pymunk", "tuned")["reason"])
+    bare = row(name, "pymunk", "tuned", guarded=False)
+    assert bare["status"] == "ok"
+    assert isinstance(part := bare["penetration_part"], float)
+    assert part > 1, f"outside by {part:.3g} radii"
+
+
+def test_an_engine_takes_a_joint_that_is_open_where_no_guard_looks_at_the_start() -> None:
+    name = "joint A open by 1 mm"
+    assert "start: ideal joints" in str(row(name, "exudyn")["reason"])
+    assert row(name, "exudyn", guarded=False)["status"] == "ok"
+
+
 # The reference
 
 
-@pytest.mark.parametrize("name", [name for name, extreme in extremes.gallery().items() if not extreme.long])
+@pytest.mark.parametrize("name", ["step at the limit", "step beyond the limit"])
+def test_at_the_step_of_all_the_reference_is_off_by_less_than_two_bounds(name: str) -> None:
+    measured = row(name)
+    assert judged(measured)["verdict"] is Verdict.INACCURATE
+    assert isinstance(error := measured["relative_error"], float)
+    assert error < 2 * extremes.RIGHT["relative_error"], f"{error:.2e}; 1.5e-3 and 1.8e-3 were measured"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name for name, extreme in extremes.gallery().items() if not (extreme.long or extreme.group == "step")],
+)
 def test_the_reference_does_what_theory_asks(name: str) -> None:
     measured = row(name)
     answer = judged(measured)
@@ -211,7 +323,7 @@ def test_what_is_no_scene_no_engine_gets_to_see(name: str) -> None:
 
 
 def test_a_number_that_is_not_finite_never_gets_a_good_verdict() -> None:
-    case = CASES["everyday driven (c = 0)", "reference", "default"]
+    case = QUICK["everyday driven (c = 0)", "reference", "default", True]
     measured, _ = run_case(case)
     for name in extremes.RIGHT:
         assert judged({k: v for k, v in measured.items() if k != name})["verdict"] is Verdict.NONSENSE
@@ -232,7 +344,7 @@ TINY = (
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Real results of a few cases, and a row of each way to be ended."""
     folder = tmp_path_factory.mktemp("results")
-    cases: list[Case] = [replace(case, limits=None) for case in CASES.values() if case.scene.name in TINY]
+    cases: list[Case] = [replace(case, limits=None) for case in QUICK.values() if case.scene.name in TINY]
     run_study("extremes", cases, folder / "extremes", lambda: ThreadPoolExecutor(1))
     rows = folder / "extremes/rows.jsonl"
     lines = read_rows(rows)
@@ -244,6 +356,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "status": status,
             "reason": "ended",
             "place": 99,
+            "guarded": True,
         }
         lines.append(head | ended)
     write_rows(rows, lines)
@@ -256,9 +369,31 @@ def test_the_chapter_shows_every_case_with_its_verdict(results: Path, tmp_path: 
     rows = answers(read_results(results / "extremes"))
     listed = (tmp_path / "report/tables/extremes-verdicts.csv").read_text("utf-8").splitlines()[1:]
     assert len(listed) == len(rows) == len(TINY) * len(extremes.ARMS) + 3
+    bare = (tmp_path / "report/tables/extremes-guards.csv").read_text("utf-8").splitlines()[1:]
+    assert len(bare) == (rows["told_by"] == "guard").sum() > 0
     for _, row in rows.iterrows():
         begin = f"{row['scene']},{row['engine']},{row['arm']},"
         assert any(begin in line.replace('"', "") and row["verdict"].value in line for line in listed)
     page = (tmp_path / "report/index.html").read_text("utf-8")
     assert "Contained: " in page
     assert "pymunk (tuned) does what theory asks in" in page
+
+
+def test_what_is_said_of_guards_follows_the_rows(results: Path, tmp_path: Path) -> None:
+    rows = read_rows(results / "extremes/rows.jsonl")
+    said = "Of the runs of exudyn (default) guards end or fail 1. Without them it reports success in 1."
+    assert said in guards_section(results)
+    for row in rows:
+        if row["engine"] == "exudyn" and row["guarded"] is False and row["status"] == "ok":
+            row |= {"status": "failed", "reason": "Exudyn failed at t = 0 s"}
+    (tmp_path / "extremes").mkdir()
+    write_rows(tmp_path / "extremes/rows.jsonl", rows)
+    assert "Of the runs of exudyn (default) guards end or fail 1." in guards_section(tmp_path)
+
+
+def guards_section(results: Path) -> tuple[str, ...]:
+    """Return the sentences on what engines do without guards."""
+    (section,) = [
+        part for part in chapter.sections(read_study(results / "extremes")) if part.name == "guards"
+    ]
+    return section.text

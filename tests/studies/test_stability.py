@@ -18,6 +18,7 @@ from reports.chapters.stability.map_cells import VERDICTS as SHOWN
 from reports.chapters.stability.map_cells import cells, map_rows, prepared
 from reports.parts import Contradiction
 from reports.results import read_results, read_study
+from studies.judges.converged_truth import converged
 from studies.judges.metrics import finite
 from studies.running.case import Case, Value
 from studies.running.runner import run_study
@@ -164,6 +165,14 @@ def test_a_bound_exceeded_decides_the_verdict(name: str, value: float, expected:
     assert verdict.verdict_of({**GOOD, name: value})[0] == expected
 
 
+def test_a_bound_halved_or_doubled_moves_the_verdict_on_what_lies_between() -> None:
+    between = {**GOOD, verdict.GAIN: 0.03}
+    others = {name: verdict.verdict_of(between, bounds=other) for name, other in verdict.BOUNDS.otherwise()}
+    assert len(others) == 8, "four bounds, each halved and doubled"
+    moved = [name for name, (of, _) in others.items() if of != verdict.ACCURATE]
+    assert moved == ["energy_halved"]
+
+
 @pytest.fixture(scope="module")
 def bounce() -> tuple[Case, Trajectory]:
     case = the_case("reference", "located", 1e-5, crank_speed_rpm=5000.0)
@@ -191,6 +200,29 @@ def test_a_trajectory_is_judged_by_its_own_numbers(bounce: tuple[Case, Trajector
     assert (off["verdict"], off["verdict_reason"]) == (verdict.INACCURATE, "slider off by 0.02 clearances")
     assert judged(case, replace(run, position=moved(2, 1, 1e-3)), run)["verdict"] == verdict.DIVERGED
     assert judged(case, replace(run, position=moved(2, 1, 1e-4)), run)["verdict"] == verdict.INACCURATE
+
+
+def test_a_row_tells_the_verdict_by_other_bounds_and_the_numbers_that_decide_it(
+    bounce: tuple[Case, Trajectory],
+) -> None:
+    case, run = bounce
+    late = run.position.copy()
+    late[run.time_s > run.contacts["B"].impacts.time_s[2], 2, 0] += 0.04 * 5e-4  # past two impacts
+    row = judged(case, replace(run, position=late), run)
+    assert row["verdict"] == verdict.INACCURATE
+    assert number(row[verdict.ERROR]) == pytest.approx(0.04)
+    assert row[f"{verdict.ERROR}_impacts_halved"] == 0.0
+    accurate = {name for name, value in row.items() if name.startswith("severity_if_") and value == 0}
+    assert accurate == {"severity_if_impacts_halved"}
+
+
+def test_the_step_in_contact_is_counted_by_the_engine_and_is_that_of_a_method_with_one_step() -> None:
+    case = the_case("reference", "plain", 1e-6, radial_clearance_m=2.5e-3)
+    twin = case.scene
+    truth, _ = converged(twin, case.run.samples)
+    taken = stability._step_in_contact(case, make_engine("reference", **case.settings), truth)
+    steps = truth.contacts["B"].impacts.duration_s[0] / 1e-6
+    assert taken == pytest.approx(1e-6, rel=2 / steps), "both ends of the count may be off by a step"
 
 
 def test_no_number_that_is_not_finite_is_overlooked(bounce: tuple[Case, Trajectory]) -> None:
@@ -256,7 +288,9 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run_study("stability", cases, folder / "stability", lambda: ThreadPoolExecutor(1))
     rows = read_rows(folder / "stability/rows.jsonl")
     cut = next(row for row in rows if row["arm"] == "located" and row["step_s"] == pytest.approx(1e-6))
-    for name in [name for name in cut if "per_" in name or name.startswith(("verdict", "steps", "mean"))]:
+    for name in [
+        name for name in cut if "per_" in name or name.startswith(("verdict", "severity", "steps", "mean"))
+    ]:
         if "bound" not in name:
             del cut[name]
     cut |= {"status": "timed out", "reason": "not finished within the limit of 120 s"}
@@ -270,7 +304,8 @@ def test_the_chapter_has_a_map_of_what_was_run_and_its_tables(results: Path) -> 
     tables = {table.name: table for section in sections for table in section.tables}
     assert [figure.name for figure in figures] == ["stability-crank-speed"]
     assert set(tables) == {
-        f"stability-{name}" for name in ("scalar-limits", "scalar-damping", "boundaries", "settings")
+        f"stability-{name}"
+        for name in ("scalar-limits", "scalar-damping", "boundaries", "settings", "bounds")
     }
     assert all(len(row) == len(table.head) for table in tables.values() for row in table.rows)
     panels = figures[0].drawing.axes
@@ -278,6 +313,9 @@ def test_the_chapter_has_a_map_of_what_was_run_and_its_tables(results: Path) -> 
     assert len(panels) == 3
     assert "T" in letters[0], "a run that was cut off is on the map"
     assert "D" in letters[1]
+    titles = [panel.get_title() for panel in panels]
+    assert ["a cap; " in title for title in titles] == [True, False, False]
+    assert "reference (located) the axis is a cap" in figures[0].reading
     lines = [len(panel.lines) for panel in panels]
     assert lines == [0, 1, 1], "theory's line is where there is a limit"
 
@@ -303,6 +341,20 @@ def test_a_cell_called_accurate_beyond_its_bounds_breaks_the_chapter(results: Pa
         chapter.sections(read_study(tmp_path / "stability"))
 
 
+def test_what_is_said_of_the_bounds_follows_the_rows(results: Path, tmp_path: Path) -> None:
+    rows = read_rows(results / "stability/rows.jsonl")
+    accurate = [row for row in rows if row.get("verdict") == verdict.ACCURATE]
+    for row in accurate:
+        row["severity_if_position_halved"] = 1
+    (tmp_path / "stability").mkdir()
+    write_rows(tmp_path / "stability/rows.jsonl", rows)
+    sections = chapter.sections(read_study(tmp_path / "stability"))
+    (said,) = [section for section in sections if section.name == "bounds"]
+    assert any(
+        f"verdicts {len(accurate)} change where the bound on position is halved" in text for text in said.text
+    ), said.text
+
+
 def test_study_and_report_name_the_same_verdicts() -> None:
     assert SHOWN == verdict.VERDICTS
 
@@ -310,12 +362,13 @@ def test_study_and_report_name_the_same_verdicts() -> None:
 def test_positions_are_compared_through_the_first_impacts_only(bounce: tuple[Case, Trajectory]) -> None:
     _, run = bounce
     contact = run.contacts["B"]
-    count = verdict.COMPARED_IMPACTS + 2
+    count = verdict.BOUNDS.impacts + 2
     many = replace(contact.impacts, time_s=np.linspace(0.0, run.time_s[-1], count + 1)[1:])
-    until = verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=many)}))
+    through_five = verdict.BOUNDS.impacts
+    until = verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=many)}), through_five)
     assert run.time_s[until - 1] < many.time_s[-2] <= run.time_s[until]
     none = replace(contact.impacts, time_s=np.empty(0))
-    whole = verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=none)}))
+    whole = verdict.before_chaos(replace(run, contacts={"B": replace(contact, impacts=none)}), through_five)
     assert whole == len(run.time_s)
 
 

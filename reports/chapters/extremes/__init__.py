@@ -20,7 +20,9 @@ INTRODUCTION = (
     "a crash or a hang is a verdict and not the end. Engines take the step they would take at ordinary "
     "numbers, or one that theory asks for; those that choose their steps choose. A wrong number told with "
     "confidence is worse than a refusal, and the verdicts are ordered so. Nonsense is noticed where the "
-    "check fails it that `crankslider simulate` makes after every run of every engine."
+    "check fails it that `crankslider simulate` makes after every run of every engine. That check is a guard "
+    "of ours, as are those of the start and of Pymunk's joints, pins and rod: with guards off every run is "
+    "made again, and where a guard spoke the gallery shows what the engine does by itself."
 )
 REFERENCE = "reference (default)"
 #: Ways to end that no engine chooses.
@@ -28,7 +30,7 @@ ENDED = (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)
 #: What theory asks for, in words.
 WANTED = {
     "answer": "the motion",
-    "answer or word": "the motion, or word that the step is too long",
+    "answer or word": "the motion, or word that step or numbers are none to run with",
     "refusal": "a refusal",
     "stop": "a stop in time, or the smooth branch",
 }
@@ -40,10 +42,11 @@ def sections(results: Results) -> list[Section]:
     figure = Figure(
         "extremes-matrix",
         "Verdicts, case by case",
-        "A cell is a run; dark is bad. A frame marks what theory asks for: the motion (✓), a refusal where "
-        "there is none (⊘), a stop at the time when it is determined no more (F), word that the step is too "
-        "long (✓ F). Numbers are relative errors of what is inaccurate: of the motion, of energy (E), of "
-        "constraints (C).",
+        "A cell is a run; dark is bad. In a divided cell a guard of ours speaks on the left; on the right is "
+        "what the engine does without it. A frame marks what theory asks for: the motion (✓), a refusal "
+        "where there is none (⊘), a stop at the time when it is determined no more (F), word that there is "
+        "no running with the step or the numbers (✓ F). Numbers are relative errors of what is inaccurate: "
+        "of the motion, of energy (E), of constraints (C).",
         f"Matrix of {answered['scene'].nunique()} named cases against {', '.join(labels(answered))}, a "
         "symbol and a shade per verdict, with theory's expectation beside each case.",
         verdict_matrix(answered),
@@ -51,7 +54,21 @@ def sections(results: Results) -> list[Section]:
     text = (*_sound(answered), *_outcomes(answered), *_reference(answered))
     gallery = Section("gallery", "The gallery", text, (figure,), (counts(answered),))
     shown = (expectations(answered), verdicts(answered))
-    return [gallery, Section("cases", "Case by case", (), (), shown)]
+    return [gallery, *_guards(answered), Section("cases", "Case by case", (), (), shown)]
+
+
+def _guards(answered: pd.DataFrame) -> Iterator[Section]:
+    spoke = answered[answered["unguarded"].notna()]
+    if len(spoke):
+        yield Section("guards", "Without our guards", tuple(unguarded(spoke)), (), (guards(spoke),))
+
+
+def unguarded(spoke: pd.DataFrame) -> Iterator[str]:
+    """Yield for every label what it does in the runs that a guard ended or failed."""
+    for label, of_label in spoke.groupby("label", observed=True):
+        passed = of_label[of_label["came"].str.startswith("success")]
+        text = f"Of the runs of {label} guards end or fail {len(of_label)}."
+        yield f"{text} Without them it reports success in {len(passed)}." if len(passed) else text
 
 
 def _sound(answered: pd.DataFrame) -> Iterator[str]:
@@ -75,19 +92,19 @@ def _sound(answered: pd.DataFrame) -> Iterator[str]:
 
 
 def _outcomes(answered: pd.DataFrame) -> Iterator[str]:
-    """Yield for every label what it gave without a word of warning that was nonsense."""
+    """Yield for every label what it does, with our guards and without, and where it returns nonsense."""
     for label, of_label in answered.groupby("label", observed=True):
-        asked = f"{label} does what theory asks in {of_label['as_wanted'].sum()} of {len(of_label)} cases"
-        noticed, nonsense = (
-            of_label["scene"][of_label["verdict"] == verdict]
-            for verdict in (Verdict.NOTICED, Verdict.NONSENSE)
-        )
-        found = [
-            f"returns nonsense {how} in {len(cases)}: {'; '.join(cases)}"
-            for how, cases in (("that the check notices", noticed), ("that nothing notices", nonsense))
-            if len(cases)
-        ]
-        yield f"{asked}, and {', and '.join(found) or 'never returns nonsense'}."
+        wanted, bare = of_label["as_wanted"].sum(), of_label["wanted_unguarded"].sum()
+        yield f"{label} does what theory asks in {wanted} of {len(of_label)} cases."
+        if bare != wanted:
+            yield f"Without our guards {label} would in {bare}."
+        for how, verdict in (
+            ("that the check notices", Verdict.NOTICED),
+            ("that nothing notices", Verdict.NONSENSE),
+        ):
+            cases = of_label["scene"][of_label["verdict"] == verdict]
+            if len(cases):
+                yield f"{label} returns nonsense {how} in: {'; '.join(cases)}."
 
 
 def _reference(answered: pd.DataFrame) -> Iterator[str]:
@@ -107,12 +124,32 @@ def counts(answers: pd.DataFrame) -> Table:
     tally = pd.crosstab(answers["label"], answers["verdict"].map(lambda verdict: verdict.value))[names]
     tally.insert(0, "cases", by_label.size())
     tally["as theory asks"] = by_label["as_wanted"].sum()
+    tally["by guards"] = by_label["unguarded"].count()
+    tally["as theory asks without them"] = by_label["wanted_unguarded"].sum()
     reading = (
         "“As theory asks” counts what is right, refusals where there is no motion, and failures that say so "
-        "in time where it ends or where the step is too long, by the engine or by the check after the run."
+        "in time where it ends or where step or numbers are none to run with, by the engine or by a guard. "
+        "“By guards” counts runs that a guard of ours ended or failed."
     )
     cells = {**head(arms, "engine", "arm"), **{name: of.map(str) for name, of in tally.items()}}
     return Table.of("extremes-counts", "Verdicts by engine", reading, cells)
+
+
+def guards(spoke: pd.DataFrame) -> Table:
+    """Return what guards said, and what comes of the same runs without them."""
+    return Table.of(
+        "extremes-guards",
+        "Without our guards",
+        "Guards are checks of ours that end a run with which its engine would go on, or that fail one that "
+        "has ended. What came is what the engine returns when they are off.",
+        {
+            "case": spoke["scene"],
+            **head(spoke, "engine", "arm"),
+            "the guard": spoke["reason"],
+            "verdict": [verdict.value for verdict in spoke["unguarded"]],
+            "what came": spoke["came"],
+        },
+    )
 
 
 def expectations(answers: pd.DataFrame) -> Table:
@@ -140,8 +177,9 @@ def verdicts(answers: pd.DataFrame) -> Table:
         f"Errors are relative to the motion's own size; right is below {motion:g}. "
         "Energy that no physics accounts for is in parts of the largest energy there is, right below "
         f"{energy:g}; constraints in parts of the crank's length, right below {constraint:g}. Beyond "
-        f"{nonsense:g} times these two a run is nonsense. Reasons are the engines' own words, or the "
-        "check's."
+        f"{nonsense:g} times these two a run is nonsense. The reason is told by the engine itself, by a "
+        "guard of ours, by our model of the engine where that has no such law, or by the scene's own check "
+        "before any engine."
     )
     cells = {
         "case": answers["scene"],
@@ -152,6 +190,7 @@ def verdicts(answers: pd.DataFrame) -> Table:
         "of what": answers["judged"].astype(object).fillna(ABSENT),
         "energy": answers[ENERGY].map(number),
         "constraints": answers[CONSTRAINT].map(number),
+        "told by": answers["told_by"].replace("", ABSENT),
         "reason": answers["reason"].replace("", ABSENT),
     }
     return Table.of("extremes-verdicts", "Every run", reading, cells)

@@ -34,6 +34,8 @@ _DARK = list(LOOKS)[6:]
 #: In inches: the heights of a row, the head and the legend; where the columns begin; a cell's width.
 ROW, HEAD, FOOT, NAMES, CELL = 0.2, 0.72, 0.42, 1.66, 0.425
 WRAP = 66
+#: The part of a guarded cell that shows the verdict without guards.
+BARE = 0.45
 
 
 def verdict_matrix(answers: pd.DataFrame) -> Drawing:
@@ -61,7 +63,7 @@ def verdict_matrix(answers: pd.DataFrame) -> Drawing:
         _text(ax, theory - 0.2, top, WANTED[words["wanted"]], size=7)
         lines = "\n".join(textwrap.wrap(words["theory"], WRAP))
         _text(ax, theory, top, lines, size=4.9, ha="left")
-    _legend(ax, height - FOOT / 2, set(answers["verdict"]))
+    _legend(ax, height - FOOT / 2, {*answers["verdict"], *answers["unguarded"].dropna()})
     return drawing
 
 
@@ -80,12 +82,26 @@ def _cell(ax: Axes, left: float, top: float, answer: Row) -> None:
     patch.set_edgecolor("#404040" if answer["as_wanted"] else "none")
     ax.add_patch(patch)
     ink = "white" if verdict in _DARK else BLACK
+    if answer["unguarded"] is not None:
+        _text(ax, left + CELL * (1 - BARE) / 2, top, symbol, size=7, color=ink)
+        _bare(ax, left + CELL * (1 - BARE), top, answer["unguarded"])
+        return
     if verdict is not Verdict.INACCURATE:
         _text(ax, left + CELL / 2, top, symbol, size=7, color=ink)
         return
     off = f"{OF_WHAT.get(worst, '')}{answer[worst]:.0e}"
     _text(ax, left + 0.09, top, symbol, size=7, color=ink)
     _text(ax, left + 0.28, top, off, size=4.3, color=ink)
+
+
+def _bare(ax: Axes, left: float, top: float, verdict: Verdict) -> None:
+    """Fill the right part of a cell by the verdict without guards."""
+    symbol, colour = LOOKS[verdict]
+    ax.add_patch(
+        Rectangle((left, top + 0.03), CELL * BARE - 0.03, ROW - 0.06, facecolor=colour, edgecolor="none")
+    )
+    ink = "white" if verdict in _DARK else BLACK
+    _text(ax, left + CELL * BARE / 2 - 0.015, top, symbol, size=6, color=ink)
 
 
 def _legend(ax: Axes, y: float, used: set[Verdict]) -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 
 from reports.results import with_columns
 from reports.shared_tables import QUALITY, quality_failures
+from reports.tables import in_text
 
 Row = Mapping[str, Any]
 
@@ -38,18 +39,49 @@ TOLD_SO = (Verdict.FAILED, Verdict.NOTICED)
 _TIME = re.compile(r"\bt = -?\d[\d.e+-]* s\b")
 #: A failure tells its time to six digits.
 TOLD = 1e-2
+#: Who tells that there is no motion: the engine itself; one of our guards, which end runs with which the
+#: engine would go on; our model of the engine, where that has no such law; the scene's own check, for all.
+ENGINE, GUARD, MODEL, SCENE = "engine", "guard", "model", "scene"
+#: How a reason begins that is the scene's.
+NO_SCENE = "no such scene:"
+#: Part of the shortest link that joints are apart in what is no mechanism any more.
+APART = 0.1
 _ENDED = {v.value: v for v in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)}
 
 
 def answers(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the study's rows by the place of their cases in the gallery, with what is columns of them.
+    """Return the study's guarded runs by the place of their cases in the gallery, with what is made of them.
 
     ``reason`` is the engine's, or else why the check after every run fails it. ``verdict`` is the
     ``Verdict``; ``as_wanted`` whether theory asks for no more than what came, the motion,
     or no motion where there is none; ``worst`` which of the numbers judged exceeds its bound most, None
-    where there are none.
+    where there are none. ``told_by`` is who speaks where no motion came. Where that is a guard, ``unguarded``
+    is the verdict on the same run without guards, and ``came`` is in words what came of it, else None and
+    empty. ``wanted_unguarded`` is ``as_wanted`` without guards.
     """
-    rows = with_columns(rows, *JUDGED, "judged").sort_values("place", kind="stable")
+    judged = _judged(rows)
+    runs = judged[judged["guarded"].ne(False)]
+    others = {(row["scene"], row["label"]): row for _, row in judged[judged["guarded"].eq(False)].iterrows()}
+    pairs = [(row, others.get((row["scene"], row["label"]))) for _, row in runs.iterrows()]
+    speakers = [_told_by(row, other) for row, other in pairs]
+    bare = [other if speaker == GUARD else None for (_, other), speaker in zip(pairs, speakers, strict=True)]
+    return runs.assign(
+        told_by=speakers,
+        unguarded=pd.Series([None if row is None else row["verdict"] for row in bare], runs.index, object),
+        came=["" if row is None else _came(row) for row in bare],
+        wanted_unguarded=[
+            (row if other is None else other)["as_wanted"]
+            for (row, _), other in zip(pairs, bare, strict=True)
+        ],
+    )
+
+
+def _judged(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of all runs with what needs no other row."""
+    rows = with_columns(
+        rows, *JUDGED, "judged", "guarded", "finite", "penetration_part", "ideal_gap_part", "ideal_gap_m"
+    )
+    rows = with_columns(rows, "penetration_m").sort_values("place", kind="stable")
     rows[QUALITY] = quality_failures(rows)
     rows["reason"] = rows["reason"].where(rows["reason"] != "", rows[QUALITY])
     columns: dict[str, Callable[[Row], object]] = {
@@ -62,20 +94,61 @@ def answers(rows: pd.DataFrame) -> pd.DataFrame:
     return rows
 
 
+def _told_by(row: Row, other: Row | None) -> str:
+    """Return who tells that there is no motion, empty where there is one.
+
+    A guard ended the run, or failed it afterwards, where the same run without guards comes out otherwise.
+    """
+    if row["status"] == "unsupported":
+        return SCENE if row["reason"].startswith(NO_SCENE) else MODEL
+    if row["verdict"] is Verdict.NOTICED:
+        return GUARD
+    if row["status"] != "failed":
+        return ""
+    same = other is None or (other["status"], other["reason"]) == (row["status"], row["reason"])
+    return ENGINE if same else GUARD
+
+
+def _came(row: Row) -> str:
+    """Return in words what came of a run without guards."""
+    if row["status"] != "ok":
+        return f"{row['verdict'].value}: {row['reason']}"
+    if not row["finite"]:
+        return "success, with numbers that are not finite"
+    if row["penetration_part"] > 1:
+        return f"success, with a pin {length(row['penetration_m'])} beyond the wall of its bearing"
+    if row["ideal_gap_part"] > APART:
+        return f"success, with a joint or the guide {length(row['ideal_gap_m'])} apart"
+    if row["wanted"] == "refusal":
+        return f"success, {row['judged']}"
+    if row["worst"] == ENERGY:
+        return f"success, with energy off by {in_text(row[ENERGY])} of all there is"
+    return f"success, with {row['judged']} off by {in_text(row['relative_error'])}"
+
+
+def length(value_m: float) -> str:
+    """Return a length as it is written in a sentence: 3.2 mm, or 1.2×10⁴ m."""
+    if value_m >= 100:
+        return f"{in_text(value_m)} m"
+    scale, unit = (1.0, "m") if value_m >= 1 else (1e3, "mm")
+    return f"{float(f'{value_m * scale:.2g}'):g} {unit}"
+
+
 def verdict_on(row: Row) -> Verdict:
     """Return the verdict on a row.
 
     An answer that the check after every run fails is noticed nonsense. Others are nonsense if a number is
     missing, for those that are not finite are no numbers, if energy or constraints are off by more than
     ``nonsense_factor`` times their bounds, or if theory knows of no answer. An answer is right if nothing
-    exceeds its bound. A failure is clear if it tells when.
+    exceeds its bound. A failure is clear if it tells when: a time, or that it is the initial state's.
     """
     if row["status"] in _ENDED:
         return _ENDED[row["status"]]
     if row["status"] == "unsupported":
         return Verdict.REFUSED
     if row["status"] != "ok":
-        return Verdict.FAILED if _TIME.search(row["reason"]) else Verdict.FAILED_OBSCURELY
+        told = _TIME.search(row["reason"]) or row["reason"].startswith("initial ")
+        return Verdict.FAILED if told else Verdict.FAILED_OBSCURELY
     if row[QUALITY]:
         return Verdict.NOTICED
     excess = {name: row[name] / row[f"{name}_bound"] for name in JUDGED}
@@ -92,7 +165,7 @@ def _as_wanted(row: Row) -> bool:
         return verdict in (Verdict.REFUSED, *TOLD_SO)
     if wanted == "stop" and verdict in TOLD_SO:
         return bool(abs(_told_time(row["reason"]) - row["stop_s"]) <= row["step_s"] * (1 + TOLD))
-    return verdict is Verdict.RIGHT or (wanted == "answer or word" and verdict in TOLD_SO)
+    return verdict is Verdict.RIGHT or (wanted == "answer or word" and verdict in (Verdict.REFUSED, *TOLD_SO))
 
 
 def _told_time(reason: str) -> float:

@@ -12,7 +12,7 @@ from reports.parts import Figure, Section, stated
 from reports.results import Results
 from reports.shared_tables import settings_table
 from reports.style import ENGINES, labels
-from reports.tables import in_text
+from reports.tables import in_text, listed
 
 STUDY = "stability"
 TITLE = "Stability"
@@ -20,10 +20,10 @@ INTRODUCTION = (
     "Where does each solver stop being trustworthy? The literature's crank-slider with clearance at the "
     "rod-slider pin and a lossless Hertz contact is run through its first impacts at steps from harmless to "
     "absurd, while contact stiffness, clearance or crank speed varies, and every run gets a verdict from its "
-    "trajectory alone. Theory knows a limit for a fixed explicit step h on a contact of frequency ω: "
-    "ωh = 2.828 for RK4, h = 0.702 durations of the contact, and ωh = 2 for semi-implicit Euler, 0.496 "
-    "durations. Implicit methods, and those that choose their steps, have none. A mass on a contact's "
-    "spring shows whether the engines' methods are what theory takes them for."
+    "trajectory alone. Theory knows a linear limit for a fixed explicit step h on a contact of frequency ω. "
+    "For RK4 it is ωh = 2.828, which is h = 0.702 durations of the contact. For semi-implicit Euler it is "
+    "ωh = 2, or 0.496 durations. Implicit methods, and those that choose their steps, have none. A mass on "
+    "a contact's spring shows whether the engines' methods are what theory takes them for."
 )
 #: What the scalar problem must recover of theory.
 WITHIN = 0.01
@@ -49,10 +49,11 @@ def _map(rows: pd.DataFrame, varied: str) -> Section:
     figure = Figure(
         f"stability-{name}",
         f"Verdicts over the step and the {what}",
-        "A cell is a run, dark is bad. Right of the black line the step is beyond the limit of theory at the "
-        "deepest point of the first impact. G: the energy balance gains more than its bound; I: any bound is "
-        "exceeded otherwise; D: the engine gave up, a number is not finite, the mechanism came apart or its "
-        "energy is off by a tenth.",
+        "A cell is a run, dark is bad. Right of the black line the step is beyond the linear limit of "
+        "theory: that of a spring as stiff as the contact at the deepest point of the first impact, while "
+        "later impacts are harder or softer. G: the energy balance gains more than its bound; I: any bound "
+        "is exceeded otherwise; D: the engine gave up, a number is not finite, the mechanism came apart or "
+        f"its energy is off by a tenth.{_caps(rows)}",
         f"Maps of verdicts over the step and the {what}, logarithmic, one panel each for "
         f"{', '.join(labels(rows))}.",
         verdict_map(rows, varied),
@@ -60,10 +61,26 @@ def _map(rows: pd.DataFrame, varied: str) -> Section:
     return Section.of(name, f"Step and {what}", begun(rows, varied), [figure])
 
 
+def _caps(rows: pd.DataFrame) -> str:
+    """Return a caption's sentences on the arms for which the axis is but a cap."""
+    arms = rows.groupby("label", observed=True)
+    caps = [label for label, arm in arms if map_cells.capped(arm)]
+    if not caps:
+        return ""
+    text = f" For {listed(caps)} the axis is a cap: they take shorter steps where they need them."
+    if rows["contact_step_s"].notna().any():
+        text += " A title tells the mean step within the first contact, from the shortest to the longest."
+    return text
+
+
 def _boundaries(rows: pd.DataFrame, maps: Sequence[str]) -> Iterator[Section]:
     if maps:
         shown = (tables.boundaries(rows), settings_table(rows, STUDY))
         yield Section.of("boundaries", "The boundaries", verdicts(rows), tables=shown)
+        in_maps = map_cells.in_all_maps(rows)
+        if len(other := map_cells.other_bounds(in_maps)):
+            table = tables.other_bounds(in_maps)
+            yield Section.of("bounds", "The bounds", bounds(in_maps, other), tables=[table])
 
 
 def recovered(rows: pd.DataFrame) -> Iterator[str]:
@@ -95,13 +112,14 @@ def begun(rows: pd.DataFrame, varied: str) -> Iterator[str]:
         multiples = map_rows(arm, varied) / map_cells.limit_of(arm)
         growth, divergence = multiples["growth"].dropna(), multiples["divergence"].dropna()
         if len(growth):
-            text = f"{label}: energy grows from {span(growth)} times theory's limit on"
-            yield text + (f", runs diverge from {span(divergence)} times it on." if len(divergence) else ".")
+            yield f"{label}: energy grows from {span(growth)} times theory's linear limit on."
+        if len(divergence):
+            yield f"{label}: runs diverge from {span(divergence)} times that limit on."
 
 
 def verdicts(rows: pd.DataFrame) -> Iterator[str]:
     """Yield the sentences on all maps: what accurate means, and that no limit is no promise."""
-    in_maps = pd.concat([cells(rows, varied) for varied in VARIED])
+    in_maps = map_cells.in_all_maps(rows)
     yield _honest(in_maps)
     # Methods of fixed step that have no limit on a spring, and gain energy here.
     fixed = in_maps[in_maps["label"].isin(dampings_of(rows)["label"])]
@@ -112,6 +130,28 @@ def verdicts(rows: pd.DataFrame) -> Iterator[str]:
             f"{len(free)} runs gain energy beyond its bound or diverge: stable on a spring is not stable "
             "on a contact that begins and ends."
         )
+
+
+def bounds(in_maps: pd.DataFrame, others: Sequence[str]) -> Iterator[str]:
+    """Yield why the bounds are what they are, and what hangs on them."""
+    first = in_maps.iloc[0]
+    yield (
+        f"The bounds are a choice. {first['energy_bound_per_impact']:.0%} of an impact's energy is what laws "
+        "of one nominal restitution differ by. "
+        f"{first['position_bound_per_clearance']:.0%} of the clearance is a line's width in a picture of the "
+        f"pin's path. Positions are compared through {first['compared_impacts']:.0f} impacts, since without "
+        "losses every impact makes an error some twice as large."
+    )
+    changes = map_cells.changed_verdicts(in_maps)
+    most = changes[list(others)].sum()
+    worst = most.idxmax()
+    yield (
+        f"Of {len(in_maps)} verdicts {most.max()} change where {map_cells.in_words(worst)}, the change that "
+        "tells most."
+    )
+    steady = changes.index[changes.sum(axis=1) == 0]
+    if len(steady):
+        yield f"No bound halved or doubled changes a verdict on {listed(steady)}."
 
 
 def _honest(rows: pd.DataFrame) -> str:
@@ -133,9 +173,9 @@ def _honest(rows: pd.DataFrame) -> str:
         and (called["status"] == "ok").all()
     )
     return stated(
-        f"{len(called)} of {len(rows)} runs are called accurate: in each of them all numbers are finite, the "
-        f"energy balance holds within {energy:.0%} of the first impact's energy, the ideal joints within "
-        f"{gap:.0%} of the clearance and, through {bounds['compared_impacts']:.0f} impacts, the slider's "
-        f"position within {place:.0%} of it.",
+        f"{len(called)} of {len(rows)} runs are called accurate. In each of them all numbers are finite, the "
+        f"energy balance holds within {energy:.0%} of the first impact's energy, and the ideal joints within "
+        f"{gap:.0%} of the clearance. Through {bounds['compared_impacts']:.0f} impacts the slider's position "
+        f"is within {place:.0%} of it.",
         bool(held),
     )

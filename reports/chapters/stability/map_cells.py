@@ -13,6 +13,18 @@ GROWING, DIVERGED, REFUSED = 2, 3, 5
 #: What a run was that could not say so itself, by its status.
 BY_STATUS = {"timed out": 4, "unsupported": REFUSED}
 
+#: How columns of other bounds begin, and what the bounds are called.
+OTHERWISE = "severity_if_"
+BOUND_NAMES = {
+    "position": "bound on position is",
+    "constraint": "bound on joints is",
+    "energy": "bound on energy is",
+    "impacts": "impacts compared are",
+}
+
+#: A mean step below this part of the map's was no matter of rounding.
+CAPPED = 0.99
+
 #: What varies in a map beside the step: its column, what it is called, its unit, that unit in the column's.
 VARIED: dict[str, tuple[str, str, float]] = {
     "contact_stiffness_N_m1_5": ("contact stiffness", "N/m$^{1.5}$", 1.0),
@@ -36,7 +48,7 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
             "frequency_step",
         ),
         *("energy_loss_per_step", "expected_energy_loss_per_step", "leading_energy_loss_per_step"),
-        *("relative_difference", "verdict_severity"),
+        *("relative_difference", "verdict_severity", "contact_step_s", "mean_step_s"),
     )
     by_status = rows["status"].map(BY_STATUS).fillna(DIVERGED)
     severity = rows["verdict_severity"].fillna(by_status).astype(int)
@@ -48,9 +60,40 @@ def cells(rows: pd.DataFrame, varied: str) -> pd.DataFrame:
     return rows[rows[varied].notna()]
 
 
+def in_all_maps(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows that are cells of any map."""
+    return pd.concat([cells(rows, varied) for varied in VARIED])
+
+
+def other_bounds(rows: pd.DataFrame) -> list[str]:
+    """Return the columns of what verdicts would be by other bounds."""
+    return [name for name in rows if name.startswith(OTHERWISE)]
+
+
+def changed_verdicts(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return how many verdicts of each label (the index) each other bound (a column) would change.
+
+    What did not finish has its verdict by any bounds.
+    """
+    others = cells[other_bounds(cells)]
+    changed = others.notna() & others.ne(cells["severity"], axis=0)
+    return changed.groupby(cells["label"], observed=True).sum()
+
+
+def in_words(column: str) -> str:
+    """Return what a column of other bounds is about: the energy bound is halved."""
+    what, how = column.removeprefix(OTHERWISE).rsplit("_", 1)
+    return f"the {BOUND_NAMES.get(what, what)} {how}"
+
+
 def limit_of(rows: pd.DataFrame) -> float:
     """Return theory's limit omega h of an arm, NaN if it has none."""
     return float(rows["limit_frequency_step"].iloc[0])
+
+
+def capped(cells: pd.DataFrame) -> bool:
+    """Return whether an arm took shorter steps than the map's in any cell, which are a cap then."""
+    return bool((cells["mean_step_s"] < CAPPED * cells["step_s"]).any())
 
 
 def limits_of(rows: pd.DataFrame) -> pd.DataFrame:

@@ -14,9 +14,9 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import NullLocator
 
-from reports.chapters.stability.map_cells import REFUSED, VARIED, VERDICTS, limit_of
+from reports.chapters.stability.map_cells import REFUSED, VARIED, VERDICTS, capped, limit_of
 from reports.results import FloatArray
-from reports.style import BLACK, ENGINES, WIDTH_IN, axis_label
+from reports.style import BLACK, ENGINES, WIDTH_IN
 
 #: Colour and letter of each verdict. Lightness falls with severity, so that greyscale keeps the order; what
 #: was refused is no worse than anything, so white and hatched.
@@ -42,14 +42,22 @@ def verdict_map(rows: pd.DataFrame, varied: str) -> Drawing:
     for place, (label, arm) in enumerate(arms):
         ax = drawing.add_subplot(down, ACROSS, place + 1)
         _cells(ax, arm, varied, steps, values)
-        limit, theory = limit_of(arm), "no limit" if arm["engine"].iloc[0] in ENGINES else "limit unknown"
-        if not math.isnan(limit):
+        if not math.isnan(limit := limit_of(arm)):
             _theory(ax, arm, varied, limit)
-            theory = f"limit ωh = {limit:.3g}"
-        ax.set_title(f"{label}\n{theory}", fontsize=8)
+        ax.set_title(f"{label}\n{_steps(arm, limit)}", fontsize=8)
         _axes(ax, varied, values, bottom=place + ACROSS >= len(arms), left=place % ACROSS == 0)
     _legend(drawing, sorted(rows["severity"].unique()))
     return drawing
+
+
+def _steps(arm: pd.DataFrame, limit: float) -> str:
+    """Return theory's limit on an arm's steps, whether the map's are but a cap, and those in contact."""
+    unlimited = "no limit" if arm["engine"].iloc[0] in ENGINES else "limit unknown"
+    text = unlimited if math.isnan(limit) else f"linear limit ωh = {limit:.3g}"
+    if not capped(arm):
+        return text
+    taken = arm["contact_step_s"].dropna() * 1e6
+    return f"a cap; {taken.min():.1g} to {taken.max():.1g} µs in contact" if len(taken) else f"{text}, a cap"
 
 
 def _cells(ax: Axes, arm: pd.DataFrame, varied: str, steps: FloatArray, values: FloatArray) -> None:
@@ -118,7 +126,7 @@ def _axes(ax: Axes, varied: str, values: FloatArray, *, bottom: bool, left: bool
     if left:
         ax.set_ylabel(f"{name} [{unit}]", fontsize=8)
     if bottom:
-        ax.set_xlabel(axis_label("step_s"))
+        ax.set_xlabel("step, or its cap [s]")
     else:
         ax.set_xticklabels([])
 
@@ -138,5 +146,5 @@ def _legend(drawing: Drawing, severities: Sequence[int]) -> None:
         )
         for k in severities
     ]
-    handles.append(Line2D([], [], label="theory: the limit at the first impact", **_LINE))
+    handles.append(Line2D([], [], label="theory: the linear limit at the first impact", **_LINE))
     drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=7.5)

@@ -4,7 +4,14 @@ import math
 
 import pandas as pd
 
-from reports.chapters.stability.map_cells import VARIED, cells, limit_of, map_rows
+from reports.chapters.stability.map_cells import (
+    VARIED,
+    cells,
+    changed_verdicts,
+    in_words,
+    limit_of,
+    map_rows,
+)
 from reports.parts import Table
 from reports.shared_tables import head
 from reports.tables import ABSENT, number
@@ -72,20 +79,40 @@ def boundaries(rows: pd.DataFrame) -> Table:
             places = [
                 span(part[name]) for name in ("growth", "divergence") for part in (begins, begins / limit)
             ]
-            lines.append((what, engine, arm, _limit(limit), *places, span(begins["accurate"])))
+            in_contact = span(of_arm["contact_step_s"].dropna() * 1e6)
+            lines.append((what, engine, arm, _limit(limit), *places, span(begins["accurate"]), in_contact))
     return Table(
         "stability-boundaries",
         "Where growth and divergence begin",
-        "Ranges over the rows of a map, ω being the first impact's, and multiples of theory's limit. Growth "
-        "begins between the longest step up to which every run is at worst inaccurate and the next of the "
-        "map: given is their geometric mean, or the shortest step if that grows already; divergence alike. "
-        "Accurate is the longest step up to which every run is. Where not all rows of a map have such a "
-        "step, how many do is in brackets.",
+        "Ranges over the rows of a map, ω being the first impact's, and multiples of theory's linear limit. "
+        "Growth begins between the longest step up to which every run is at worst inaccurate and the next "
+        "of the map: given is their geometric mean, or the shortest step if that grows already; divergence "
+        "alike. Accurate is the longest step up to which every run is. For engines that choose their steps "
+        "these are caps; the mean step within the first contact is in the last column. Where not all rows "
+        "of a map have such a step, how many do is in brackets.",
         (
             *("map", "engine", "arm", "theory ωh", "growth from ωh", "per theory"),
-            *("divergence from ωh", "per theory", "accurate up to ωh"),
+            *("divergence from ωh", "per theory", "accurate up to ωh", "steps in contact [µs]"),
         ),
         tuple(lines),
+    )
+
+
+def other_bounds(in_maps: pd.DataFrame) -> Table:
+    """Return how many verdicts of each arm each bound would change, were it half or twice as large."""
+    by_label = in_maps.groupby("label", observed=True)
+    changes = changed_verdicts(in_maps)
+    return Table.of(
+        "stability-bounds",
+        "What the bounds decide",
+        "How many of an arm's verdicts, in all maps, would be others if one bound were half or twice what it "
+        "is. Runs that diverge by themselves do so by any bounds. Half of five impacts are two.",
+        {
+            **head(by_label.first().reset_index(), "engine", "arm"),
+            "verdicts": by_label.size().map(str),
+            "accurate": by_label["severity"].agg(lambda of: (of == 0).sum()).map(str),
+            **{in_words(name).removeprefix("the "): counts.map(str) for name, counts in changes.items()},
+        },
     )
 
 

@@ -321,9 +321,9 @@ def test_a_law_that_names_no_restitution_has_no_rigid_twin() -> None:
 
 def test_only_what_a_scene_needs_is_built() -> None:
     for name, shapes, constraints in (
-        ("clearance-driven-0.5mm", 0, 3),
+        ("clearance-driven-0.5mm", 0, 2),
         ("rigid-driven-0.5mm", 2, 2),
-        ("clearance-free-OAB", 0, 4),
+        ("clearance-free-OAB", 0, 1),
         ("rigid-free-OAB", 6, 1),
     ):
         model = PymunkEngine()._model(SCENES[name](), 1e-5)
@@ -339,24 +339,6 @@ def test_a_pin_that_goes_through_its_wall_is_a_failure_with_its_time(
     scene = clearance_free_three().model_copy(update={"end_time_s": 0.1})
     with pytest.raises(SimulationFailed, match=r"^pin through the wall .* at joint [OAB] at t = \S+ s$"):
         run(scene, engine, steps, 10)
-    assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "rigid-driven-0.5mm"])
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError, RuntimeError])
-def test_an_exception_in_a_callback_gets_through_and_prints_nothing(
-    name: str,
-    error: type[BaseException],
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    def fail(*_: object) -> None:
-        raise error("planted")
-
-    monkeypatch.setattr("engine_models.pymunk.pin.PinInBearing.speeds", fail)
-    expected = SimulationFailed if error is ZeroDivisionError else error
-    with pytest.raises(expected, match="planted"):
-        run(short(SCENES[name]()))
     assert capfd.readouterr() == ("", "")
 
 

@@ -1,4 +1,4 @@
-"""The compliant laws of the Pymunk hook: the reference's formulas, the restitution that each law gives."""
+"""The compliant laws of the Pymunk model: the reference's formulas, the restitution that each law gives."""
 
 import math
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from scipy.special import lambertw
 
 from engine_models.engine import RunSettings
-from engine_models.mechanics.contact_law import DAMPING_FACTORS, NormalLaw, friction_share
+from engine_models.mechanics.contact_law import DAMPING_FACTORS, friction_force, law_numbers, normal_force
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, ContactLaw, Friction, Scene
@@ -44,11 +44,12 @@ def test_every_damping_factor_is_the_references() -> None:
 def test_every_friction_law_is_the_references(kind: Any) -> None:
     dead = 0.002 if kind == "ambrosio" else None
     law = Friction(law=kind, coefficient=0.1, regularisation_speed_m_s=0.01, dead_band_speed_m_s=dead)
+    numbers = law_numbers(clearance("linear", stiffness=5e8, friction=law))
     other = contact_laws.FrictionLaw(kind, 0.1, 0.01, dead or 0.0)
     for sliding in np.linspace(-0.02, 0.02, 81).tolist():
-        assert friction_share(law, sliding) == pytest.approx(
-            contact_laws.FRICTION_LAWS[other.kind](other, sliding), abs=1e-15
-        )
+        share = contact_laws.FRICTION_LAWS[other.kind](other, sliding)
+        assert friction_force(numbers, 50.0, sliding) == pytest.approx(-5.0 * share, abs=1e-14)
+        assert friction_force(numbers, -50.0, sliding) == 0.0
 
 
 @pytest.mark.parametrize("e", [0.5, 0.9])
@@ -82,16 +83,17 @@ def test_kelvin_voigt_gives_the_restitution_and_duration_of_a_damped_oscillator(
 
 def test_the_force_is_clipped_where_the_law_would_pull_unless_it_may() -> None:
     room = clearance("lankarani-nikravesh", restitution=0.0, stiffness=1e8)
-    clipped, pulling = (NormalLaw(room.model_copy(update={"may_pull": may})) for may in (False, True))
-    assert clipped.force(1e-6, -10.0, 1.0) == (0.0, 1e8 * 1e-6**1.5, True)
-    force, spring, was_clipped = pulling.force(1e-6, -10.0, 1.0)
+    clipped, pulling = (law_numbers(room.model_copy(update={"may_pull": may})) for may in (False, True))
+    assert normal_force(clipped, 1e-6, -10.0, 1.0) == (0.0, 1e8 * 1e-6**1.5, True)
+    force, spring, was_clipped = normal_force(pulling, 1e-6, -10.0, 1.0)
     assert not was_clipped
     assert force == pytest.approx(spring * (1 - 7.5))
-    assert clipped.force(1e-6, -1.0, 1.0)[0] == pytest.approx(spring * 0.25)
-    lossless = NormalLaw(clearance("lankarani-nikravesh", restitution=1.0, stiffness=1e8))
+    assert normal_force(clipped, 1e-6, -1.0, 1.0)[0] == pytest.approx(spring * 0.25)
+    lossless = law_numbers(clearance("lankarani-nikravesh", restitution=1.0, stiffness=1e8))
     assert not lossless.clips
 
 
 def test_the_approach_speed_has_the_scenes_floor() -> None:
     room = clearance("hunt-crossley", restitution=0.5, stiffness=1e8, minimum_impact_speed_m_s=0.1)
-    assert NormalLaw(room).force(1e-6, 0.01, 0.001) == NormalLaw(room).force(1e-6, 0.01, 0.1)
+    law = law_numbers(room)
+    assert normal_force(law, 1e-6, 0.01, 0.001) == normal_force(law, 1e-6, 0.01, 0.1)
