@@ -23,8 +23,8 @@ AHEAD = 2.0
 #: How many times shorter a step may be than the one before it. Joints close in it what the longer one has
 #: left open, at a speed that grows with this ratio; at 30 they shake pins against their walls.
 AT_ONCE = 8.0
-#: Room for rounding where a time is divided into steps.
-ROOM = 1e-9
+#: Room for rounding where a time is divided into steps, as a part of one.
+ROOM = 1e-6
 
 
 def advance(run, bodies, state, loads, turn, weights, pins, kicks, turns, gas, rows, out):
@@ -60,7 +60,7 @@ def advance(run, bodies, state, loads, turn, weights, pins, kicks, turns, gas, r
         kick_s = (drift_s + next_s) / 2
         step_s = drift_s if of.kick > 0 else kick_s
         # A step kicks for as long as it moves; loads are to act for as long as from its middle to the next's.
-        share = kick_s / step_s
+        share = kick_s / step_s if abs(next_s - drift_s) > ROOM * next_s else 1.0
         touching = _in_contact(pins)
         if loaded or touching or share != 1.0:
             _clear(of, loads)
@@ -117,11 +117,9 @@ def _next_step(of, pins, state):
         if touches_within(pins[p], state[pins[p].bearing], state[pins[p].pin], AHEAD * of.flight_s):
             longest = max(of.contact_s, of.step_s / AT_ONCE)
     rest = of.next_sample * of.interval_s - of.time_s
-    steps = max(1.0, math.ceil(rest / longest * (1 - ROOM)))
+    steps = max(1.0, math.ceil(rest / longest - ROOM))
     of.leads = steps == 1.0
-    step_s = rest / steps
-    same = not of.leads and abs(step_s - of.step_s) <= ROOM * step_s
-    return of.step_s if same else step_s
+    return rest / steps
 
 
 @register_jitable(**INNER)
