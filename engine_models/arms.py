@@ -61,7 +61,7 @@ def _all_settings(engine: PymunkEngine) -> dict[str, Setting]:
 
 
 #: Pymunk at its best, and with all that a user who sets nothing has; its contacts as the scene's law has
-#: them, and as Pymunk has them.
+#: them, in steps of one length and in steps shorter there, and as Pymunk has them.
 TUNED = Arm("pymunk", "tuned", _all_settings(PymunkEngine()))
 OUT_OF_THE_BOX = Arm("pymunk", "out of the box", _all_settings(PymunkEngine.out_of_the_box()))
 AS_THE_SCENE = Arm("pymunk", "as the scene", {"contact": "as-scene"})

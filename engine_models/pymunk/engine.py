@@ -58,7 +58,8 @@ class PymunkEngine:
     before every step, as Pymunk's manual has it (``step_inputs``); spring, viscous friction and motor are its
     own springs and dampers (``loads``). With ``half_kick_start`` these damp the mean of the velocities before
     and after a kick, for the sake of order 2, which takes a step below 2 m/c; without it, the one after. A
-    table's acceleration has kinks at its entries: in the two steps after one forces are of order 1.
+    table's acceleration has kinks at its entries: in the two steps after one forces are of order 1, and with
+    few sweeps in some more.
 
     Contacts. With ``contact`` = "as-scene" a compliant law is applied as a force in every kick
     (``compliant_contact``) and a rigid one is Pymunk's native contact (``native_contact``); "rigid" makes the

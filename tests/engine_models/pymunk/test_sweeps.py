@@ -49,6 +49,19 @@ def test_a_third_of_them_is_too_few(rod: float, slider: float) -> None:
         error_m(scene.model_copy(update={"end_time_s": 0.3}), needed_sweeps(scene) // 3, 48000)
 
 
+@pytest.mark.parametrize("name", ["clearance-free-0.5mm", "clearance-driven-A"])
+def test_contacts_leave_no_error_that_more_sweeps_would_take(name: str) -> None:
+    scene = SCENES[name]().model_copy(update={"end_time_s": 0.01 if "free" in name else 0.003})
+    needed, many, true = (
+        PymunkEngine(iterations=iterations).simulate(scene, RunSettings(scene.end_time_s / steps, SAMPLES))
+        for iterations, steps in ((None, 4000), (1000, 4000), (1000, 64000))
+    )
+    apart, error = (
+        np.abs(one.position - other.position).max() for one, other in ((needed, many), (many, true))
+    )
+    assert apart < 2 * ADDED * error, (apart, error)
+
+
 def test_joints_that_share_no_body_need_the_fewest() -> None:
     assert {needed_sweeps(SCENES[name]()) for name in ("clearance-free-OAB", "clearance-driven-0.5mm")} == {4}
     assert needed_sweeps(ideal_free()) > 8
