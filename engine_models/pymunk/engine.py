@@ -63,11 +63,12 @@ class PymunkEngine:
 
     Contacts. With ``contact`` = "as-scene" a compliant law is applied as a force in every kick
     (``compliant_contact``) and a rigid one is Pymunk's native contact (``native_contact``); "rigid" makes the
-    compliant ones native too, with the restitution they name (see ``twin``). All of it is of order 1, since
-    a contact is noticed in the first step that is past the wall. Forces at t_k are impulses of kick k over
-    dt, means over a step: a rigid impact's peak grows as 1/dt and means nothing, its impulse does. At a kick
-    that strikes a rigid wall (the first of a contact) the velocity reported is the one before, and losses
-    and work are those before.
+    compliant ones native too, with the restitution they name (see ``twin``). Rigid walls are of order 1,
+    since a contact is noticed in the first step that is past the wall, and so are laws with damping or
+    friction, which know the speeds of half a step before; Hertz's alone is of order 2. Forces at t_k are
+    impulses of kick k over dt, means over a step: a rigid impact's peak grows as 1/dt and means nothing, its
+    impulse does. At a kick that strikes a rigid wall (the first of a contact) the velocity reported is the
+    one before, and losses and work are those before.
 
     Steps. Pymunk's manual advises steps of one length, which is the default. With ``shorter_in_contact`` they
     are that many times shorter in contact, and from two long steps before a touch on, foreseen along straight

@@ -61,12 +61,8 @@ class Samples:
         Raises:
             SimulationFailed: see ``require_the_mechanism``.
         """
-        scene, wanted, kick_s, sample = (
-            self._scene,
-            block.rows["kick"],
-            block.rows["kick_s"],
-            block.rows["sample"],
-        )
+        scene, rows = self._scene, block.rows
+        wanted, time_s, kick_s, sample = rows["kick"], rows["time_s"], rows["kick_s"], rows["sample"]
         rigid = []
         for number, (name, log) in enumerate(self._logs.items()):
             log.add(self._workspace.taken(number))
@@ -77,7 +73,7 @@ class Samples:
         struck = np.isin(wanted, np.concatenate(rigid)) if rigid else np.zeros(len(wanted), dtype=bool)
         position, velocity, mean, acceleration = self._motion(block, struck)
         gap = gaps(scene, position)
-        require_the_mechanism(scene, position, gap, block.rows["time_s"])
+        require_the_mechanism(scene, position, gap, time_s)
         # A kick's work is half done at its own time, unless it strikes: then all is to come (or all over).
         share = np.where(struck, 0.0 if self._half_kick_start else 1.0, 0.5)
         contacts = {
@@ -86,7 +82,7 @@ class Samples:
         }
         felt = mean if self._half_kick_start else velocity  # by dampers in these kicks
         force, guide, torque = reactions(scene, position, felt, acceleration, contacts)
-        works = self._works.since_start(block.rows["time_s"], kick_s, share, position, felt, mean, torque)
+        works = self._works.since_start(time_s, kick_s, share, position, felt, mean, torque)
         arrays = {
             "position": position,
             "velocity": velocity,
@@ -137,7 +133,8 @@ class Samples:
             mean[0] = before[0]
         if self._half_kick_start:
             at_kick = after - acceleration * (block.kick_s - block.rows["step_s"][:, None, None] / 2)
-            at_kick[block.rows["kick"] == 0] = before[block.rows["kick"] == 0]
+            if block.begin is not None:
+                at_kick[0] = before[0]
             velocity = np.where(struck[:, None, None], before, at_kick)
         if crank_is_kinematic(scene):
             _place_driven_crank(scene, block.rows["time_s"], position, velocity, acceleration)

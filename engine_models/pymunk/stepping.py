@@ -48,14 +48,15 @@ class Block:
     """Kicks that are taken, and then worked off, together.
 
     ``rows`` (n,) of ``records.ROW`` are those of which results are kept, with positions and velocities before
-    and after, (n, bodies, 3) each. ``begin`` has the first kicks' accelerations, (START_KICKS, bodies, 3), in
-    the first block.
+    and after, (n, bodies, 3) each; accelerations are the changes of these over the time that loads act.
+    ``begin`` has those of the first kicks, (START_KICKS, bodies, 3), in the first block.
     """
 
     rows: NDArray[Any]
     position: FloatArray
     before: FloatArray
     after: FloatArray
+    acceleration: FloatArray
     begin: FloatArray | None
 
     @property
@@ -63,31 +64,23 @@ class Block:
         """How long loads act in each kick, (n, 1, 1)."""
         return np.asarray(self.rows["kick_s"][:, None, None])
 
-    @property
-    def acceleration(self) -> FloatArray:
-        """The change of velocities in each kick over its time, (n, bodies, 3)."""
-        return (self.after - self.before) / self.kick_s
-
 
 class Timing:
     """The steps of a run: of one length, or in contact and before it ``shorter`` times as short."""
 
     def __init__(self, scene: Scene, settings: RunSettings, shorter: float = 1.0) -> None:
-        self.scene, self.samples, self.step_s = (
-            scene,
-            settings.samples,
-            settings.step_used_s(scene.end_time_s),
-        )
-        self._contact_s, self._per_sample = self.step_s / shorter, settings.steps_per_sample(scene.end_time_s)
+        self.step_s = settings.step_used_s(scene.end_time_s)
+        self._scene, self._samples, self._contact_s = scene, settings.samples, self.step_s / shorter
+        self._per_sample = settings.steps_per_sample(scene.end_time_s)
 
     def set(self, run: NDArray[Any]) -> None:
         """Set the steps of a run (1,) of ``records.RUN``."""
         run["flight_s"], run["contact_s"] = self.step_s, self._contact_s
-        run["interval_s"], run["samples"] = self.scene.end_time_s / self.samples, self.samples
-        varies, end = self._contact_s < self.step_s, self.samples * self._per_sample
+        run["interval_s"], run["samples"] = self._scene.end_time_s / self._samples, self._samples
+        varies, end = self._contact_s < self.step_s, self._samples * self._per_sample
         run["per_sample"], run["end"] = (0, NEVER) if varies else (self._per_sample, end)
         # Works need forces and torques at every step, all else is asked for at the samples alone.
-        run["every"] = 1 if add_up(self.scene) else run["per_sample"]
+        run["every"] = 1 if add_up(self._scene) else run["per_sample"]
 
 
 def run(model: Model, timing: Timing, half_kick_start: bool, work_off: Callable[[Block], None]) -> float:
@@ -130,10 +123,10 @@ def _block(work: Workspace, begins: bool) -> Block:
     count = int(work.run[0]["row"])
     work.run["row"] = 0
     rows, out = work.rows[:count], work.out[:count]
-    start = loop.START_KICKS
-    begin = (out[:start, :, 6:] - out[:start, :, 3:6]) / rows["kick_s"][:start, None, None]
+    acceleration = (out[..., 6:] - out[..., 3:6]) / rows["kick_s"][:, None, None]
     position, before, after = (out[rows["kept"], :, column : column + 3] for column in (0, 3, 6))
-    return Block(rows[rows["kept"]], position, before, after, begin if begins else None)
+    begin = acceleration[: loop.START_KICKS] if begins else None
+    return Block(rows[rows["kept"]], position, before, after, acceleration[rows["kept"]], begin)
 
 
 @contextmanager

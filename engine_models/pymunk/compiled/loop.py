@@ -34,8 +34,8 @@ def advance(run, bodies, state, loads, turn, weights, pins, kicks, turns, gas, r
     ``weights`` (bodies,) in N pull its bodies down; ``pins`` (p,) are its contacts, and ``kicks`` (p, kicks)
     their logs. Of every kick ``turns`` (kicks, 2) has the crank's angle before the step and its speed, none
     where the space knows them. ``gas`` (pieces, 5) is the slider's load by the crank's angle, see
-    ``gas_force``. Of those kicks that are read ``rows`` (n,) get the times,
-    ``out`` (n, bodies, 9) positions, velocities before and velocities after.
+    ``gas_force``. Of those kicks that are read ``rows`` (n,) get the times, and ``out`` (n, bodies, 9)
+    positions, velocities before and velocities after.
     """
     of = run[0]
     loaded = of.torque_N_m != 0.0 or of.force_N != 0.0 or len(gas) > 0
@@ -188,11 +188,9 @@ def _push_all(of, pins, state, loads, kick_s, kicks):
 def _stretch(loads, weights, share):
     """Have loads act for another time than the step, and the bodies' weights with them."""
     for b in range(len(loads)):
-        loads[b].x, loads[b].y, loads[b].torque = (
-            loads[b].x * share,
-            loads[b].y * share,
-            loads[b].torque * share,
-        )
+        loads[b].x *= share
+        loads[b].y *= share
+        loads[b].torque *= share
     for b in range(len(weights)):
         loads[b].y -= (share - 1.0) * weights[b]
 
