@@ -63,13 +63,18 @@ def of_the_reference(study: str, engine: str) -> bool | None:
     return None if study == "agreement" or on_its_equations else study == "predictability"
 
 
+def of_what_is_compiled(study: str, engine: str) -> bool | None:
+    """Return whether what keeps machine code decides: it keeps Pymunk's loop too."""
+    return engine == "pymunk" or of_the_reference(study, engine)
+
+
 @pytest.mark.parametrize(
     ("file", "decides"),
     [
         ("engine_models/scene/scene.py", lambda _study, _engine: True),
         ("engine_models/exudyn/kinematic_tree.py", lambda _, engine: engine == "exudyn"),
         ("engine_models/pymunk/engine.py", lambda _, engine: engine == "pymunk"),
-        ("reference_solver/compiled/__init__.py", of_the_reference),
+        ("reference_solver/compiled/__init__.py", of_what_is_compiled),
         ("reference_solver/methods.py", of_the_reference),
         ("studies/judges/local_error.py", lambda study, _: study in ("clearance", "work-precision")),
         ("studies/stability/verdict.py", lambda study, _: study == "stability"),
