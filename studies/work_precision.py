@@ -18,7 +18,7 @@ from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.judges.comparison import checked, compared
-from studies.judges.converged_truth import converged, followed
+from studies.judges.converged_truth import converged, followed, truth_by
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 
@@ -88,10 +88,10 @@ def _errors(case: Case) -> Row:
     own, samples = engine.twin(case.scene), case.run.samples
     run = engine.simulate(case.scene, case.run)
     errors, _ = compared(own, run, *converged(own, samples), followed(own, samples))
-    steps: Row = {"steps": run.steps}
+    row: Row = {"truth": truth_by(own, samples), "steps": run.steps}
     if run.evaluations is not None:
-        steps["evaluations"] = run.evaluations
-    return {**steps, **errors, **checked(case.scene, run)}
+        row["evaluations"] = run.evaluations
+    return {**row, **errors, **checked(case.scene, run)}
 
 
 def _solve_time_s(engine: Engine, scene: Scene, run: RunSettings) -> float:

@@ -1,51 +1,102 @@
-"""The converged solution of any scene, with repeats that tell how far, and until when, it can be followed.
+"""The true solution of any scene, with repeats that tell how far, and until when, it can be followed.
 
-Ideal scenes have the independent truth of ``ideal_truth``. Scenes with clearance have the reference by
-DOP853 at a tolerance near round-off, with the same run at ten times that tolerance and one by RK4, a method
-of another order whose steps come from other rules. They are followed up to the horizon, where these or runs
-begun a hair beside them part. All are kept on disk (see ``run_cache``).
+It shares nothing with the solvers. Ideal scenes have ``ideal_truth``, scenes with clearance the minimal
+coordinates of ``studies.independent``: by Radau's collocation, and again by extrapolation, a method of
+another kind with shorter steps at another tolerance. Their distance is the truth's uncertainty. The reference
+by DOP853 is a cross-check, and no more. Where the independent equations have no solution it stands in, with
+repeats of its own. Scenes are followed up to the horizon, where repeats or runs begun a hair beside part. All
+are kept on disk (see ``run_cache``).
 """
 
 from functools import lru_cache
 
 import numpy as np
 
-from engine_models.engine import RunSettings, Trajectory
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.quality import require_quality
+from engine_models.mechanics.samples import selected
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
+from studies.independent.solver import IndependentSolver
 from studies.judges.horizon import PERTURBATION_RAD, moved
 from studies.judges.ideal_truth import exact, exact_repeats
 from studies.judges.run_cache import kept_run
 
-#: The engines of the converged run and its repeats, and the longest step of the repeat by RK4.
+#: The solvers of the truth and of its repeats, which leave out shorter flights between rigid walls.
+COLLOCATION = IndependentSolver("collocation", 1e-11)
+EXTRAPOLATION = IndependentSolver("extrapolation", 1e-14, shortest_flight_s=1e-9)
+SHARPER = IndependentSolver("collocation", 1e-12, shortest_flight_s=1e-9)
+#: The cross-check, and what stands in with it: its runs at ten times the tolerance, and by RK4 at this step.
 SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", tolerance=tolerance) for tolerance in (1e-13, 1e-12))
 RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
+#: Scenes whose samples divide these are solved once.
+GRID = 120
 #: Pointwise errors mean something while repeats are no further apart than this in slider position.
 POINTWISE_M = 1e-8
+#: What the truth of a scene is by.
+INDEPENDENT, REFERENCE = "independent", "reference"
+
+Solved = tuple[Trajectory, tuple[Trajectory, ...]]
 
 
-@lru_cache(maxsize=64)
-def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
-    """Return the converged trajectory and its repeats.
+def converged(scene: Scene, samples: int) -> Solved:
+    """Return the true trajectory and its repeats.
 
     Raises:
-        UnsupportedScene, SimulationFailed: the reference cannot run the scene, or not well.
+        UnsupportedScene, SimulationFailed: the independent equations have no solution, nor has the reference,
+            or not a good one.
     """
     if not scene.joints_with_clearance:
         return exact(scene, samples), tuple(exact_repeats(scene, samples))
+    return _on_samples(scene, samples)[1]
+
+
+def truth_by(scene: Scene, samples: int) -> str:
+    """Return what the truth of a scene is by: ``INDEPENDENT`` equations, or the ``REFERENCE``."""
+    return _on_samples(scene, samples)[0] if scene.joints_with_clearance else INDEPENDENT
+
+
+@lru_cache(maxsize=64)
+def _on_samples(scene: Scene, samples: int) -> tuple[str, Solved]:
+    """Return what solved a scene with clearance, and its solution; those on few samples are of more."""
+    if samples < GRID and GRID % samples == 0:
+        by, (truth, repeats) = _on_samples(scene, GRID)
+        some = slice(None, None, GRID // samples)
+        return by, (selected(truth, some), tuple(selected(repeat, some) for repeat in repeats))
     whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(RK4_STEP_S, samples)
-    runs = ((SHARP, whole), (LESS_SHARP, whole), (RK4, fine))
-    truth, *repeats = (require_quality(scene, kept_run(engine, scene, run)) for engine, run in runs)
-    return truth, tuple(repeats)
+    try:
+        truth, repeat = kept_run(COLLOCATION, scene, whole), _repeat(scene, whole)
+        return INDEPENDENT, (require_quality(scene, truth), (require_quality(scene, repeat),))
+    except (UnsupportedScene, SimulationFailed):
+        runs = ((SHARP, whole), (LESS_SHARP, whole), (RK4, fine))
+        truth, *others = (require_quality(scene, kept_run(engine, scene, run)) for engine, run in runs)
+        return REFERENCE, (truth, tuple(others))
+
+
+def _repeat(scene: Scene, whole: RunSettings) -> Trajectory:
+    """Return the repeat: the explicit method's, or if that takes too many steps a sharper implicit one."""
+    try:
+        return kept_run(EXTRAPOLATION, scene, whole)
+    except SimulationFailed:
+        return kept_run(SHARPER, scene, whole)
+
+
+def cross_check(scene: Scene, samples: int) -> Trajectory:
+    """Return the reference's sharpest run of a scene.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: as ``simulate`` does.
+    """
+    return kept_run(SHARP, scene, RunSettings(scene.end_time_s, samples))
 
 
 @lru_cache(maxsize=64)
 def followed(scene: Scene, samples: int) -> int:
-    """Return how many samples of the converged trajectory come before the scene's horizon.
+    """Return how many samples of the true trajectory come before the scene's horizon.
 
-    That is where a repeat parts from it, or the same run with the crank angle moved by PERTURBATION_RAD to
-    either side. What starts with the state of every body has no such angle, and ideal joints no horizon.
+    That is where a repeat parts from it, or a run of the reference with the crank angle moved by
+    PERTURBATION_RAD to either side. What starts with the state of every body has no such angle, and ideal
+    joints no horizon.
     """
     truth, repeats = converged(scene, samples)
     if scene.joints_with_clearance and not scene.start.states:

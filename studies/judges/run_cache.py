@@ -6,16 +6,25 @@ They are beside the kernels, checked in the same way, and as private: what is re
 import hashlib
 import pickle
 import platform
+from typing import Protocol
 
 from llvmlite.binding import get_host_cpu_name
 
-from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engine import RunSettings, Trajectory
 from engine_models.reference.kernels import read_checked, write_checked
 from engine_models.scene.scene import Scene
 from studies.running.provenance import engine_fingerprint
 
 
-def kept_run(engine: Engine, scene: Scene, settings: RunSettings) -> Trajectory:
+class Solver(Protocol):
+    """A frozen dataclass of settings that can run scenes: an engine, or the independent solver."""
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
+        ...
+
+
+def kept_run(engine: Solver, scene: Scene, settings: RunSettings) -> Trajectory:
     """Return an engine's run, made now or before by the engine's same code on the same kind of processor.
 
     Its ``solve_time_s`` is that of the run that was made.
@@ -34,7 +43,7 @@ def kept_run(engine: Engine, scene: Scene, settings: RunSettings) -> Trajectory:
     return run
 
 
-def _file_name(engine: Engine, scene: Scene, settings: RunSettings) -> str:
+def _file_name(engine: Solver, scene: Scene, settings: RunSettings) -> str:
     """Return the name of a run's file: a hash of engine, scene and settings, of code and processor."""
     kind = type(engine)
     code = engine_fingerprint(kind.__module__), kind.__qualname__

@@ -8,8 +8,8 @@ from engine_models.engines import make_engine
 from engine_models.own_uncertainty import simulate_with_uncertainty
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from studies.judges.ideal_truth import exact
+from tests.helpers.crank_sliders import in_minimal_coordinates
 from tests.helpers.engines import supporting
-from tests.independent.clearance import integrate
 
 SAMPLES = 20
 #: The solution that a run is held against is far sharper: what is left is its own uncertainty, which is below
@@ -43,7 +43,7 @@ def test_the_uncertainty_covers_the_true_error_of_an_ideal_scene(name: str, engi
 def test_the_uncertainty_covers_the_true_error_with_clearance() -> None:
     scene = CLEARANCE_SCENES["clearance-driven-0.1mm"]().model_copy(update={"end_time_s": 0.002})
     run, uncertainty = simulate_with_uncertainty(make_engine("reference"), scene, RunSettings(1e-5, SAMPLES))
-    truth = integrate(scene, run.time_s, 1e-12).slider_position_m
+    truth = in_minimal_coordinates(scene, SAMPLES).slider_position_m
     ratio = uncertainty["slider_position_m"].max() / np.abs(run.slider_position_m - truth).max()
     assert LEAST < ratio < MOST, f"uncertainty is {ratio:.6f} times the error"
     assert uncertainty["contact_B_normal_force_N"].shape == ()

@@ -5,6 +5,7 @@ prescribed speeds by integrating their accelerations. Splines are B-splines. No 
 closed-form motion, nothing of the truth under test.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from engine_models.scene.scene import Scene
-from tests.independent.prescribed_speed import prescribed_speed, speed_at_start
-from tests.independent.slider_load import PARTS, slider_load, torque_on_crank
+from studies.independent.drives import drive_of, prescribed_acceleration, start_speed, torque
+from studies.independent.loads import PARTS, load_forces, load_of
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ class Run:
 
 def integrate(scene: Scene, times: FloatArray, rtol: float, longest_s: float) -> Run:
     """Integrate from the assembly at the scene's start, DOP853 in steps of ``longest_s`` at most."""
-    load_at, motion = slider_load(scene), prescribed_speed(scene)
+    load_at, drive = slider_load(scene), drive_of(scene)
     masses = np.array([[part.mass_kg, part.mass_kg, part.inertia_kg_m2] for part in scene.bodies])
 
     def solved(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, dict[str, float]]:
@@ -52,10 +53,10 @@ def integrate(scene: Scene, times: FloatArray, rtol: float, longest_s: float) ->
             b[column : column + 2] += sign * v[body, 2] ** 2 * np.array([x, y])
         A[7, 15], A[8, 16], A[15, 7], A[16, 8] = -1, -1, 1, 1
         A[2, 17] = -1
-        if motion is not None:
-            A[17, 2], b[17] = 1, motion.acceleration(t)
+        if scene.speed_is_prescribed:
+            A[17, 2], b[17] = 1, prescribed_acceleration(drive, t)
         else:
-            A[17, 17], b[17] = 1, torque_on_crank(scene, v[0, 2])
+            A[17, 17], b[17] = 1, torque(drive, v[0, 2])
         return np.asarray(np.linalg.solve(A, b)), load
 
     def derivative(t: float, y: FloatArray) -> FloatArray:
@@ -82,6 +83,18 @@ def integrate(scene: Scene, times: FloatArray, rtol: float, longest_s: float) ->
     return Run(q, v, joints, found[:, 15], found[:, 17], run.y[18], works)
 
 
+def slider_load(scene: Scene) -> Callable[[float, float, float], dict[str, float]]:
+    """Return the parts of the load in N as a function of theta, x and x'; those that are absent are zero."""
+    load = load_of(scene)
+
+    def forces(theta: float, x: float, speed: float) -> dict[str, float]:
+        parts = np.empty(len(PARTS))
+        load_forces(load, theta, x, speed, parts)
+        return dict(zip(PARTS, parts.tolist(), strict=True))
+
+    return forces
+
+
 def _pins(scene: Scene) -> list[tuple[int, int, float, int]]:
     """Return joint, body, the pin's distance from its centre of mass along it, and the force's sign there."""
     crank, rod, _ = scene.crank_slider()
@@ -99,7 +112,7 @@ def _assembly(scene: Scene) -> FloatArray:
     """Return positions and velocities (2, 3, 3) by the triangle's angles and the pins' velocities."""
     crank, rod, _ = scene.crank_slider()
     r, length = crank.length_m, rod.length_m
-    theta, omega = scene.start.crank_angle_rad, speed_at_start(scene)
+    theta, omega = scene.start.crank_angle_rad, start_speed(scene)
     pin = r * np.array([np.cos(theta), np.sin(theta)])
     slider = np.array([pin[0] + np.sqrt(length**2 - pin[1] ** 2), 0.0])
     along = (slider - pin) / length

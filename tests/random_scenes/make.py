@@ -15,9 +15,9 @@ from typing import Protocol
 import numpy as np
 
 from engine_models.scene.scene import Scene
-from tests.independent.pin_motion import Motion
-from tests.independent.rigid_impact import Paradox
-from tests.independent.stepping import collocated, extrapolated, extrapolation, radau
+from studies.independent.motion import Motion
+from studies.independent.rigid_walls import Paradox
+from studies.independent.stepping import collocated, extrapolated, extrapolation, radau
 from tests.random_scenes.recipe import random_scene
 from tests.random_scenes.truths import (
     DEFAULT,

@@ -7,10 +7,18 @@ import pytest
 
 from engine_models.arms import Arm
 from engine_models.engine import RunSettings
+from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import CLEARANCE_SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.scene import Clearances, Scene
 from studies import clearance, work_precision
-from studies.judges.converged_truth import converged, reach
+from studies.judges.converged_truth import (
+    INDEPENDENT,
+    REFERENCE,
+    converged,
+    cross_check,
+    reach,
+    truth_by,
+)
 from studies.judges.local_error import windows
 from studies.ladders import clearance_ladder, ideal_ladder
 from studies.running.case import Case
@@ -29,12 +37,25 @@ def case(scene: Scene, engine: str, step_s: float, **settings: float | str | boo
     return Case("clearance", scene, Arm(engine, "arm", settings), RunSettings(step_s, SAMPLES))
 
 
-def test_the_converged_solution_is_confirmed_by_repeats_of_another_kind(scene: Scene) -> None:
+def test_the_truth_is_independent_and_confirmed_by_another_method_and_by_the_reference(scene: Scene) -> None:
     truth, repeats = converged(scene, SAMPLES)
-    assert len(repeats) == 2
+    assert truth_by(scene, SAMPLES) == INDEPENDENT
     apart = max(np.abs(t.slider_position_m - truth.slider_position_m).max() for t in repeats)
-    assert apart < 1e-11, f"{apart:.1e} m"  # both converge to 1e-12 m here
+    assert apart < 1e-13, f"{apart:.1e} m"  # both converge to 1e-15 m here
+    other = cross_check(scene, SAMPLES).slider_position_m
+    assert np.abs(other - truth.slider_position_m).max() < 1e-11
     assert reach(truth, repeats) == SAMPLES + 1
+
+
+def test_what_has_no_independent_solution_is_told_to_be_the_references(scene: Scene) -> None:
+    """Its pin stands in the rigid wall as the run begins."""
+    assert scene.clearance.B is not None
+    unset = {"law": "rigid", "young_modulus_Pa": None, "poisson_ratio": None}
+    walled = Clearances(B=scene.clearance.B.model_copy(update=unset))
+    position, velocity = start_state(scene)
+    position[2, 0] += scene.clearance.B.radial_clearance_m * (1 + 1e-15)
+    begun = started_from(scene.model_copy(update={"clearance": walled}), position, velocity)
+    assert truth_by(begun, SAMPLES) == REFERENCE
 
 
 def test_pointwise_comparison_ends_where_the_repeats_part(scene: Scene) -> None:

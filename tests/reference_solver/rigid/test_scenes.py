@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from engine_models.engine import Trajectory
 from engine_models.mechanics.assembly import start_state
 from engine_models.reference.model import loads_of, mechanism_of
 from engine_models.scene.drives import RampDrive
@@ -14,9 +15,12 @@ from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearances, Friction, Scene
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice, solve
+from studies.independent.equations import CONTACT, FOLLOWS
+from studies.independent.motion import Motion
+from studies.independent.stepping import collocated, radau
+from studies.judges.horizon import moved
+from tests.helpers.crank_sliders import in_minimal_coordinates
 from tests.helpers.mechanism_energy import energy_residual_J
-from tests.independent.rigid_clearance import integrate
-from tests.independent.slider_load import PARTS
 
 FloatArray = NDArray[np.float64]
 
@@ -33,9 +37,8 @@ FORCE = 1e-6
 THOUSANDTH, HIDDEN = 1e-3, 1e-7
 #: Slower impacts are the ends of such series; their times are places' errors over speeds.
 SLOW = 1e-2
-#: The independent twin starts this much beside the middle: more than both solvers' own errors come to.
-MOVED = 2e-14
-RTOL = 1e-13
+#: The independent twin starts this much beside, in rad: more than both solvers' own errors come to.
+MOVED_RAD = 1e-12
 #: A quotient of two forces.
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 #: RK4's theory is 4; the steps are cut at events, differently for each step, which scatters the order.
@@ -44,29 +47,28 @@ ORDER_TOLERANCE = 0.1
 
 @dataclass(frozen=True)
 class Case:
-    """Run to ``end_s`` with a step; the independent side's longest step; what the horizon has to contain."""
+    """Run to ``end_s`` with a step; what the horizon has to contain."""
 
     end_s: float
     step_s: float
-    longest_s: float
     impacts: int
     mode_changes: int
 
 
 CASES = {
-    "rigid-driven-0.5mm": Case(0.0105, 2e-6, 2e-5, 80, 3),
-    "rigid-driven-0.1mm": Case(0.0102, 2e-6, 2e-5, 50, 3),
-    "rigid-driven-0.02mm": Case(0.0015, 5e-7, 2e-5, 40, 1),
-    "rigid-driven-damped": Case(0.002, 5e-7, 2e-5, 8, 1),
-    "rigid-driven-A": Case(0.0045, 1e-6, 2e-5, 50, 1),
-    "rigid-driven-AB": Case(0.003, 5e-7, 2e-5, 40, 0),
-    "rigid-free-0.5mm": Case(0.08, 1e-5, 2e-4, 12, 0),
-    "rigid-free-OAB": Case(0.03, 1e-5, 2e-4, 40, 0),
-    "rigid-pendulum": Case(0.2, 1e-4, 1e-3, 15, 1),
-    "rigid-start-up": Case(0.012, 2e-6, 2e-5, 30, 1),
-    "rigid-compressor": Case(0.012, 2e-6, 4e-5, 30, 1),
-    "two rubbing joints": Case(0.006, 1e-6, 2e-5, 15, 4),
-    "two rubbing joints sped up under load": Case(0.006, 1e-6, 2e-5, 15, 9),
+    "rigid-driven-0.5mm": Case(0.0105, 2e-6, 80, 3),
+    "rigid-driven-0.1mm": Case(0.0102, 2e-6, 50, 3),
+    "rigid-driven-0.02mm": Case(0.0015, 5e-7, 40, 1),
+    "rigid-driven-damped": Case(0.002, 5e-7, 8, 1),
+    "rigid-driven-A": Case(0.0045, 1e-6, 50, 1),
+    "rigid-driven-AB": Case(0.003, 5e-7, 40, 0),
+    "rigid-free-0.5mm": Case(0.08, 1e-5, 12, 0),
+    "rigid-free-OAB": Case(0.03, 1e-5, 40, 0),
+    "rigid-pendulum": Case(0.2, 1e-4, 15, 1),
+    "rigid-start-up": Case(0.012, 2e-6, 30, 1),
+    "rigid-compressor": Case(0.012, 2e-6, 30, 1),
+    "two rubbing joints": Case(0.006, 1e-6, 15, 4),
+    "two rubbing joints sped up under load": Case(0.006, 1e-6, 15, 9),
 }
 SAMPLES = 100
 
@@ -129,6 +131,33 @@ def works_J(found: Solution, scene: Scene) -> dict[str, FloatArray]:
 Hits = list[tuple[float, str, float]]
 
 
+def hits_of(run: Trajectory) -> Hits:
+    """Return impacts that are not slow, as (time, joint, approach speed)."""
+    found = [
+        (float(time), joint, float(speed))
+        for joint, contact in run.contacts.items()
+        for time, speed in zip(contact.impacts.time_s, contact.impacts.approach_speed_m_s, strict=True)
+    ]
+    return sorted(hit for hit in found if hit[2] > SLOW)
+
+
+class Following(Motion):
+    """A motion that keeps from when on which joints' pins follow their walls."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene, collocated, radau(7, 1e-11))
+        self.changes: list[tuple[float, tuple[str, ...]]] = []
+
+    def _settle(self, joint: int) -> None:
+        before = self._following()
+        super()._settle(joint)
+        if self._following() != before:
+            self.changes.append((self.time_s, self._following()))
+
+    def _following(self) -> tuple[str, ...]:
+        return tuple("OAB"[k] for k in np.flatnonzero(self.phases[:, CONTACT] == FOLLOWS))
+
+
 def first_difference(some: Hits, others: Hits) -> float | None:
     """Return the time of the first impact in which two lists differ by more than ``TIME`` or in the joint."""
     for one, other in zip(some, others, strict=False):
@@ -140,15 +169,17 @@ def first_difference(some: Hits, others: Hits) -> float | None:
 @pytest.mark.parametrize("name", CASES)
 def test_up_to_its_horizon_a_scene_moves_as_in_minimal_coordinates(name: str) -> None:
     case, scene = CASES[name], scene_of(name)
-    times = np.linspace(0.0, case.end_s, SAMPLES + 1)
-    expected, twin = (integrate(scene, times, RTOL, case.longest_s, moved) for moved in (0.0, MOVED))
-    place, settled = np.array(expected.place_m), HIDDEN + THOUSANDTH * case.step_s / (1 - restitution(scene))
-    hits = [[hit for hit in side.impacts if hit[2] > SLOW] for side in (expected, twin)]
-    apart = times[np.abs(place - twin.place_m) > PLACE]
+    scene = scene.model_copy(update={"end_time_s": case.end_s})
+    expected, twin = (in_minimal_coordinates(one, SAMPLES) for one in (scene, moved(scene, MOVED_RAD)))
+    times, place = expected.time_s, expected.slider_position_m
+    settled, motion = HIDDEN + THOUSANDTH * case.step_s / (1 - restitution(scene)), Following(scene)
+    assert motion.to(case.end_s)
+    hits = [hits_of(side) for side in (expected, twin)]
+    apart = times[np.abs(place - twin.slider_position_m) > PLACE]
     horizon = min([case.end_s, *apart[:1], *([at] if (at := first_difference(*hits)) else [])])
     known = [hit for hit in hits[0] if hit[0] < horizon - TIME]
     assert len(known) >= case.impacts, f"the horizon of {horizon} s has {len(known)} impacts"
-    changes = [change for change in expected.following if change[0] < horizon - settled]
+    changes = [change for change in motion.changes if change[0] < horizon - settled]
     assert len(changes) >= case.mode_changes, f"the horizon of {horizon} s has {changes}"
 
     found = run(scene, case.end_s, case.step_s, compiled=True)
@@ -165,17 +196,20 @@ def test_up_to_its_horizon_a_scene_moves_as_in_minimal_coordinates(name: str) ->
     for change, (at, following) in zip(found.mode_changes, changes, strict=False):
         assert tuple(joints[k] for k in change.following) == following
         assert abs(change.time_s - at) < settled, f"mode change {change.time_s - at:.1e} s off"
-    forces = np.array([[walls.get(joint, 0.0) for joint in joints] for walls in expected.forces_N])
+    forces = np.stack([expected.contacts[joint].normal_force_N for joint in joints], axis=-1)
     wrong = np.abs(found.normal_force_N - forces)[inside]
     assert wrong.max() <= FORCE * np.abs(forces).max(), f"forces up to {wrong.max():.1e} N off"
     if scene.speed_is_prescribed:
-        torque = np.array(expected.torque_N_m)
+        torque = expected.driver_torque_N_m
+        assert torque is not None
         wrong = np.abs(found.multipliers[:, -1] - torque)[inside]
         assert wrong.max() <= FORCE * np.abs(torque).max(), f"torques up to {wrong.max():.1e} N m off"
-    works = dict(zip(["drive", *PARTS], np.array(expected.works_J).T, strict=True))
+    works = {"drive": expected.driver_work_J, **expected.load_work_J}
     for part, work in works_J(found, scene).items():
-        wrong = np.abs(work - works[part])[inside]
-        assert wrong.max() <= FORCE * np.abs(works[part]).max(), f"{part}: {wrong.max():.1e} J off"
+        true = works[part]
+        assert true is not None
+        wrong = np.abs(work - true)[inside]
+        assert wrong.max() <= FORCE * np.abs(true).max(), f"{part}: {wrong.max():.1e} J off"
 
 
 def test_the_ledger_of_the_damped_scene_closes_at_order_four_with_friction_in_following() -> None:

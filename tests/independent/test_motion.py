@@ -11,13 +11,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import lambertw
 
+from engine_models.engine import RunSettings
 from engine_models.scene.library import clearance, ideal_driven, ideal_free
 from engine_models.scene.scene import Clearance, Clearances, ContactLaw, Friction, Scene
-from tests.independent import clearance as cut_tree
-from tests.independent import rigid_clearance
-from tests.independent.pin_motion import TOUCHES, Motion
-from tests.independent.pins import SIZE, damping_of, energy
-from tests.independent.stepping import collocated, extrapolated, extrapolation, radau
+from studies.independent.mechanism import SIZE, damping_of
+from studies.independent.motion import Motion
+from studies.independent.solver import IndependentSolver
+from studies.independent.stepping import collocated, extrapolated, extrapolation, radau
+from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
 from tests.random_scenes.recipe import COMPLIANT, WITH_RESTITUTION, random_scene
 
 #: Approach speed in m/s, stiffness in N/m^n and clearance in m of the bounces below.
@@ -56,12 +57,12 @@ def bounced(law: ContactLaw, **constants: Any) -> tuple[float, float, float]:
     start = scene.start.model_copy(update={"crank_speed_rad_s": 1e-30})
     motion = moving(scene.model_copy(update={"start": start, "gravity_m_s2": 0.0}))
     motion.z[SIZE + 5] = motion.scale[SIZE:] = SPEED
-    motion.begin_s = motion.clock[1] = 1e-3 * ROOM / SPEED
+    motion.begin_s = motion.clock[0] = 1e-3 * ROOM / SPEED
     motion.shortest_s = 1e-11 * ROOM / SPEED
     assert motion.to(1.5 * ROOM / SPEED)  # the contact is over long before, the next wall is not reached
     came_back = -float(motion.z[SIZE + 5])
     # It left the wall at the place ROOM, and has flown since.
-    released = motion.clock[0] - (ROOM - motion.z[5]) / came_back
+    released = motion.time_s - (ROOM - motion.z[5]) / came_back
     return came_back, float(released) - ROOM / SPEED, scene.crank_slider()[2].mass_kg
 
 
@@ -104,50 +105,27 @@ def test_a_pin_in_flight_leaves_the_slider_its_speed() -> None:
     speed = -r * omega * sin - r**2 * sin * cos * omega / (length * cos_phi)
     motion, times = moving(scene), np.linspace(2e-5, 1e-4, 5)
     np.testing.assert_allclose(places(motion, times), begin + speed * times, rtol=0, atol=1e-15)
-    assert not motion.clock[TOUCHES]
-
-
-def test_impacts_are_those_of_the_mechanism_cut_into_a_tree() -> None:
-    """DOP853 of SciPy in other coordinates; friction turns both bodies of the joint."""
-    rub = Friction(law="tanh", coefficient=0.1, regularisation_speed_m_s=0.05)
-    scene = in_joints(ideal_driven(), 0.001, A=clearance(1e-4, "hu-guo", 0.5, rub), B=clearance(5e-4))
-    times = np.linspace(0.0, scene.end_time_s, 11)
-    expected = cut_tree.integrate(scene, times, 1e-12)
-    motion = moving(scene)
-    off = np.abs(places(motion, times[1:]) - expected.slider_position_m[1:])
-    assert motion.clock[TOUCHES] == len(expected.touches) > 4
-    assert off.max() < 1e-12, f"off by {off.max():.1e} m"  # 1e-12 is the other's relative tolerance
+    assert not motion.contacts[2]
 
 
 def test_energy_is_kept_by_springs_and_lost_to_friction() -> None:
+    solver = IndependentSolver("extrapolation", 1e-14)
     scene = in_joints(ideal_free(), 0.05, O=hertz(5e-4), B=hertz(1e-4))
-    begin = (motion := moving(scene)).z.copy()
-    places(motion, np.linspace(0.01, 0.05, 5))
-    before, after = (energy(motion.bodies, motion.walls, z) for z in (begin, motion.z))
-    assert motion.clock[TOUCHES] > 10
+    run = solver.simulate(scene, RunSettings(0.05, 5))
+    energy = kinetic_energy_J(scene, run)[0]
+    assert sum(len(contact.impacts.time_s) for contact in run.contacts.values()) > 10
+    assert run.dissipated_energy_J is not None
+    assert not run.dissipated_energy_J.any()
     # Some thousand steps, each in error by 1e-14 of its speeds.
-    assert abs(after / before - 1) < 1e-11, f"{after / before - 1:.1e} of it lost"
+    gain = np.abs(energy_balance_residual_J(scene, run)).max() / energy
+    assert gain < 1e-11, f"{gain:.1e} of it lost or made"
     rub = Friction(law="ambrosio", coefficient=0.2, regularisation_speed_m_s=0.05, dead_band_speed_m_s=0.01)
-    motion, energies = moving(in_joints(ideal_free(), 0.05, A=hertz(5e-4, rub))), [before]
-    for t in np.linspace(0.0005, 0.05, 100).tolist():
-        motion.to(t)
-        energies.append(energy(motion.bodies, motion.walls, motion.z))
-    assert energies[1] == pytest.approx(before, rel=1e-14)
-    assert max(np.diff(energies)) < 1e-14 * before
-    assert energies[-1] < 0.999 * before
-
-
-def test_rigid_walls_are_those_of_the_mechanics_in_charts() -> None:
-    """SciPy's DOP853, with friction that has kinks and a start beside the dead centre."""
-    scene = random_scene(20, rigid=True)
-    assert scene.clearance.A is not None
-    assert scene.clearance.A.friction is not None
-    times = np.linspace(0.0, scene.end_time_s / 4, 6)
-    expected = rigid_clearance.integrate(scene, times, 1e-12, scene.end_time_s / 1000)
-    motion = moving(scene)
-    off = np.abs(places(motion, times[1:]) - expected.place_m[1:])
-    assert len(expected.impacts) > 5
-    assert off.max() < 1e-11, f"off by {off.max():.1e} m"
+    scene = in_joints(ideal_free(), 0.05, A=hertz(5e-4, rub))
+    run = solver.simulate(scene, RunSettings(0.05, 100))
+    energies = kinetic_energy_J(scene, run) + potential_energy_J(scene, run)
+    assert energies[1] == pytest.approx(energies[0], rel=1e-14)
+    assert max(np.diff(energies)) < 1e-14 * energy
+    assert energies[-1] < energies[0] - 0.001 * energy
 
 
 def test_both_steps_agree_on_every_law() -> None:

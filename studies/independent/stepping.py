@@ -5,13 +5,14 @@ implicit, for stiff contacts and friction (Hairer, Wanner 1996, IV.5). Both are 
 solver under test goes. Each fills the state after h and returns its error over the tolerance.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.polynomial import legendre
 
-from tests.independent.pins import SIZE, Bodies, FloatArray, Walls, accelerations
+from studies.independent.equations import STATE, SUMS, TIME
+from studies.independent.mechanism import SIZE, FloatArray, Mechanism
 
 #: Columns of the extrapolation: the midpoint rule in 2, 4, ... 2 COLUMNS parts.
 COLUMNS = 7
@@ -63,17 +64,10 @@ def _integrals(nodes: FloatArray, ends: FloatArray) -> FloatArray:
     return out
 
 
-@njit(error_model="numpy")
-def slope(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, out: FloatArray) -> None:
-    """Fill y' (14,)."""
-    out[:SIZE] = y[SIZE:]
-    accelerations(b, walls, phases, y, out[SIZE:])
-
-
 def extrapolated(
     table: Table,
-    b: Bodies,
-    walls: Walls,
+    rates: Any,
+    m: Mechanism,
     phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
@@ -81,17 +75,17 @@ def extrapolated(
     out: FloatArray,
 ) -> float:
     """Step by extrapolation, of changes rather than states: their round-off is smaller."""
-    size = len(y)
-    first, present, before, after, now = np.empty((5, size))
-    T = np.empty((COLUMNS, size))
-    slope(b, walls, phases, y, first)
+    first, present, now = np.empty(STATE), np.empty(STATE), np.empty(STATE)
+    before, after = np.empty(STATE), np.empty(STATE)
+    T, told = np.empty((COLUMNS, STATE)), np.empty((4, 3))
+    rates(m, phases, y, first, told)
     for j in range(COLUMNS):
         parts = 2 * (j + 1)
         H = h / parts
         before[:] = 0.0
         present[:] = H * first
         for _ in range(parts - 1):
-            slope(b, walls, phases, y + present, now)
+            rates(m, phases, y + present, now, told)
             after[:] = before + 2 * H * now
             before[:] = present
             present[:] = after
@@ -100,8 +94,9 @@ def extrapolated(
             ratio = (j + 1.0) / (i + 1.0)
             T[i] = T[i + 1] + (T[i + 1] - T[i]) / (ratio * ratio - 1.0)
     error = 0.0
-    for i in range(size):
+    for i in range(STATE):
         out[i] = y[i] + T[0, i]
+    for i in range(TIME):
         off = abs(T[0, i] - T[1, i]) / scale[i]
         if not off <= error:
             error = off
@@ -110,8 +105,8 @@ def extrapolated(
 
 def collocated(
     table: Table,
-    b: Bodies,
-    walls: Walls,
+    rates: Any,
+    m: Mechanism,
     phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
@@ -119,23 +114,23 @@ def collocated(
     out: FloatArray,
 ) -> float:
     """Step by collocation, with Newton's method on the accelerations at the nodes."""
-    stages, free = len(table.A), b.free
-    n = len(free)
-    f, moved = np.empty((2, SIZE))
-    accelerations(b, walls, phases, y, f)
-    matrix = _newton_matrix(table, b, walls, phases, scale, y, h, f)
+    stages, free = len(table.A), m.bodies.free
+    n, told = len(free), np.empty((4, 3))
+    here = np.empty(STATE)
+    rates(m, phases, y, here, told)
+    matrix = _newton_matrix(table, rates, m, phases, scale, y, h, here[SIZE:TIME].copy())
     if not np.all(np.isfinite(matrix)):
         return REJECT
     inverse = np.linalg.inv(matrix)
-    a, residual = np.empty((stages, SIZE)), np.empty(stages * n)
-    a[:] = f
+    found, a, residual = np.empty((stages, STATE)), np.empty((stages, SIZE)), np.empty(stages * n)
+    a[:] = here[SIZE:TIME]
     before = np.inf
     for _ in range(ITERATIONS):
         for i in range(stages):
             _node_state(table, a, y, h, i, out)
-            accelerations(b, walls, phases, out, moved)
+            rates(m, phases, out, found[i], told)
             for j in range(n):
-                residual[i * n + j] = moved[free[j]] - a[i, free[j]]
+                residual[i * n + j] = found[i, SIZE + free[j]] - a[i, free[j]]
         change = inverse @ residual
         size = 0.0
         for i in range(stages):
@@ -144,6 +139,10 @@ def collocated(
                 part = h * abs(change[i * n + j]) / scale[SIZE + free[j]]
                 if not part <= size:
                     size = part
+            if free[0] > 0:  # that of a crank whose speed is prescribed goes by the time alone
+                part = h * abs(a[i, 0] - found[i, SIZE]) / scale[SIZE]
+                a[i, 0] = found[i, SIZE]
+                size = max(size, part)
         if not size < 1e3 or (size > 2.0 * before and size > STALLED):
             return REJECT
         if size < CONVERGED or (size < STALLED and size > 0.5 * before):
@@ -153,6 +152,9 @@ def collocated(
     if before > STALLED:
         return REJECT
     _node_state(table, a, y, h, stages - 1, out)
+    for k in range(SUMS, STATE):
+        for i in range(stages):
+            out[k] += h * table.A[stages - 1, i] * found[i, k]
     error = 0.0
     for j in range(n):
         off = 0.0
@@ -164,24 +166,26 @@ def collocated(
 
 @njit(error_model="numpy")
 def _node_state(table: Table, a: FloatArray, y: FloatArray, h: float, i: int, out: FloatArray) -> None:
-    """Fill the state at a node from the accelerations (s, 7) at all."""
+    """Fill the state at a node, but for its sums, from the accelerations (s, 7) at all."""
     c = 0.0
-    out[:] = 0.0
+    out[:] = y
     for j in range(len(a)):
         c += table.A[i, j]
-        for k in range(SIZE):
-            out[k] += h * table.twice[i, j] * a[j, k]
-            out[SIZE + k] += h * table.A[i, j] * a[j, k]
     for k in range(SIZE):
-        out[k] = y[k] + h * (c * y[SIZE + k] + out[k])
-        out[SIZE + k] += y[SIZE + k]
+        place = speed = 0.0
+        for j in range(len(a)):
+            place += table.twice[i, j] * a[j, k]
+            speed += table.A[i, j] * a[j, k]
+        out[k] += h * (c * y[SIZE + k] + h * place)
+        out[SIZE + k] += h * speed
+    out[TIME] += c * h
 
 
 @njit(error_model="numpy")
 def _newton_matrix(
     table: Table,
-    b: Bodies,
-    walls: Walls,
+    rates: Any,
+    m: Mechanism,
     phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
@@ -189,24 +193,24 @@ def _newton_matrix(
     f: FloatArray,
 ) -> FloatArray:
     """Return I - h A x df/dw' - h^2 A^2 x df/dw, by differences in the middle of the step."""
-    stages, free = len(table.A), b.free
-    n = len(free)
+    stages, free = len(table.A), m.bodies.free
+    n, told = len(free), np.empty((4, 3))
     middle = y.copy()
     for k in range(SIZE):
         middle[k] += 0.5 * h * (y[SIZE + k] + 0.25 * h * f[k])
         middle[SIZE + k] += 0.5 * h * f[k]
-    here, there = np.empty((2, SIZE))
-    accelerations(b, walls, phases, middle, here)
+    here, there = np.empty(STATE), np.empty(STATE)
+    rates(m, phases, middle, here, told)
     matrix = np.eye(stages * n)
     for j in range(n):
         for part in range(2):
             k = part * SIZE + free[j]
             kept, by = middle[k], 1e-7 * scale[k]
             middle[k] += by
-            accelerations(b, walls, phases, middle, there)
+            rates(m, phases, middle, there, told)
             middle[k] = kept
             for i in range(n):
-                d = (there[free[i]] - here[free[i]]) / by
+                d = (there[SIZE + free[i]] - here[SIZE + free[i]]) / by
                 for p in range(stages):
                     for q in range(stages):
                         weight = h * table.A[p, q] if part else h * h * table.twice[p, q]

@@ -10,24 +10,21 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tests.independent.pins import (
+from studies.independent.equations import (
     CLIPPED,
     CONTACT,
     FLIGHT,
     FOLLOWS,
     MEMORY,
+    NORMAL,
     PIECE,
     PUSHED,
-    SIZE,
-    Bodies,
-    FloatArray,
-    Walls,
-    kinematics,
-    motion,
+    SLIDING,
+    STATE,
     placed,
-    sliding_row,
 )
-from tests.independent.stepping import Table, slope
+from studies.independent.mechanism import SIZE, FloatArray, Mechanism, Walls
+from studies.independent.stepping import Table
 
 #: The signals of a joint: its gap, the sign of its force, and friction's piece left downwards and upwards.
 GAP, SIGN, DOWN, UP = range(4)
@@ -42,11 +39,11 @@ DIFFERENCE = 1e-4
 
 
 @njit(error_model="numpy")
-def signal(b: Bodies, walls: Walls, phases: FloatArray, z: FloatArray, k: int, which: int) -> float:
+def signal(rates: Any, m: Mechanism, phases: FloatArray, z: FloatArray, k: int, which: int) -> float:
     """Return a signal of joint k, -inf where it can do nothing in the joint's phase."""
-    x, contact = 2 * k + 1, phases[k, CONTACT]
+    walls, x, contact = m.walls, 2 * k + 1, phases[k, CONTACT]
     if contact == FOLLOWS and which <= SIGN:
-        return -wall_force_N(b, walls, phases, z, k) if which == GAP else -np.inf
+        return -told(rates, m, phases, z, k, NORMAL) if which == GAP else -np.inf
     y = placed(walls, phases, z)
     distance = np.hypot(y[x], y[x + 1])
     if which == GAP:
@@ -58,7 +55,7 @@ def signal(b: Bodies, walls: Walls, phases: FloatArray, z: FloatArray, k: int, w
     if contact == FLIGHT:
         return -np.inf
     if which == SIGN:
-        if walls.a[k] == 0.0 and not (walls.pulls[k] and walls.mu[k] > 0.0):
+        if walls.drags[k] or (walls.mu[k] == 0.0 if walls.pulls[k] else walls.a[k] == 0.0):
             return -np.inf
         rate = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / distance
         share = 1.0 + phases[k, MEMORY] * rate
@@ -72,7 +69,7 @@ def signal(b: Bodies, walls: Walls, phases: FloatArray, z: FloatArray, k: int, w
     limit = _limit(walls, k, piece if which == UP else -piece)
     if limit == np.inf:
         return -np.inf
-    speed = sliding_speed(b, walls, y, k)
+    speed = told(rates, m, phases, z, k, SLIDING)
     return float(((speed if which == UP else -speed) - limit) / full)
 
 
@@ -91,25 +88,17 @@ def _limit(walls: Walls, k: int, piece: float) -> float:
 
 
 @njit(error_model="numpy")
-def wall_force_N(b: Bodies, walls: Walls, phases: FloatArray, z: FloatArray, k: int) -> float:
-    """Return the force that presses a following pin inwards."""
-    out = np.empty(SIZE)
-    motion(b, walls, phases, z, out)
-    return float(out[2 * k + 2])
+def told(rates: Any, m: Mechanism, phases: FloatArray, z: FloatArray, k: int, what: int) -> float:
+    """Return what a state tells of joint k: the force that presses its pin inwards, or its sliding speed."""
+    out = np.empty((4, 3))
+    rates(m, phases, z, np.empty(STATE), out)
+    return float(out[k, what])
 
 
 @njit(error_model="numpy")
-def sliding_speed(b: Bodies, walls: Walls, y: FloatArray, k: int) -> float:
-    """Return the sliding speed in joint k, of the state y."""
-    J, rest = np.empty((SIZE, SIZE)), np.empty(SIZE)
-    kinematics(b, y, J, rest)
-    return float(sliding_row(walls, k, y, J[5], rest))
-
-
-@njit(error_model="numpy")
-def switch(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, k: int, which: int) -> None:
+def switch(rates: Any, m: Mechanism, phases: FloatArray, y: FloatArray, k: int, which: int) -> None:
     """Change the phase of joint k, whose signal has come to zero."""
-    x, contact, piece = 2 * k + 1, phases[k, CONTACT], phases[k, PIECE]
+    walls, x, contact, piece = m.walls, 2 * k + 1, phases[k, CONTACT], phases[k, PIECE]
     if which == GAP and contact == FLIGHT:
         rate = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / np.hypot(y[x], y[x + 1])
         phases[k, CONTACT] = PUSHED
@@ -124,7 +113,7 @@ def switch(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, k: int, w
         part = 1.0 if walls.dead[k] > 0.0 else 2.0
         phases[k, PIECE] = piece + part if which == UP else piece - part
     if which <= SIGN and phases[k, CONTACT] == PUSHED and walls.mu[k] > 0.0:
-        phases[k, PIECE] = piece_of(walls, k, sliding_speed(b, walls, y, k))
+        phases[k, PIECE] = piece_of(walls, k, told(rates, m, phases, y, k, SLIDING))
 
 
 @njit(error_model="numpy")
@@ -139,16 +128,16 @@ def piece_of(walls: Walls, k: int, speed: float) -> float:
 
 
 @njit(error_model="numpy")
-def _rate(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, h: float, k: int, which: int) -> float:
+def _rate(rates: Any, m: Mechanism, phases: FloatArray, y: FloatArray, h: float, k: int, which: int) -> float:
     """Return a signal's rate, which is exact for a gap but for round-off."""
     if which == GAP and phases[k, CONTACT] != FOLLOWS:
         x = 2 * k + 1
-        speed = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / walls.c[k] ** 2
+        speed = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / m.walls.c[k] ** 2
         return float(speed if phases[k, CONTACT] == FLIGHT else -speed)
-    f = np.empty(len(y))
-    slope(b, walls, phases, y, f)
+    f = np.empty(STATE)
+    rates(m, phases, y, f, np.empty((4, 3)))
     f *= DIFFERENCE * h
-    rise = signal(b, walls, phases, y + f, k, which) - signal(b, walls, phases, y - f, k, which)
+    rise = signal(rates, m, phases, y + f, k, which) - signal(rates, m, phases, y - f, k, which)
     return float(rise / (2.0 * DIFFERENCE * h))
 
 
@@ -156,8 +145,8 @@ def _rate(b: Bodies, walls: Walls, phases: FloatArray, y: FloatArray, h: float, 
 def first_switch(
     step: Any,
     table: Table,
-    b: Bodies,
-    walls: Walls,
+    rates: Any,
+    m: Mechanism,
     phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
@@ -171,8 +160,8 @@ def first_switch(
     first, joint, kind, trials = h, -1, 0, 0
     for k in range(3):
         for which in range(4):
-            if walls.c[k] > 0.0 and signal(b, walls, phases, y, k, which) != -np.inf:
-                at, more = _crossing(step, table, b, walls, phases, scale, y, end, h, k, which)
+            if m.walls.c[k] > 0.0 and signal(rates, m, phases, y, k, which) != -np.inf:
+                at, more = _crossing(step, table, rates, m, phases, scale, y, end, h, k, which)
                 trials += more
                 if 0.0 <= at <= first and (at < first or joint < 0):
                     first, joint, kind = at, k, which
@@ -183,8 +172,8 @@ def first_switch(
 def _crossing(
     step: Any,
     table: Table,
-    b: Bodies,
-    walls: Walls,
+    rates: Any,
+    m: Mechanism,
     phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
@@ -195,14 +184,14 @@ def _crossing(
 ) -> tuple[float, int]:
     """Return when a signal passes zero upwards, -1 where it does not, and the trials."""
     low, high, trials = 0.0, h, 0
-    g_low, g_high = signal(b, walls, phases, y, k, which), signal(b, walls, phases, end, k, which)
-    r_low = _rate(b, walls, phases, y, h, k, which)
-    r_high = _rate(b, walls, phases, end, h, k, which)
+    g_low, g_high = signal(rates, m, phases, y, k, which), signal(rates, m, phases, end, k, which)
+    r_low = _rate(rates, m, phases, y, h, k, which)
+    r_high = _rate(rates, m, phases, end, h, k, which)
     if g_high <= 0.0 or (r_low <= 0.0 and r_high <= 0.0):
         if not r_low > 0.0 > r_high or not _may_reach_zero(g_low, g_high, r_low, r_high, h):
             return -1.0, trials
         high, g_high, trials = _zero(
-            step, table, b, walls, phases, scale, y, h, k, which, low, high, r_low, r_high, True
+            step, table, rates, m, phases, scale, y, h, k, which, low, high, r_low, r_high, True
         )
         if g_high <= 0.0:
             return -1.0, trials
@@ -212,14 +201,14 @@ def _crossing(
         trial, g_low = np.empty(len(y)), 0.0
         while g_low >= 0.0:
             low = 0.5 * (low if low > 0.0 else high)
-            step(table, b, walls, phases, scale, y, low, trial)
-            g_low, trials = signal(b, walls, phases, trial, k, which), trials + 1
+            step(table, rates, m, phases, scale, y, low, trial)
+            g_low, trials = signal(rates, m, phases, trial, k, which), trials + 1
             if g_low >= 0.0:
                 high, g_high = low, g_low
             if low < SHORT * h:
                 return 0.0, trials
     high, _, more = _zero(
-        step, table, b, walls, phases, scale, y, h, k, which, low, high, g_low, g_high, False
+        step, table, rates, m, phases, scale, y, h, k, which, low, high, g_low, g_high, False
     )
     return high, trials + more
 
@@ -228,8 +217,8 @@ def _crossing(
 def _zero(
     step: Any,
     table: Table,
-    b: Bodies,
-    walls: Walls,
+    rates: Any,
+    m: Mechanism,
     phases: FloatArray,
     scale: FloatArray,
     y: FloatArray,
@@ -250,9 +239,9 @@ def _zero(
     close = SHORT if not peak else 1e-12 * abs(at_high - at_low)
     for count in range(TRIALS):
         at = (low * at_high - high * at_low) / (at_high - at_low)
-        step(table, b, walls, phases, scale, y, at, trial)
-        g = signal(b, walls, phases, trial, k, which)
-        value = _rate(b, walls, phases, trial, h, k, which) if peak else g
+        step(table, rates, m, phases, scale, y, at, trial)
+        g = signal(rates, m, phases, trial, k, which)
+        value = _rate(rates, m, phases, trial, h, k, which) if peak else g
         if abs(value) <= close or high - low <= SHORT * h or (peak and g > 0.0):
             return at, g, count + 1
         if (value > 0.0) == (at_high > 0.0):
