@@ -56,7 +56,13 @@ def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
     # No tolerance is so small that the first step is to be below round-off.
     step, best = _usual_step_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
     for _ in range(MOST_PAIRS):
-        pair = _pair(scene, sharp, step, samples)
+        try:
+            pair = _pair(scene, sharp, step, samples)
+        except SimulationFailed:  # at one tolerance, and not at the next, where forces jump
+            if sharp == SHARPEST:
+                raise
+            sharp, step = max(SHARPEST, SHARPER * sharp), step / LEAST_CUT
+            continue
         apart = float(pair.apart_m[-1])
         if tolerance_m < apart <= NEAR * tolerance_m:
             third = replace(pair, other=_controlled(scene, LESS_SHARP * sharp, samples, "dopri5"))
