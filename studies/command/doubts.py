@@ -1,8 +1,8 @@
 """What ``crankslider simulate`` warns of: quality that is doubtful, and a slider that is not known well."""
 
+from engine_models.convergence.own_uncertainty import DOUBTFUL_PART, doubtful_from_s
 from engine_models.engine import Engine, SimulationFailed, Trajectory
 from engine_models.mechanics.quality import quality_of
-from engine_models.own_uncertainty import DOUBTFUL_PART, doubtful_from_s
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 

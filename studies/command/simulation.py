@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from engine_models.convergence.step_halving import simulate_to_tolerance
 from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.memory import TooLarge
 from engine_models.reference.kernels import FolderRefused
 from engine_models.scene.scene import Scene
-from engine_models.step_halving import simulate_to_tolerance
 from studies.command.doubts import doubts
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions, longest_step_s

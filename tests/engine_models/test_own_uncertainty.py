@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from engine_models.convergence.own_uncertainty import simulate_with_uncertainty
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
-from engine_models.own_uncertainty import simulate_with_uncertainty
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from studies.judges.ideal_truth import exact
 from tests.helpers.crank_sliders import in_minimal_coordinates

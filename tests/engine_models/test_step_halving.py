@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from engine_models.convergence.step_halving import FEWEST_SAMPLES, simulate_to_tolerance
 from engine_models.engine import SimulationFailed
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from engine_models.scene.scene import Scene
-from engine_models.step_halving import FEWEST_SAMPLES, simulate_to_tolerance
 from studies.judges.ideal_truth import exact
 from tests.helpers.engines import supporting
 

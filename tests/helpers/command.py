@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from io import StringIO
 from unittest.mock import patch
 
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+
 from studies.command import progress_display
 from studies.command.main import main
 
@@ -34,3 +36,17 @@ def crankslider(*arguments: object) -> Finished:
         except SystemExit as leave:
             code = leave.code
     return Finished(code, out.getvalue(), err.getvalue())
+
+
+def table_of(csv: str) -> pd.DataFrame:
+    """Return the table in a CSV text with every digit: floats, and texts where they are none."""
+    header, *rows = (line.split(",") for line in csv.splitlines())
+    columns = zip(*rows, strict=True) if rows else ([] for _ in header)
+    return pd.DataFrame({name: _values(list(cells)) for name, cells in zip(header, columns, strict=True)})
+
+
+def _values(cells: list[str]) -> list[float] | list[str]:
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        return cells

@@ -10,8 +10,7 @@ import pytest
 
 import crankslider as cs
 from engine_models.scene.file import to_toml
-from tests.helpers.command import crankslider
-from tests.helpers.tables import table_of
+from tests.helpers.command import crankslider, table_of
 
 ROOT = Path(__file__).parents[2]
 LOOSE = cs.scenes["clearance-driven-0.5mm"]

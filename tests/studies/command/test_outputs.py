@@ -10,9 +10,8 @@ from matplotlib.animation import FFMpegWriter
 from pyarrow import parquet
 
 from engine_models.scene.file import from_toml
-from tests.helpers.command import crankslider
+from tests.helpers.command import crankslider, table_of
 from tests.helpers.refusals import require_refusal
-from tests.helpers.tables import table_of
 
 LOOSE = ("simulate", "clearance-driven-0.5mm", "--end", 0.002, "--samples", 20)
 

@@ -6,6 +6,7 @@ import pytest
 
 from engine_models.engines import ENGINES
 from tests.helpers.command import crankslider
+from tests.helpers.engines import supporting
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -44,8 +45,14 @@ def test_a_doubtful_run_is_written_with_a_warning(engine: str, step: float) -> N
     assert all(note.startswith("note: ") for note in notes)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("scene", ["ideal-driven", "clearance-driven-0.1mm"])
+@pytest.mark.parametrize(
+    ("scene", "engine"),
+    [
+        (name, own)
+        for name in ("ideal-driven", "clearance-driven-0.1mm")
+        for own in supporting(SCENES[name]())
+    ],
+)
 def test_a_sound_run_is_written_without_a_warning(scene: str, engine: str) -> None:
     done = crankslider("simulate", scene, "--engine", engine, "--end", 0.003)
     assert done.code == 0

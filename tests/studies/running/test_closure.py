@@ -66,9 +66,10 @@ def test_what_runs_cases_and_does_not_count_is_named() -> None:
     assert runs.files.keys() - counted == ONLY_RUNS.keys()
 
 
-#: A study with all engines, and every other with one of them.
+#: A study with all engines, and every other with one of those that take part in all.
 PAIRS = [("clearance", engine) for engine in ENGINES]
-PAIRS += [(study, [*ENGINES][n % len(ENGINES)]) for n, study in enumerate(STUDIES) if study != "clearance"]
+OF_ALL = [name for name in ENGINES if name != "heyoka"]
+PAIRS += [(study, OF_ALL[n % len(OF_ALL)]) for n, study in enumerate(STUDIES) if study != "clearance"]
 
 
 @pytest.mark.parametrize(("study", "engine"), PAIRS)

@@ -44,7 +44,7 @@ def run_again(before: dict[str, dict[str, Any]], after: dict[str, dict[str, Any]
 def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> None:
     code = copied(tmp_path)
     first = run(code)
-    engines = {"reference", "exudyn", "pymunk", "scipy", "mischief"}
+    engines = {"reference", "exudyn", "pymunk", "scipy", "heyoka", "mischief"}
     assert {engine: row["status"] for engine, row in first.items()} == dict.fromkeys(engines, "ok")
 
     add_line(code / "engine_models/exudyn/kinematic_tree.py", "# A comment.")
