@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from engine_models.engines import ENGINES
+from engine_models.scene.library import SCENES
 from tests.helpers.command import crankslider
 from tests.helpers.engines import supporting
 
