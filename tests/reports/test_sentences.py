@@ -77,6 +77,7 @@ CHANGES: dict[str, Change] = {
     "the others err more": scaled(
         "_error_|violation|residual", lambda rows: 1e7 / of_engine("reference", 1e7)(rows)
     ),
+    "the cross-check is further off": scaled("cross_check", lambda rows: rows["step_s"] * 0 + 1e3),
     "the reference is slow": scaled("^solve_time_s$", of_engine("reference", 1e4)),
     "an impact is missed everywhere": lambda rows: rows.assign(impacts_missed=1.0),
     "no law makes a difference": scaled("_model_difference_", of_engine("pymunk", 0.0)),

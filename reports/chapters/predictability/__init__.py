@@ -138,7 +138,8 @@ def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
 
 def _failures(rows: pd.DataFrame) -> Section:
     table = tables.failures(rows)
-    text = f"{(rows['status'] != 'ok').sum()} of {len(rows)} runs did not finish."
+    failed = (rows["status"] != "ok").sum()
+    text = f"{failed} of {len(rows)} runs did not finish." if failed else f"All {len(rows)} runs finished."
     return Section.of(
         "failures", "Runs that did not finish", [text], tables=[table, quality_table(rows, STUDY)]
     )
