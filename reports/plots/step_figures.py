@@ -32,7 +32,7 @@ def against_step(rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[i
     """Return the figure: every label a line, guides of the given orders, the truth's uncertainty shaded."""
     drawing, axes = grid(len(panels))
     styles = line_styles(rows)
-    failed = rows[rows["status"] != "ok"]
+    failed = rows[~rows["status"].isin(["ok", "unsupported"])]
     missing = {
         scene: failed[failed["scene"] == scene].groupby("label", observed=True)["step_s"]
         for scene, _ in panels
@@ -77,24 +77,29 @@ def failed_entry() -> Line2D:
 
 
 def engine_legend(drawing: Drawing, rows: pd.DataFrame, failures: bool) -> None:
-    """Put a legend of all labels among rows below the figure, as wide as that needs: a column per engine."""
-    arms = rows.drop_duplicates("label").sort_values("label")
-    engines = [list(labels) for _, labels in arms.groupby("engine", sort=False)["label"]]
-    longest, styles = max(map(len, engines)), line_styles(rows)
-    handles: list[Line2D] = []
-    for labels in engines:
-        handles += [Line2D([], [], label=label, **styles[label]) for label in labels]
-        handles += [Line2D([], [], linestyle="", label=" ") for _ in range(longest - len(labels))]
-    columns = len(engines)
+    """Put a legend of all labels among rows below the figure, as wide as that needs: a column per engine.
+
+    What stands for failures is below the last engine with the fewest arms.
+    """
+    arms, styles = rows.drop_duplicates("label").sort_values("label"), line_styles(rows)
+    columns = [
+        [Line2D([], [], label=label, **styles[label]) for label in labels]
+        for _, labels in arms.groupby("engine", sort=False)["label"]
+    ]
     if failures:
-        handles.append(failed_entry())
-        columns += 1
-    if columns > 2:
+        min(reversed(columns), key=len).append(failed_entry())
+    longest = max(map(len, columns))
+    blank = Line2D([], [], linestyle="", label=" ")
+    handles = [handle for column in columns for handle in [*column, *[blank] * (longest - len(column))]]
+    if len(columns) > 2:
         drawing.set_figwidth(WIDTH_IN)
-    narrow = (
-        {"fontsize": 7, "handlelength": 2.4, "columnspacing": 1.2} if columns > 4 else {"handlelength": 3.2}
+    narrow = {"fontsize": 7, "handlelength": 2.4, "columnspacing": 1.2}
+    drawing.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=len(columns),
+        **(narrow if len(columns) > 4 else {"handlelength": 3.2}),
     )
-    drawing.legend(handles=handles, loc="outside lower center", ncols=columns, **narrow)
 
 
 def _finish(ax: Axes, uncertainty: float, orders: Sequence[int]) -> None:

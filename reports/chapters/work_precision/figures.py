@@ -33,10 +33,10 @@ COSTS = {
 
 
 def figures(judged: Judged) -> Iterator[Figure]:
-    """Yield errors against what they cost, a panel per scene that has any."""
+    """Yield errors against what they cost where two engines tell it, a panel per scene that has any."""
     name, unit = words(judged.column)
     for cost, (what, axis, reading) in COSTS.items():
-        if any(rungs[cost].notna().any() for rungs, _ in judged.ladders.values()):
+        if any(rungs.dropna(subset=cost)["engine"].nunique() > 1 for rungs, _ in judged.ladders.values()):
             yield Figure(
                 f"{judged.name}-{what.split()[-1]}",
                 f"{name.capitalize()} against {what}",
