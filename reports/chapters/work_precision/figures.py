@@ -36,7 +36,7 @@ def figures(judged: Judged) -> Iterator[Figure]:
     """Yield errors against what they cost where two engines tell it, a panel per scene that has any."""
     name, unit = words(judged.column)
     for cost, (what, axis, reading) in COSTS.items():
-        if any(rungs.dropna(subset=cost)["engine"].nunique() > 1 for rungs, _ in judged.ladders.values()):
+        if any(len({*rungs.dropna(subset=cost)["engine"]}) > 1 for rungs, _ in judged.ladders.values()):
             yield Figure(
                 f"{judged.name}-{what.split()[-1]}",
                 f"{name.capitalize()} against {what}",
