@@ -1,4 +1,4 @@
-"""The reference's compiled kernels, for whoever runs it: the folder that keeps them, what compiling takes."""
+"""Where machine code is kept, for whoever has any: the folder, its files, and what compiling takes."""
 
 import time
 
@@ -6,13 +6,14 @@ from engine_models.engine import Engine, RunSettings
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.checked_files import read_checked, write_checked
 from reference_solver.compiled.folder import FolderRefused, writable_folder
-from reference_solver.compiled.store import callback, compiled, compiled_anew
+from reference_solver.compiled.store import callback, compiled, compiled_anew, njit
 
 __all__ = [
     "FolderRefused",
     "callback",
     "compile_time_s",
     "compiled",
+    "njit",
     "read_checked",
     "writable_folder",
     "write_checked",

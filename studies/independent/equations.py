@@ -15,10 +15,13 @@ import math
 import numpy as np
 from numba import njit
 
+from studies.independent import drives, loads, mechanism
 from studies.independent.drives import CONSTANT, prescribed_acceleration, torque
 from studies.independent.loads import load_forces
 from studies.independent.mechanism import SIZE, Bodies, FloatArray, Mechanism, Walls
 
+#: Modules whose text the machine code has taken over.
+COMPILED_WITH = (drives, loads, mechanism)
 #: Places in a state: the time; of every joint the sums in order: its normal force, what that and clipping
 #: and friction dissipate; works of the drive and of the load's parts.
 TIME, SUMS, OF_JOINT = 2 * SIZE, 2 * SIZE + 1, 4

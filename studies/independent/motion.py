@@ -12,8 +12,9 @@ import numpy as np
 from numba import float64, int64, njit, typeof, void
 from numba.types import FunctionType  # type: ignore[attr-defined]
 
+from engine_models.reference import kernels
 from engine_models.scene.scene import Scene
-from studies.independent import equations
+from studies.independent import drives, equations, loads, mechanism, stepping, switches
 from studies.independent.drives import stops_s
 from studies.independent.equations import (
     CONTACT,
@@ -41,6 +42,8 @@ from studies.independent.rigid_walls import RigidWalls
 from studies.independent.stepping import REJECT, Table
 from studies.independent.switches import GAP, LEFT, first_switch, piece_of, signal, switch
 
+#: Modules whose text the machine code has taken over.
+COMPILED_WITH = (drives, loads, mechanism, equations, stepping, switches)
 #: Room that the error is given when a step is chosen, and bounds of what it changes by.
 SAFETY, LEAST, MOST = 0.8, 0.1, 4.0
 #: Part of its clearance that a pin moves in a step.
@@ -206,7 +209,8 @@ class Motion:
 def _compiled(function: Any, table: Any, mechanism: Any) -> Any:
     """Return ``rates``, a step or ``advance`` as machine code; they know of each other no more than types.
 
-    So none is compiled as a part of another, over and over. ``table`` and ``mechanism`` are types.
+    So none is compiled as a part of another, over and over; and all are kept on disk, as they take half a
+    minute. ``table`` and ``mechanism`` are types.
     """
     phases, vector = float64[:, ::1], float64[::1]
     rates = void(mechanism, phases, vector, vector, float64[:, ::1])
@@ -215,7 +219,8 @@ def _compiled(function: Any, table: Any, mechanism: Any) -> Any:
     signature = rates if function is equations.rates else step
     if function is advance:
         signature = int64(FunctionType(step), table, *shared, vector, *[float64] * 4)
-    return njit(signature, error_model="numpy")(getattr(function, "py_func", function))
+    keep = kernels.njit(signature, cache=True, error_model="numpy")
+    return keep(getattr(function, "py_func", function))
 
 
 def advance(

@@ -11,9 +11,12 @@ import numpy as np
 from numba import njit
 from numpy.polynomial import legendre
 
+from studies.independent import drives, equations, loads, mechanism
 from studies.independent.equations import STATE, SUMS, TIME
 from studies.independent.mechanism import SIZE, FloatArray, Mechanism
 
+#: Modules whose text the machine code has taken over.
+COMPILED_WITH = (drives, loads, mechanism, equations)
 #: Columns of the extrapolation: the midpoint rule in 2, 4, ... 2 COLUMNS parts.
 COLUMNS = 7
 #: Most iterations of Newton's method in a step, and where they end: parts of the speeds' scale.

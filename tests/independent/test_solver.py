@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,9 +16,11 @@ from engine_models.scene.drives import Drive, FluctuatingDrive, RampDrive, Table
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, SCENES, clearance, ideal_driven
 from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
+from studies.independent import equations, motion, stepping
 from studies.independent.solver import IndependentSolver
 from studies.judges.impact_matching import impact_errors
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors, signals
+from studies.running.closure import closure
 
 #: A force that changes over a turn as 1000 cos(theta), by its spline within 1e-5 of it.
 TURN = np.linspace(0.0, 2 * np.pi, 61)
@@ -210,3 +213,10 @@ def test_another_shortest_flight_changes_no_more_than_the_last_bounces() -> None
     off = np.abs(long.slider_position_m - short.slider_position_m).max()
     assert 0 < off < 1e-13, f"off by {off:.1e} m"
     assert len(long.contacts["B"].impacts.time_s) <= len(short.contacts["B"].impacts.time_s)
+
+
+@pytest.mark.parametrize("module", [equations, stepping, motion], ids=lambda module: module.__name__)
+def test_machine_code_is_kept_by_the_text_of_all_that_is_compiled_with_it(module: ModuleType) -> None:
+    own = {name for name in closure(module.__name__).files if name.startswith("studies.independent.")}
+    by_text = {module.__name__, *(part.__name__ for part in module.COMPILED_WITH)}
+    assert own - by_text <= {"studies.independent.rigid_walls"}, "which is Python"
