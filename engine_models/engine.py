@@ -228,7 +228,7 @@ class Engine(Protocol):
     def twin(self, scene: Scene) -> Scene:
         """Return the scene that the engine really solves: the same, or with its own law in the contacts.
 
-        The reference's converged solution of it is the engine's model twin: what differs between the two
+        The converged solution of it is the engine's model twin: what differs between the two
         scenes is the form of the model, what differs between engine and twin is numerical error.
 
         Raises:
