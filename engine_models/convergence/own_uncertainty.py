@@ -5,7 +5,7 @@ import numpy as np
 from engine_models.engine import Engine, FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.joints import clearances
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.two_methods import sharp_pair
+from engine_models.reference.two_methods import sharp_solution
 from engine_models.scene.scene import Scene
 
 #: What the sharper solution itself may be off by beside these.
@@ -32,12 +32,12 @@ def simulate_with_uncertainty(
     Raises:
         UnsupportedScene, SimulationFailed: as the engine does, or the reference.
     """
-    run, pair = engine.simulate(scene, settings), sharp_pair(engine.twin(scene), settings.samples)
-    own, sharp, other = (_arrays(of) for of in (run, pair.run, pair.other))
+    run, solution = engine.simulate(scene, settings), sharp_solution(engine.twin(scene), settings.samples)
+    own, sharp, *others = (_arrays(of) for of in (run, solution.run, *solution.others))
     common = [name for name in own if name in sharp]
     return run, {
         name: MARGIN * _apart(own[name], sharp[name])
-        + MARGIN * _apart(sharp[name], other[name])
+        + MARGIN * np.max([_apart(sharp[name], other[name]) for other in others], axis=0)
         + ROUND_OFF * np.abs(sharp[name]).max(axis=0)
         for name in common
     }

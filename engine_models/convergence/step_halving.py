@@ -13,7 +13,7 @@ import numpy as np
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
-from engine_models.reference.two_methods import solved_twice
+from engine_models.reference.two_methods import agreed_solution
 from engine_models.scene.scene import Scene
 
 #: Runs are compared at no fewer samples than this: at a few times they may agree by chance.
@@ -38,7 +38,7 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
     twin, every = engine.twin(scene), -(-FEWEST_SAMPLES // samples)
     compared, errors, trouble = samples * every, list[float](), "no step gives a run"
     try:
-        solution = solved_twice(twin, PART_OF_JUDGE * tolerance_m, compared)
+        solution = agreed_solution(twin, PART_OF_JUDGE * tolerance_m, compared)
     except SimulationFailed as failure:
         raise SimulationFailed(f"slider position not known to {tolerance_m:g} m: {failure}") from None
     for present, step in _ever_sharper(engine, scene, compared):

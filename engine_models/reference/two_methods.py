@@ -8,6 +8,7 @@ up at higher ones, so that what this does to the motion is seen as well.
 """
 
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Literal
 
 import numpy as np
@@ -26,29 +27,31 @@ FIRST_PART, SHARPER, SHARPEST, LOOSEST, LESS_SHARP = 1e-2, 1e-2, 1e-14, 1e-6, 10
 USUAL_ERROR, LEAST_CUT, LARGEST_CUT, NEAR = 1e-8, 2.0, 8.0, 100.0
 #: The lowest flights of the other method: speeds at the last bounce are four times as high.
 HIGHER = 16 * LOWEST_FLIGHT
-#: Pairs tried, and steps of RK4, at the most.
-MOST_PAIRS, MOST_STEPS = 5, 20_000_000
+#: Attempts, and steps of RK4, at the most.
+MOST_ATTEMPTS, MOST_STEPS = 5, 20_000_000
 
 
 @dataclass(frozen=True)
-class SolvedTwice:
-    """DOP853's run, and another method's."""
+class Solution:
+    """DOP853's run, and those that it is tested by: its own at a larger tolerance, and another method's."""
 
     run: Trajectory
-    other: Trajectory
+    others: tuple[Trajectory, ...]
 
     @property
     def apart_m(self) -> FloatArray:
-        """How far their slider positions have been apart up to each of n times, (n,)."""
-        apart = np.abs(self.run.slider_position_m - self.other.slider_position_m)
+        """How far slider positions have been from the run's up to each of n times, (n,)."""
+        position = self.run.slider_position_m
+        apart = np.max([np.abs(other.slider_position_m - position) for other in self.others], axis=0)
         return np.asarray(np.maximum.accumulate(apart))
 
 
-def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
+def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
     """Return the solution on which methods agree to a tolerance of slider position at all samples.
 
-    DOPRI5 has its errors in common with DOP853 more often than RK4 has: it is asked after both have been
-    sharpened, where RK4 still only comes near, or fails.
+    Two runs may be wrong by as much where errors grow far beyond the tolerance: a run by DOP853 a hundred
+    times as sharp has to agree with both. DOPRI5 has its errors in common with DOP853 more often than RK4
+    has: it is asked after both have been sharpened, where RK4 still only comes near, or fails.
 
     Raises:
         UnsupportedScene: the reference cannot run the scene.
@@ -58,50 +61,55 @@ def solved_twice(scene: Scene, tolerance_m: float, samples: int) -> SolvedTwice:
     sharp = min(LOOSEST, max(SHARPEST, FIRST_PART * part))
     # No tolerance is so small that the first step is to be below round-off.
     step, best = _usual_step_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
+    dop853 = cache(partial(_by_control, "dop853", scene, samples))
     failure = SimulationFailed("no two methods came to the end")
-    for attempt in range(MOST_PAIRS):
-        pair, apart = None, np.inf
-        try:
-            pair = SolvedTwice(_controlled(scene, sharp, samples, "dop853"), _by_rk4(scene, step, samples))
-            apart = float(pair.apart_m[-1])
-            if apart <= tolerance_m:
-                return pair
-        except SimulationFailed as failed:  # at one tolerance, and not at the next, where forces jump
-            failure = failed
-        if attempt > 0 and (pair is None or apart <= NEAR * tolerance_m):
-            pair = _by_dopri5(scene, sharp, samples)
-            if pair.apart_m[-1] <= tolerance_m:
-                return pair
-        if pair is not None:
-            failure = _parted(pair, tolerance_m)
-        if sharp == SHARPEST and not apart <= 0.5 * best:
+    for attempt in range(MOST_ATTEMPTS):
+        others = [partial(_by_rk4, scene, samples, step)]
+        others += [partial(_by_control, "dopri5", scene, samples, LESS_SHARP * sharp)] * (attempt > 0)
+        sharper, apart = max(SHARPEST, SHARPER * sharp), list[float]()
+        for other in others:
+            if apart and NEAR * tolerance_m < apart[0] < np.inf:
+                break
+            try:
+                found = Solution(dop853(sharper), (dop853(sharp), other()))
+            except SimulationFailed as failed:  # at one tolerance, and not at the next, where forces jump
+                failure = failed
+                apart.append(np.inf)
+                continue
+            apart.append(float(found.apart_m[-1]))
+            if apart[-1] <= tolerance_m:
+                return found
+            failure = _parted(found, tolerance_m)
+        if sharp == SHARPEST and not apart[0] <= 0.5 * best:
             break
-        best, sharp = min(best, apart), max(SHARPEST, SHARPER * sharp)
-        step /= min(LARGEST_CUT, max(LEAST_CUT, 1.5 * (apart / tolerance_m) ** 0.25))
+        best, sharp = min(best, apart[0]), sharper
+        step /= min(LARGEST_CUT, max(LEAST_CUT, 1.5 * (apart[0] / tolerance_m) ** 0.25))
         if scene.end_time_s > MOST_STEPS * step:
             break
     raise failure
 
 
-def _parted(pair: SolvedTwice, tolerance_m: float) -> SimulationFailed:
-    when = pair.run.time_s[int(np.argmax(pair.apart_m > tolerance_m))]
+def _parted(found: Solution, tolerance_m: float) -> SimulationFailed:
+    when = found.run.time_s[int(np.argmax(found.apart_m > tolerance_m))]
     return SimulationFailed(
-        f"two methods part at t = {when:.6g} s, and are {pair.apart_m[-1]:.3g} m apart at the end: what "
+        f"two methods part at t = {when:.6g} s, and are {found.apart_m[-1]:.3g} m apart at the end: what "
         "comes then depends on round-off, or on steps too short to take; end the run before, or ask for less"
     )
 
 
-def sharp_pair(scene: Scene, samples: int) -> SolvedTwice:
+def sharp_solution(scene: Scene, samples: int) -> Solution:
     """Return the solution by two methods at steps near round-off, whether they agree or not.
 
     Raises:
         UnsupportedScene, SimulationFailed: as the reference does.
     """
     sharp, step = 10 * SHARPEST, _usual_step_s(scene) / LARGEST_CUT
+    run, less_sharp = (_by_control("dop853", scene, samples, each) for each in (sharp, sharp / SHARPER))
     try:
-        return SolvedTwice(_controlled(scene, sharp, samples, "dop853"), _by_rk4(scene, step, samples))
+        other = _by_rk4(scene, samples, step)
     except SimulationFailed:
-        return _by_dopri5(scene, sharp, samples)
+        other = _by_control("dopri5", scene, samples, LESS_SHARP * sharp)
+    return Solution(run, (less_sharp, other))
 
 
 def _usual_step_s(scene: Scene) -> float:
@@ -109,19 +117,13 @@ def _usual_step_s(scene: Scene) -> float:
     return TURN_OF_STEP_RAD / rate_s(scene)
 
 
-def _by_rk4(scene: Scene, step_s: float, samples: int) -> Trajectory:
+def _by_rk4(scene: Scene, samples: int, step_s: float) -> Trajectory:
     engine = ReferenceEngine(lowest_flight=HIGHER, max_steps=MOST_STEPS)
     return engine.simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
 
 
-def _by_dopri5(scene: Scene, sharp: float, samples: int) -> SolvedTwice:
-    """Return DOP853's run and DOPRI5's."""
-    run = _controlled(scene, sharp, samples, "dop853")
-    return SolvedTwice(run, _controlled(scene, LESS_SHARP * sharp, samples, "dopri5"))
-
-
-def _controlled(
-    scene: Scene, tolerance: float, samples: int, method: Literal["dop853", "dopri5"]
+def _by_control(
+    method: Literal["dop853", "dopri5"], scene: Scene, samples: int, tolerance: float
 ) -> Trajectory:
     lowest = HIGHER if method == "dopri5" else LOWEST_FLIGHT
     engine = ReferenceEngine(method=method, tolerance=tolerance, lowest_flight=lowest)
