@@ -104,12 +104,12 @@ def sharp_solution(scene: Scene, samples: int) -> Solution:
         UnsupportedScene, SimulationFailed: as the reference does.
     """
     sharp, step = 10 * SHARPEST, _usual_step_s(scene) / LARGEST_CUT
-    run, less_sharp = (_by_control("dop853", scene, samples, each) for each in (sharp, sharp / SHARPER))
+    run, sharpest = (_by_control("dop853", scene, samples, each) for each in (sharp, SHARPEST))
     try:
         other = _by_rk4(scene, samples, step)
     except SimulationFailed:
         other = _by_control("dopri5", scene, samples, LESS_SHARP * sharp)
-    return Solution(run, (less_sharp, other))
+    return Solution(run, (sharpest, other))
 
 
 def _usual_step_s(scene: Scene) -> float:
