@@ -57,6 +57,11 @@ def _fastest_rad_s(scene: Scene) -> float:
     return float(np.abs(expected_speeds_rad_s(scene)).max())
 
 
+def contact_step_s(scene: Scene) -> float:
+    """Return a step that just resolves contacts: three thousand a revolution."""
+    return 2 * np.pi / (3000 * max(_fastest_rad_s(scene), 20.0))
+
+
 def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list[Rung]:
     """Return all engines' ladders for a scene with clearance; ``fast`` is Exudyn's build for speed.
 
@@ -65,8 +70,8 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
     a twentieth of a revolution, which it seldom takes. Half the reference's usual steps per contact leave as
     much error there as its steps leave in flight.
     """
-    turn = 2 * np.pi / max(_fastest_rad_s(scene), 20.0)
-    flight, contact, whole, more = turn / 100, turn / 3000, scene.end_time_s, 2 if full else 0
+    contact, whole, more = contact_step_s(scene), scene.end_time_s, 2 if full else 0
+    flight, longest = 30 * contact, 150 * contact
     others = [rung for arm in arms.newcomers() for rung in by_step(arm, contact, 4 + more)]
     if all(getattr(scene.clearance, joint).law == "rigid" for joint in scene.joints_with_clearance):
         return [
@@ -82,7 +87,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         *by_step(arms.LOCATED, flight, 7 + more, steps_per_contact=50.0),
         *by_step(arms.PLAIN, contact, 4 + more),
         *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, every)),
-        *by_tolerance(arms.DOPRI5, turn / 20, range(4, 12, every), **build),
+        *by_tolerance(arms.DOPRI5, longest, range(4, 12, every), **build),
         *by_step(arms.TRAPEZOIDAL, contact, 3 + more, **build),
         *by_step(arms.AS_THE_SCENE, contact / 2, 5 + more),
         *by_step(arms.SHORTER_IN_CONTACT, 2 * contact, 5 + more),

@@ -22,6 +22,7 @@ from studies.judges.converged_truth import converged, followed, truth_by
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 
+NAME = "work-precision"
 #: Few, since no step is longer than the time between two samples.
 SAMPLES = 24
 #: Rounds of timed runs over all engines, quick and full.
@@ -49,14 +50,14 @@ def cases(full: bool) -> list[Case]:
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
     rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
-    out = [_case(scene, rung, SAMPLES) for scene, rung in rungs]
+    out = [case_of(NAME, scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
         shuffled = Random(k).sample(rungs, len(rungs))
-        out += [_case(scene, rung, 1, round=k) for scene, rung in shuffled]
+        out += [case_of(NAME, scene, rung, 1, timed=True, round=k) for scene, rung in shuffled]
     compiled = COMPILED + (MORE_COMPILED if full else ())
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
-    out += [_case(scene, rung, 1, compiled_anew=1) for scene, rung in coarsest.values()]
+    out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
@@ -69,10 +70,12 @@ def _compiles(rung: Rung) -> bool:
     return hasattr(engine_class(rung.arm.engine), "compile_time_s")
 
 
-def _case(scene: Scene, rung: Rung, samples: int, **timed: Value) -> Case:
-    """Return a rung's run, at the step of the recorded one; what tells it from others if it is ``timed``."""
+def case_of(
+    study: str, scene: Scene, rung: Rung, samples: int, timed: bool = False, **columns: Value
+) -> Case:
+    """Return a rung's run, at the step of the recorded one, with the columns that tell it from others."""
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
-    return Case("work-precision", scene, rung.arm, run, rung.added, timed=bool(timed), columns=timed)
+    return Case(study, scene, rung.arm, run, rung.added, timed=timed, columns=columns)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

@@ -222,6 +222,39 @@ def run(
 
 
 @app.command()
+def search(
+    full: Annotated[bool, Option("--full", help="Also on scenes that had no say in the settings.")] = False,
+    jobs: Annotated[Text, Option(metavar="N", help="Cases run at once; one for each core.")] = None,
+    out: Annotated[Path, Option(metavar="DIR", help="Where results and the record are kept.")] = Path(
+        "search"
+    ),
+) -> None:
+    """Turn every knob of every engine, in error and time, and record what beats the studies' ladders."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from studies import settings_search
+    from studies.command.options import RunOptions, checked
+    from studies.command.search import beaten, found
+    from studies.running.folder_lock import FolderHeld
+    from studies.running.runner import run_studies
+
+    options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
+    try:
+        with failures.writing("--out", out), failures.terminated_as_interrupted():
+            run_studies([settings_search.__name__], full, options.jobs, out)
+            record = found(out / settings_search.__name__)
+            record.to_csv(out / "record.csv", index=False, float_format="%.3g")
+    except FolderHeld as reason:
+        raise failures.BadInput(f"--out: expected {reason}") from None
+    table = Table("scene", "signal", "error", "ladder", "search", "part of its time")
+    for row in beaten(record).itertuples():
+        table.add_row(row.scene, row.signal, f"{row.error:g}", row.ladder, row.search, f"{row.part:.2f}")
+    Console().print(table if table.row_count else "No ladder is beaten by more than a quarter.")
+    failures.say(f"note: the record is {out / 'record.csv'}")
+
+
+@app.command()
 def conform(
     engine: Annotated[
         str, Argument(metavar="ENGINE", help="An engine, or one of yours: my_module:MyEngine.")

@@ -1,0 +1,94 @@
+"""The search of settings behind the ladders: every arm again with a knob turned, in error and in time.
+
+It is no study of the report but what ``studies.ladders`` rests on: ``crankslider search`` runs it and keeps
+the record, which a test holds the ladders to. Errors and times are measured as in ``work-precision``.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from random import Random
+
+from engine_models import arms
+from engine_models.arms import Arm, Setting
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Scene
+from studies import clearance, work_precision
+from studies.ladders import Rung, by_step, by_tolerance, contact_step_s
+from studies.running.case import Case, Curves, Row
+from studies.work_precision import ROUNDS, SAMPLES, case_of, ladder
+
+#: Scenes on which the settings were chosen, and what the full search adds: scenes that had no say in them.
+CHOSEN_ON = ("ideal-free", "ideal-driven", "clearance-free-0.5mm", "clearance-driven-0.5mm")
+UNSEEN = ("ideal-compressor", "clearance-driven-AB", "clearance-compressor", "rigid-free-0.5mm")
+
+#: Settings tried in place of an arm's own, one at a time.
+KNOBS: dict[Arm, dict[str, tuple[Setting, ...]]] = {
+    arms.LOCATED: {"steps_per_contact": (12.0, 25.0, 100.0, 200.0), "stabilisation": ("none", "baumgarte")},
+    arms.PROJECTION: {"stabilisation": ("baumgarte",)},
+    arms.REFERENCE_DOP853: {"stabilisation": ("none",), "method": ("dopri5",)},
+    arms.TRAPEZOIDAL: {
+        "newton_tolerance": (1e-6, 1e-8, 1e-10, 1e-12),
+        "modified_newton": (False,),
+        "fast": (False,),
+    },
+    arms.GENERALIZED_ALPHA: {
+        "newton_tolerance": (1e-6, 1e-9, 1e-12),
+        "spectral_radius": (0.0, 0.3, 0.7, 0.9),
+        "modified_newton": (False,),
+    },
+    arms.DOPRI5: {"locate_events": (False,), "fast": (False,), "solver": ("ODE23",)},
+    arms.TUNED: {"iterations": (4, 6, 8, 10, 20), "half_kick_start": (False,), "error_bias": (1e-6,)},
+    arms.AS_THE_SCENE: {"iterations": (4, 8, 12, 20, 40)},
+    arms.SHORTER_IN_CONTACT: {"iterations": (8, 20, 40), "shorter_in_contact": (2.0, 4.0, 16.0)},
+    arms.NATIVE_CONTACT: {"contact_iterations": (50, 100, 400), "iterations": (8, 20)},
+    arms.SCIPY_DOP853: {"method": ("RK45",)},
+    arms.SCIPY_DOP853_MINIMAL: {"method": ("RK45", "Radau"), "atol": (1e-14,)},
+    arms.LSODA: {"atol": (1e-10, 1e-14)},
+    arms.LSODA_MINIMAL: {"locate_events": (False,)},
+}
+#: Fixed-step solvers of Exudyn that no ladder has; they need the tree model, and so joints with clearance.
+MORE_SOLVERS = ("RK67", "RK44", "RK33", "ExplicitMidpoint", "GeneralizedAlpha")
+
+
+def scenes(full: bool) -> list[Scene]:
+    """Return the scenes, those with clearance cut to the time for which they are followed."""
+    names = CHOSEN_ON + (UNSEEN if full else ())
+    made = [SCENES[name]() for name in names]
+    ends = [clearance.END_S.get(scene.name, scene.end_time_s) for scene in made]
+    return [scene.model_copy(update={"end_time_s": end}) for scene, end in zip(made, ends, strict=True)]
+
+
+def cases(full: bool) -> list[Case]:
+    """Return the recorded run of every rung, turned or not, then shuffled rounds of bare runs of all."""
+    rungs = [(scene, rung, turned) for scene in scenes(full) for rung, turned in _turned(scene)]
+    out = [case_of(__name__, scene, rung, SAMPLES, turned=turned) for scene, rung, turned in rungs]
+    for k in range(ROUNDS):
+        for scene, rung, turned in Random(k).sample(rungs, len(rungs)):
+            out.append(case_of(__name__, scene, rung, 1, timed=True, round=k, turned=turned))
+    return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Return what ``work_precision.measure`` does."""
+    return work_precision.measure(case)
+
+
+def _turned(scene: Scene) -> Iterator[tuple[Rung, str]]:
+    """Yield the rungs of all ladders, and each with every knob turned, with what was turned."""
+    for rung in [*ladder(scene, full=False), *_more(scene)]:
+        yield rung, ""
+        for knob, settings in KNOBS.get(rung.arm, {}).items():
+            for setting in settings:
+                yield replace(rung, added={**rung.added, knob: setting}), f"{knob} = {setting}"
+
+
+def _more(scene: Scene) -> list[Rung]:
+    """Return ladders of Exudyn's other solvers where they can run."""
+    if not scene.joints_with_clearance:
+        return []
+    longest = contact_step_s(scene)
+    others = [Arm("exudyn", solver, {"solver": solver}) for solver in MORE_SOLVERS]
+    ode23 = Arm("exudyn", "ODE23", {"solver": "ODE23"}, ("tolerance",))
+    return [rung for arm in others for rung in by_step(arm, longest, 4, fast=True)] + by_tolerance(
+        ode23, 150 * longest, range(4, 11, 2), fast=True
+    )
