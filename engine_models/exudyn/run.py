@@ -1,5 +1,6 @@
 """Exudyn's runs as trajectories: of ideal joints on the steps' grid, of clearance at steps as they came."""
 
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -10,7 +11,7 @@ from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral, place_bodies
 from engine_models.exudyn.settings import IMPLICIT, ExudynSettings
-from engine_models.exudyn.solver import record_every, silence, simulation_settings, solve
+from engine_models.exudyn.solver import evaluations, record_every, silence, simulation_settings, solve
 from engine_models.guards import guarded
 from engine_models.mechanics.crank_motion import crank_motion, motor_torque
 from engine_models.mechanics.joints import CRANK, SLIDER, clearances
@@ -33,7 +34,8 @@ def exudyn_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> Trajec
         model, settings = _model(engine, scene), simulation_settings(engine, scene, run)
         solve_time = solve(scene, model, settings, engine.timeout_s)
         read_out = _with_clearance if scene.joints_with_clearance else _ideal
-        return read_out(scene, run, model, solve_time)
+        trajectory = read_out(scene, run, model, solve_time)
+        return replace(trajectory, evaluations=evaluations(model, engine.solver_of(scene)))
 
 
 def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> float:

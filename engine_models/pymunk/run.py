@@ -104,7 +104,7 @@ class Samples:
             name: replace(joined(self._contact_parts[name]), impacts=log.impacts(steps))
             for name, log in self._logs.items()
         }
-        return trajectory_of(
+        trajectory = trajectory_of(
             self._scene,
             **arrays,
             step_s=self.timing.step_s,
@@ -113,6 +113,7 @@ class Samples:
             contacts=contacts,
             load_work_J=_joined(self._load_works),
         )
+        return replace(trajectory, evaluations=steps)  # a kick each
 
     def _motion(
         self, block: Block, struck: NDArray[np.bool_]
