@@ -1,0 +1,108 @@
+"""What engines, scenes and commands say of themselves, as Markdown."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from inspect import cleandoc
+from typing import Any
+
+from engine_models.engine import UnsupportedScene
+from engine_models.engines import engine_class, make_engine
+from engine_models.scene import drives, loads, scene
+from engine_models.scene.data import SceneData
+from engine_models.scene.library import SCENES
+from engine_models.scene.plain_words import expectation, fields, shown
+from studies.command.main import app
+from typer.main import get_command
+
+#: The sections of a scene file in the order in which people write them.
+SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
+    ("the top of the file", scene.Scene),
+    ("[crank] and [rod]", scene.Link),
+    ("[slider]", scene.Slider),
+    ("[start]", scene.Start),
+    ("[start.crank], [start.rod] and [start.slider]", scene.BodyState),
+    ('[drive] with kind = "free"', drives.FreeDrive),
+    ('[drive] with kind = "constant-speed"', drives.ConstantSpeedDrive),
+    ('[drive] with kind = "ramp"', drives.RampDrive),
+    ('[drive] with kind = "fluctuating"', drives.FluctuatingDrive),
+    ('[drive] with kind = "table"', drives.TableDrive),
+    ('[drive] with kind = "torque"', drives.TorqueDrive),
+    ('[drive] with kind = "motor"', drives.MotorDrive),
+    ("[load.slider]", loads.SliderLoad),
+    ("[load.slider.gas]", loads.Gas),
+    ("[clearance.O], [clearance.A] and [clearance.B]", scene.Clearance),
+    ("[clearance.B.friction], and of O and A", scene.Friction),
+)
+
+
+def engine(name: str) -> str:
+    """Return an engine's documentation, its settings, and the library scenes that it refuses and why."""
+    kind = engine_class(name)
+    said = "\n\n".join(cleandoc(each.__doc__ or "") for each in kind.__mro__ if each is not object)
+    settings = _table(("setting", "default", "takes"), _rows(kind))
+    refusals: dict[str, list[str]] = {}
+    for scene_name, make in SCENES.items():
+        try:
+            make_engine(name).check(make())
+        except UnsupportedScene as reason:
+            refusals.setdefault(str(reason), []).append(f"`{scene_name}`")
+    count = len(SCENES) - sum(map(len, refusals.values()))
+    refused = _table(("why", "scenes"), ((reason, ", ".join(them)) for reason, them in refusals.items()))
+    runs = f"At its defaults it runs {count} of the {len(SCENES)} library scenes."
+    what = f"{runs} The others, with its reasons:\n\n{refused}" if refusals else runs
+    return f"## What it is\n\n{said}\n\n## Settings\n\n{settings}\n\n## What it refuses\n\n{what}\n"
+
+
+def scenes() -> str:
+    """Return a row for each scene of the library."""
+    made = {name: make() for name, make in SCENES.items()}
+    rows = (
+        (f"`{name}`", each.drive.kind, ", ".join(each.joints_with_clearance), f"{each.end_time_s:g}", _first(make))
+        for (name, make), each in zip(SCENES.items(), made.values(), strict=True)
+    )
+    return _table(("scene", "drive", "clearance", "end in s", "what it is"), rows)
+
+
+def scene_sections() -> str:
+    """Return every section of a scene file with what its fields take."""
+    return "\n\n".join(
+        f"## `{heading}`\n\n{cleandoc(kind.__doc__ or '')}\n\n{_table(('field', 'default', 'takes'), _rows(kind))}"
+        for heading, kind in SECTIONS
+    )
+
+
+def command(name: str) -> str:
+    """Return what a command does, and its arguments and options."""
+    of = get_command(app).commands[name]
+    rows = ((f"`{_usage(each)}`", each.help or "") for each in of.params if getattr(each, "help", None))
+    return f"{cleandoc(of.help)}\n\n{_table(('', 'what it is'), rows)}"
+
+
+def _usage(parameter: Any) -> str:
+    """Return how an argument or an option is typed."""
+    metavar = parameter.metavar or ""
+    return metavar if parameter.param_type_name == "argument" else f"{parameter.opts[0]} {metavar}".strip()
+
+
+def _rows(kind: type) -> Iterable[tuple[str, str, str]]:
+    """Return name, default and expectation of every field that is a value."""
+    for name, field in fields(kind).items():
+        takes = expectation(field)
+        if "$ref" not in str(field) and "discriminator" not in field:
+            yield f"`{name}`", _default(field), takes
+
+
+def _default(field: Mapping[str, Any]) -> str:
+    if "default" not in field:
+        return ""
+    return "nothing" if field["default"] is None else f"`{shown(field['default'])}`"
+
+
+def _first(documented: object) -> str:
+    return (documented.__doc__ or "").partition("\n")[0]
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown, nothing without rows."""
+    lines = [" | ".join(cell.replace("|", "\\|") for cell in row) for row in rows]
+    between = " | ".join("---" for _ in head)
+    return "\n".join(f"| {line} |" for line in (" | ".join(head), between, *lines)) if lines else ""
