@@ -70,11 +70,13 @@ def scene_sections() -> str:
     )
 
 
-def command(name: str) -> str:
-    """Return what a command does, and its arguments and options."""
-    of = get_command(app).commands[name]
-    rows = ((f"`{_usage(each)}`", each.help or "") for each in of.params if getattr(each, "help", None))
-    return f"{cleandoc(of.help)}\n\n{_table(('', 'what it is'), rows)}"
+def commands() -> str:
+    """Return what every command does, and its arguments and options."""
+    parts = []
+    for name, of in get_command(app).commands.items():
+        rows = [(f"`{_usage(each)}`", each.help) for each in of.params if getattr(each, "help", None)]
+        parts.append(f"## crankslider {name}\n\n{cleandoc(of.help)}\n\n{_table(('', ''), rows)}")
+    return "\n\n".join(parts)
 
 
 def _usage(parameter: Any) -> str:

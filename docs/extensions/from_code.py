@@ -6,13 +6,13 @@
 
 from collections.abc import Callable
 
-from code_as_markdown import command, engine, scene_sections, scenes
+from code_as_markdown import commands, engine, scene_sections, scenes
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 WRITERS: dict[str, Callable[..., str]] = {
-    "command": command,
+    "commands": commands,
     "engine": engine,
     "scene-sections": scene_sections,
     "scenes": scenes,
