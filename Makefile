@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test rivals soak lint types benchmark publish lock clean
+.PHONY: study test docs rivals soak lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -10,6 +10,10 @@ study: .venv/.ready
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2
+
+# These pages as a site, to be opened at docs/_build/index.html.
+docs: .venv/.ready
+	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
 
 # heyoka, which studies and tests do without: 100 MB, and for Linux and Python 3.11+ only.
 rivals: .venv/.rivals
@@ -60,4 +64,4 @@ lock: .venv/.ready
 	    --generate-hashes --no-emit-index-url --no-header --quiet -o rivals.lock
 
 clean:
-	rm -rf .venv results report *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv results report docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

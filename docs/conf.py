@@ -8,7 +8,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
 
 project = "crankslider"
-copyright = "the authors of crankslider"
+project_copyright = "the authors of crankslider"
 version = release = version_of("crankslider")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "from_code"]

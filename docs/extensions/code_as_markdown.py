@@ -2,7 +2,9 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from inspect import cleandoc
-from typing import Any
+from typing import Any, cast
+
+from typer.main import get_command
 
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import engine_class, make_engine
@@ -11,7 +13,6 @@ from engine_models.scene.data import SceneData
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import expectation, fields, shown
 from studies.command.main import app
-from typer.main import get_command
 
 #: The sections of a scene file in the order in which people write them.
 SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
@@ -54,26 +55,27 @@ def engine(name: str) -> str:
 
 def scenes() -> str:
     """Return a row for each scene of the library."""
-    made = {name: make() for name, make in SCENES.items()}
-    rows = (
-        (f"`{name}`", each.drive.kind, ", ".join(each.joints_with_clearance), f"{each.end_time_s:g}", _first(make))
-        for (name, make), each in zip(SCENES.items(), made.values(), strict=True)
-    )
+    rows = []
+    for name, make in SCENES.items():
+        made, what = make(), (make.__doc__ or "").partition("\n")[0]
+        loose = ", ".join(made.joints_with_clearance)
+        rows.append((f"`{name}`", made.drive.kind, loose, f"{made.end_time_s:g}", what))
     return _table(("scene", "drive", "clearance", "end in s", "what it is"), rows)
 
 
 def scene_sections() -> str:
     """Return every section of a scene file with what its fields take."""
-    return "\n\n".join(
-        f"## `{heading}`\n\n{cleandoc(kind.__doc__ or '')}\n\n{_table(('field', 'default', 'takes'), _rows(kind))}"
-        for heading, kind in SECTIONS
-    )
+    parts = []
+    for heading, kind in SECTIONS:
+        rows = _table(("field", "default", "takes"), _rows(kind))
+        parts.append(f"## {heading}\n\n{cleandoc(kind.__doc__ or '')}\n\n{rows}")
+    return "\n\n".join(parts)
 
 
 def commands() -> str:
     """Return what every command does, and its arguments and options."""
-    parts = []
-    for name, of in get_command(app).commands.items():
+    parts, group = [], cast(Any, get_command(app))
+    for name, of in group.commands.items():
         rows = [(f"`{_usage(each)}`", each.help) for each in of.params if getattr(each, "help", None)]
         parts.append(f"## crankslider {name}\n\n{cleandoc(of.help)}\n\n{_table(('', ''), rows)}")
     return "\n\n".join(parts)
@@ -97,10 +99,6 @@ def _default(field: Mapping[str, Any]) -> str:
     if "default" not in field:
         return ""
     return "nothing" if field["default"] is None else f"`{shown(field['default'])}`"
-
-
-def _first(documented: object) -> str:
-    return (documented.__doc__ or "").partition("\n")[0]
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -1,7 +1,7 @@
 """The directive ``from-code``: pages hold what the code says of itself, as it is now.
 
-    ```{from-code} engine pymunk
-    ```
+```{from-code} engine pymunk
+```
 """
 
 from collections.abc import Callable

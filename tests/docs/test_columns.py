@@ -1,0 +1,89 @@
+"""The pages of columns name every column that there is, and none that there is not."""
+
+import json
+import re
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+
+import pytest
+
+import crankslider as cs
+from engine_models.engine import RunSettings
+from engine_models.engines import make_engine
+from studies.command.trajectory_table import impact_columns, sample_columns
+from tests.docs.pages import ROOT, table
+
+#: Between them these have every kind of joint, drive and load; ends are in s.
+SCENES = {
+    "ideal-torque": {},
+    "ideal-compressor": {},
+    "clearance-driven-damped": {"clearance.A": cs.scenes["clearance-driven-A"].clearance.A},
+    "clearance-pendulum": {},
+}
+LOADED = {"force_N": -1.0, "viscous_N_s_m": 1.0, "spring_N_m": 10.0, "free_position_m": 0.1}
+END_S, STEP_S = 1e-4, 2e-5
+PUBLISHED = sorted((ROOT / "reports" / "published" / "results").glob("*/rows.jsonl"))
+
+
+def names(page: str, first: str) -> list[str]:
+    """Return the names in the first column of a page's tables, written out."""
+    cells = " ".join(row[first] for row in table(page, first))
+    return [name for pattern in re.findall(r"`([^`]+)`", cells) for name in written_out(pattern)]
+
+
+def written_out(pattern: str) -> Iterator[str]:
+    """Yield the names that a pattern such as ``joint_{O,A,B}_force_{x,y}_N`` stands for."""
+    parts = [part.split(",") for part in re.split(r"[{}]", pattern)]
+    yield from ("".join(choice) for choice in product(*parts))
+
+
+@cache
+def real_columns() -> frozenset[str]:
+    """Return the columns of short runs of all kinds of scenes."""
+    made = [cs.scenes[name].replace(changes) for name, changes in SCENES.items()]
+    made += [cs.scenes["ideal-free"].replace("load.slider", LOADED)]
+    engine, columns = make_engine("reference", kernel="readable"), set[str]()
+    for scene in made:
+        short = scene.replace("end_time_s", END_S)
+        columns |= sample_columns(short, engine.simulate(short, RunSettings(STEP_S, 2))).keys()
+    return frozenset(columns)
+
+
+def test_every_column_of_a_run_is_on_the_page() -> None:
+    assert real_columns() - set(names("docs/reference/columns.md", "column")) == set()
+
+
+def test_every_column_on_the_page_is_one_of_a_run() -> None:
+    """Names that differ in their joint alone stand for each other."""
+    any_joint = {re.sub("_[OAB]_", "_O_", name) for name in real_columns()}
+    on_page = {re.sub("_[OAB]_", "_O_", name) for name in names("docs/reference/columns.md", "column")}
+    assert on_page - any_joint == set()
+
+
+def test_the_columns_of_impacts_are_those_on_the_page() -> None:
+    assert [*impact_columns({})] == names("docs/reference/columns.md", "impact")
+
+
+@pytest.mark.parametrize("path", PUBLISHED, ids=lambda path: path.parent.name)
+def test_every_column_of_published_rows_is_on_the_page(path: object) -> None:
+    known = set(names("docs/reference/rows.md", "column"))
+    assert {name for name in columns_of(path) if not name.startswith("setting_")} - known == set()
+
+
+def test_every_column_on_the_page_is_one_of_published_rows() -> None:
+    """Joints, directions, loads and limits stand for each other; some have no row of theirs."""
+    published = {name for path in PUBLISHED for name in columns_of(path)}
+    patterns = [
+        p
+        for row in table("docs/reference/rows.md", "column")
+        for p in re.findall(r"`([^`]+)`", row["column"])
+    ]
+    unseen = [p for p in patterns if p != "setting_*" and not published & set(written_out(p))]
+    assert unseen == []
+
+
+def columns_of(path: object) -> set[str]:
+    """Return the columns of a study's rows."""
+    with open(str(path), encoding="utf-8") as file:
+        return {name for line in file for name in json.loads(line)}

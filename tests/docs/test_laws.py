@@ -1,0 +1,77 @@
+"""The page of laws has every law that the code has, and its formulas give the code's numbers."""
+
+import math
+import re
+from typing import get_args
+
+import numpy as np
+import pytest
+from scipy.special import lambertw
+
+from engine_models.mechanics import contact_law
+from engine_models.mechanics.contact_law import stiffness_of
+from engine_models.scene import scene
+from engine_models.scene.library import clearance
+from reference_solver.mechanism import contact_laws
+from reference_solver.mechanism.contact_laws import FRICTION_LAWS, NORMAL_LAWS, FrictionLaw
+from tests.docs.pages import table
+
+PAGE = "docs/laws.md"
+FAMILY = {row["law"].strip("`"): row for row in table(PAGE, "law")}
+FRICTION = {row["friction"].strip("`"): row for row in table(PAGE, "friction")}
+WITH_FACTOR = [law for law, row in FAMILY.items() if row.get("damping factor", "$0$") != "$0$"]
+#: Formulas are of a few operations on numbers near one.
+ROUND_OFF = 1e-14
+#: Printed numbers have four places.
+PRINTED = 0.5e-4
+#: Speeds in m/s for which the page's numbers of friction are.
+SLIDING, FULL, DEAD = 0.006, 0.01, 0.002
+
+
+def value(formula: str, **names: float) -> float:
+    """Return what a formula in the page's LaTeX is, computed as it is printed."""
+    text = formula.strip("$").replace(r"\max", "MAX").replace(r"\min", "MIN").replace(r"\tanh", "TANH")
+    text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"((\1)/(\2))", text.replace(r"\exp", "EXP"))
+    text = re.sub(r"(?<=[\de)])(?=[(e]|EXP)", "*", text).replace("^", "**")
+    functions = {"EXP": math.exp, "MAX": max, "MIN": min, "TANH": math.tanh}
+    return float(eval(text, functions, names))  # the page is ours
+
+
+def test_every_law_of_the_code_is_on_the_page() -> None:
+    assert set(get_args(scene.ContactLaw)) | (NORMAL_LAWS.keys() - {"dissipative"}) == FAMILY.keys()
+    assert set(get_args(scene.FrictionLaw)) == FRICTION_LAWS.keys() == FRICTION.keys()
+
+
+def test_every_damping_factor_of_the_code_is_on_the_page() -> None:
+    assert set(WITH_FACTOR) == contact_laws.DAMPING_FACTORS.keys() == contact_law.DAMPING_FACTORS.keys()
+
+
+@pytest.mark.parametrize("law", WITH_FACTOR)
+@pytest.mark.parametrize("of_code", [contact_laws.DAMPING_FACTORS, contact_law.DAMPING_FACTORS])
+def test_a_printed_damping_factor_is_the_codes(law: str, of_code: dict[str, object]) -> None:
+    for e in (0.3, 0.5, 0.9):
+        printed = value(FAMILY[law]["damping factor"], e=e)
+        assert of_code[law](e) == pytest.approx(printed, rel=ROUND_OFF)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("law", WITH_FACTOR)
+@pytest.mark.parametrize("e", [0.9, 0.5])
+def test_the_restitution_that_a_bounce_shows_is_the_printed_one(law: str, e: float) -> None:
+    a = value(FAMILY[law]["damping factor"], e=e)
+    shown = (1 + lambertw(-(1 + a) * math.exp(-(1 + a))).real) / a
+    assert float(FAMILY[law][f"at e = {e:g}"]) == pytest.approx(shown, abs=PRINTED)
+
+
+@pytest.mark.parametrize("law", FRICTION)
+def test_printed_friction_is_the_codes(law: str) -> None:
+    dead = DEAD if law == "ambrosio" else 0.0
+    data = FrictionLaw(law, 0.1, FULL, dead)  # type: ignore[arg-type]
+    formula = FRICTION[law]["part f(v) for v > 0"].replace("v_r", "r").replace("v_d", "d")
+    of_code = float(FRICTION_LAWS[law](data, np.float64(SLIDING)))
+    assert of_code == pytest.approx(value(formula, v=SLIDING, r=FULL, d=DEAD), rel=ROUND_OFF)
+    assert float(FRICTION[law]["at v = 0.006 m/s"]) == pytest.approx(of_code, abs=PRINTED)
+
+
+def test_the_printed_stiffness_of_steel_is_the_codes() -> None:
+    steel = clearance(5e-4)
+    assert stiffness_of(steel) == pytest.approx(6.610e10, rel=1e-4)  # four printed digits
