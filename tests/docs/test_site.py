@@ -17,18 +17,8 @@ from tests.docs.pages import DOCS
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of the built pages."""
     folder = tmp_path_factory.mktemp("site")
-    command = [
-        sys.executable,
-        "-m",
-        "sphinx",
-        "-W",
-        "--keep-going",
-        "-q",
-        "-d",
-        folder / "trees",
-        DOCS,
-        folder / "html",
-    ]
+    places = ["-d", str(folder / "trees"), str(DOCS), str(folder / "html")]
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", *places]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder / "html"

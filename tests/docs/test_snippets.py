@@ -120,8 +120,8 @@ def _pip(arguments: list[str], where: str) -> None:
 def _python(arguments: list[str], where: str) -> None:
     assert arguments[0] == "-m", where
     module, *rest = arguments[1:]
-    if module == "pip":
-        _pip(rest, where)
+    if module in PROGRAMS:
+        PROGRAMS[module](rest, where)
     elif module != "venv":
         assert (ROOT / module.replace(".", "/")).exists(), where
 
