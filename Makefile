@@ -13,7 +13,7 @@ test: .venv/.ready
 
 # These pages as a site, to be opened at docs/_build/index.html.
 docs: .venv/.ready
-	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
+	$(BIN)/python -m sphinx -E -W --keep-going -q docs docs/_build
 
 # heyoka, which studies and tests do without: 100 MB, and for Linux and Python 3.11+ only.
 rivals: .venv/.rivals

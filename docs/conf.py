@@ -3,6 +3,9 @@
 import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
+from typing import cast
+
+from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
@@ -17,9 +20,8 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
 smartquotes = False  # the quotes in settings are typed as they stand
 
-autodoc_typehints = "description"
+autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
-autodoc_typehints_description_target = "documented_params"
 autodoc_member_order = "bysource"
 python_maximum_signature_line_length = 90
 add_module_names = False
@@ -30,3 +32,15 @@ html_static_path = ["_static"]
 html_css_files = ["wide.css"]
 html_math_renderer = "mathml"
 html_copy_source = html_show_sourcelink = False
+
+
+def text_alone(_app: Sphinx, what: str, _name: str, *others: object) -> None:
+    """Begin a property's text with an escaped blank: before a colon in the first line Napoleon sees a type."""
+    *_, lines = others
+    if what == "property":
+        cast(list[str], lines).insert(0, r"\ ")
+
+
+def setup(app: Sphinx) -> None:
+    """Come before Napoleon, whose priority is the usual 500."""
+    app.connect("autodoc-process-docstring", text_alone, priority=400)

@@ -16,7 +16,7 @@ from studies.command.main import app
 
 #: The sections of a scene file in the order in which people write them.
 SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
-    ("the top of the file", scene.Scene),
+    ("The top of the file", scene.Scene),
     ("[crank] and [rod]", scene.Link),
     ("[slider]", scene.Slider),
     ("[start]", scene.Start),

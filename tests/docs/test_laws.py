@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
@@ -26,15 +27,18 @@ ROUND_OFF = 1e-14
 PRINTED = 0.5e-4
 #: Speeds in m/s for which the page's numbers of friction are.
 SLIDING, FULL, DEAD = 0.006, 0.01, 0.002
+#: What formulas call.
+FUNCTIONS: dict[str, Callable[..., float]] = {"exp": math.exp, "max": max, "min": min, "tanh": math.tanh}
 
 
 def value(formula: str, **names: float) -> float:
     """Return what a formula in the page's LaTeX is, computed as it is printed."""
-    text = formula.strip("$").replace(r"\max", "MAX").replace(r"\min", "MIN").replace(r"\tanh", "TANH")
-    text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"((\1)/(\2))", text.replace(r"\exp", "EXP"))
-    text = re.sub(r"(?<=[\de)])(?=[(e]|EXP)", "*", text).replace("^", "**")
-    functions = {"EXP": math.exp, "MAX": max, "MIN": min, "TANH": math.tanh}
-    return float(eval(text, functions, names))  # the page is ours
+    text = formula.strip("$").replace("^", "**").replace(r"\cdot", "*")
+    for name in FUNCTIONS:
+        text = text.replace(f"\\{name}", name.upper())  # a capital is no e to be multiplied
+    text = re.sub(r"(?<=[\de)])(?=[(e])", "*", text)
+    functions = {name.upper(): function for name, function in FUNCTIONS.items()}
+    return float(eval(text, {}, functions | names))  # the page is ours
 
 
 def test_every_law_of_the_code_is_on_the_page() -> None:
