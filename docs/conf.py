@@ -35,7 +35,7 @@ html_copy_source = html_show_sourcelink = False
 
 
 def text_alone(_app: Sphinx, what: str, _name: str, *others: object) -> None:
-    """Begin a property's text with an escaped blank: before a colon in the first line Napoleon sees a type."""
+    """Begin a property's text with an escaped blank: else Napoleon takes what precedes a colon for a type."""
     *_, lines = others
     if what == "property":
         cast(list[str], lines).insert(0, r"\ ")

@@ -96,11 +96,11 @@ def _type(command: str, expected: list[str], where: str, slow: bool) -> None:
 
 def _parse(arguments: list[str], where: str) -> None:
     """Have the command line read arguments without doing anything; studies have to be there."""
-    if arguments[0].startswith("-"):
-        return
     name, *rest = arguments
     commands = cast(Any, get_command(app)).commands
-    assert name in commands, f"{where}: no command {name}"
+    assert name in commands or name.startswith("--"), f"{where}: no command {name}"
+    if not rest:
+        return
     parsed = commands[name].make_context(name, rest).params
     unknown = set(parsed.get("studies") or ()) - set(STUDIES)
     assert not unknown, f"{where}: no studies {unknown}"
@@ -170,6 +170,12 @@ def test_every_block_of_a_page_works(page: str) -> None:
     names: dict[str, object] = {}
     for block in blocks(page):
         follow(block, page, names)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_in_a_sentence_is_one(page: str) -> None:
+    for command in re.findall(r"`crankslider ([^`]+)`", (ROOT / page).read_text(encoding="utf-8")):
+        _parse(shlex.split(command.partition(" > ")[0]), f"{page}: {command}")
 
 
 def test_the_blocks_of_pages_are_found() -> None:
