@@ -38,7 +38,7 @@ def value(formula: str, **names: float) -> float:
         text = text.replace(f"\\{name}", name.upper())  # a capital is no e to be multiplied
     text = re.sub(r"(?<=[\de)])(?=[(e])", "*", text)
     functions = {name.upper(): function for name, function in FUNCTIONS.items()}
-    return float(eval(text, {}, functions | names))  # the page is ours
+    return float(eval(text, {**functions, **names}))  # the page is ours
 
 
 def test_every_law_of_the_code_is_on_the_page() -> None:
