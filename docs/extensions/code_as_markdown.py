@@ -2,17 +2,24 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from inspect import cleandoc
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from typer.main import get_command
 
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import engine_class, make_engine
-from engine_models.scene import drives, loads, scene
+from engine_models.scene import loads, scene
 from engine_models.scene.data import SceneData
+from engine_models.scene.drives import Drive
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import expectation, fields, shown
 from studies.command.main import app
+
+
+def _kind(drive: type[SceneData]) -> str:
+    """Return how a drive is called in a scene file."""
+    return str(get_args(drive.model_fields["kind"].annotation)[0])
+
 
 #: The sections of a scene file in the order in which people write them.
 SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
@@ -21,13 +28,7 @@ SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
     ("[slider]", scene.Slider),
     ("[start]", scene.Start),
     ("[start.crank], [start.rod] and [start.slider]", scene.BodyState),
-    ('[drive] with kind = "free"', drives.FreeDrive),
-    ('[drive] with kind = "constant-speed"', drives.ConstantSpeedDrive),
-    ('[drive] with kind = "ramp"', drives.RampDrive),
-    ('[drive] with kind = "fluctuating"', drives.FluctuatingDrive),
-    ('[drive] with kind = "table"', drives.TableDrive),
-    ('[drive] with kind = "torque"', drives.TorqueDrive),
-    ('[drive] with kind = "motor"', drives.MotorDrive),
+    *((f'[drive] with kind = "{_kind(drive)}"', drive) for drive in get_args(get_args(Drive)[0])),
     ("[load.slider]", loads.SliderLoad),
     ("[load.slider.gas]", loads.Gas),
     ("[clearance.O], [clearance.A] and [clearance.B]", scene.Clearance),

@@ -26,10 +26,8 @@ class Picture(SphinxDirective):
         svg, caption = StringIO(), escape(self.arguments[0])
         eval("\n".join(self.content), {"cs": cs}).savefig(svg, format="svg", bbox_inches="tight")
         drawing = svg.getvalue()[svg.getvalue().index("<svg") :]
-        html = (
-            f'<figure role="img" aria-label="{caption}">{drawing}<figcaption>{caption}</figcaption></figure>'
-        )
-        return [nodes.raw("", html, format="html")]
+        figure = f'<figure role="img" aria-label="{caption}">{drawing}'
+        return [nodes.raw("", f"{figure}<figcaption>{caption}</figcaption></figure>", format="html")]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
