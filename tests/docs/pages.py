@@ -22,7 +22,7 @@ EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: its language, the words behind it, its text, and the line that it begins on."""
+    """A block of code: its language, the words behind it, its text, and the line that it begins on."""
 
     language: str
     words: tuple[str, ...]
@@ -36,10 +36,10 @@ class Block:
 
 
 def blocks(page: str) -> Iterator[Block]:
-    """Yield the blocks of a page in their order."""
+    """Yield the blocks of a page in their order; one that is indented has no language."""
     for token in MarkdownIt().parse((ROOT / page).read_text(encoding="utf-8")):
-        if token.type == "fence" and token.info.strip():
-            language, *words = token.info.split()
+        if token.type in ("fence", "code_block"):
+            language, *words = token.info.split() or [""]
             yield Block(language, tuple(words), token.content, (token.map or [0])[0] + 1)
 
 

@@ -25,6 +25,8 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
+#: Languages in which one types to a shell, and what stands before a command there.
+SHELLS = {"console": "$ ", "bash": "", "sh": ""}
 #: Commands of ours that take minutes: their options are read, and nothing is run.
 LONG = ("run", "report", "compare", "sweep", "baseline")
 PROJECT: Mapping[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -49,8 +51,8 @@ def follow(block: Block, page: str, names: dict[str, object]) -> None:
     if block.file:
         Path(block.file).parent.mkdir(parents=True, exist_ok=True)
         Path(block.file).write_text(block.text, encoding="utf-8")
-    if block.language == "console":
-        for command, expected in _commands(block.text):
+    if block.language in SHELLS:
+        for command, expected in _commands(block.text, SHELLS[block.language]):
             _type(command, expected, where, slow)
     elif block.language == "python":
         code = compile(block.text, where, "exec")
@@ -64,13 +66,15 @@ def follow(block: Block, page: str, names: dict[str, object]) -> None:
         assert block.language == "text" or block.language.startswith("{"), f"{where}: {block.language}"
 
 
-def _commands(text: str) -> list[tuple[str, list[str]]]:
+def _commands(text: str, prompt: str) -> list[tuple[str, list[str]]]:
     """Return the commands after the prompts of a block, and the lines that each is said to answer with."""
     commands: list[tuple[str, list[str]]] = []
     for line in text.replace("\\\n", " ").splitlines():
-        if line.startswith("$ "):
-            commands.append((line[2:], []))
-        elif line.strip() not in ("", "..."):
+        if line.strip() in ("", "..."):
+            continue
+        if line.startswith(prompt):
+            commands.append((line.removeprefix(prompt), []))
+        else:
             commands[-1][1].append(line)
     return commands
 
@@ -176,6 +180,11 @@ def test_every_block_of_a_page_works(page: str) -> None:
 def test_every_command_in_a_sentence_is_one(page: str) -> None:
     for command in re.findall(r"`crankslider ([^`]+)`", (ROOT / page).read_text(encoding="utf-8")):
         _parse(shlex.split(command.partition(" > ")[0]), f"{page}: {command}")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_block_says_its_language(page: str) -> None:
+    assert [block.line for block in blocks(page) if not block.language] == []
 
 
 def test_the_blocks_of_pages_are_found() -> None:
