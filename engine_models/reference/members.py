@@ -155,9 +155,10 @@ class Members:
 
     def rows(self, numbers: Sequence[int]) -> list[Row]:
         """Return the rows of some members."""
-        begins, rows = self.begun(numbers)
-        for own, done in self.run(begins):
-            rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
+        with np.errstate(all="ignore"):  # what is not finite is a failure
+            begins, rows = self.begun(numbers)
+            for own, done in self.run(begins):
+                rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
         return [rows[number] for number in numbers]
 
     def begun(self, numbers: Sequence[int]) -> tuple[dict[int, Begin], dict[int, Row]]:
@@ -168,6 +169,8 @@ class Members:
                 begins[number] = self.begin(self.member(number))
             except (SceneError, SimulationFailed, UnsupportedScene, SolverError) as failure:
                 rows[number] = failed(str(failure))
+            except OverflowError:  # Python's own numbers raise where NumPy's become infinite
+                rows[number] = failed(self._reason(number))
         return begins, rows
 
     def run(self, begins: Mapping[int, Begin]) -> Iterator[tuple[list[int], Done]]:
