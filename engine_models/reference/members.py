@@ -1,0 +1,270 @@
+"""Members of a sweep or an ensemble by the reference solver: many runs of one scene with changed numbers.
+
+Each equals its own run by ``ReferenceEngine.simulate`` bit for bit; what is gathered of it is gathered on the
+way (see ``observer``), and no more is kept.
+"""
+
+import math
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import reduce
+from threading import Event, Lock
+from typing import cast
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.start_check import checked_start, wound
+from engine_models.mechanics.watch import Watch
+from engine_models.pace import Pace
+from engine_models.reference.batch import Begin, Done, Group, Judge
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.model import mechanism_of
+from engine_models.reference.run import LOOK_UP_STEPS, TURN_OF_STEP_RAD, taken
+from engine_models.scene.data import SceneError
+from engine_models.scene.scene import Scene
+from reference_solver.compiled.kernel import Topology
+from reference_solver.equations import Baumgarte
+from reference_solver.failures import SolverError
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.methods import RK4
+from reference_solver.solver import METHODS
+
+#: Members of a batch.
+BATCH = 32
+SPEED = "start.crank_speed_rad_s"
+#: Numbers of a row, NaN in one that failed; and lists, empty there.
+NUMBERS = (
+    "impacts_per_revolution",
+    "flight_part",
+    "impulse_N_s",
+    "largest_contact_force_N",
+    "dissipated_energy_per_revolution_J",
+    "slider_deviation_m",
+    "exponent_1_s",
+)
+LISTS = ("strobe_m", "impact_phase_rad")
+
+Row = dict[str, object]
+#: A mechanism, its marked topology and its numbers; and of how many they are kept.
+Built = tuple[Mechanism, Topology, tuple[list[float], list[float]]]
+KEPT = 256
+
+
+def supports(engine: ReferenceEngine, scene: Scene, fields: Sequence[str]) -> bool:
+    """Return whether members that differ in these fields can be run together.
+
+    They are crank-sliders with clearance in compliant joints, by a compiled kernel with located events.
+    """
+    laws = {clearance.law for clearance in clearances(scene).values()}
+    numeric = all(isinstance(_field(scene, path), float) for path in fields)
+    compliant = bool(laws) and "rigid" not in laws
+    return (
+        numeric
+        and compliant
+        and scene.is_crank_slider
+        and engine.kernel == "compiled"
+        and engine.locate_events
+    )
+
+
+def run_members(
+    engine: ReferenceEngine,
+    scene: Scene,
+    changes: Mapping[str, NDArray[np.float64]],
+    watch: Watch,
+    threads: int = 1,
+    step_s: float | None = None,
+) -> pd.DataFrame:
+    """Return a row for each of n members, in order: what it did after the transient, or why it failed.
+
+    ``changes`` has the values (n,) of each field that changes, by its path. A step of RK4 is no longer than
+    ``step_s``, or than a turn's 1200th.
+    """
+    task = Members(
+        engine, scene, {name: np.asarray(values).tolist() for name, values in changes.items()}, watch, step_s
+    )
+    numbers = range(len(next(iter(task.changes.values()))))
+    batches = [numbers[begin : begin + BATCH] for begin in range(0, len(numbers), BATCH)]
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            rows = [row for batch in pool.map(task.rows, batches) for row in batch]
+        finally:
+            task.ended.set()
+    return pd.DataFrame(rows, columns=["status", "reason", *NUMBERS, *LISTS])
+
+
+@dataclass(frozen=True)
+class Members:
+    """What members have in common, and the groups of those of one topology, which all threads share."""
+
+    engine: ReferenceEngine
+    scene: Scene
+    changes: Mapping[str, list[float]]
+    watch: Watch
+    step_s: float | None
+    groups: dict[Topology, Group] = field(default_factory=dict)
+    built: dict[Hashable, Built] = field(default_factory=dict)
+    lock: Lock = field(default_factory=Lock)
+    ended: Event = field(default_factory=Event)
+
+    @property
+    def turns(self) -> float:
+        """Turns of the crank in a run."""
+        return self.watch.transient + self.watch.revolutions
+
+    def member(self, number: int) -> Scene:
+        """Return the scene of a member.
+
+        Raises:
+            SceneError: with its values it is none.
+        """
+        values = {path: values[number] for path, values in self.changes.items()}
+        speed = values.get(SPEED, self.scene.start.crank_speed_rad_s)
+        if speed == 0:
+            raise SceneError(f"{SPEED}: expected a number other than 0, by which turns are measured, got 0")
+        return self.scene.replace({**values, "end_time_s": self.turns * 2 * math.pi / abs(speed)})
+
+    def settings(self, scene: Scene) -> RunSettings:
+        """Return the settings with which a member's scene is run alone."""
+        turn_s = scene.end_time_s / self.turns
+        longest = turn_s * TURN_OF_STEP_RAD / (2 * math.pi) if self.engine.method == "rk4" else math.inf
+        return RunSettings(min(self.step_s or longest, scene.end_time_s), 1)
+
+    def begin(self, scene: Scene) -> Begin:
+        """Return how a member begins.
+
+        Raises:
+            SimulationFailed, SolverError: it cannot.
+        """
+        scene, settings = wound(scene), self.settings(scene)
+        choice = taken(self.engine.step_choice(scene, settings), scene, settings)
+        # What the solver checks of a start this has checked: its pins are in no rigid bearing.
+        q, v = (part.ravel() for part in checked_start(scene))
+        end, watch = scene.end_time_s, self.watch
+        turn_s = end / self.turns
+        once = turn_s * (watch.transient + np.arange(math.floor(watch.revolutions) + 1))
+        times = np.array([0.0, *np.minimum(once, end), end])
+        crank, rod, _ = scene.crank_slider()
+        lengths = crank.length_m, rod.length_m
+        return Begin(*self._built(scene), q, v, choice, times, float(times[1]), lengths)
+
+    def rows(self, numbers: Sequence[int]) -> list[Row]:
+        """Return the rows of some members."""
+        with np.errstate(all="ignore"):  # what is not finite is a failure
+            begins, rows = self.begun(numbers)
+            for own, done in self.run(begins):
+                rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
+        return [rows[number] for number in numbers]
+
+    def begun(self, numbers: Sequence[int]) -> tuple[dict[int, Begin], dict[int, Row]]:
+        """Return how members begin, by their numbers, and the rows of those that cannot."""
+        begins, rows = dict[int, Begin](), dict[int, Row]()
+        for number in numbers:
+            try:
+                begins[number] = self.begin(self.member(number))
+            except (SceneError, SimulationFailed, UnsupportedScene, SolverError) as failure:
+                rows[number] = failed(str(failure))
+            except OverflowError:  # Python's own numbers raise where NumPy's become infinite
+                rows[number] = failed(self._reason(number))
+        return begins, rows
+
+    def run(self, begins: Mapping[int, Begin]) -> Iterator[tuple[list[int], Done]]:
+        """Run members, those of one topology together; yield their numbers and what is left of them."""
+        alike = dict[Topology, list[int]]()
+        for number, begin in begins.items():
+            alike.setdefault(begin.marked, []).append(number)
+        for marked, numbers in alike.items():
+            own = [begins[number] for number in numbers]
+            yield numbers, self._group(marked, own[0]).run(own, self._judge_of(numbers), self.watch.exponent)
+
+    def _built(self, scene: Scene) -> Built:
+        """Return a member's mechanism, its topology and its numbers: those of another that is built alike."""
+        start = scene.start.crank_speed_rad_s, scene.start.time_s
+        key = (*scene.bodies, scene.gravity_m_s2, scene.drive, scene.load, scene.clearance, *start)
+        if (built := self.built.get(key)) is None:  # threads share it
+            if len(self.built) >= KEPT:
+                self.built.clear()
+            mechanism = mechanism_of(scene)
+            topology = self._topology(mechanism)
+            built = self.built[key] = mechanism, topology.marked(), topology.numbers()
+        return built
+
+    def _topology(self, mechanism: Mechanism) -> Topology:
+        stabiliser, method = self.engine.stabiliser, self.engine.method
+        baumgarte = stabiliser if isinstance(stabiliser, Baumgarte) else None
+        projected = stabiliser == "projection"
+        return Topology(mechanism, baumgarte, projected, method=RK4 if method == "rk4" else METHODS[method]())
+
+    def _group(self, marked: Topology, begin: Begin) -> Group:
+        with self.lock:
+            if marked not in self.groups:
+                self.groups[marked] = Group(self._topology(begin.mechanism), begin.q)
+            return self.groups[marked]
+
+    def _judge_of(self, numbers: Sequence[int]) -> Judge:
+        """Return what ends a batch of members, or one whose steps have collapsed, as its own run does."""
+        paces = dict[int, Pace]()
+
+        def judge(k: int, time_s: float, steps: int) -> bool:
+            if self.ended.is_set():
+                raise CancelledError
+            if steps >= LOOK_UP_STEPS and k not in paces:
+                paces[k] = Pace(self.member(numbers[k]), LOOK_UP_STEPS, self.engine.max_steps)
+            try:
+                if k in paces:
+                    paces[k].judge(time_s, steps)
+            except SimulationFailed:
+                return False
+            return True
+
+        return judge
+
+    def _row(self, number: int, done: Done, k: int) -> Row:
+        """Return the row of a member of a batch."""
+        if done.failed[k]:
+            return failed(self._reason(number))
+        try:
+            run = done.solution(k)
+        except SolverError as failure:
+            return failed(str(failure))
+        notes, turns, lost = done.members.notes[k], self.watch.revolutions, run.losses_J()
+        growth = done.members.growth[k]
+        r, length, angle = notes["crank_m"], notes["rod_m"], run.q[2:-1, 2]
+        ideal = r * np.cos(angle) + np.sqrt(length**2 - (r * np.sin(angle)) ** 2)
+        found = {
+            "impacts_per_revolution": notes["touches"] / turns,
+            "flight_part": notes["flight_s"] / (notes["time"] - notes["from_s"]),
+            "impulse_N_s": notes["impulse"] / notes["over"] if notes["over"] else math.nan,
+            "largest_contact_force_N": notes["force"],
+            "dissipated_energy_per_revolution_J": (lost[-1] - lost[1]) / turns,
+            "slider_deviation_m": notes["far"],
+            "exponent_1_s": growth["total"] / growth["followed_s"] if growth["followed_s"] else math.nan,
+            "strobe_m": (run.q[2:-1, 6] - ideal).tolist(),
+            "impact_phase_rad": done.touches_rad[k].tolist(),
+        }
+        return {"status": "ok", "reason": "", **found}
+
+    def _reason(self, number: int) -> str:
+        """Return why a member fails, in the words of its own run."""
+        scene = self.member(number)
+        try:
+            self.engine.simulate(scene, self.settings(scene))
+        except (SimulationFailed, UnsupportedScene) as failure:
+            return str(failure)
+        return "not all numbers are finite: shorten the step, or sharpen the tolerance"
+
+
+def _field(scene: Scene, path: str) -> object:
+    """Return what a field of a scene has now, None where there is no such thing."""
+    return reduce(lambda part, name: getattr(part, name, None), path.split("."), cast(object, scene))
+
+
+def failed(reason: str) -> Row:
+    """Return the row of a member that failed."""
+    row: Row = {"status": "failed", "reason": reason}
+    return row | dict.fromkeys(NUMBERS, math.nan) | {name: [] for name in LISTS}
