@@ -150,7 +150,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     curves = _curves(scene, run)
     row: Row = {"steps": run.steps, "mean_step_s": scene.end_time_s / run.steps}
     row |= {name: float(np.abs(of).max()) for name, of in curves.items() if name.endswith("_force_N")}
-    row |= _contacts(run)
+    row |= {name: float(curves[name][-1]) for name in curves if name.endswith(("_work_J", "dissipated_energy_J"))}
+    row |= _contacts(run) if run.contacts else {}
     if case.columns["view"] == "whole":
         row |= checked(scene, run)
         row |= {
@@ -167,12 +168,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     curves |= {name: np.append(curve, beyond) for name, curve in errors.items()}
     true = _curves(own, truth)
     curves |= {f"true_{name}": curve for name, curve in true.items() if name.startswith(OF_TRUTH)}
-    shown = slice(0 if case.columns["view"] == "revolution" else _first(run, IMPACT_FROM_S), None)
+    shown = run.time_s >= (0 if case.columns["view"] == "revolution" else IMPACT_FROM_S)
     return row, {name: _short(curve[shown]) for name, curve in curves.items()}
-
-
-def _first(run: Trajectory, time_s: float) -> int:
-    return int(np.searchsorted(run.time_s, time_s))
 
 
 def _curves(scene: Scene, run: Trajectory) -> Curves:
@@ -193,8 +190,6 @@ def _curves(scene: Scene, run: Trajectory) -> Curves:
 def _contacts(run: Trajectory) -> Row:
     """Return how many contacts ended, and how short the shortest and how fast the fastest of them were."""
     impacts = [contact.impacts for contact in run.contacts.values()]
-    if not impacts:
-        return {}
     lasted = np.concatenate([each.duration_s for each in impacts])
     speeds = np.concatenate([each.approach_speed_m_s for each in impacts])
     if not len(lasted):
