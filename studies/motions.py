@@ -65,7 +65,7 @@ COMPLIANT_ARMS = (
 )
 RIGID_ARMS = (arms.LOCATED, arms.DOPRI5, arms.NATIVE_CONTACT, arms.SCIPY_DOP853_MINIMAL, arms.HEYOKA)
 #: Columns of the truth that are kept beside a run's own.
-OF_TRUTH = ("slider_", "joint_", "driver_torque_", "clearance_", "contact_")
+OF_TRUTH = ("crank_angle_", "slider_", "joint_", "driver_torque_", "clearance_", "contact_")
 
 
 def cases(full: bool) -> list[Case]:
@@ -150,7 +150,9 @@ def measure(case: Case) -> tuple[Row, Curves]:
     curves = _curves(scene, run)
     row: Row = {"steps": run.steps, "mean_step_s": scene.end_time_s / run.steps}
     row |= {name: float(np.abs(of).max()) for name, of in curves.items() if name.endswith("_force_N")}
-    row |= {name: float(curves[name][-1]) for name in curves if name.endswith(("_work_J", "dissipated_energy_J"))}
+    row |= {
+        name: float(curves[name][-1]) for name in curves if name.endswith(("_work_J", "dissipated_energy_J"))
+    }
     row |= _contacts(run) if run.contacts else {}
     if case.columns["view"] == "whole":
         row |= checked(scene, run)

@@ -22,9 +22,9 @@ from reports.tables import in_text, plain
 STUDY = "motions"
 TITLE = "Pictures of the motion"
 INTRODUCTION = (
-    "What the mechanism does, and what each engine makes of it: over one revolution, or up to the time to which "
-    "the motion is known where that is shorter, and over one impact from near. Every engine is at the middle "
-    "of its ladder of settings, as a user would take it who asks for nothing special."
+    "What the mechanism does, and what each engine makes of it: over one revolution, or up to the time to "
+    "which the motion is known where that is shorter, and over one impact from near. Every engine is at the "
+    "middle of its ladder of settings, as a user would take it who asks for nothing special."
 )
 #: The scene whose numbers are in the drawing.
 DRAWN = "clearance-driven-0.5mm"
@@ -75,6 +75,6 @@ def forces_found(results: Results) -> Iterator[str]:
         worst = rows.loc[rows[column].idxmax()]
         largest = results.curve(rows.iloc[0]["case"], "true_contact_B_normal_force_N").max()
         yield (
-            f"On {scene} the pin is pressed with up to {plain(largest / 1e3)} kN; {worst['label']} is the furthest "
-            f"from the truth's force at the same time, by {in_text(worst[column])} N."
+            f"On {scene} the pin is pressed with up to {plain(largest / 1e3)} kN; {worst['label']} is the "
+            f"furthest from the truth's force at the same time, by {in_text(worst[column])} N."
         )

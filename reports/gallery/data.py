@@ -8,8 +8,8 @@ import pandas as pd
 from reports.quantities import finished
 from reports.results import FloatArray, Results, with_columns
 
-#: Buckets of a drawn line: in each its first, its lowest and its highest point are drawn.
-BUCKETS = 250
+#: Buckets of a drawn line: in each its first, its lowest and its highest point are drawn; and of an envelope.
+BUCKETS, PARTS = 250, 60
 DEGREES = 180 / np.pi
 
 
@@ -49,3 +49,14 @@ def extremes(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
             kept |= set(range(start, start + len(part)))
     places = sorted(kept | {len(y) - 1})
     return x[places], y[places]
+
+
+def envelope(x: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the largest size in each of some parts of a curve, (n,) and (n,); not a number where it is zero.
+
+    Zeros between two signs, and what round-off does from sample to sample, are no part of a comparison.
+    """
+    parts = [part[np.isfinite(part)].max(initial=0.0) for part in np.array_split(size, min(PARTS, len(size)))]
+    largest = np.array(parts)
+    middle = np.array([part.mean() for part in np.array_split(x, len(parts))])
+    return middle, np.where(largest > 0, largest, np.nan)

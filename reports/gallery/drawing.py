@@ -26,20 +26,20 @@ def mechanism_figure(scene: Scene) -> Figure:
     """Return the drawing of a crank-slider with its symbols, and of its first joint with clearance."""
     with mpl.rc_context(RC):
         drawing = Drawing(figsize=(WIDTH_IN, 4.6))
-        above, below = drawing.subfigures(2, 1, height_ratios=(1.25, 1))
-        ax = above.add_subplot()
+        grid = drawing.add_gridspec(2, 2, height_ratios=(1.25, 1), width_ratios=(1, 1.15))
+        ax = drawing.add_subplot(grid[0, :])
         draw_mechanism(ax, scene)
         _label(ax, scene)
-        bearing, text = below.subplots(1, 2, width_ratios=(1, 1.15))
-        joint, clearance = next((name, of) for name, of in scene["clearance"].items() if of)
-        _bearing(bearing, joint, clearance)
+        bearing, text = (drawing.add_subplot(grid[1, place]) for place in range(2))
+        joint = next(iter(scene["clearance"]))
+        _bearing(bearing, joint)
         text.set_axis_off()
         text.text(0, 0.97, "\n".join(_values(scene, joint)), va="top", fontsize=8, linespacing=1.55)
     return Figure(
         "motions-mechanism",
         "The mechanism",
-        f"Crank, rod and slider with the symbols of the equations, and joint {joint} with its clearance, drawn "
-        f"far too large. The numbers are those of {scene['name']}.",
+        f"Crank, rod and slider with the symbols of the equations, and joint {joint} with its clearance, "
+        f"drawn far too large. The numbers are those of {scene['name']}.",
         "A crank-slider with angles, lengths and joints O, A, B named, and a pin touching its bearing.",
         drawing,
     )
@@ -104,12 +104,12 @@ def _label(ax: Axes, scene: Scene) -> None:
     texts = {
         r"$\theta$": (0.5 * r, 0.17 * r),
         r"$|\varphi|$": (x - 0.98 * r, 0.15 * r),
-        "$r$": (a[0] * 0.5 - 0.18 * r, a[1] * 0.5 + 0.06 * r),
+        "$r$": (a[0] * 0.72 - 0.15 * r, a[1] * 0.72 + 0.08 * r),
         "$L$": ((a[0] + x) / 2, a[1] / 2 + 0.14 * r),
         "O": (-0.27 * r, 0.06 * r),
         "A": (a[0] - 0.02 * r, a[1] + 0.2 * r),
         "B": (x + 0.02 * r, 0.32 * r),
-        "crank": (-0.62 * r, 0.62 * r),
+        "crank": (-0.6 * r, 0.52 * r),
         "rod": ((a[0] + x) / 2 + 0.36 * r, a[1] / 2 + 0.06 * r),
         "slider in its guide": (x, -0.42 * r),
     }
@@ -117,7 +117,7 @@ def _label(ax: Axes, scene: Scene) -> None:
         colour = BLUE if "$" in text else "black"
         ax.text(at_x, at_y, text, ha="center", va="center", color=colour, fontsize=10 if "$" in text else 9)
     arrow: dict[str, Any] = {"arrowstyle": "->", "color": "black"}
-    ax.annotate("", (a[0] * 0.35, a[1] * 0.62), (-0.42 * r, 0.6 * r), arrowprops={**arrow, "color": GREY})
+    ax.annotate("", (a[0] * 0.35, a[1] * 0.4), (-0.38 * r, 0.48 * r), arrowprops={**arrow, "color": GREY})
     ax.annotate("", (x + 0.85 * r, 0.5 * r), (x + 0.85 * r, 0.95 * r), arrowprops=arrow)
     ax.text(x + 0.72 * r, 0.72 * r, "$g$", color=BLUE, fontsize=10)
     ax.annotate("", (x, -0.75 * r), (0, -0.75 * r), arrowprops={**arrow, "arrowstyle": "<->"})
@@ -126,11 +126,15 @@ def _label(ax: Axes, scene: Scene) -> None:
     ax.text(x / 2, -0.67 * r, "$x$", color=BLUE, fontsize=10, ha="center")
 
 
-def _bearing(ax: Axes, joint: str, clearance: Mapping[str, Any]) -> None:
+def _bearing(ax: Axes, joint: str) -> None:
     """Draw a pin that has gone into the wall of its bearing, both far from their real proportions."""
     outer, inner = 1.0, 1.0 - ROOM
-    direction = np.array([np.cos(np.radians(TOUCH_DEG)), np.sin(np.radians(TOUCH_DEG))])
-    centre = 1.2 * ROOM * direction
+
+    def towards(length: float) -> tuple[float, float]:
+        return length * float(np.cos(touch)), length * float(np.sin(touch))
+
+    touch, deep = np.radians(TOUCH_DEG), 1.2 * ROOM
+    centre = towards(deep)
     ax.add_patch(Circle((0, 0), outer + 0.22, facecolor="#E4E4E4", edgecolor="none"))
     ax.add_patch(Circle((0, 0), outer, facecolor="white", edgecolor=VERMILLION, linewidth=1.6))
     ax.add_patch(Circle(centre, inner, facecolor="#CFE3F1", edgecolor="black", alpha=0.75))
@@ -144,10 +148,9 @@ def _bearing(ax: Axes, joint: str, clearance: Mapping[str, Any]) -> None:
     ax.text(-0.62, 0.47, "$R$", ha="center", color=BLUE, fontsize=10)
     ax.text(0.33, -0.02, "$\\mathbf{d}$", color=BLUE, fontsize=10)
     ax.text(-0.12, -0.47, "$c$", color=BLUE, fontsize=10)
-    tip = (outer + 0.28) * direction
     push = {**arrow, "color": VERMILLION, "linewidth": 1.6}
-    ax.annotate("", centre + 0.28 * direction, centre + 0.72 * direction, arrowprops=push)
-    ax.text(*(tip + [0.06, -0.18]), "$F_n$", color=VERMILLION, fontsize=10)
+    ax.annotate("", towards(deep + 0.28), towards(deep + 0.72), arrowprops=push)
+    ax.text(1.1, -0.92, "$F_n$", color=VERMILLION, fontsize=10)
     ax.text(0, 1.29, f"joint {joint}: bearing and pin", ha="center", fontsize=9)
     ax.set(xlim=(-1.3, 1.6), ylim=(-1.3, 1.5), aspect="equal")
     ax.set_axis_off()
@@ -163,7 +166,7 @@ def _values(scene: Scene, joint: str) -> list[str]:
         f"inertias {crank['inertia_kg_m2']:g}, {rod['inertia_kg_m2']:g} kg m²",
         f"$R$ = {law['bearing_radius_m'] * MM:g} mm, $c$ = {law['radial_clearance_m'] * MM:g} mm",
         r"penetration $\delta$ = |$\mathbf{d}$| − $c$",
-        rf"$F_n$ = 0 while $\delta$ < 0: the pin flies",
+        r"$F_n$ = 0 while $\delta$ < 0: the pin flies",
         f"contact law {law['law']}",
     ]
     if law.get("restitution") is not None:

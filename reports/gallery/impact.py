@@ -57,16 +57,16 @@ def impact_figures(results: Results) -> list[Figure]:
         Figure(
             "motions-impact",
             f"The first impact on {scene}",
-            "Left over time since the truth's touch, right over penetration: up the left branch as the pin goes "
-            "in, back on the lower one as it comes out. The area between them is the energy lost. The truth is "
-            "the broad grey line.",
+            "Left over time since the truth's touch, right over penetration: along the upper branch as the "
+            "pin goes in, back on the lower one as it comes out. The area between them is the "
+            "energy lost. The truth is the broad grey line.",
             f"Contact force over time and over penetration, a loop. Lines: {named}.",
             loops,
         ),
         Figure(
             "motions-impact-error",
             f"Error of the contact force in the first impact on {scene}",
-            "Against the truth of the law that the engine solves, at the same time, on a logarithmic axis: an "
+            "Against the truth of the engine's law at the same time, on a logarithmic axis: an "
             "engine that touches late is furthest off where the force is steepest.",
             f"Error of the contact force over time. Lines: {named}.",
             misses,

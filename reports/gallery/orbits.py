@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from reports.gallery.data import joints_with_clearance, of_view
@@ -44,14 +45,22 @@ def _orbits(results: Results, scene: str, rows: pd.DataFrame, joint: str) -> Fig
             ax.plot(*_path(results, case, joint), color=style["color"], linewidth=0.7)
             ax.set_title(row["label"].replace(" (", "\n("), fontsize=8, color=style["color"])
         for ax in panels[len(rows) :]:
-            ax.remove()
+            ax.set_axis_off()
+        key = [
+            Line2D([], [], label="clearance circle", color=BLACK, linewidth=0.9),
+            Line2D([], [], label="truth", **TRUTH),
+        ]
+        if len(rows) % across:
+            panels[-1].legend(handles=key, loc="center")
+        else:
+            drawing.legend(handles=key, loc="outside upper center", ncols=2)
         drawing.supxlabel("x of the pin [µm]", fontsize=8.5)
         drawing.supylabel("y of the pin [µm]", fontsize=8.5)
     return Figure(
         f"motions-orbit-{scene}-{joint}",
         f"The pin of joint {joint} in its bearing on {scene}",
-        "The way of the pin's centre over one revolution, from the bearing's: inside the circle it flies, on it "
-        "and outside it touches. The truth of the law that the engine solves is the broad grey line.",
+        "The way of the pin's centre over one revolution, from the bearing's: inside the circle it flies, "
+        "on it and outside it touches. The truth of the law that the engine solves is the broad grey line.",
         f"{len(rows)} clearance circles with the pin's path in each: {', '.join(labels(rows))}.",
         drawing,
     )

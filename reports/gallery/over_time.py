@@ -1,6 +1,5 @@
 """Signals over one revolution beside the truth, and how far each engine is from it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-from reports.gallery.data import angle_deg, extremes, has, joints_with_clearance, of_view
+from reports.gallery.data import angle_deg, envelope, extremes, has, joints_with_clearance, of_view
 from reports.gallery.drawing import WIDTH_IN
 from reports.parts import Figure
 from reports.results import Results
@@ -21,33 +20,63 @@ from reports.tables import listed
 #: The truth's line: broad and pale, behind those of all engines.
 TRUTH: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 3.2, "zorder": 1.5}
 TURN = "crank's turn [°]"
-MARKERS, LEGEND_IN = 6, 0.75
+MARKERS, LEGEND_IN = 4, 0.75
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A column shown in ``unit`` s, ``scale`` of them in one of its own, beside its column of errors."""
+    """A column shown in another unit, ``scale`` of which are one of its own, and its errors in its own."""
 
     name: str
     title: str
     column: str
     error: str
-    unit: str
+    axis: str
+    error_unit: str
     scale: float = 1.0
 
 
-POSITION = Signal("slider-position", "Slider position", "slider_position_m", "slider_position_error_m", "mm", 1e3)
-VELOCITY = Signal(
-    "slider-velocity", "Slider velocity", "slider_velocity_m_s", "slider_velocity_error_m_s", "m/s"
+POSITION = Signal(
+    "slider-position",
+    "Slider position",
+    "slider_position_m",
+    "slider_position_error_m",
+    "slider\nposition [mm]",
+    "m",
+    1e3,
 )
-JOINT = Signal("joint-force", "Force in joint B", "joint_B_force_N", "joint_B_force_error_N", "kN", 1e-3)
-TORQUE = Signal("driver-torque", "Driver torque", "driver_torque_N_m", "driver_torque_error_N_m", "N·m")
+VELOCITY = Signal(
+    "slider-velocity",
+    "Slider velocity",
+    "slider_velocity_m_s",
+    "slider_velocity_error_m_s",
+    "slider\nvelocity [m/s]",
+    "m/s",
+)
+JOINT = Signal(
+    "joint-force",
+    "Force in joint B",
+    "joint_B_force_N",
+    "joint_B_force_error_N",
+    "force in\njoint B [kN]",
+    "N",
+    1e-3,
+)
+TORQUE = Signal(
+    "driver-torque",
+    "Driver torque",
+    "driver_torque_N_m",
+    "driver_torque_error_N_m",
+    "driver\ntorque [N·m]",
+    "N·m",
+)
 DEVIATION = Signal(
     "deviation",
     "Slider's deviation from the ideal mechanism",
     "slider_deviation_m",
     "slider_position_error_m",
-    "µm",
+    "slider's\ndeviation [µm]",
+    "m",
     1e6,
 )
 
@@ -61,7 +90,6 @@ def signal_figure(results: Results, rows: pd.DataFrame, signal: Signal) -> Figur
     if rows.empty:
         return None
     styles, scenes = line_styles(rows), list(rows.groupby("scene"))
-    unit = f" [{signal.unit}]"
     with mpl.rc_context(RC):
         drawing = Drawing(figsize=(WIDTH_IN, 1.75 * len(scenes) + LEGEND_IN))
         for (left, right), (scene, of) in zip(
@@ -71,18 +99,15 @@ def signal_figure(results: Results, rows: pd.DataFrame, signal: Signal) -> Figur
             true = signal.scale * results.curve(first["case"], f"true_{signal.column}")
             left.plot(*extremes(angle_deg(results, first), true), **TRUTH)
             for _, row in of.iterrows():
-                turn, style = angle_deg(results, row), styles[row["label"]]
+                turn, style = angle_deg(results, row), _marked(styles, row["label"])
                 value = signal.scale * results.curve(row["case"], signal.column)
-                left.plot(*extremes(turn, value), **_marked(style, styles, row["label"]))
-                error = signal.scale * np.abs(results.curve(row["case"], signal.error))
-                right.plot(
-                    *extremes(turn, np.where(error > 0, error, np.nan)), **_marked(style, styles, row["label"])
-                )
+                left.plot(*extremes(turn, value), **style)
+                right.plot(*envelope(turn, np.abs(results.curve(row["case"], signal.error))), **style)
             right.set_yscale("log")
             right.yaxis.set_major_locator(LogLocator(numticks=6))
             right.yaxis.set_minor_locator(NullLocator())
-            left.set(ylabel=signal.title.split(" from")[0].lower().replace(" ", "\n", 1) + unit)
-            right.set(ylabel=f"size of the error\n{unit.strip()}")
+            left.set(ylabel=signal.axis)
+            right.set(ylabel=f"error [{signal.error_unit}]")
             left.set_title(scene, loc="left")
             for ax in (left, right):
                 ax.set(xlabel=TURN)
@@ -91,9 +116,9 @@ def signal_figure(results: Results, rows: pd.DataFrame, signal: Signal) -> Figur
     return Figure(
         f"motions-{signal.name}-{'clearance' if signal is DEVIATION else 'ideal'}",
         f"{signal.title} over one revolution",
-        "Left every engine's run, on the truth as a broad grey line; right the size of its error, on a "
-        "logarithmic axis. Runs are at the middle rung of each engine's ladder of settings, and none of their "
-        "steps is longer than the distance of two samples.",
+        "Left every engine's run, on the truth as a broad grey line; right its error, the largest "
+        "in each sixtieth of the run, on a logarithmic axis. No step is longer than the distance of two "
+        "samples.",
         f"{len(scenes)} rows of two panels over the crank's angle: {listed(scene for scene, _ in scenes)}.",
         drawing,
     )
@@ -142,8 +167,11 @@ def legend(drawing: Drawing, rows: pd.DataFrame) -> None:
     drawing.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
 
 
-def _marked(style: dict[str, Any], styles: Sequence[str] | dict[str, Any], label: str) -> dict[str, Any]:
-    """Return a line's style with a few markers, which lie beside those of the other labels."""
-    names = list(styles)
-    step = 1 / MARKERS
-    return {**style, "markevery": (step * names.index(label) / len(names), step), "linewidth": 1.0}
+def _marked(styles: dict[str, Any], label: str) -> dict[str, Any]:
+    """Return a label's style with a few markers on its line, which lie beside those of the other labels."""
+    part = 1 / MARKERS
+    return {
+        **styles[label],
+        "markevery": (part * list(styles).index(label) / len(styles), part),
+        "linewidth": 1.0,
+    }
