@@ -6,6 +6,7 @@ all engines, sampled densely; the same impact under every contact ``law``; and e
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -107,7 +108,11 @@ def _arms(scene: Scene) -> tuple[Arm, ...]:
 def _middle(rungs: Sequence[Rung], arm: Arm) -> Rung:
     """Return an arm's middle rung, an engine's best practice when neither cheap nor sharp is asked for."""
     own = [rung for rung in rungs if rung.arm == arm]
-    return own[len(own) // 2] if own else Rung(arm, TURN_S)
+    if not own:
+        return Rung(arm, TURN_S)
+    middle = own[len(own) // 2]
+    # Exudyn's build for speed is for clocks, and would not run in one process with the other.
+    return replace(middle, added={name: of for name, of in middle.added.items() if name != "fast"})
 
 
 def _first_impact() -> Scene:

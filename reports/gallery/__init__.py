@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from reports import shared_tables
 from reports.gallery import over_time
-from reports.gallery.data import of_view
+from reports.gallery.data import joints_with_clearance, of_view
 from reports.gallery.drawing import mechanism_figure
 from reports.gallery.energy import energy_figure
 from reports.gallery.impact import impact_figures
@@ -71,10 +71,12 @@ def forces_found(results: Results) -> Iterator[str]:
     """Yield for each scene with compliant contacts the largest contact force, and who misses it by most."""
     runs = of_view(results, "revolution")
     for scene, rows in runs[runs["shortest_contact_s"] > 0].groupby("scene"):
-        column = "contact_B_normal_force_error_N"
-        worst = rows.loc[rows[column].idxmax()]
-        largest = results.curve(rows.iloc[0]["case"], "true_contact_B_normal_force_N").max()
-        yield (
-            f"On {scene} the pin is pressed with up to {plain(largest / 1e3)} kN; {worst['label']} is the "
-            f"furthest from the truth's force at the same time, by {in_text(worst[column])} N."
-        )
+        for joint in joints_with_clearance(rows.iloc[0]):
+            column = f"contact_{joint}_normal_force_error_N"
+            worst = rows.loc[rows[column].idxmax()]
+            largest = results.curve(rows.iloc[0]["case"], f"true_contact_{joint}_normal_force_N").max()
+            yield (
+                f"On {scene} the pin of joint {joint} is pressed with up to {plain(largest / 1e3)} kN; "
+                f"{worst['label']} is the furthest from the truth's force at the same time, by "
+                f"{in_text(worst[column])} N."
+            )

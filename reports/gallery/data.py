@@ -15,7 +15,7 @@ DEGREES = 180 / np.pi
 
 def of_view(results: Results, view: str) -> pd.DataFrame:
     """Return the finished runs of a view, a scene's in the order of legends."""
-    rows = with_columns(results.rows, "shortest_contact_s")
+    rows = with_columns(results.rows, "shortest_contact_s", "contacts_ended")
     return finished(rows[rows["view"] == view])
 
 

@@ -28,7 +28,7 @@ IN_CONTACTS = {
 }
 #: Heights have no zero of their own.
 FROM_LOWEST = ("gravitational_change_J",)
-GIVEN, EDGE, EVERY = "there at the start, and work since", "#6A6A6A", 4
+GIVEN, EDGE, EVERY = "there at the start, and work since", "#6A6A6A", 6
 
 
 def energy_figure(results: Results) -> Figure | None:

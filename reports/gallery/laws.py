@@ -57,8 +57,8 @@ def laws_figure(results: Results) -> Figure | None:
         "motions-laws",
         "Contact laws: force over penetration",
         f"The same first impact under every dissipative law at restitution {restitution:g}, and without "
-        "loss by Hertz, which is the thin line behind the others. The area of a loop is the energy lost; laws "
-        "are in its order. By the reference.",
+        "loss by Hertz, which is the thin line behind the others. The area of a loop is the energy lost; "
+        "laws are in its order. By the reference.",
         f"{len(names)} panels of force over penetration, loading and unloading: {', '.join(names)}.",
         drawing,
     )
