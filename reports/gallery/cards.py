@@ -125,4 +125,11 @@ def _orbits(results: Results, ax: Any, case: str, joints: list[str]) -> None:
         ax.plot(x, y, color=colour, linestyle=dashes, linewidth=0.6, label=joint)
     ax.set_title(f"pin {', '.join(joints)} [µm]", fontsize=8)
     if len(joints) > 1:
-        ax.legend(loc="center", fontsize=7, handlelength=1.2, framealpha=0.8, frameon=True)
+        ax.legend(
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.2),
+            ncols=3,
+            fontsize=7,
+            handlelength=1.2,
+            columnspacing=0.8,
+        )
