@@ -17,7 +17,7 @@ from reports.gallery.laws import laws_figure
 from reports.gallery.orbits import orbit_figures
 from reports.parts import Section
 from reports.results import Results
-from reports.tables import in_text, plain
+from reports.tables import plain
 
 STUDY = "motions"
 TITLE = "Pictures of the motion"
@@ -78,5 +78,5 @@ def forces_found(results: Results) -> Iterator[str]:
             yield (
                 f"On {scene} the pin of joint {joint} is pressed with up to {plain(largest / 1e3)} kN; "
                 f"{worst['label']} is the furthest from the truth's force at the same time, by "
-                f"{in_text(worst[column])} N."
+                f"{plain(worst[column])} N."
             )

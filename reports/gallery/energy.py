@@ -24,7 +24,7 @@ ALL = {
 }
 IN_CONTACTS = {
     "dissipated_energy_J": ("dissipated in contacts", "#E79A76", "///"),
-    "elastic_change_J": ("elastic in contacts", "#A8D5A2", "..."),
+    "elastic_change_J": ("elastic in contacts", "#4E9A5B", ""),
 }
 #: Heights have no zero of their own.
 FROM_LOWEST = ("gravitational_change_J",)
