@@ -8,6 +8,7 @@ STUDIES = {
     "predictability": "studies.predictability.study",
     "stability": "studies.stability.study",
     "extremes": "studies.extremes.study",
+    "motions": "studies.motions",
 }
 
 
