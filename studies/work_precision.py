@@ -80,7 +80,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     if "compiled_anew" in case.columns:
         engine: Any = make_engine(case.engine, **case.settings)
         return {"compile_time_s": engine.compile_time_s(case.scene, case.run)}, {}
-    return (_times(case) if case.timed else _errors(case)), {}
+    return (times(case) if case.timed else _errors(case)), {}
 
 
 def _errors(case: Case) -> Row:
@@ -104,7 +104,7 @@ def _solve_time_s(engine: Engine, scene: Scene, run: RunSettings) -> float:
 _loaded = cache(_solve_time_s)
 
 
-def _times(case: Case) -> Row:
+def times(case: Case) -> Row:
     """Return the native solve's median and least time over repeats, and what building took besides."""
     engine: Any = make_engine(case.engine, **case.settings)
     _loaded(engine, case.scene, case.run)

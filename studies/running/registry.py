@@ -9,8 +9,10 @@ STUDIES = {
     "stability": "studies.stability.study",
     "extremes": "studies.extremes.study",
 }
+#: Studies of one scene of the user's, which commands of their own run.
+OF_ONE_SCENE = {"comparison": "studies.comparison.study"}
 
 
 def study_module(name: str) -> str:
     """Return the import path of a study's module; a study without a name here is named by that path."""
-    return STUDIES.get(name, name)
+    return {**STUDIES, **OF_ONE_SCENE}.get(name, name)
