@@ -183,27 +183,30 @@ def run(
         Text,
         Option(metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."),
     ] = None,
+    scenes: Annotated[
+        list[str] | None,
+        Option(
+            "--scene", metavar="SCENE", help="This one in place of the studies' own.", autocompletion=_scenes
+        ),
+    ] = None,
     retry_failed: Annotated[
         bool, Option("--retry-failed", help="Also run again what neither finished nor was refused.")
     ] = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
-    from engine_models.scene.plain_words import meant, one_of, shown
     from studies.command.options import RunOptions, checked
-    from studies.command.study_run import joined, running_in
+    from studies.command.study_run import given_scenes, joined, require_studies, running_in, studies_of
     from studies.running.cluster import cluster
     from studies.running.runner import run_studies
 
-    for name in studies or []:
-        if name not in STUDIES:
-            expected = one_of(list(STUDIES))
-            raise failures.BadInput(f"STUDY: expected {expected}, got {shown(name)}{meant(name, STUDIES)}")
+    require_studies(studies or [])
     joined(engines or [])
+    given = given_scenes(scenes or [])
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    names = list(dict.fromkeys(studies or STUDIES))
+    names = list(dict.fromkeys(studies or studies_of(given, full)))
     executors = nullcontext() if scheduler is None else cluster(scheduler)
     with executors as executor, running_in(out):
-        run_studies(names, full, options.jobs, out, executor, retry_failed, engines or ())
+        run_studies(names, full, options.jobs, out, executor, retry_failed, engines or (), given)
     failures.say(f"note: the results are in {out}")
 
 

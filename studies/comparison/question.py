@@ -8,6 +8,7 @@ from engine_models.engine import Trajectory, UnsupportedScene
 from engine_models.mechanics.joints import clearances
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import GRID, converged, followed
+from studies.judges.kinds import has_truth
 
 #: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank what
 #: a workshop measures. Where the crank is prescribed so is the ideal slider, and a torque sensor is good to
@@ -33,22 +34,13 @@ def asked(scene: Scene) -> Question:
     Raises:
         UnsupportedScene, SimulationFailed: there is no truth, or it is not known beyond the start.
     """
-    if not scene.joints_with_clearance:
-        _require_full_turns(scene)
+    if not has_truth(scene):
+        raise UnsupportedScene("of ideal joints it takes a rod as long as the crank or longer")
     truth, _ = converged(scene, GRID)
     samples = followed(scene, GRID)
     if samples < 2:
         raise UnsupportedScene("starts a hair apart part at once: nobody can know its motion")
     return Question(*_judged(scene, truth), float(truth.time_s[samples - 1]))
-
-
-def _require_full_turns(scene: Scene) -> None:
-    """Refuse what has no truth in closed form."""
-    if not scene.is_crank_slider:
-        raise UnsupportedScene("it is a pendulum in an ideal joint, for which no truth is at hand")
-    crank, rod, _ = scene.crank_slider()
-    if rod.length_m < crank.length_m:
-        raise UnsupportedScene("its rod is shorter than its crank, for which no truth is at hand")
 
 
 def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:

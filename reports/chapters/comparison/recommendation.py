@@ -21,7 +21,7 @@ def sentences(standings: Standings) -> Iterator[str]:
     """Yield the recommendation, at most two numbers a sentence, and what it rests on."""
     chosen = standings.chosen
     if chosen is None:
-        yield "Nothing can be recommended: no run finished, was timed and passed the check of energy and gaps."
+        yield "Nothing can be recommended: no run finished and passed the check of energy and gaps."
     else:
         yield from _choice(standings, chosen)
         yield from _rivals(standings)
@@ -36,7 +36,7 @@ def setting(rung: Any) -> str:
 
 
 def size(value: float) -> str:
-    """Return a number in a sentence with two significant digits, without a power of ten if it needs none."""
+    """Return a number in a sentence, two significant digits, with a power of ten where it needs one."""
     return plain(value) if 0.01 <= value < 1000 else in_text(value)
 
 
