@@ -1,6 +1,7 @@
 """A scene of the user's on every engine: which to take, and the page that says why."""
 
 import os
+import re
 from collections.abc import Collection
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -95,6 +96,11 @@ class Comparison:
 
     def __repr__(self) -> str:
         return self.recommendation
+
+
+def default_folder(scene: Scene) -> Path:
+    """Return where a scene's comparison is kept if nobody says."""
+    return Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", scene.name))
 
 
 def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path) -> Comparison:

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
@@ -224,13 +223,13 @@ def compare(
     """Compare engines on a scene: which to take, at which setting, what it costs; a page says why."""
     from rich.console import Console
 
-    from studies.command.comparison import comparison
+    from studies.command.comparison import comparison, default_folder
     from studies.command.options import read_scene
     from studies.command.study_run import joined, running_in
 
     physics = read_scene(scene)
     joined(engines or [])
-    folder = out or Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", physics.name))
+    folder = out or default_folder(physics)
     with running_in(folder):
         found = comparison(physics, scene, engines or (), folder)
         found.save(folder)
