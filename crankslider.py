@@ -118,9 +118,9 @@ def compare(
 ) -> "Comparison":
     """Return what engines are worth on a scene: rows, a recommendation, and a page to be saved.
 
-    ``engines`` are those named, all if none is. Runs are kept in ``folder``, ``comparison/NAME`` unless given,
-    where a second call goes on. They take a minute or a few in processes of their own, so in a script the call
-    belongs under ``if __name__ == "__main__":``.
+    ``engines`` are those named, all if none is. Runs are kept in ``folder``, ``comparison/NAME`` unless
+    given, where a second call goes on. They take a minute or a few in processes of their own, so in a
+    script the call belongs under ``if __name__ == "__main__":``.
 
     Raises:
         BadInput: an argument or the scene is refused, it has no truth, or no engine can run it.

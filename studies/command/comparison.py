@@ -21,7 +21,7 @@ from reports.chapters.comparison.sections import standings_table
 from reports.chapters.comparison.standing import Standings
 from reports.results import Results, read_study
 from studies.command.finished_run import Run
-from studies.comparison.question import Question, asked
+from studies.comparison.question import Question, asked, require_truth
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
 from studies.failures import BadInput, Failed
 from studies.running.case import Case
@@ -69,12 +69,13 @@ class Comparison:
     def table(self) -> Any:
         """Return a line for each engine, as ``rich`` prints it."""
         from rich import box
+        from rich.markup import escape
         from rich.table import Table
 
         content = standings_table(self.standings)
-        table = Table(*content.head, title=content.title, box=box.SIMPLE)
+        table = Table(*map(escape, content.head), title=content.title, box=box.SIMPLE)
         for row in content.rows:
-            table.add_row(*row)
+            table.add_row(*map(escape, row))
         return table
 
     def save(self, folder: str | Path) -> None:
@@ -131,6 +132,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
 
 def _question(scene: Scene, pool: Processes) -> Question:
     try:
+        require_truth(scene)  # a process would take seconds to say so
         with Console(stderr=True).status(f"the truth of {scene.name}"):
             return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
     except UnsupportedScene as reason:

@@ -221,14 +221,15 @@ def compare(
     ] = None,
 ) -> None:
     """Compare engines on a scene: which to take, at which setting, what it costs; a page says why."""
-    from rich.console import Console
-
-    from studies.command.comparison import comparison, default_folder
     from studies.command.options import read_scene
     from studies.command.study_run import joined, running_in
 
     physics = read_scene(scene)
     joined(engines or [])
+    from rich.console import Console
+
+    from studies.command.comparison import comparison, default_folder  # takes seconds
+
     folder = out or default_folder(physics)
     with running_in(folder):
         found = comparison(physics, scene, engines or (), folder)

@@ -34,13 +34,18 @@ def asked(scene: Scene) -> Question:
     Raises:
         UnsupportedScene, SimulationFailed: there is no truth, or it is not known beyond the start.
     """
-    if not has_truth(scene):
-        raise UnsupportedScene("of ideal joints it takes a rod as long as the crank or longer")
+    require_truth(scene)
     truth, _ = converged(scene, GRID)
     samples = followed(scene, GRID)
     if samples < 2:
         raise UnsupportedScene("starts a hair apart part at once: nobody can know its motion")
     return Question(*_judged(scene, truth), float(truth.time_s[samples - 1]))
+
+
+def require_truth(scene: Scene) -> None:
+    """Raise UnsupportedScene for a scene of which no truth is looked for."""
+    if not has_truth(scene):
+        raise UnsupportedScene("of ideal joints it takes a rod as long as the crank or longer")
 
 
 def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:

@@ -106,18 +106,21 @@ def _sorted_out(folder: Path, present: frozenset[str], scenes: Mapping[str, Valu
     rows, clean = _read(path)
     asides = [_aside(folder, code) for code in sorted(present)]
 
-    def wanted(row: Row) -> bool:
-        content = row.get(CONTENT)
-        return row["fingerprint"] in present and scenes.get(str(row.get("scene")), content) == content
+    known = dict(scenes)
 
+    def wanted(row: Row) -> bool:  # of a scene that nobody asks for, the first one of its name
+        content = row.get(CONTENT)
+        return row["fingerprint"] in present and known.setdefault(str(row.get("scene")), content) == content
+
+    own = {key: row for key, row in rows.items() if wanted(row)}
     leaving: dict[str, dict[str, Row]] = {}
     for key, row in rows.items():
-        if not wanted(row):
+        if key not in own:
             leaving.setdefault(str(row["fingerprint"]), {})[key] = row
     returning = {key: row for aside in asides for key, row in _read(aside)[0].items() if wanted(row)}
     for code, others in leaving.items():
         _write(_aside(folder, code), {**_read(_aside(folder, code))[0], **others})
-    here = returning | {key: row for key, row in rows.items() if wanted(row)}
+    here = returning | own
     if leaving or returning or not clean:
         _write(path, here)
     for aside in asides:

@@ -82,7 +82,9 @@ class Standings:
     @property
     def nearest(self) -> Any:
         """The rung with the smallest error, the cheapest of those that are equal; None if there is none."""
-        return next(self.rungs.sort_values(["error", "time_s"]).itertuples(), None)
+        if self.rungs.empty:
+            return None
+        return next(self.rungs.sort_values(["error", "time_s"]).itertuples())
 
     @property
     def chosen(self) -> Any:

@@ -150,9 +150,7 @@ def shown(by_label: Ensembles) -> list[str]:
     return [
         name
         for name in QUANTITIES
-        if all(
-            of[name].notna().all() and (of[name].nunique() > 1 or len(of) == 1) for of in by_label.values()
-        )
+        if all(of[name].notna().all() and (len(of) == 1 or np.ptp(of[name]) > 0) for of in by_label.values())
     ]
 
 
