@@ -184,9 +184,7 @@ def run(
     ] = None,
     scenes: Annotated[
         list[str] | None,
-        Option(
-            "--scene", metavar="SCENE", help="This one in place of the studies' own.", autocompletion=_scenes
-        ),
+        Option("--scene", metavar="SCENE", help="In place of the studies' own.", autocompletion=_scenes),
     ] = None,
     retry_failed: Annotated[
         bool, Option("--retry-failed", help="Also run again what neither finished nor was refused.")
