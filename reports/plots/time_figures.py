@@ -16,8 +16,8 @@ MARKERS = 7
 def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per: str = "") -> Drawing:
     """Return the figure of the largest size of a curve up to each time, on a logarithmic axis.
 
-    ``axis`` is its label. A curve of errors ends at its scene's horizon. The size is divided by the rows' column ``per`` if one is named. ``rows`` are of
-    finished runs; later ones lie on top.
+    ``axis`` is its label. A curve of errors ends at its scene's horizon. The size is divided by the rows'
+    column ``per`` if one is named. ``rows`` are of finished runs; later ones lie on top.
     """
     scenes = list(rows.groupby("scene"))
     styles = line_styles(rows)
