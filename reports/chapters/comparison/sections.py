@@ -82,8 +82,8 @@ def _line(standings: Standings, engine: str) -> tuple[str, ...]:
 
 def _what_an_error_is(standings: Standings) -> str:
     text = f"Errors are the largest over the samples compared. {followed(standings.recorded)}"
-    if "truth" in standings.recorded:
-        text += " To those from the law that an engine solves that law's from the scene's are added."
+    if standings.recorded.columns.str.contains("_model_difference_").any():
+        text += " Where an engine solves a law of its own, that law's distance from the scene's is added."
     return text
 
 
