@@ -113,7 +113,8 @@ def _impacts(row: pd.Series) -> Iterator[str]:
 
 def _next_coarser(standings: Standings, row: pd.Series) -> str:
     what, unit = words(standings.column)
-    begin = f"It stops being good enough at {setting(row)}, the next coarser here:"
+    begins = "It stops being good enough at" if standings.there else "It is worse still at"
+    begin = f"{begins} {setting(row)}, the next coarser here:"
     if row["status"] != "ok":
         return f"{begin} it {row['status']}, {row['reason']}."
     if failure := quality_failures(row.to_frame().T).iloc[0]:
