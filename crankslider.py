@@ -10,14 +10,18 @@ What a user gives and gets wrong is refused with a ``BadInput``, in the words of
 """
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from pkgutil import extend_path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 from warnings import warn
+
+if TYPE_CHECKING:
+    from studies.command.comparison import Comparison
 
 PACKAGES = ("reference_solver", "engine_models", "studies", "reports")
 
@@ -65,7 +69,7 @@ with _home_first():
     )
     from studies.failures import BadInput, Failed
 
-__all__ = ["BadInput", "Failed", "Run", "Scene", "load", "scenes", "simulate"]
+__all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate"]
 __version__ = version("crankslider")
 
 #: The library's scenes by name.
@@ -107,6 +111,35 @@ def simulate(
     for doubt in run.warnings:
         warn(doubt, stacklevel=2)
     return run
+
+
+def compare(
+    scene: Scene | str | Path, engines: Sequence[str] = (), folder: str | Path | None = None
+) -> "Comparison":
+    """Return what engines are worth on a scene: rows, a recommendation, and a page to be saved.
+
+    ``engines`` are those named, all if none is. Runs are kept in ``folder``, ``comparison/NAME`` unless
+    given, where a second call goes on. They take a minute or a few in processes of their own, so in a
+    script the call belongs under ``if __name__ == "__main__":``.
+
+    Raises:
+        BadInput: an argument or the scene is refused, it has no truth, or no engine can run it.
+        Failed: the truth was not found, or no engine finished.
+    """
+    from studies.command.comparison import (
+        comparison,
+        default_folder,
+    )  # loads the compiler, as ``simulate`` does
+    from studies.command.study_run import joined, running_in
+
+    with as_arguments():
+        if isinstance(engines, str) or not all(isinstance(name, str) for name in engines):
+            raise BadInput(f"engines: expected a list of names, got {engines!r}")
+        joined(engines)
+        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
+        place = default_folder(physics) if folder is None else Path(folder)
+        with running_in(place):
+            return comparison(physics, str(getattr(scene, "name", scene)), engines, place)
 
 
 def load(path: str | Path) -> Scene:

@@ -93,7 +93,7 @@ def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
 
     A signal that is exactly zero throughout, as forces between impacts of rigid walls, has no rungs.
     """
-    rows = _from_coarse_to_fine(rows)
+    rows = from_coarse_to_fine(rows)
     settings = [name for name in rows if name.startswith("setting_")]
     rung = rows[["engine", "arm", "step_s", *settings]].map(str).agg(" ".join, axis=1)
     by_round = pd.pivot_table(
@@ -111,7 +111,7 @@ def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     return recorded.assign(time_s=recorded["times_s"].map(np.nanmedian).astype(float))
 
 
-def _from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
+def from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one scene's rows in the order of ladders, with what each arm varies: tolerance, or else step."""
     others = ("setting_rtol", "setting_tolerance", "round", "compiled_anew", "steps", "evaluations")
     rows = with_columns(rows, *others)

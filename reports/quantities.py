@@ -10,6 +10,15 @@ def finished(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[rows["status"] == "ok"]
 
 
+def own_scenes(rows: pd.DataFrame) -> pd.Series:
+    """Return of each row whether it is on a scene of the study's own, of which theory says what to expect.
+
+    The others are of scenes that a user gave, on which anything may come out.
+    """
+    content = rows["scene_content"] if "scene_content" in rows else pd.Series(None, rows.index, dtype=object)
+    return content.isna()
+
+
 def value(rows: pd.DataFrame, column: str) -> pd.Series:
     """Return a column, NaN where the run failed or the scene has no such thing."""
     return _numbers(rows, column).where(rows["status"] == "ok")

@@ -10,6 +10,7 @@ from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.comparison import compared, conserved
 from studies.judges.ideal_truth import exact, exact_repeats
+from studies.judges.kinds import has_ideal_truth, require
 from studies.running.case import Case, Curves, Row
 
 SAMPLES = 200
@@ -35,17 +36,29 @@ ITERATIONS, ITERATIONS_STEPS_PER_SAMPLE = (2, 5, 7, 10, 15, 20, 50, 100), 32
 
 def cases(full: bool) -> list[Case]:
     """Return the ladder of steps for every scene, engine and arm, then Pymunk's sweep of iterations."""
+    return [case for make in IDEAL_SCENES.values() for case in _cases_on(make(), full)]
+
+
+def cases_on(scene: Scene, full: bool) -> list[Case]:
+    """Return the same for a scene of the user's.
+
+    Raises:
+        BadInput: it has clearance, or no truth in closed form.
+    """
+    holds = not scene.joints_with_clearance and has_ideal_truth(scene)
+    require("agreement", holds, "ideal joints and a rod no shorter than the crank", scene)
+    return _cases_on(scene, full)
+
+
+def _cases_on(scene: Scene, full: bool) -> list[Case]:
     out = []
-    for make in IDEAL_SCENES.values():
-        scene = make()
-        for arm in (*ARMS, *arms.newcomers()):
-            out += [_case(scene, arm, count) for count in LADDER + (FINER if full else ())]
-        for intervals in INTERVALS:
-            case = _case(scene, arms.REFERENCE_DOP853, 1 / intervals, tolerance=NO_LIMIT)
-            out.append(replace(case, columns={"step_s": case.run.step_s}))
-        swept = map(arms.with_iterations, ITERATIONS)
-        out += [_case(scene, arm, ITERATIONS_STEPS_PER_SAMPLE) for arm in swept]
-    return out
+    for arm in (*ARMS, *arms.newcomers()):
+        out += [_case(scene, arm, count) for count in LADDER + (FINER if full else ())]
+    for intervals in INTERVALS:
+        case = _case(scene, arms.REFERENCE_DOP853, 1 / intervals, tolerance=NO_LIMIT)
+        out.append(replace(case, columns={"step_s": case.run.step_s}))
+    swept = map(arms.with_iterations, ITERATIONS)
+    return out + [_case(scene, arm, ITERATIONS_STEPS_PER_SAMPLE) for arm in swept]
 
 
 def _case(scene: Scene, arm: Arm, steps_per_sample: float, **added: Setting) -> Case:

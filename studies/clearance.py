@@ -12,6 +12,7 @@ from engine_models.scene.scene import Scene
 from studies.judges.comparison import compared, conserved
 from studies.judges.converged_truth import converged, cross_check, followed, truth_by
 from studies.judges.impact_matching import impact_errors
+from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
 from studies.judges.metrics import errors, with_suffix
 from studies.ladders import clearance_ladder
@@ -60,9 +61,22 @@ def scenes(full: bool) -> list[Scene]:
 
 def cases(full: bool) -> list[Case]:
     """Return a ladder of every engine's own best settings for every scene."""
+    return [case for scene in scenes(full) for case in _cases_on(scene, full)]
+
+
+def cases_on(scene: Scene, full: bool) -> list[Case]:
+    """Return the same for a scene of the user's, followed to its end.
+
+    Raises:
+        BadInput: it has no clearance.
+    """
+    require("clearance", bool(scene.joints_with_clearance), "a joint with clearance", scene)
+    return _cases_on(scene, full)
+
+
+def _cases_on(scene: Scene, full: bool) -> list[Case]:
     out = [
         Case("clearance", scene, rung.arm, RunSettings(rung.step_s, SAMPLES), rung.added)
-        for scene in scenes(full)
         for rung in clearance_ladder(scene, full, fast=False)
     ]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step

@@ -21,6 +21,7 @@ from studies.judges.metrics import (
     kinetic_energy_J,
     numerical_gain_J,
 )
+from studies.ladders import turns_of
 from studies.running.case import Case, Curves, Row
 
 
@@ -86,6 +87,10 @@ LASTING = {
 }
 #: Their tolerance and steps in a turn, and their samples in one.
 LASTING_TOLERANCE, LASTING_STEPS, LASTING_SAMPLES = 1e-5, 1200, 10
+#: Samples in a turn of a scene of the user's, without clearance and with it, and steps between two on each
+#: rung, as set R has them; and its samples in all.
+PER_TURN = {False: (10, (15, 30, 60)), True: (120, (10, 20, 40))}
+FEWEST_SAMPLES, MOST_SAMPLES = 200, 5000
 #: Samples of a curve that are kept.
 KEPT = 240
 #: Round-off of a constraint in places of the largest coordinate or speed, below which no growth is told: so
@@ -98,10 +103,24 @@ def cases(full: bool) -> list[Case]:
 
     The full set adds long runs, and with clearance those without stabilisation: each needs a kernel more.
     """
-    every = [case for length in SHORT + (LONG if full else ()) for case in _ladder(length)]
+    every = [case for length in SHORT + (LONG if full else ()) for case in _ladder(_scene(length), length)]
     every += [
         case for lasting in LASTING[False] + (LASTING[True] if full else ()) for case in _lasting(*lasting)
     ]
+    return _affordable(every, full)
+
+
+def cases_on(scene: Scene, full: bool) -> list[Case]:
+    """Return every engine and arm on a scene of the user's at a ladder of steps, to its end."""
+    per_turn, steps = PER_TURN[bool(scene.joints_with_clearance)]
+    wanted = math.ceil(per_turn * turns_of(scene))
+    intervals = min(max(wanted, FEWEST_SAMPLES), MOST_SAMPLES)
+    longer = math.ceil(wanted / intervals)
+    length = Length(scene.name, scene.end_time_s, intervals, tuple(longer * count for count in steps))
+    return _affordable(_ladder(scene, length), full)
+
+
+def _affordable(every: list[Case], full: bool) -> list[Case]:
     return [
         case
         for case in every
@@ -109,9 +128,13 @@ def cases(full: bool) -> list[Case]:
     ]
 
 
-def _ladder(length: Length) -> list[Case]:
+def _scene(length: Length) -> Scene:
     changes = {"end_time_s": length.end_s, "name": length.name or length.scene}
-    scene, out = SCENES[length.scene]().model_copy(update=changes), []
+    return SCENES[length.scene]().model_copy(update=changes)
+
+
+def _ladder(scene: Scene, length: Length) -> list[Case]:
+    out = []
     tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
     for arm in (*_arms(scene), *arms.newcomers()):
         for rung, count in enumerate(length.steps_per_sample):

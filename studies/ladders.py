@@ -32,8 +32,7 @@ def by_tolerance(arm: Arm, longest_s: float, exponents: range, **added: Setting)
 
 def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
     """Return all engines' ladders for a scene of ideal joints, from fifty steps a revolution on."""
-    turns = max(1.0, scene.end_time_s * _fastest_rad_s(scene) / (2 * np.pi))
-    longest, whole, more = scene.end_time_s / (50 * turns), scene.end_time_s, 2 if full else 0
+    longest, whole, more = scene.end_time_s / (50 * turns_of(scene)), scene.end_time_s, 2 if full else 0
     every = 1 if full else 2
     return [
         *(rung for arm in arms.newcomers() for rung in by_step(arm, longest, 5 + more)),
@@ -51,6 +50,11 @@ def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
         *by_tolerance(arms.LSODA_MINIMAL, whole, range(5, 14, every)),
         *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]
+
+
+def turns_of(scene: Scene) -> float:
+    """Return how often the crank may turn round, by its fastest speed; once at least."""
+    return max(1.0, scene.end_time_s * _fastest_rad_s(scene) / (2 * np.pi))
 
 
 def _fastest_rad_s(scene: Scene) -> float:

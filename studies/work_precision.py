@@ -6,6 +6,7 @@ machine that has no kernels yet is measured apart.
 """
 
 import time
+from collections.abc import Sequence
 from functools import cache
 from random import Random
 from typing import Any
@@ -19,6 +20,7 @@ from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.judges.comparison import checked, compared
 from studies.judges.converged_truth import converged, followed, truth_by
+from studies.judges.kinds import has_truth, require
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 
@@ -49,12 +51,25 @@ def cases(full: bool) -> list[Case]:
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
-    rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
+    return _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full)
+
+
+def cases_on(scene: Scene, full: bool) -> list[Case]:
+    """Return the same for a scene of the user's, for which kernels are compiled as well.
+
+    Raises:
+        BadInput: it has no truth.
+    """
+    require("work-precision", has_truth(scene), "clearance, or a rod no shorter than the crank", scene)
+    return _cases_on([scene], (scene.name,), full)
+
+
+def _cases_on(scenes: Sequence[Scene], compiled: Sequence[str], full: bool) -> list[Case]:
+    rungs = [(scene, rung) for scene in scenes for rung in ladder(scene, full)]
     out = [case_of(NAME, scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
         shuffled = Random(k).sample(rungs, len(rungs))
         out += [case_of(NAME, scene, rung, 1, timed=True, round=k) for scene, rung in shuffled]
-    compiled = COMPILED + (MORE_COMPILED if full else ())
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
     out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
@@ -83,7 +98,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     if "compiled_anew" in case.columns:
         engine: Any = make_engine(case.engine, **case.settings)
         return {"compile_time_s": engine.compile_time_s(case.scene, case.run)}, {}
-    return (_times(case) if case.timed else _errors(case)), {}
+    return (times(case) if case.timed else _errors(case)), {}
 
 
 def _errors(case: Case) -> Row:
@@ -107,7 +122,7 @@ def _solve_time_s(engine: Engine, scene: Scene, run: RunSettings) -> float:
 _loaded = cache(_solve_time_s)
 
 
-def _times(case: Case) -> Row:
+def times(case: Case) -> Row:
     """Return the native solve's median and least time over repeats, and what building took besides."""
     engine: Any = make_engine(case.engine, **case.settings)
     _loaded(engine, case.scene, case.run)

@@ -16,8 +16,8 @@ MARKERS = 7
 def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per: str = "") -> Drawing:
     """Return the figure of the largest size of a curve up to each time, on a logarithmic axis.
 
-    ``axis`` is its label. The size is divided by the rows' column ``per`` if one is named. ``rows`` are of
-    finished runs; later ones lie on top.
+    ``axis`` is its label. A curve of errors ends at its scene's horizon. The size is divided by the rows'
+    column ``per`` if one is named. ``rows`` are of finished runs; later ones lie on top.
     """
     scenes = list(rows.groupby("scene"))
     styles = line_styles(rows)
@@ -29,7 +29,7 @@ def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per:
             every = max(1, len(size) // MARKERS)
             start = every * list(styles).index(row["label"]) // len(styles)
             ax.plot(
-                results.curve(row["case"], "time_s"),
+                results.curve(row["case"], "time_s")[: len(size)],
                 np.where(size > 0, size, np.nan),
                 markevery=(start, every),
                 **styles[row["label"]],

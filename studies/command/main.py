@@ -182,43 +182,59 @@ def run(
         Text,
         Option(metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."),
     ] = None,
+    scenes: Annotated[
+        list[str] | None,
+        Option("--scene", metavar="SCENE", help="In place of the studies' own.", autocompletion=_scenes),
+    ] = None,
     retry_failed: Annotated[
         bool, Option("--retry-failed", help="Also run again what neither finished nor was refused.")
     ] = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
-    from engine_models.engines import join
-    from engine_models.reference.kernels import FolderRefused, writable_folder
-    from engine_models.scene.plain_words import meant, one_of, shown
-    from studies.command.options import RunOptions, checked, read_engine
+    from studies.command.options import RunOptions, checked
+    from studies.command.study_run import given_scenes, joined, require_studies, running_in, studies_of
     from studies.running.cluster import cluster
-    from studies.running.finished_cases import DamagedRows
-    from studies.running.folder_lock import FolderHeld
     from studies.running.runner import run_studies
 
-    for name in studies or []:
-        if name not in STUDIES:
-            expected = one_of(list(STUDIES))
-            raise failures.BadInput(f"STUDY: expected {expected}, got {shown(name)}{meant(name, STUDIES)}")
-    for name in engines or []:
-        read_engine(name, {})
-        join(name)
+    require_studies(studies or [])
+    joined(engines or [])
+    given = given_scenes(scenes or [])
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    names = list(dict.fromkeys(studies or STUDIES))
-    try:
-        executors = nullcontext() if scheduler is None else cluster(scheduler)
-        with (
-            writable_folder(),
-            executors as executor,
-            failures.writing("--out", out),
-            failures.terminated_as_interrupted(),
-        ):
-            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or ())
-    except FolderRefused as reason:
-        raise failures.BadInput(str(reason)) from None
-    except (FolderHeld, DamagedRows) as reason:
-        raise failures.BadInput(f"--out: expected {reason}") from None
+    names = list(dict.fromkeys(studies or studies_of(given, full)))
+    executors = nullcontext() if scheduler is None else cluster(scheduler)
+    with executors as executor, running_in(out):
+        run_studies(names, full, options.jobs, out, executor, retry_failed, engines or (), given)
     failures.say(f"note: the results are in {out}")
+
+
+@app.command()
+def compare(
+    scene: SceneName,
+    engines: Annotated[
+        list[str] | None,
+        Option("--engine", metavar="NAME", help="Only this one, and others named; or my_module:MyEngine."),
+    ] = None,
+    out: Annotated[
+        Path | None, Option(metavar="DIR", help="Where page and rows are kept; comparison/NAME.")
+    ] = None,
+) -> None:
+    """Compare engines on a scene: which to take, at which setting, what it costs; a page says why."""
+    from studies.command.options import read_scene
+    from studies.command.study_run import joined, running_in
+
+    physics = read_scene(scene)
+    joined(engines or [])
+    from rich.console import Console
+
+    from studies.command.comparison import comparison, default_folder  # takes seconds
+
+    folder = out or default_folder(physics)
+    with running_in(folder):
+        found = comparison(physics, scene, engines or (), folder)
+        found.save(folder)
+    Console().print(found.table())
+    print(found.recommendation)
+    failures.say(f"note: the page is {folder / 'index.html'}")
 
 
 @app.command()
@@ -236,17 +252,14 @@ def search(
     from studies import settings_search
     from studies.command.options import RunOptions, checked
     from studies.command.search import beaten, found
-    from studies.running.folder_lock import FolderHeld
+    from studies.command.study_run import running_in
     from studies.running.runner import run_studies
 
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    try:
-        with failures.writing("--out", out), failures.terminated_as_interrupted():
-            run_studies([settings_search.__name__], full, options.jobs, out)
-            record = found(out / settings_search.__name__)
-            record.to_csv(out / "record.csv", index=False, float_format="%.3g")
-    except FolderHeld as reason:
-        raise failures.BadInput(f"--out: expected {reason}") from None
+    with running_in(out):
+        run_studies([settings_search.__name__], full, options.jobs, out)
+        record = found(out / settings_search.__name__)
+        record.to_csv(out / "record.csv", index=False, float_format="%.3g")
     table = Table("scene", "signal", "error", "ladder", "search", "part of its time")
     for row in beaten(record).itertuples():
         table.add_row(row.scene, row.signal, f"{row.error:g}", row.ladder, row.search, f"{row.part:.2f}")

@@ -7,8 +7,10 @@ import numpy as np
 from engine_models import arms
 from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.engines import make_engine
+from engine_models.mechanics.joints import clearances
 from engine_models.scene.scene import Scene
 from studies.judges import horizon
+from studies.judges.kinds import require, turns_steadily
 from studies.ladders import Rung
 from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import (
@@ -76,16 +78,31 @@ def cases(full: bool) -> list[Case]:
     """Return horizons, exponents, ensembles and pictures; the full set contains the quick one."""
     horizons = HORIZONS_S + (MORE_HORIZONS_S if full else ())
     exponents = EXPONENTS + (MORE_EXPONENTS if full else ())
-    out = [_horizon(name, end) for name, end in horizons]
-    out += [
-        _exponent(name, by) for name in exponents for by in moves_rad(EXPONENT + name, EXPONENT_STARTS[full])
-    ]
+    out = [_horizon(SCENES[name]().model_copy(update={"end_time_s": end})) for name, end in horizons]
+    out += [case for name in exponents for case in _exponents(SCENES[name](), full)]
     for name, parts in ENSEMBLES[full]:
         out += _ensembles(following(SCENES[name](), sum(ENSEMBLE_REVOLUTIONS)), parts, ENGINE_MEMBERS[full])
     places = [k / (POINTS - 1) for k in range(0, POINTS, 1 if full else QUICK_EVERY)]
     (small, large), (slow, fast) = CLEARANCES_M, SPEEDS_RPM
     out += [_picture(CLEARANCES, at_clearance(small * (large / small) ** place)) for place in places]
     return out + [_picture(SPEEDS, at_speed(slow + (fast - slow) * place)) for place in places]
+
+
+def cases_on(scene: Scene, full: bool) -> list[Case]:
+    """Return the horizon of a scene of the user's; if its crank turns steadily, exponents and ensembles.
+
+    Raises:
+        BadInput: it has no clearance, or starts with the state of every body.
+    """
+    expected = "a joint with clearance and a start by the crank's angle"
+    require("predictability", bool(scene.joints_with_clearance) and not scene.start.states, expected, scene)
+    out = [_horizon(scene)]
+    if turns_steadily(scene):
+        laws = {room.law for room in clearances(scene).values()}
+        engines = ("native contact",) if laws == {"rigid"} else _SAME_LAW
+        out += _exponents(scene, full)
+        out += _ensembles(following(scene, sum(ENSEMBLE_REVOLUTIONS)), engines, ENGINE_MEMBERS[full])
+    return out
 
 
 def moves_rad(name: str, count: int) -> list[float]:
@@ -96,15 +113,18 @@ def moves_rad(name: str, count: int) -> list[float]:
     return list(np.random.default_rng([SEED, crc32(name.encode())]).uniform(-np.pi, np.pi, count))
 
 
-def _horizon(name: str, end_s: float) -> Case:
-    scene = SCENES[name]().model_copy(update={"end_time_s": end_s})
-    turns = scene.drive.kind == "constant-speed"
-    samples = round(SAMPLES * end_s / period_s(scene)) if turns else FREE_SAMPLES
+def _horizon(scene: Scene) -> Case:
+    turns = scene.end_time_s / period_s(scene) if turns_steadily(scene) else 0.0
+    samples = max(round(SAMPLES * turns), 1) if turns else FREE_SAMPLES
     return _case(HORIZON, scene, RunSettings(STEP_S, samples))
 
 
-def _exponent(name: str, by: float) -> Case:
-    scene = following(SCENES[name](), sum(EXPONENT_REVOLUTIONS))
+def _exponents(scene: Scene, full: bool) -> list[Case]:
+    return [_exponent(scene, by) for by in moves_rad(EXPONENT + scene.name, EXPONENT_STARTS[full])]
+
+
+def _exponent(scene: Scene, by: float) -> Case:
+    scene = following(scene, sum(EXPONENT_REVOLUTIONS))
     # The pins of two joints are rarely in flight at the same time.
     run = RunSettings(EXPONENT_STEP_S, STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2)
     return _case(EXPONENT, horizon.moved(scene, by), run, start_moved_rad=by)

@@ -10,8 +10,10 @@ STUDIES = {
     "extremes": "studies.extremes.study",
     "motions": "studies.motions",
 }
+#: Studies of one scene of the user's, which commands of their own run.
+OF_ONE_SCENE = {"comparison": "studies.comparison.study"}
 
 
 def study_module(name: str) -> str:
     """Return the import path of a study's module; a study without a name here is named by that path."""
-    return STUDIES.get(name, name)
+    return {**STUDIES, **OF_ONE_SCENE}.get(name, name)

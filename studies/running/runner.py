@@ -5,7 +5,7 @@ A study's folder holds what ``studies.running.finished_cases`` keeps there, and 
 
 import json
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
@@ -14,9 +14,11 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models import engines
+from engine_models.scene.scene import Scene
 from studies.running.case import ROOMY, Case, Curves, Row
 from studies.running.execution import NO_RESULT, NOT_BEGUN, LimitedExecutor, RunBroken
 from studies.running.finished_cases import Rows, opened
+from studies.running.given_scenes import cases_of, contents
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
 from studies.running.provenance import changed_code, fingerprint, sidecar
@@ -42,21 +44,23 @@ def run_studies(
     executor: Executors | None = None,
     retry_failed: bool = False,
     only: Collection[str] = (),
+    scenes: Sequence[Scene] = (),
 ) -> None:
     """Run the named studies into ``out/NAME``, skipping every case that is there already.
 
     Cases run in ``jobs`` processes of this machine, the same for all studies since each takes two seconds to
     import what it needs, or on what ``executor`` makes. All folders are held before any work is done.
-    If engines are named, ``only`` theirs are run.
+    If engines are named, ``only`` theirs are run; ``scenes`` of the user's take the place of the studies'.
 
     Raises:
+        BadInput: a study takes no such scene.
         FolderHeld: another run holds one of the folders.
         DamagedRows: the rows kept are no rows.
         RunBroken: the cases cannot go on.
         OSError: a folder cannot be written.
     """
     with ExitStack() as stack:
-        cases = {name: load_study(name).cases(full) for name in names}
+        cases = {name: cases_of(name, load_study(name), full, scenes) for name in names}
         folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
         pool = stack.enter_context(Processes(jobs))
@@ -92,9 +96,8 @@ def run_study(
 
 def _rows(name: str, cases: list[Case], folder: Path) -> AbstractContextManager[Rows]:
     """Open the rows of a study's folder: those of all engines, not only of these cases."""
-    return opened(
-        folder, {engine: fingerprint(name, engine) for engine in (*engines.ENGINES, *_engines(cases))}
-    )
+    codes = {engine: fingerprint(name, engine) for engine in (*engines.ENGINES, *_engines(cases))}
+    return opened(folder, codes, contents(cases))
 
 
 def _engines(cases: list[Case]) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from reports.parts import stated
-from reports.quantities import finished, floor, signal_errors, value
+from reports.quantities import finished, floor, own_scenes, signal_errors, value
 from reports.shared_tables import orders, orders_in_text
 from reports.style import labels, words
 from reports.tables import in_text, listed
@@ -28,7 +28,7 @@ def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> Iterator[str]:
 
 def pymunk_arms(rows: pd.DataFrame, column: str) -> Iterator[str]:
     """Yield why Pymunk is shown twice, with its orders, checked; nothing unless both arms have one."""
-    by_label = orders(rows, column)
+    by_label = orders(rows[own_scenes(rows)], column)
     slopes = [
         [order.slope for order in by_label.get(label, {}).values() if order.slope is not None]
         for label in (AS_IT_COMES, TUNED)

@@ -7,7 +7,7 @@ import pandas as pd
 from reports.chapters.energy import figures, tables
 from reports.chapters.energy.rungs import SMALL, at_rungs, middle_rungs, prepared
 from reports.parts import Section, stated
-from reports.quantities import finished
+from reports.quantities import finished, own_scenes
 from reports.results import Results
 from reports.shared_tables import failures_section
 from reports.tables import in_text, listed
@@ -114,7 +114,7 @@ def lost_as_it_comes(rows: pd.DataFrame, scene: str) -> Iterator[str]:
 
 def drift(rows: pd.DataFrame) -> Iterator[str]:
     """Yield, checked, how the reference's constraints drift with each stabilisation."""
-    rows = finished(rows[~rows["has_clearance"]])
+    rows = finished(rows[~rows["has_clearance"] & own_scenes(rows)])
     plain, bounded, projected = (rows[rows["label"] == label] for label in (PLAIN, BAUMGARTE, PROJECTED))
     grows, stays = (
         of[["constraint_violation_exponent", "constraint_speed_exponent"]].dropna() for of in (plain, bounded)

@@ -11,7 +11,7 @@ from reports.chapters.energy.rungs import LASTING, LONG, longest, resolution
 from reports.parts import Figure
 from reports.plots.step_figures import against_step, engine_legend, grid, panels_of
 from reports.plots.time_figures import over_time
-from reports.quantities import finished
+from reports.quantities import finished, own_scenes
 from reports.results import Results
 from reports.style import BLACK, GREY, WIDTH_IN, axis_label, labels, line_styles
 
@@ -48,7 +48,9 @@ def by_step(rows: pd.DataFrame) -> Figure | None:
     """Return what is gained or lost, and without clearance its rate, against the mean step."""
     # A run that chooses its steps and did not finish has none to stand at.
     rows = rows[(rows["status"] == "ok") | rows["tolerance"].isna()]
-    rows = rows[~rows["scene"].str.endswith((LONG, LASTING))]  # the short ones have every rung
+    rows = rows[
+        ~(rows["scene"].str.endswith((LONG, LASTING)) & own_scenes(rows))
+    ]  # the short have every rung
     rows = rows.assign(hidden_power_W=rows["hidden_power_W"].abs().where(rows["significant"]))
     panels = [
         *panels_of(rows, ["largest_numerical_gain_J"]),

@@ -6,6 +6,7 @@ import pandas as pd
 
 from reports.chapters.predictability import comparison, data, figures, findings, tables
 from reports.parts import Figure, Section
+from reports.quantities import own_scenes
 from reports.results import Results
 from reports.shared_tables import quality_table
 
@@ -74,6 +75,7 @@ def _exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Iterat
 
 
 def _ensembles(results: Results, scene: str, by_label: data.Ensembles) -> Section:
+    own = all(own_scenes(members).all() for members in by_label.values())
     verdicts = comparison.verdicts(by_label)
     calibrations = comparison.calibrations(by_label, verdicts)
     drawn = [*_pairs(results, scene, by_label, verdicts)] if verdicts else []
@@ -85,7 +87,7 @@ def _ensembles(results: Results, scene: str, by_label: data.Ensembles) -> Sectio
     return Section.of(
         f"ensembles-{scene}",
         f"Ensembles on {scene}",
-        findings.ensembles(scene, verdicts, calibrations),
+        findings.ensembles(scene, verdicts, calibrations, own),
         drawn,
         (tables.means(by_label, scene), *(compared if verdicts else ())),
     )

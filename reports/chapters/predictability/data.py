@@ -122,7 +122,7 @@ def pairs(by_label: Ensembles) -> list[Pair]:
     The larger of two is cut to the size of the smaller. Of too few members there is no pair.
     """
     quantities, found = shown(by_label), []
-    for label in by_label:
+    for label in by_label if quantities else ():
         twin = f"{TWIN_OF}{label})"
         twin = twin if twin in by_label else OWN[0]
         if label == OWN[0] or label.startswith(TWIN_OF) or twin not in by_label:
@@ -146,8 +146,12 @@ def margins(quantities: Sequence[str]) -> Margins:
 
 
 def shown(by_label: Ensembles) -> list[str]:
-    """Return the quantities that every member of a scene has."""
-    return [name for name in QUANTITIES if all(members[name].notna().all() for members in by_label.values())]
+    """Return the quantities that every member of a scene has and in which those of no ensemble are alike."""
+    return [
+        name
+        for name in QUANTITIES
+        if all(of[name].notna().all() and (len(of) == 1 or np.ptp(of[name]) > 0) for of in by_label.values())
+    ]
 
 
 def matrix(members: pd.DataFrame, quantities: Sequence[str]) -> FloatArray:

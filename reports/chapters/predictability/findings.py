@@ -93,23 +93,31 @@ def _interval(of: Interval) -> str:
     return f"{of.mean:.2f} ± {(of.high - of.low) / 2:.2f}"
 
 
-def ensembles(scene: str, verdicts: list[Verdict], calibrations: list[Calibration]) -> Iterator[str]:
-    """Yield how often the tests are right on a scene, and what they say of every ensemble."""
+def ensembles(
+    scene: str, verdicts: list[Verdict], calibrations: list[Calibration], own: bool = True
+) -> Iterator[str]:
+    """Yield how often the tests are right on a scene, and what they say of every ensemble.
+
+    Only on a scene of the study's ``own`` is known what they have to find.
+    """
     for calibration in calibrations:
-        yield from _trusted(scene, calibration)
+        yield from _trusted(scene, calibration, own)
     for verdict in verdicts:
-        sentence = _verdict(scene, verdict)
-        yield stated(sentence, verdict.told_apart) if verdict.pair.label == data.PLANTED else sentence
+        sentence, planted = _verdict(scene, verdict), verdict.pair.label == data.PLANTED
+        yield stated(sentence, verdict.told_apart) if planted and own else sentence
 
 
-def _trusted(scene: str, calibration: Calibration) -> Iterator[str]:
+def _trusted(scene: str, calibration: Calibration, own: bool) -> Iterator[str]:
     """Yield, checked, how often the tests sound false alarms, and how often equivalence is found."""
     alarms = calibration.any_alarm.value
     sentence = (
         f"Two samples of {calibration.size} members of the reference itself on {scene} are told apart in "
-        f"{100 * alarms:.1f} % of draws by any test: alarms mean what they should."
+        f"{100 * alarms:.1f} % of draws by any test"
     )
-    yield stated(sentence, alarms <= LEVEL + LEVEL_ROOM)
+    if alarms > LEVEL + LEVEL_ROOM and not own:
+        yield f"{sentence}: alarms come too often to mean much."
+    else:
+        yield stated(f"{sentence}: alarms mean what they should.", alarms <= LEVEL + LEVEL_ROOM)
     yield (
         f"With {calibration.size} members all quantities are found equivalent, rightly, in "
         f"{100 * calibration.all_clear.value:.0f} % of draws."

@@ -87,7 +87,11 @@ def joint_p(one: FloatArray, other: FloatArray) -> FloatArray:
     freedom = n + m - 2
     covariance = sum(np.swapaxes(each, -1, -2) @ each for each in off) / freedom
     difference = (one.mean(axis=-2) - other.mean(axis=-2))[..., None]
-    distance = (difference * np.linalg.solve(covariance, difference)).sum(axis=(-2, -1))
+    try:
+        solved = np.linalg.solve(covariance, difference)
+    except np.linalg.LinAlgError:  # what does not scatter in a draw tells nothing there
+        solved = np.linalg.pinv(covariance, hermitian=True) @ difference
+    distance = (difference * solved).sum(axis=(-2, -1))
     scale = n * m / (n + m) * (freedom - k + 1) / (freedom * k)
     return np.asarray(stats.f.sf(scale * distance, k, freedom - k + 1))
 

@@ -42,6 +42,7 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
         rows,
         *(
             *VARIED,
+            "map_of",
             "limit_frequency_step",
             "measured_limit_frequency_step",
             "damping_ratio",

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import NullFormatter
 
 from reports.equal_error import Judged, front
 from reports.parts import Figure
@@ -74,6 +75,9 @@ def drawing(judged: Judged, cost: str) -> Drawing:
             bottom = rungs["error"].min() / 3
             ax.axhspan(bottom, floor, color=GREY, alpha=0.3, linewidth=0)
             ax.set_ylim(bottom=bottom)
+        low, high = ax.get_xlim()
+        if high > 10 * low:  # a decade or more has a label of its own
+            ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set(xlabel=COSTS[cost][1], ylabel=axis_label(judged.column), title=scene)
     engine_legend(figure, judged.rows, failures=False)
     return figure

@@ -110,6 +110,37 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "no scene": (("simulate",), ("SCENE: expected a value, got nothing",)),
     "two scenes": (("show", "ideal-free", "ideal-torque"), ("show: expected SCENE", "ideal-torque")),
     "unknown scene": (("show", "idle"), ("SCENE: expected ideal-free, ", 'a TOML file, got "idle"')),
+    "comparison without a scene": (("compare",), ("SCENE: expected a value, got nothing",)),
+    "comparison on no scene": (("compare", "idle"), ("SCENE: expected ideal-free, ", 'got "idle"')),
+    "comparison by no engine": (
+        ("compare", "ideal-free", "--engine", "exodyn"),
+        ("--engine: expected reference, exudyn", 'got "exodyn"', "exudyn"),
+    ),
+    "study of no scene": (("run", "energy", "--scene", "idle"), ("SCENE: expected ideal-free, ", '"idle"')),
+    "study of two scenes of one name": (
+        ("run", "energy", "--scene", "ideal-free", "--scene", "ideal-free"),
+        ("--scene: expected scenes with names of their own", '"ideal-free"'),
+    ),
+    "gallery of a scene": (
+        ("run", "extremes", "--scene", "ideal-free"),
+        ("--scene: expected nothing for the study extremes",),
+    ),
+    "clearance study of an ideal scene": (
+        ("run", "clearance", "--scene", "ideal-free"),
+        ("--scene ideal-free: expected a joint with clearance", "got a crank-slider with ideal joints"),
+    ),
+    "agreement study of a loose scene": (
+        ("run", "agreement", "--scene", "clearance-free-0.5mm"),
+        ("--scene clearance-free-0.5mm: expected ideal joints", "clearance at B"),
+    ),
+    "predictability of an ideal scene": (
+        ("run", "predictability", "--scene", "ideal-free"),
+        ("--scene ideal-free: expected a joint with clearance",),
+    ),
+    "stability of a free crank": (
+        ("run", "stability", "--scene", "clearance-free-0.5mm"),
+        ("--scene clearance-free-0.5mm: expected a crank at constant speed", "drive.kind = 'free'"),
+    ),
     "missing file": (("simulate", "no/such.toml"), ("SCENE: expected", 'got "no/such.toml"')),
     "directory": (("simulate", "."), (".: expected a file that can be read", "Is a directory")),
     "negative step": ((*SIMULATE, "--step=-1e-5"), ("--step: expected a finite number > 0", '"-1e-5"')),

@@ -1,0 +1,144 @@
+"""Which engine to take on a scene and at which setting, what that costs, and where it stops being trusted."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pandas as pd
+
+from reports.chapters.comparison.standing import Standings
+from reports.quantities import finished
+from reports.shared_tables import SHORT_OF, quality_failures, speakers
+from reports.style import words
+from reports.tables import in_text, plain
+
+#: A share of energy that no physics accounts for is worth a word from here on; less is what any run has.
+WORTH_A_WORD = 1e-6
+#: From so many ms on a time is told in s.
+MS_OF_A_SECOND = 1000.0
+
+
+def sentences(standings: Standings) -> Iterator[str]:
+    """Yield the recommendation, at most two numbers a sentence, and what it rests on."""
+    chosen = standings.chosen
+    if chosen is None:
+        yield "Nothing can be recommended: no run finished and passed the check of energy and gaps."
+    else:
+        yield from _choice(standings, chosen)
+        yield from _rivals(standings)
+        yield from _trust(standings, chosen)
+    yield from _horizon(standings)
+    yield from refusals(standings)
+
+
+def setting(rung: Any) -> str:
+    """Return what a rung's ladder sets, in words: a tolerance of 1e-08, a step of 1e-05 s."""
+    return f"a {rung.knob} of {rung.value:.3g}{' s' if rung.knob == 'step' else ''}"
+
+
+def size(value: float) -> str:
+    """Return a number in a sentence, two significant digits, with a power of ten where it needs one."""
+    return plain(value) if 0.01 <= value < 1000 else in_text(value)
+
+
+def duration(time_s: float) -> str:
+    """Return a time in ms, or in s if it is long."""
+    ms = 1e3 * time_s
+    return f"{plain(ms)} ms" if ms < MS_OF_A_SECOND else f"{plain(time_s)} s"
+
+
+def _choice(standings: Standings, chosen: Any) -> Iterator[str]:
+    what, unit = words(standings.column)
+    wanted = f"{size(standings.wanted)} {unit}"
+    if standings.there:
+        yield f"Take {chosen.label} at {setting(chosen)}."
+        yield f"Its {what} is {size(chosen.error)} {unit} at most; {wanted} is what is asked for."
+    else:
+        yield f"No engine gets to the {what} of {wanted} that is asked for."
+        yield f"The nearest is {chosen.label} at {setting(chosen)}, with {size(chosen.error)} {unit}."
+    if standings.floor > standings.wanted:
+        yield f"The truth itself is only known to {size(standings.floor)} {unit}."
+    own = standings.rows[(standings.rows["label"] == chosen.label) & standings.rows["round"].notna()]
+    besides = f"; building the model and reading out take {duration(own['build_time_s'].median())} more"
+    yield f"Its solve takes {duration(chosen.time_s)}{besides}."
+
+
+def _rivals(standings: Standings) -> Iterator[str]:
+    if len(set(finished(standings.recorded)["engine"])) == 1:
+        yield "No other engine ran, so there is nothing to compare it with."
+    elif len(standings.there) > 1:
+        other = standings.there[1]
+        share = standings.share(other)
+        if share and share.decided:
+            yield f"Next is {other.label}, which takes {plain(share.median)} times as long at equal error."
+        else:
+            yield f"The rounds do not tell whether {other.label} takes longer at equal error."
+    elif standings.there:
+        yield "No other engine gets to that error."
+    whole = standings.whole().there
+    if whole and whole[0].engine != standings.there[0].engine:
+        time = duration(whole[0].time_s)
+        yield f"Where every run builds its model anew, {whole[0].label} is the cheapest, at {time} in all."
+    nearest = standings.nearest
+    if standings.there and nearest.Index != standings.chosen.Index:
+        _, unit = words(standings.column)
+        best = f"{size(nearest.error)} {unit} in {duration(nearest.time_s)}"
+        yield f"The most accurate is {nearest.label}: {best}."
+
+
+def _trust(standings: Standings, chosen: Any) -> Iterator[str]:
+    row = standings.rows.loc[chosen.Index]
+    forces = row.filter(regex=r"^joint_\w_force_error_N$").dropna()
+    yield f"Its joint forces are off by up to {size(float(forces.max()))} N at the samples compared."
+    yield from _impacts(row)
+    if row["unaccounted_energy_part"] >= WORTH_A_WORD:
+        yield f"No physics accounts for {size(row['unaccounted_energy_part'])} of the energy in play."
+    coarser = standings.coarser(chosen)
+    if len(coarser):
+        yield _next_coarser(standings, coarser.iloc[-1])
+
+
+def _impacts(row: pd.Series) -> Iterator[str]:
+    counts = row.reindex(["impacts_matched", "impacts_missed", "impacts_unmatched"])
+    if counts.isna().any() or counts.sum() == 0:
+        return
+    matched, missed, unmatched = counts.astype(int)
+    if missed or unmatched:
+        yield f"It has {matched} of {matched + missed} impacts, bounces that die away included."
+        if unmatched:
+            yield f"{unmatched} of its impacts are none of the truth's."
+    else:
+        error = size(row["impact_time_error_s"])
+        yield f"It finds every impact, {matched} of them, at times that are off by {error} s at most."
+
+
+def _next_coarser(standings: Standings, row: pd.Series) -> str:
+    what, unit = words(standings.column)
+    begins = "It stops being good enough at" if standings.there else "It is worse still at"
+    begin = f"{begins} {setting(row)}, the next coarser here:"
+    if row["status"] != "ok":
+        return f"{begin} it {row['status']}, {row['reason']}."
+    if failure := quality_failures(row.to_frame().T).iloc[0]:
+        return f"{begin} {failure}."
+    error = row[standings.column]
+    if error > standings.level:
+        return f"{begin} its {what} is {size(error)} {unit}."
+    return f"At {setting(row)}, the next coarser here, it is as good but not cheaper."
+
+
+def _horizon(standings: Standings) -> Iterator[str]:
+    ran = finished(standings.recorded)
+    if ran.empty:
+        return
+    until, end = ran["compared_until_s"].min(), ran["end_time_s"].iloc[0]
+    if until < SHORT_OF * end:
+        yield (
+            f"No run is to be trusted moment by moment past {until:.3g} s of {end:.3g} s: starts moved by a "
+            "hair part there, so errors are those before, and only averages mean something after."
+        )
+
+
+def refusals(standings: Standings) -> Iterator[str]:
+    """Yield of each engine that finished no run why not, and who says so."""
+    silent = standings.silent
+    for engine, reason, speaker in zip(silent["engine"], silent["reason"], speakers(silent), strict=True):
+        yield f"{engine} finished no run: {reason} (said by {speaker})."

@@ -1,0 +1,187 @@
+"""A scene of the user's on every engine: which to take, and the page that says why."""
+
+import os
+import re
+from collections.abc import Collection
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engines import make_engine
+from engine_models.scene.file import to_toml
+from engine_models.scene.scene import Scene
+from reports.chapters.comparison.page import page
+from reports.chapters.comparison.recommendation import refusals, sentences
+from reports.chapters.comparison.sections import standings_table
+from reports.chapters.comparison.standing import Standings
+from reports.results import Results, read_study
+from studies.command.finished_run import Run
+from studies.comparison.question import Question, asked, require_truth
+from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
+from studies.failures import BadInput, Failed
+from studies.running.case import Case
+from studies.running.execution import CaseEnded
+from studies.running.processes import Processes
+from studies.running.provenance import fingerprint
+from studies.running.runner import run_study
+from studies.running.whole_file import write_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: The folder of the rows within that of a comparison, and output intervals of the run that is shown.
+ROWS, SHOWN_SAMPLES = "runs", 400
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What engines are worth on a scene.
+
+    ``results`` has the rows and their curves, ``run`` is the recommended one at more samples, None where none
+    can be recommended; ``command`` makes it again.
+    """
+
+    scene: Scene
+    results: Results
+    run: Run | None
+    command: str
+
+    @property
+    def frame(self) -> "pd.DataFrame":
+        """The rows, a run each, recorded or timed in a round, with settings, errors and reasons."""
+        return self.results.rows
+
+    @cached_property
+    def standings(self) -> Standings:
+        """Where every engine stands."""
+        return Standings.of(self.frame)
+
+    @property
+    def recommendation(self) -> str:
+        """Which engine to take at which setting, what it costs, and where it stops being trustworthy."""
+        return "\n".join(sentences(self.standings))
+
+    def table(self) -> Any:
+        """Return a line for each engine, as ``rich`` prints it."""
+        from rich import box
+        from rich.markup import escape
+        from rich.table import Table
+
+        content = standings_table(self.standings)
+        table = Table(*map(escape, content.head), title=content.title, box=box.SIMPLE)
+        for row in content.rows:
+            table.add_row(*map(escape, row))
+        return table
+
+    def save(self, folder: str | Path) -> None:
+        """Write the page, ``index.html``, and the rows, ``rows.csv``, to a folder.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        place = Path(folder)
+        pictures = {}
+        if self.run is not None:
+            pictures["Motion, forces and energy"] = self.run.plot()
+            for joint in self.scene.joints_with_clearance:
+                pictures[f"Pin {joint} in its bearing"] = self.run.plot_orbit(joint)
+        text = page(self.results, pictures, to_toml(self.scene), self.command)
+        place.mkdir(parents=True, exist_ok=True)
+        write_whole(place / "index.html", text.encode("utf-8"))
+        write_whole(place / "rows.csv", self.frame.to_csv(index=False).encode("utf-8"))
+
+    def __repr__(self) -> str:
+        return self.recommendation
+
+
+def default_folder(scene: Scene) -> Path:
+    """Return where a scene's comparison is kept if nobody says."""
+    return Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", scene.name))
+
+
+def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path) -> Comparison:
+    """Run what ``folder`` lacks of a scene's comparison, on the engines named or on all, and return it.
+
+    ``given`` is how the scene was named.
+
+    Raises:
+        BadInput: there is no truth for the scene, or no engine that can run it.
+        Failed: the truth was not found, or no engine finished.
+    """
+    pool = Processes(os.cpu_count() or 1)
+    with pool:
+        try:
+            found = {_key(case): case for case in cases(scene, _question(scene, pool), engines)}
+            here = lambda: nullcontext(pool)  # noqa: E731
+            run_study(NAME, list(found.values()), folder / ROWS, here, here)
+            results = _of(read_study(folder / ROWS), found)
+            standings = Standings.of(results.rows)
+            _require_a_run(standings)
+            case = found.get(str(standings.rows["case"].get(getattr(standings.chosen, "Index", None))))
+            run = _shown(case, pool) if case else None
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return Comparison(scene, results, run, _command(case, given) if case else "")
+
+
+def _question(scene: Scene, pool: Processes) -> Question:
+    try:
+        require_truth(scene)  # a process would take seconds to say so
+        with Console(stderr=True).status(f"the truth of {scene.name}"):
+            return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
+    except UnsupportedScene as reason:
+        expected = "one whose true motion can be found"
+        raise BadInput(f"SCENE: expected {expected}, got {scene.name}: {reason}") from None
+    except (SimulationFailed, CaseEnded) as reason:
+        raise Failed(f"the true motion of {scene.name} was not found: {reason}") from None
+
+
+def _key(case: Case) -> str:
+    return case.key(fingerprint(case.study, case.engine))
+
+
+def _of(results: Results, found: Collection[str]) -> Results:
+    """Return the results of these cases alone: others may have been in the folder."""
+    rows = results.rows[results.rows["case"].isin(found)].dropna(axis="columns", how="all")
+    return replace(results, rows=rows.assign(label=rows["label"].cat.remove_unused_categories()))
+
+
+def _require_a_run(standings: Standings) -> None:
+    recorded = standings.recorded
+    if (recorded["status"] == "ok").any():
+        return
+    reasons = " ".join(refusals(standings))
+    if (recorded["status"] == "unsupported").all():
+        raise BadInput(f"--engine: expected one that can run this scene, got: {reasons}")
+    raise Failed(f"no engine has a run of this scene: {reasons}")
+
+
+def _shown(case: Case, pool: Processes) -> Run | None:
+    """Return the run of a rung at more samples, None if at these it fails."""
+    step_s = case.run.step_used_s(case.scene.end_time_s)
+    run = RunSettings(step_s, SHOWN_SAMPLES)
+    engine = make_engine(case.engine, **case.settings)
+    try:
+        trajectory = pool.submit_within(LIMITS, _simulated, engine, case.scene, run).result()
+    except (UnsupportedScene, SimulationFailed, CaseEnded):
+        return None
+    return Run(case.scene, case.engine, engine, None, trajectory, ())
+
+
+def _simulated(engine: Engine, scene: Scene, run: RunSettings) -> Trajectory:
+    return engine.simulate(scene, run)
+
+
+def _command(case: Case, given: str) -> str:
+    """Return the command that makes a rung's run, with what is not the engine's default."""
+    usual = make_engine(case.engine)
+    settings = {name: value for name, value in case.settings.items() if getattr(usual, name) != value}
+    words = [f"--set {name}={value}" for name, value in settings.items()]
+    step = f"--step {case.run.step_used_s(case.scene.end_time_s):.6g}"
+    return " ".join(["crankslider simulate", given, f"--engine {case.engine}", *words, step])

@@ -1,0 +1,76 @@
+"""What commands that run cases take and check: studies, engines, scenes, and a place for results."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from engine_models.engines import join
+from engine_models.reference.kernels import FolderRefused, writable_folder
+from engine_models.scene.plain_words import meant, one_of, shown
+from engine_models.scene.scene import Scene
+from studies.command.options import read_engine, read_scene
+from studies.failures import BadInput, say, terminated_as_interrupted, writing
+from studies.running.finished_cases import DamagedRows
+from studies.running.folder_lock import FolderHeld
+from studies.running.given_scenes import cases_of, require_names
+from studies.running.outcome import load_study
+from studies.running.registry import STUDIES
+
+
+def joined(engines: Sequence[str]) -> None:
+    """Let engines take part, those from outside as well.
+
+    Raises:
+        BadInput: one is unknown.
+    """
+    for name in engines:
+        read_engine(name, {})
+        join(name)
+
+
+def require_studies(names: Sequence[str]) -> None:
+    """Raise BadInput for what is no study."""
+    for name in names:
+        if name not in STUDIES:
+            expected = one_of(list(STUDIES))
+            raise BadInput(f"STUDY: expected {expected}, got {shown(name)}{meant(name, STUDIES)}")
+
+
+def given_scenes(names: Sequence[str]) -> list[Scene]:
+    """Return the scenes to be put through studies.
+
+    Raises:
+        BadInput: there is no such scene, or its name is not its own or cannot be a file's.
+    """
+    scenes = [read_scene(name) for name in names]
+    require_names(scenes)
+    return scenes
+
+
+def studies_of(scenes: Sequence[Scene], full: bool) -> list[str]:
+    """Return the studies that take all scenes; a note says which do not, and why."""
+    names = []
+    for name in STUDIES:
+        try:
+            cases_of(name, load_study(name), full, scenes)
+        except BadInput as reason:
+            say(f"note: without {name}: {reason}")
+        else:
+            names.append(name)
+    return names
+
+
+@contextmanager
+def running_in(out: Path) -> Iterator[None]:
+    """Run cases in the block, with results in ``out``.
+
+    Raises:
+        BadInput: something there, or in the folder of kernels, is not as it has to be.
+    """
+    try:
+        with writable_folder(), writing("--out", out), terminated_as_interrupted():
+            yield
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None
+    except (FolderHeld, DamagedRows) as reason:
+        raise BadInput(f"--out: expected {reason}") from None

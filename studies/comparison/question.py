@@ -1,0 +1,60 @@
+"""What a comparison on one scene is judged by: a signal, the error wanted, and until when it is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine_models.engine import Trajectory, UnsupportedScene
+from engine_models.mechanics.joints import clearances
+from engine_models.scene.scene import Scene
+from studies.judges.converged_truth import GRID, converged, followed
+from studies.judges.kinds import has_truth
+
+#: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank what
+#: a workshop measures. Where the crank is prescribed so is the ideal slider, and a torque sensor is good to
+#: a thousandth.
+CLEARANCE_PART, CRANK_PART, TORQUE_PART = 1e-2, 1e-6, 1e-3
+
+
+@dataclass(frozen=True)
+class Question:
+    """The column of errors by which engines are judged, the error wanted in its unit, and until when.
+
+    ``compared_until_s`` is the last sample before the scene's horizon, its end if it has none.
+    """
+
+    column: str
+    wanted: float
+    compared_until_s: float
+
+
+def asked(scene: Scene) -> Question:
+    """Return the question for a scene, for which its truth is found.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: there is no truth, or it is not known beyond the start.
+    """
+    require_truth(scene)
+    truth, _ = converged(scene, GRID)
+    samples = followed(scene, GRID)
+    if samples < 2:
+        raise UnsupportedScene("starts a hair apart part at once: nobody can know its motion")
+    return Question(*_judged(scene, truth), float(truth.time_s[samples - 1]))
+
+
+def require_truth(scene: Scene) -> None:
+    """Raise UnsupportedScene for a scene of which no truth is looked for."""
+    if not has_truth(scene):
+        raise UnsupportedScene("of ideal joints it takes a rod as long as the crank or longer")
+
+
+def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
+    if rooms := clearances(scene).values():
+        wanted_m = CLEARANCE_PART * min(room.radial_clearance_m for room in rooms)
+        if scene.is_crank_slider:
+            return "slider_position_error_m", wanted_m
+        return "crank_angle_error_rad", wanted_m / scene.crank.length_m
+    if scene.speed_is_prescribed:
+        assert truth.driver_torque_N_m is not None
+        return "driver_torque_error_N_m", TORQUE_PART * float(np.abs(truth.driver_torque_N_m).max())
+    return "slider_position_error_m", CRANK_PART * scene.crank.length_m

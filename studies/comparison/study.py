@@ -1,0 +1,64 @@
+"""The runs of a comparison: every engine's best arms on one scene, recorded once, and timed in rounds.
+
+What is measured is what the studies of agreement, clearance and work-precision measure.
+"""
+
+from collections.abc import Collection
+from random import Random
+
+from engine_models import arms
+from engine_models.engine import RunSettings
+from engine_models.scene.scene import Scene
+from studies import agreement, clearance, work_precision
+from studies.comparison.question import Question
+from studies.ladders import Rung
+from studies.running.case import Case, Curves, Limits, Row, Value
+
+NAME = "comparison"
+#: No step is longer than the time between two samples, but impacts are told between them.
+SAMPLES = 60
+ROUNDS = 3
+#: Arms that show how an engine is not to be used, and methods that lose to others of the same engine.
+LEFT_OUT = (
+    arms.NO_STABILISATION,
+    arms.PLAIN,
+    arms.OUT_OF_THE_BOX,
+    arms.RADAU,
+    arms.LSODA,
+)
+AS_THEY_COME = (arms.EXUDYN, arms.SCIPY, arms.HEYOKA)
+#: A run that takes longer would not be recommended. A kernel's compilation counts.
+LIMITS = Limits(time_limit_s=60.0, memory_limit_bytes=4 * 2**30)
+#: What the truth may take, which is found before any run is made.
+LIMITS_OF_TRUTH = Limits(time_limit_s=300.0, memory_limit_bytes=8 * 2**30)
+
+
+def cases(scene: Scene, question: Question, engines: Collection[str]) -> list[Case]:
+    """Return the recorded run of every rung of the engines named, or of all, then rounds of bare runs."""
+    rungs = [rung for rung in _rungs(scene) if not engines or rung.arm.engine in engines]
+    out = [_case(scene, question, rung, SAMPLES) for rung in rungs]
+    for k in range(ROUNDS):
+        shuffled = Random(k).sample(rungs, len(rungs))
+        out += [_case(scene, question, rung, 1, round=k) for rung in shuffled]
+    return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
+
+
+def _rungs(scene: Scene) -> list[Rung]:
+    """Return the ladders of all engines; one that has none here is asked once, so that it says why."""
+    rungs = [rung for rung in work_precision.ladder(scene, full=False) if rung.arm not in LEFT_OUT]
+    there = {rung.arm.engine for rung in rungs}
+    return rungs + [Rung(arm, scene.end_time_s) for arm in AS_THEY_COME if arm.engine not in there]
+
+
+def _case(scene: Scene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
+    run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
+    judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
+    columns = {**judged, **timed}
+    return Case(NAME, scene, rung.arm, run, rung.added, timed=bool(timed), limits=LIMITS, columns=columns)
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Return a recorded run's errors and what needs no truth, with curves; or the times of a bare one."""
+    if case.timed:
+        return work_precision.times(case), {}
+    return clearance.measure(case) if case.scene.joints_with_clearance else agreement.measure(case)

@@ -1,0 +1,35 @@
+"""What kind of scene a study is about: a scene of the user's is of that kind, or refused in a line."""
+
+from engine_models.scene.bad_input import BadInput
+from engine_models.scene.scene import Scene
+
+
+def require(study: str, holds: bool, expected: str, scene: Scene) -> None:
+    """Raise BadInput where a scene is not what a study ``expected``."""
+    if not holds:
+        raise BadInput(f"--scene {scene.name}: expected {expected} for the study {study}, got {kind(scene)}")
+
+
+def kind(scene: Scene) -> str:
+    """Return in words what a scene is."""
+    rooms = [
+        f"{getattr(scene.clearance, joint).law} clearance at {joint}" for joint in scene.joints_with_clearance
+    ]
+    what = "a crank-slider" if scene.is_crank_slider else "a pendulum"
+    drive = f"drive.kind = '{scene.drive.kind}'"
+    return f"{what} with {' and '.join([*rooms, drive] if rooms else ['ideal joints', drive])}"
+
+
+def has_ideal_truth(scene: Scene) -> bool:
+    """Return whether an ideal scene has a truth in closed form: a crank-slider whose crank can turn."""
+    return scene.rod is not None and scene.rod.length_m >= scene.crank.length_m
+
+
+def has_truth(scene: Scene) -> bool:
+    """Return whether a truth can be looked for: with clearance one is, ideal joints need full turns."""
+    return bool(scene.joints_with_clearance) or has_ideal_truth(scene)
+
+
+def turns_steadily(scene: Scene) -> bool:
+    """Return whether the crank turns at constant speed, not zero."""
+    return scene.drive.kind == "constant-speed" and scene.start.crank_speed_rad_s != 0

@@ -1,0 +1,128 @@
+"""The recommendation of a comparison, from rows made by hand whose answer is known without it."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from reports.chapters.comparison.recommendation import sentences
+from reports.chapters.comparison.standing import Standings
+from reports.results import frame
+
+WANTED_M = 1e-6
+ROUNDS = (1.0, 1.1, 0.9)
+#: Errors in m and run times in s at tolerances 1e-4, 1e-6, 1e-8: on straight lines in logarithms, the fast
+#: engine's at 1e-6 m halfway between two rungs, that is at sqrt(1 ms * 4 ms), the slow one's at a rung.
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+FAST = ((1e-3, 0.00025), (1e-5, 0.001), (1e-7, 0.004))
+SLOW = ((1e-4, 0.003), (1e-6, 0.006), (1e-8, 0.012))
+FAST_M_S, SLOW_M_S = 0.002, 0.006
+
+
+def rows(engine: str, rungs: tuple[tuple[float, float], ...], **more: Any) -> Iterator[dict[str, Any]]:
+    for tolerance, (error, time) in zip(TOLERANCES, rungs, strict=True):
+        head = {
+            "case": f"{engine}{tolerance}",
+            "fingerprint": engine,
+            "scene": "mine",
+            "engine": engine,
+            "arm": "arm",
+            "label": f"{engine} (arm)",
+            "end_time_s": 1.0,
+            "step_s": 0.01,
+            "setting_tolerance": tolerance,
+            "judged_by": "slider_position_error_m",
+            "wanted_error": WANTED_M,
+            "status": "ok",
+            "reason": "",
+        }
+        yield {
+            **head,
+            "steps": 100,
+            "compared_until_s": 1.0,
+            "slider_position_error_m": error,
+            "slider_position_uncertainty_m": 1e-12,
+            "joint_O_force_error_N": 1e6 * error,
+            "unaccounted_energy_part": 1e-9,
+            "quality_failure": "",
+            **more,
+        }
+        for k, part in enumerate(ROUNDS):
+            yield {**head, "case": f"{head['case']}-{k}", "round": k, "solve_time_s": part * time} | {
+                "build_time_s": 1e-5
+            }
+
+
+def standings(*of: Iterator[dict[str, Any]]) -> Standings:
+    return Standings.of(frame([row for each in of for row in each]))
+
+
+def said(*of: Iterator[dict[str, Any]]) -> str:
+    return "\n".join(sentences(standings(*of)))
+
+
+def test_the_cheapest_at_the_error_wanted_is_recommended_at_a_setting_that_was_run() -> None:
+    text = said(rows("exudyn", FAST), rows("reference", SLOW))
+    assert "Take exudyn (arm) at a tolerance of 1e-08." in text
+    assert "1.0×10⁻⁷ m at most; 1.0×10⁻⁶ m is what is asked for" in text
+    assert "It stops being good enough at a tolerance of 1e-06, the next coarser here" in text
+
+
+def test_times_are_compared_at_equal_error() -> None:
+    found = standings(rows("exudyn", FAST), rows("reference", SLOW))
+    assert [each.time_s for each in found.there] == pytest.approx([FAST_M_S, SLOW_M_S])
+    text = "\n".join(sentences(found))
+    assert f"reference (arm), which takes {SLOW_M_S / FAST_M_S:.0f} times as long at equal error" in text
+
+
+def test_the_form_of_the_model_counts_as_error() -> None:
+    other_law = {"slider_position_model_difference_m": 1e-5}
+    text = said(rows("exudyn", FAST, **other_law), rows("reference", SLOW))
+    assert "Take reference (arm) at a tolerance of 1e-06." in text
+    assert "No other engine gets to that error." in text
+
+
+def test_what_fails_the_check_is_not_recommended() -> None:
+    text = said(rows("exudyn", FAST, quality_failure="energy"), rows("reference", SLOW))
+    assert "Take reference (arm)" in text
+    assert "exudyn" not in text
+
+
+def test_where_none_is_good_enough_the_nearest_is_named_as_such() -> None:
+    coarse = ((1e-2, 0.001), (1e-3, 0.002), (1e-4, 0.003))
+    text = said(rows("exudyn", coarse))
+    assert "No engine gets to the slider position error of 1.0×10⁻⁶ m" in text
+    assert "The nearest is exudyn (arm) at a tolerance of 1e-08, with 1.0×10⁻⁴ m." in text
+    assert "nothing to compare it with" in text
+
+
+def test_a_horizon_before_the_end_is_told() -> None:
+    text = said(rows("exudyn", FAST, compared_until_s=0.25))
+    assert "past 0.25 s of 1 s" in text
+
+
+def test_who_refuses_is_named_with_the_reason_and_whose_word_it_is() -> None:
+    refusal = {"status": "unsupported", "reason": "it has no rods", "spoken_by": "engine"}
+    text = said(rows("exudyn", FAST), rows("pymunk", SLOW, **refusal))
+    assert "pymunk finished no run: it has no rods (said by the engine)." in text
+
+
+def test_of_nothing_but_refusals_nothing_is_recommended() -> None:
+    refusal = {"status": "unsupported", "reason": "it has no rods", "spoken_by": "engine"}
+    silent = (row for row in rows("pymunk", SLOW, **refusal) if row["status"] != "ok")
+    assert "Nothing can be recommended" in said(silent)
+
+
+def test_no_sentence_has_more_than_two_numbers() -> None:
+    impacts = {"impacts_matched": 9, "impacts_missed": 3, "impacts_unmatched": 1, "impact_time_error_s": 1e-6}
+    for text in said(rows("exudyn", FAST, compared_until_s=0.25, **impacts), rows("scipy", SLOW)).split("\n"):
+        assert len(re.findall(r"(?<![\w×⁻.-])\d[\d.]*(e-\d+)?", text.replace("×10", ""))) <= 2, text
+
+
+def test_the_rows_are_not_changed() -> None:
+    table = frame([*rows("exudyn", FAST)])
+    before = table.copy()
+    list(sentences(Standings.of(table)))
+    pd.testing.assert_frame_equal(table, before)

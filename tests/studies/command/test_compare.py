@@ -1,0 +1,74 @@
+"""``crankslider compare``: two real engines on a short scene of the user's, and a second call resumes."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import crankslider as cs
+from studies.judges.ideal_truth import exact
+from tests.helpers.command import Finished, crankslider
+
+ENGINES = ("reference", "pymunk")
+#: Two turns of a quick crank, in s.
+END_S = 0.02
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("scene") / "mine.toml"
+    text = crankslider("show", "ideal-free").stdout
+    file.write_text(text.replace("ideal-free", "mine").replace("end_time_s = 1.0", f"end_time_s = {END_S}"))
+    return file
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("comparison")
+
+
+@pytest.fixture(scope="module")
+def done(scene_file: Path, folder: Path) -> Finished:
+    engines = [word for name in ENGINES for word in ("--engine", name)]
+    return crankslider("compare", scene_file, *engines, "--out", folder)
+
+
+def test_it_ends_in_a_recommendation_and_says_where_the_page_is(done: Finished, folder: Path) -> None:
+    assert done.code in (0, None), done.stderr
+    assert "Take reference" in done.stdout
+    assert f"note: the page is {folder / 'index.html'}" in done.stderr
+    assert "time [ms]" in done.stdout
+
+
+def test_the_page_needs_no_other_file(done: Finished, folder: Path) -> None:
+    page = (folder / "index.html").read_text("utf-8")
+    assert done.stdout.splitlines()[-1].strip() in page
+    sources = [part.split('"')[0] for part in page.split('src="')[1:]]
+    assert len(sources) >= 3
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
+    assert "href=" not in page
+
+
+@pytest.mark.usefixtures("done")
+def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(scene_file: Path, folder: Path) -> None:
+    with (folder / "rows.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["arm"] == "projection" and not row["round"]]
+    row = max(rows, key=lambda row: float(row["step_s"]))
+    samples = int(float(row["samples"]))
+    run = cs.simulate(scene_file, step=float(row["step_s"]), samples=samples, stabilisation="projection")
+    truth = exact(cs.load(scene_file), samples).slider_position_m
+    error = np.abs(run.frame["slider_position_m"].to_numpy() - truth).max()
+    assert float(row["slider_position_error_m"]) == pytest.approx(error, rel=1e-6)
+
+
+@pytest.mark.usefixtures("done")
+def test_a_second_call_from_python_runs_nothing_again(
+    scene_file: Path, folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = (folder / "runs/rows.jsonl").read_bytes()
+    found = cs.compare(scene_file, engines=["reference"], folder=folder)
+    assert (folder / "runs/rows.jsonl").read_bytes() == before
+    assert set(found.frame["engine"]) == {"reference"}
+    assert "nothing to compare it with" in found.recommendation
+    assert "unsupported" not in capfd.readouterr().err
