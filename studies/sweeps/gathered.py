@@ -1,0 +1,109 @@
+"""What a member of a sweep did, in the columns of its row: from a run of any engine.
+
+The reference gathers the same in its compiled loop (``engine_models.reference.members``).
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from engine_models.engine import FloatArray, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.mechanics.quality import require_quality
+from engine_models.scene.data import SceneError
+from engine_models.scene.scene import Scene
+from studies.judges import lyapunov
+from studies.judges.ideal_motion import slider_position_m
+from studies.sweeps.task import Task
+
+#: Numbers of a row, NaN in one that failed; and lists, empty there.
+NUMBERS = (
+    "impacts_per_revolution",
+    "flight_part",
+    "impulse_N_s",
+    "largest_contact_force_N",
+    "dissipated_energy_per_revolution_J",
+    "slider_deviation_m",
+    "exponent_1_s",
+)
+LISTS = ("strobe_m", "impact_phase_rad")
+#: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once.
+STRETCH_SAMPLES = 500
+
+Row = dict[str, object]
+
+
+def row_of(task: Task, values: Mapping[str, float]) -> Row:
+    """Return the row of a member with these values: what it did, or why it failed."""
+    try:
+        scene = task.member(values)
+        with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
+            run = task.engine.simulate(scene, task.run_settings(scene))
+            found = gathered(task, scene, require_quality(scene, run))
+            exponent = _exponent_1_s(task, scene) if task.watch.exponent else math.nan
+        return {"status": "ok", "reason": "", **found, "exponent_1_s": exponent}
+    except (SceneError, SimulationFailed, UnsupportedScene, MemoryError) as failure:
+        return failed(str(failure) or "no memory left")
+
+
+def failed(reason: str) -> Row:
+    """Return the row of a member that failed."""
+    row: Row = {"status": "failed", "reason": reason}
+    return row | dict.fromkeys(NUMBERS, math.nan) | {name: [] for name in LISTS}
+
+
+def gathered(task: Task, scene: Scene, run: Trajectory) -> Row:
+    """Return what a run did after the transient; all joints with clearance are taken together.
+
+    An impact is a touch; one that still lasts at the end has no impulse yet. The deviation is the slider's
+    from where ideal joints would put it at the crank's angle, and is positive along +x.
+    """
+    turn_s = scene.end_time_s / task.turns
+    first = round((len(run.time_s) - 1) * task.watch.transient / task.turns)
+    touch_s, impulse = _touches(run, run.time_s[first])
+    deviation = run.slider_position_m - slider_position_m(scene, run.position[:, 0, 2])
+    once = turn_s * (task.watch.transient + np.arange(1, math.floor(task.watch.revolutions) + 1))
+    phase = np.interp(touch_s, run.time_s, run.position[:, 0, 2]) % (2 * np.pi)
+    contacts, lost = run.contacts.values(), run.dissipated_energy_J
+    assert lost is not None
+    in_flight = np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0)
+    return {
+        "impacts_per_revolution": len(touch_s) / task.watch.revolutions,
+        "flight_part": float(in_flight.mean()),
+        "impulse_N_s": float(np.nanmean(impulse)) if np.isfinite(impulse).any() else math.nan,
+        "largest_contact_force_N": max(float(each.normal_force_N[first:].max()) for each in contacts),
+        "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / task.watch.revolutions),
+        "slider_deviation_m": float(np.abs(deviation[first:]).max()),
+        "strobe_m": np.interp(once, run.time_s, deviation).tolist(),
+        "impact_phase_rad": phase.tolist(),
+    }
+
+
+def _touches(run: Trajectory, from_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the times of touches from a time on, (m,), and their impulses, NaN of one that still lasts."""
+    times, impulses = [], []
+    for contact in run.contacts.values():
+        late = contact.impacts.time_s >= from_s
+        times.append(contact.impacts.time_s[late])
+        impulses.append(contact.impacts.normal_impulse_N_s[late])
+        flying = np.flatnonzero(contact.penetration_m < 0)
+        if len(flying) and flying[-1] < len(run.time_s) - 1 and run.time_s[flying[-1]] >= from_s:
+            before, after = contact.penetration_m[flying[-1] : flying[-1] + 2]
+            begin, end = run.time_s[flying[-1] : flying[-1] + 2]
+            times.append(np.array([begin + (end - begin) * before / (before - after)]))
+            impulses.append(np.array([math.nan]))
+    time, impulse = np.concatenate(times), np.concatenate(impulses)
+    order = np.argsort(time, kind="stable")
+    return time[order], impulse[order]
+
+
+def _exponent_1_s(task: Task, scene: Scene) -> float:
+    """Return how fast neighbouring motions part, in 1/s; NaN where that cannot be followed."""
+    turn_s = scene.end_time_s / task.turns
+    samples = STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2
+    step_s = task.run_settings(scene).step_s
+    growth = lyapunov.growth(task.engine, scene, step_s, turn_s, samples)
+    try:
+        return growth.exponent_per_s(task.watch.transient * turn_s)
+    except SimulationFailed:  # pins that never leave the wall
+        return math.nan
