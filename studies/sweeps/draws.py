@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.stats import qmc
 
 from engine_models.engine import FloatArray
 from engine_models.scene.plain_words import one_of, shown
@@ -67,8 +66,8 @@ def _grid(ranges: Mapping[str, Values], draw: Draw) -> dict[str, FloatArray]:
     for field, values in ranges.items():
         if isinstance(values, Range) and values.count is None:
             raise BadInput(f"--vary {field}: expected a count behind the ends on a grid, got none")
+    _require_number(math.prod(map(len, ranges.values())) * members)
     axes = [values.spaced() if isinstance(values, Range) else np.array(values) for values in ranges.values()]
-    _require_number(math.prod(map(len, axes)) * members)
     grid = np.meshgrid(*axes, indexing="ij")
     return {field: np.repeat(values.ravel(), members) for field, values in zip(ranges, grid, strict=True)}
 
@@ -105,11 +104,15 @@ def _random(count: int, fields: int, generator: np.random.Generator) -> FloatArr
 
 
 def _latin_hypercube(count: int, fields: int, generator: np.random.Generator) -> FloatArray:
+    from scipy.stats import qmc  # which takes a second to load
+
     return np.asarray(qmc.LatinHypercube(fields, seed=generator).random(count))
 
 
 def _sobol(count: int, fields: int, generator: np.random.Generator) -> FloatArray:
     """Return the first of a power of two, in which alone Sobol's points are balanced."""
+    from scipy.stats import qmc
+
     return np.asarray(qmc.Sobol(fields, seed=generator).random_base2((count - 1).bit_length())[:count])
 
 

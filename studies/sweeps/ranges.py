@@ -21,6 +21,9 @@ class Range:
     log: bool
     count: int | None
 
+    def __len__(self) -> int:
+        return self.count or 0
+
     def spaced(self) -> FloatArray:
         """Return the ``count`` numbers of a grid, (n,), both ends included."""
         assert self.count is not None
