@@ -74,7 +74,7 @@ class Swept:
         """
         from pyarrow import parquet
 
-        from reports.sweeps.picture import NoPicture, sweep_picture
+        from reports.plots.sweeps.picture import NoPicture, sweep_picture
 
         varied = json.loads(parquet.read_schema(self.path).metadata[b"varied"])
         try:

@@ -5,6 +5,7 @@ The reference gathers the same in its compiled loop (``engine_models.reference.m
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,8 @@ LISTS = ("strobe_m", "impact_phase_rad")
 #: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once.
 STRETCH_SAMPLES = 500
 
-Row = dict[str, object]
+#: The columns of a member: numbers, texts and lists.
+Row = dict[str, Any]
 
 
 def row_of(task: Task, values: Mapping[str, float]) -> Row:

@@ -151,7 +151,7 @@ def _run(task: Task, chunks: list[Chunk], pool: LimitedExecutor, kept: Kept, don
         futures = {_submitted(pool, task, chunk): chunk for chunk in chunks}
         while futures:
             finished, _ = wait(futures, return_when=FIRST_COMPLETED)
-            for future in finished:
+            for future in sorted(finished, key=lambda each: futures[each].first):
                 chunk = futures.pop(future)
                 kept.keep(chunk.first, _rows(pool, task, chunk, future))
                 progress.advance(bar, len(chunk))

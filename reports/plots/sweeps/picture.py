@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import pandas as pd
 
+from reports.plots.sweeps.histogram import draw_histogram
+from reports.plots.sweeps.one_field import draw_over_field
+from reports.plots.sweeps.two_fields import draw_map
 from reports.run.picture import Picture
 from reports.style import RC
-from reports.sweeps.histogram import draw_histogram
-from reports.sweeps.one_field import draw_over_field
-from reports.sweeps.two_fields import draw_map
 
 EXPONENT, STROBE, PHASE, FORCE = "exponent_1_s", "strobe_m", "impact_phase_rad", "largest_contact_force_N"
 #: Columns that say which member it is and how it ended.

@@ -6,10 +6,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, TwoSlopeNorm
 from matplotlib.patches import Patch
 
+from reports.plots.sweeps.scales import Scale, scale_of
 from reports.results import FloatArray
 from reports.run.picture import Picture
 from reports.style import GREY
-from reports.sweeps.scales import Scale, scale_of
 
 #: Width and height in inches.
 SIZE_IN = (6.2, 4.6)

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
+from reports.plots.sweeps.scales import scale_of
 from reports.run.picture import Picture
 from reports.style import BLUE
-from reports.sweeps.scales import scale_of
 
 #: Bins of what goes round, which are of 10 degrees; of all else, fewest and most.
 ROUND, FEWEST, MOST = 36, 5, 60

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from reports.plots.sweeps.scales import Scale, scale_of
 from reports.results import FloatArray
 from reports.run.picture import Picture
 from reports.style import BLACK, VERMILLION
-from reports.sweeps.scales import Scale, scale_of
 
 #: Height of a panel in inches; so many points on it are opaque, of more each is fainter.
 PANEL_IN, OPAQUE = 2.6, 3000
