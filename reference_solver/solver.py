@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import accumulate, chain, pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -195,40 +195,11 @@ class Solver:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
         contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         sizes = len(q), len(self._names), len(self._equations.C)
-        knots, choice = self._mechanism.knots_by_angle, self._choice
-        run = types.new_run(contacts, sizes, times, self._face(()).rows, LOG_ROWS, knots)
+        knots, face = self._mechanism.knots_by_angle, self._face(())
+        run = types.new_run(contacts, sizes, times, face.rows, LOG_ROWS, knots)
         run.old.q[:], run.old.v[:] = q, v
-        (now,) = run.clock
-        now["longest"], now["end"], now["rigid"], now["condition"] = choice.longest_s, end_time_s, -1, 1.0
-        now["least"] = np.inf
-        scales = self._scales(run)
-        run.control["length"], run.control["rate"] = scales.length_m, scales.rate_s
-        if isinstance(choice, ErrorControl):
-            self._set_control(choice, run, scales)
-            return run
-        now["per_contact"], now["located"] = choice.steps_per_contact, contacts.size and choice.locate_events
-        if len(times) > 1 and not now["located"]:
-            interval = times[1]
-            now["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
+        set_out(run, self._mechanism, self._choice, face.kernel, face.parameters, end_time_s)
         return run
-
-    def _scales(self, run: types.Run) -> Scales:
-        """Return the mechanism's scales at a run's start."""
-        face, (n, y, _) = self._face(()), run.old
-        face.kernel.slopes(face.parameters, run.contacts, 0.0, types.START, 1.0, y, run.slopes)
-        a = run.slopes[types.START, n : 2 * n]
-        return scales_of(self._mechanism, run.old.q, run.old.v, a, run.clock["end"][0])
-
-    def _set_control(self, choice: ErrorControl, run: types.Run, scales: Scales) -> None:
-        """Set error control by the mechanism's scales at a run's start."""
-        from reference_solver.contact.adaptive_loop import WEIGHT
-
-        n = run.old.n
-        tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
-        first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
-        run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
-        control = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part)
-        run.control[0] = (*control, 1.0, 1.0, 1.0, 0, -1)
 
     def _shortest_flight_s(self, run: types.Run) -> float:
         """Return the flight between rigid walls that is not followed any more, if heights do not decide."""
@@ -373,6 +344,46 @@ class Solver:
             solve_time_s=took_s,
             condition=float(run.clock["condition"][0]),
         )
+
+
+def set_out(
+    run: types.Run,
+    mechanism: Mechanism,
+    choice: StepChoice | ErrorControl,
+    kernel: Any,
+    parameters: FloatArray | None,
+    end_time_s: float,
+) -> None:
+    """Set clock and control of a run of zeros whose motion and contacts are those of its start.
+
+    ``kernel`` with its ``parameters`` tells the accelerations there (see ``compiled.faces``).
+    """
+    (now,), times, (n, y, _) = run.clock, run.records.time, run.old
+    now["longest"], now["end"], now["rigid"], now["condition"] = choice.longest_s, end_time_s, -1, 1.0
+    now["least"] = np.inf
+    kernel.slopes(parameters, run.contacts, 0.0, types.START, 1.0, y, run.slopes)
+    a = run.slopes[types.START, n : 2 * n]
+    scales = scales_of(mechanism, run.old.q, run.old.v, a, end_time_s)
+    run.control["length"], run.control["rate"] = scales.length_m, scales.rate_s
+    if isinstance(choice, ErrorControl):
+        set_control(run, choice, scales)
+        return
+    now["per_contact"], now["located"] = choice.steps_per_contact, run.contacts.size and choice.locate_events
+    if len(times) > 1 and not now["located"]:
+        interval = times[1]
+        now["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
+
+
+def set_control(run: types.Run, choice: ErrorControl, scales: Scales) -> None:
+    """Set error control by the mechanism's scales at a run's start."""
+    from reference_solver.contact.adaptive_loop import WEIGHT
+
+    n = run.old.n
+    tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
+    first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
+    run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
+    control = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part)
+    run.control[0] = (*control, 1.0, 1.0, 1.0, 0, -1)
 
 
 def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:

@@ -136,15 +136,22 @@ class ReferenceEngine:
         return compile_time_s(self, scene, settings)
 
     def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        choice, compiled = self._step_choice(scene, settings), self.kernel == "compiled"
-        return reference_run(scene, settings, choice, self._stabilisation(), compiled, self.max_steps)
+        choice, compiled = self.step_choice(scene, settings), self.kernel == "compiled"
+        return reference_run(scene, settings, choice, self.stabiliser, compiled, self.max_steps)
 
-    def _stabilisation(self) -> Stabilisation:
+    @property
+    def stabiliser(self) -> Stabilisation:
+        """The stabilisation as the solver takes it."""
         if self.stabilisation == "baumgarte":
             return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
         return self.stabilisation
 
-    def _step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
+    def step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
+        """Return how a run of a scene chooses its steps.
+
+        Raises:
+            SingularConfiguration, SimulationFailed: as ``rate_s`` does.
+        """
         if self.method != "rk4":
             return ErrorControl(
                 self.tolerance, min(settings.step_s, scene.end_time_s), self.method, self.lowest_flight

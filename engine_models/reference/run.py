@@ -61,13 +61,7 @@ def reference_run(
     q, v = (part.ravel() for part in checked_start(scene))
     mechanism = mechanism_of(scene)
     check_start(mechanism, q, v)
-
-    if not isinstance(choice, ErrorControl):
-        if scene.drive.kind == "fluctuating":
-            require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
-        coarse = settings.steps_per_sample(scene.end_time_s) == 1
-        if scene.joints_with_clearance and choice.locate_events and coarse:
-            choice = choice.at(settings.step_s)
+    choice = taken(choice, scene, settings)
     solver = Solver(mechanism, q, choice, stabilisation, compiled)
     try:
         solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver, most_steps))
@@ -77,6 +71,24 @@ def reference_run(
         raise too_slow(scene, f"steps of {stiff.needed_s:.3g} s") from stiff
     stabilised = stabilisation != "none"
     return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
+
+
+def taken(
+    choice: StepChoice | ErrorControl, scene: Scene, settings: RunSettings
+) -> StepChoice | ErrorControl:
+    """Return the choice of steps that a run really takes.
+
+    Raises:
+        SimulationFailed: the steps are too long to follow the driver.
+    """
+    if isinstance(choice, ErrorControl):
+        return choice
+    if scene.drive.kind == "fluctuating":
+        require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
+    coarse = settings.steps_per_sample(scene.end_time_s) == 1
+    if scene.joints_with_clearance and choice.locate_events and coarse:
+        return choice.at(settings.step_s)
+    return choice
 
 
 def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float], None]:

@@ -25,7 +25,8 @@ from reference_solver.tape import FloatArray, RecordArray
 class CompiledFace:
     """The ``kernel`` of a topology with its ``parameters``, and the loop that calls it.
 
-    ``rows`` is the number of slopes that a run needs (see ``contact.types.new_run``).
+    The loop gets of the kernel the ``functions`` that it calls, and the method's ``tableau``. ``rows`` is the
+    number of slopes that a run needs (see ``contact.types.new_run``).
     """
 
     #: Evaluations of {A} times coordinates per call: a fraction of a second, to answer an interrupt.
@@ -35,18 +36,20 @@ class CompiledFace:
         self.kernel = load_kernel(source_of(topology.marked()))
         self.parameters = topology.parameters(self.kernel, q_start)
         self._advance: Callable[[Run], int] = from_sample_to_sample
-        self._of: Any = self.kernel
+        self.functions: Any = self.kernel
         loop = loop_of(topology)
         self.rows: int = loop.ROWS
-        self._tableau = tableau(topology.method)
+        self.tableau = tableau(topology.method)
         if topology.method.embedded or topology.by_events:
             functions = zip(loop.Kernel._fields, loop.KERNEL, strict=True)
-            self._of = loop.Kernel(*(callee(getattr(self.kernel, name), kind) for name, kind in functions))
+            self.functions = loop.Kernel(
+                *(callee(getattr(self.kernel, name), kind) for name, kind in functions)
+            )
             self._advance = compiled(loop.advance, loop.ADVANCE)
 
     def advance(self, run: Run) -> int:
         """Advance a run by the loop that suits; without contacts and control, from sample to sample."""
-        return int(self._advance(run._replace(kernel=self._of, p=self.parameters, method=self._tableau)))
+        return int(self._advance(run._replace(kernel=self.functions, p=self.parameters, method=self.tableau)))
 
 
 def from_sample_to_sample(run: Run) -> int:

@@ -22,7 +22,7 @@ from numba.types import NamedTuple as NumbaTuple
 from reference_solver import methods
 from reference_solver.contact import loop, types
 from reference_solver.contact.loop import ARRAY, CONTACTS, INNER, MOBILITIES, MOTION, OPTIONS, SLOPES
-from reference_solver.contact.types import END, FAILED, FLIGHT, GO, SETTLE, START
+from reference_solver.contact.types import END, FAILED, FLIGHT, GO, PAUSED, RESUMED, SETTLE, START
 from reference_solver.methods import dop853
 
 __all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "WEIGHT", "Kernel", "advance"]
@@ -563,7 +563,7 @@ def begin(run):
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
     now, control, times = run.clock[0], run.control[0], run.records.time
-    status = begin(run)
+    status = GO if now.watched == RESUMED else begin(run)
     while status == GO:
         if not loop.write_due(run):
             return FAILED
@@ -587,4 +587,6 @@ def advance(run):
             accept(run, step, event, error, factor)
         if event >= 0:
             status = go_on(run, event)
+        if status == GO and now.watched:
+            return PAUSED
     return status

@@ -566,12 +566,13 @@ def advance(run):
 
     Events are added to the log, and a sample is written for each of the records' times up to the end. Where
     events are located, steps do not depend on the times; else, they land on each. An event on a rigid wall
-    ends the call: whoever called settles it.
+    ends the call: whoever called settles it. A run that is watched pauses after every step.
     """
     now, contacts, old, new, times = run.clock[0], run.contacts, run.old, run.new, run.records.time
-    close_at_start(run)
-    if now.located:  # pins may have begun to follow rigid walls
-        probe(run)
+    if now.watched != types.RESUMED:
+        close_at_start(run)
+        if now.located:  # pins may have begun to follow rigid walls
+            probe(run)
     while True:
         if now.taken < len(times) and times[now.taken] <= now.time and not write_due(run):
             return types.FAILED
@@ -618,3 +619,5 @@ def advance(run):
         settled(now, contacts, new_t > t)
         if event >= 0 and meet(run, event) == types.SETTLE:
             return types.SETTLE
+        if now.watched:
+            return types.PAUSED

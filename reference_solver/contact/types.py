@@ -13,9 +13,12 @@ from reference_solver.tape import FloatArray, RecordArray
 FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 
 #: How ``contact.loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step
-#: that met a singular configuration or overflowed, or at an event on a rigid wall that is to be settled. It
-#: goes on until then.
-DONE, SPENT, FULL, FAILED, SETTLE, GO = range(6)
+#: that met a singular configuration or overflowed, at an event on a rigid wall that is to be settled, or
+#: after any step of a run that is watched. It goes on until then.
+DONE, SPENT, FULL, FAILED, SETTLE, PAUSED, GO = range(7)
+
+#: Whether the clock's run is watched; and that it goes on where it paused, as if it had not.
+WATCHED, RESUMED = 1, 2
 
 
 def record(floats: str, integers: str = "") -> np.dtype[np.void]:
@@ -46,10 +49,11 @@ EVENT_RECORD = np.dtype(
 
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
 #: contact, the step tried last, the end, the worst condition so far and the least at a sample; whether events
-#: are located; events, samples and steps so far, the most steps, and the contact whose event on a rigid wall
-#: is to be settled.
+#: are located; events, samples and steps so far, the most steps, the contact whose event on a rigid wall is
+#: to be settled, and whether the run is watched.
 CLOCK_RECORD = record(
-    "time lost longest per_contact tried end condition least", "located events taken steps budget rigid"
+    "time lost longest per_contact tried end condition least",
+    "located events taken steps budget rigid watched",
 )
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the

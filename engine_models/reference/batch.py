@@ -1,0 +1,172 @@
+"""Batches of runs of the reference solver: members of one topology in rows of arrays, run without Python."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_models.engine import FloatArray
+from engine_models.reference import observer
+from engine_models.reference.kernels import callback, compiled
+from reference_solver.compiled.faces import CompiledFace, loop_of
+from reference_solver.compiled.kernel import Topology
+from reference_solver.compiled.store import callee
+from reference_solver.contact import adaptive_loop, members, types
+from reference_solver.equations import Equations
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.solution import LOSSES
+from reference_solver.solver import LOG_ROWS, ErrorControl, StepChoice, contact_record, set_out
+from reference_solver.tape import RecordArray
+
+#: Steps after which a batch comes back to whoever may want to end it: some tenths of a second.
+STEPS_PER_CALL = 100_000
+#: Room for touches between two calls.
+TOUCHES = 4096
+
+#: Is called now and then; what it raises ends the batch.
+Tell = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Begin:
+    """How a member begins: its mechanism, coordinates and velocities, its steps, and times.
+
+    ``times_s`` (s,) are those of its samples, from 0 on to its end; notes are taken from ``from_s`` on.
+    ``lengths_m`` are those of crank and rod.
+    """
+
+    mechanism: Mechanism
+    q: FloatArray
+    v: FloatArray
+    choice: StepChoice | ErrorControl
+    times_s: FloatArray
+    from_s: float
+    lengths_m: tuple[float, float]
+
+    @property
+    def ends_s(self) -> list[float]:
+        """Times on which steps land: where prescribed motions are not smooth, and the end."""
+        end, longest = float(self.times_s[-1]), self.choice.longest_s
+        return [*(t for t in self.mechanism.knots_s(longest) if 0 < t < end), end]
+
+
+@dataclass(frozen=True)
+class Done:
+    """What is left of a batch of m members: ``members`` and ``touches_rad`` of each, one after the other."""
+
+    members: members.Members
+    touches_rad: list[FloatArray]
+    sum_names: list[str]
+    coordinates: int
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Whose run did not come to its end, or not in finite numbers, (m,)."""
+        finite = np.isfinite(self.members.samples).all(axis=(1, 2))
+        return np.asarray((self.members.status != types.DONE) | ~finite)
+
+    def lost_J(self, k: int) -> FloatArray:
+        """Return what the contacts of a member have dissipated by its samples, (s,)."""
+        sums = self.members.samples[k, :, self.coordinates * 2 :]
+        lost = [c for c, name in enumerate(self.sum_names) if name.rstrip("0123456789") in LOSSES]
+        return np.asarray(sums[:, lost].sum(axis=1))
+
+    def deviation_m(self, k: int) -> FloatArray:
+        """Return how far a member's slider is from its place with ideal joints at its samples, (s,)."""
+        note, samples = self.members.notes[k], self.members.samples[k]
+        angle, slider = samples[:, 2], samples[:, 6]
+        across = note["crank_m"] * np.sin(angle)
+        ideal = note["crank_m"] * np.cos(angle) + np.sqrt(note["rod_m"] ** 2 - across**2)
+        return np.asarray(slider - ideal)
+
+
+class Group:
+    """Runs members of one topology: its kernel, and the compiled loops."""
+
+    def __init__(self, topology: Topology, q_start: FloatArray) -> None:
+        self._topology, self._face, loop = topology, CompiledFace(topology, q_start), loop_of(topology)
+        equations = Equations(topology.mechanism, q_start, topology.baumgarte)
+        self.sum_names = [*equations.power_names, "removed"]
+        self._sizes = topology.n, len(self.sum_names), len(equations.C)
+        notes = observer.NOTES_RECORD
+        self._observe = callback(observer.observe, members.observer_type(notes).signature)
+        self._advance_one = callback(loop.advance, loop.ADVANCE)
+        self._set_gaps = callee(self._face.kernel.gaps, adaptive_loop.AT_STATE)
+        self._advance = compiled(members.advance, members.advance_type(loop, notes))
+
+    def run(self, begins: Sequence[Begin], tell: Tell) -> Done:
+        """Run members to their ends, or until ``tell`` raises."""
+        shared, rows = self._shared(begins[0]), self._rows(begins)
+        sums = [self.sum_names.index(f"normal{k}") for k in range(len(shared.contacts))]
+        past = np.array([(0.0, 0.0, 0.0, 0.0, sum_) for sum_ in sums], members.PAST_RECORD)
+        watching = members.Watching(self._observe, past, np.zeros(TOUCHES))
+        place = np.array([(0.0, 0, members.NEW, 0, 0)], members.PLACE_RECORD)
+        own = shared._replace(kernel=self._face.functions, p=rows.p[0], method=self._face.tableau)
+        touches = []
+        while place["member"][0] < len(begins):
+            fixed = self._advance_one, self._set_gaps, own, rows, watching, place
+            self._advance(*fixed, self._chunk, STEPS_PER_CALL)
+            touches.append(watching.touches[: place["touches"][0]].copy())
+            place["touches"] = 0
+            tell()
+        each = np.split(np.concatenate(touches), np.cumsum(rows.notes["touches"])[:-1])
+        return Done(rows, each, self.sum_names, self._sizes[0])
+
+    @property
+    def _chunk(self) -> int:
+        return 1 + self._face.chunk // (self._topology.n * len(self._topology.method.weights))
+
+    def _shared(self, begin: Begin) -> types.Run:
+        contacts = _contacts(begin.mechanism)
+        knots = begin.mechanism.knots_by_angle
+        return types.new_run(contacts, self._sizes, np.zeros(1), self._face.rows, LOG_ROWS, knots)
+
+    def _rows(self, begins: Sequence[Begin]) -> members.Members:
+        m, shared = len(begins), self._shared(begins[0])
+        K, width, s = len(shared.contacts), len(shared.old.y), len(begins[0].times_s)
+        n, ends = self._sizes[0], [begin.ends_s for begin in begins]
+        weights = 2 * n if isinstance(begins[0].choice, ErrorControl) else 0
+        rows = members.Members(
+            p=np.empty((m, len(self._face.parameters))),
+            contacts=np.empty((m, K), types.CONTACT_RECORD),
+            gaps=np.zeros((m, K), types.GAP_RECORD),
+            y=np.zeros((m, width)),
+            control=np.zeros(m, types.CONTROL_RECORD),
+            clock=np.zeros(m, types.CLOCK_RECORD),
+            times=np.array([begin.times_s for begin in begins]),
+            samples=np.zeros((m, s, shared.records.samples.shape[1])),
+            knots=np.array([[*begin.mechanism.knots_by_angle] for begin in begins], types.KNOT_RECORD),
+            weights=np.zeros((m, weights)),
+            ends=np.array([[*own, *[own[-1]] * (max(map(len, ends)) - len(own))] for own in ends]),
+            notes=np.zeros(m, observer.NOTES_RECORD),
+            status=np.full(m, types.FAILED),
+        )
+        for k, begin in enumerate(begins):
+            self._set_row(rows, k, begin, shared)
+        return rows
+
+    def _set_row(self, rows: members.Members, k: int, begin: Begin, shared: types.Run) -> None:
+        """Set a member's row to its start."""
+        n, notes = self._sizes[0], rows.notes[k]
+        topology = Topology(begin.mechanism, self._topology.baumgarte)
+        rows.p[k] = topology.parameters(self._face.kernel, begin.q)
+        rows.contacts[k] = _contacts(begin.mechanism)
+        rows.y[k, :n], rows.y[k, n : 2 * n] = begin.q, begin.v
+        records = shared.records._replace(time=begin.times_s, samples=rows.samples[k])
+        run = shared._replace(
+            old=types.Motion(n, rows.y[k], rows.gaps[k]),
+            contacts=rows.contacts[k],
+            control=rows.control[k : k + 1],
+            clock=rows.clock[k : k + 1],
+            records=records,
+        )
+        set_out(run, begin.mechanism, begin.choice, self._face.kernel, rows.p[k], float(begin.times_s[-1]))
+        run.clock["end"] = rows.ends[k, 0]
+        if rows.weights.size:
+            rows.weights[k] = run.slopes[adaptive_loop.WEIGHT, : 2 * n]
+        notes["from_s"], (notes["crank_m"], notes["rod_m"]) = begin.from_s, begin.lengths_m
+
+
+def _contacts(mechanism: Mechanism) -> RecordArray:
+    return np.array([contact_record(joint) for joint in mechanism.contacts], types.CONTACT_RECORD)

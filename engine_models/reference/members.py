@@ -1,0 +1,220 @@
+"""Members of a sweep or an ensemble by the reference solver: many runs of one scene with changed numbers.
+
+Each equals its own run by ``ReferenceEngine.simulate`` bit for bit; what is gathered of it is gathered on the
+way (see ``observer``), and no more is kept.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import reduce
+from threading import Event, Lock
+from typing import cast
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.start_check import checked_start, wound
+from engine_models.mechanics.watch import Watch
+from engine_models.reference.batch import Begin, Done, Group
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.model import mechanism_of
+from engine_models.reference.run import TURN_OF_STEP_RAD, taken
+from engine_models.scene.data import SceneError
+from engine_models.scene.scene import Scene
+from reference_solver.compiled.kernel import Topology
+from reference_solver.equations import Baumgarte
+from reference_solver.failures import SolverError
+from reference_solver.methods import RK4
+from reference_solver.solver import METHODS, ErrorControl
+
+#: Members of a batch.
+BATCH = 32
+SPEED = "start.crank_speed_rad_s"
+#: Numbers of a row, NaN in one that failed; and lists, empty there.
+NUMBERS = (
+    "impacts_per_revolution",
+    "flight_part",
+    "impulse_N_s",
+    "largest_contact_force_N",
+    "dissipated_energy_per_revolution_J",
+    "slider_deviation_m",
+    "exponent_1_s",
+)
+LISTS = ("strobe_m", "impact_phase_rad")
+
+Row = dict[str, object]
+
+
+def supports(engine: ReferenceEngine, scene: Scene, fields: Sequence[str]) -> bool:
+    """Return whether members that differ in these fields can be run together.
+
+    They are crank-sliders with clearance in compliant joints, by a compiled kernel with located events.
+    """
+    laws = {clearance.law for clearance in clearances(scene).values()}
+    numeric = all(isinstance(_field(scene, path), float) for path in fields)
+    compliant = bool(laws) and "rigid" not in laws
+    return (
+        numeric
+        and compliant
+        and scene.is_crank_slider
+        and engine.kernel == "compiled"
+        and engine.locate_events
+    )
+
+
+def run_members(
+    engine: ReferenceEngine,
+    scene: Scene,
+    changes: Mapping[str, NDArray[np.float64]],
+    watch: Watch,
+    threads: int = 1,
+    step_s: float | None = None,
+) -> pd.DataFrame:
+    """Return a row for each of n members, in order: what it did after the transient, or why it failed.
+
+    ``changes`` has the values (n,) of each field that changes, by its path. A step of RK4 is no longer than
+    ``step_s``, or than a turn's 1200th.
+    """
+    task = Members(
+        engine, scene, {name: np.asarray(values).tolist() for name, values in changes.items()}, watch, step_s
+    )
+    numbers = range(len(next(iter(task.changes.values()))))
+    batches = [numbers[begin : begin + BATCH] for begin in range(0, len(numbers), BATCH)]
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            rows = [row for batch in pool.map(task.rows, batches) for row in batch]
+        finally:
+            task.ended.set()
+    return pd.DataFrame(rows, columns=["status", "reason", *NUMBERS, *LISTS])
+
+
+@dataclass(frozen=True)
+class Members:
+    """What members have in common, and the groups of those of one topology, which all threads share."""
+
+    engine: ReferenceEngine
+    scene: Scene
+    changes: Mapping[str, list[float]]
+    watch: Watch
+    step_s: float | None
+    groups: dict[Topology, Group] = field(default_factory=dict)
+    lock: Lock = field(default_factory=Lock)
+    ended: Event = field(default_factory=Event)
+
+    @property
+    def turns(self) -> float:
+        """Turns of the crank in a run."""
+        return self.watch.transient + self.watch.revolutions
+
+    def member(self, number: int) -> Scene:
+        """Return the scene of a member.
+
+        Raises:
+            SceneError: with its values it is none.
+        """
+        values = {path: values[number] for path, values in self.changes.items()}
+        speed = values.get(SPEED, self.scene.start.crank_speed_rad_s)
+        if speed == 0:
+            raise SceneError(f"{SPEED}: expected a number other than 0, by which turns are measured, got 0")
+        return self.scene.replace({**values, "end_time_s": self.turns * 2 * math.pi / abs(speed)})
+
+    def settings(self, scene: Scene) -> RunSettings:
+        """Return the settings with which a member's scene is run alone."""
+        turn_s = scene.end_time_s / self.turns
+        longest = turn_s * TURN_OF_STEP_RAD / (2 * math.pi) if self.engine.method == "rk4" else math.inf
+        return RunSettings(min(self.step_s or longest, scene.end_time_s), 1)
+
+    def begin(self, scene: Scene) -> Begin:
+        """Return how a member begins.
+
+        Raises:
+            SimulationFailed, SolverError: it cannot.
+        """
+        scene, settings = wound(scene), self.settings(scene)
+        choice = taken(self.engine.step_choice(scene, settings), scene, settings)
+        # What the solver checks of a start this has checked: its pins are in no rigid bearing.
+        q, v = (part.ravel() for part in checked_start(scene))
+        end, watch = scene.end_time_s, self.watch
+        turn_s = end / self.turns
+        once = turn_s * (watch.transient + np.arange(math.floor(watch.revolutions) + 1))
+        times = np.array([0.0, *np.minimum(once, end), end])
+        crank, rod, _ = scene.crank_slider()
+        lengths = crank.length_m, rod.length_m
+        return Begin(mechanism_of(scene), q, v, choice, times, float(times[1]), lengths)
+
+    def rows(self, numbers: range) -> list[Row]:
+        """Return the rows of some members."""
+        rows, begins = dict[int, Row](), dict[Topology, dict[int, Begin]]()
+        for number in numbers:
+            try:
+                begin = self.begin(self.member(number))
+            except (SceneError, SimulationFailed, UnsupportedScene, SolverError) as failure:
+                rows[number] = failed(str(failure))
+                continue
+            begins.setdefault(self._topology(begin).marked(), {})[number] = begin
+        for marked, members in begins.items():
+            begin, *_ = members.values()
+            group = self._group(marked, begin)
+            done = group.run([*members.values()], self._tell)
+            for k, number in enumerate(members):
+                rows[number] = self._row(number, done, k)
+        return [rows[number] for number in numbers]
+
+    def _topology(self, begin: Begin) -> Topology:
+        stabiliser, choice = self.engine.stabiliser, begin.choice
+        method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
+        baumgarte = stabiliser if isinstance(stabiliser, Baumgarte) else None
+        return Topology(begin.mechanism, baumgarte, stabiliser == "projection", method=method)
+
+    def _group(self, marked: Topology, begin: Begin) -> Group:
+        with self.lock:
+            if marked not in self.groups:
+                self.groups[marked] = Group(self._topology(begin), begin.q)
+            return self.groups[marked]
+
+    def _tell(self) -> None:
+        if self.ended.is_set():
+            raise KeyboardInterrupt
+
+    def _row(self, number: int, done: Done, k: int) -> Row:
+        """Return the row of a member of a batch."""
+        if done.failed[k]:
+            return failed(self._reason(number))
+        notes, turns, lost = done.members.notes[k], self.watch.revolutions, done.lost_J(k)
+        found = {
+            "impacts_per_revolution": notes["touches"] / turns,
+            "flight_part": notes["flight_s"] / (notes["time"] - notes["from_s"]),
+            "impulse_N_s": notes["impulse"] / notes["over"] if notes["over"] else math.nan,
+            "largest_contact_force_N": notes["force"],
+            "dissipated_energy_per_revolution_J": (lost[-1] - lost[1]) / turns,
+            "slider_deviation_m": notes["far"],
+            "exponent_1_s": math.nan,
+            "strobe_m": done.deviation_m(k)[2:-1].tolist(),
+            "impact_phase_rad": done.touches_rad[k].tolist(),
+        }
+        return {"status": "ok", "reason": "", **found}
+
+    def _reason(self, number: int) -> str:
+        """Return why a member fails, in the words of its own run."""
+        scene = self.member(number)
+        try:
+            self.engine.simulate(scene, self.settings(scene))
+        except (SimulationFailed, UnsupportedScene) as failure:
+            return str(failure)
+        raise AssertionError(f"member {number} fails among others, and not alone")
+
+
+def _field(scene: Scene, path: str) -> object:
+    """Return what a field of a scene has now, None where there is no such thing."""
+    return reduce(lambda part, name: getattr(part, name, None), path.split("."), cast(object, scene))
+
+
+def failed(reason: str) -> Row:
+    """Return the row of a member that failed."""
+    row: Row = {"status": "failed", "reason": reason}
+    return row | dict.fromkeys(NUMBERS, math.nan) | {name: [] for name in LISTS}

@@ -1,0 +1,208 @@
+"""The loop over members: runs of one topology, each with its own numbers, start, end, steps and events.
+
+Numba compiles this module as it stands. A member is advanced by the loop of a single run, called by address:
+by the same machine code, so that it equals that run bit for bit. It is watched: after every step somebody
+takes notes of it. No Python is called on the way, and no lock of it is held.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import from_dtype
+from numba.extending import register_jitable
+from numba.types import FunctionType, int64
+from numba.types import NamedTuple as NumbaTuple
+
+from reference_solver.contact import adaptive_loop, loop, types
+from reference_solver.contact.loop import ARRAY, CLOCK, CONTACTS, EVENTS, INNER, MOTION, TABLE
+from reference_solver.tape import FloatArray, RecordArray
+
+#: Modules whose functions and constants the machine code has taken over.
+COMPILED_WITH = (types, loop, adaptive_loop)
+OPTIONS = {**loop.OPTIONS, "nogil": True}
+
+#: Where a loop over members is: at which one, how its run's last call ended (``NEW`` before the first) and
+#: when that began; how many of its ``ends`` it has reached, and touches have been noted.
+PLACE_RECORD = types.record("began_s", "member status reached touches")
+NEW = -1
+#: A contact up to the last step: its phase, the penetration and its rate, its impulse at the touch; and which
+#: of the sums is the impulse.
+PAST_RECORD = types.record("phase depth rate impulse", "sum")
+#: Touches in a step, at the most, for each contact.
+TOUCHES_AT_ONCE = 4
+
+
+class Members(NamedTuple):
+    """Runs in rows, m of one topology with K contacts: what they start from, and what is left of them.
+
+    ``p`` (m, P), ``contacts`` and ``gaps`` (m, K), ``y`` (m, w), ``control`` and ``clock`` (m,), ``times``
+    (m, s) and ``samples`` (m, s, W) and ``knots`` are as in ``types.Run``. ``weights`` (m, 2n) are those of
+    error control, (m, 0) without. ``ends`` (m, l) are times on which steps land, the last one the run's.
+    ``notes`` (m,) are the observer's, ``status`` (m,) says how each run ended.
+    """
+
+    p: FloatArray
+    contacts: RecordArray
+    gaps: RecordArray
+    y: FloatArray
+    control: RecordArray
+    clock: RecordArray
+    times: FloatArray
+    samples: FloatArray
+    knots: RecordArray
+    weights: FloatArray
+    ends: FloatArray
+    notes: RecordArray
+    status: Any
+
+
+class Watching(NamedTuple):
+    """Who takes notes, with memory for them: past steps (K,), and what is noted of touches, one by one.
+
+    ``observe`` (see ``observer_type``) returns how many touches have been noted.
+    """
+
+    observe: Any
+    past: RecordArray
+    touches: FloatArray
+
+
+PLACES, PASTS = (from_dtype(dtype)[::1] for dtype in (PLACE_RECORD, PAST_RECORD))
+
+
+def observer_type(notes: np.dtype[np.void]) -> FunctionType:
+    """Return the type of observers with these notes.
+
+    ``observe(notes, past, contacts, motion, clock, events, event_sums, first, touches, noted)`` gets a
+    member's notes (1,), its state after a step, and the log of events, of which those from ``first`` on are
+    of this step; or its state at the start, with ``first`` < 0. It returns how many of ``touches`` are
+    ``noted``.
+    """
+    own = from_dtype(notes)[::1]
+    return FunctionType(int64(own, PASTS, CONTACTS, MOTION, CLOCK, EVENTS, TABLE, int64, ARRAY, int64))
+
+
+def advance_type(of_loop: Any, notes: np.dtype[np.void]) -> Any:
+    """Return the signature of ``advance`` for a loop, a module, and an observer's notes."""
+    single = of_loop.ADVANCE
+    (run,) = single.args
+
+    def rows(array: Any, ndim: int = 2) -> Any:
+        return array.copy(ndim=ndim)
+
+    of_run = dict(zip(types.Run._fields, run.types, strict=True))
+    records = (TABLE, rows(CONTACTS), rows(of_run["old"].types[2]), TABLE, of_run["control"], CLOCK, TABLE)
+    others = (rows(ARRAY, 3), rows(of_run["knots"]), TABLE, TABLE, from_dtype(notes)[::1], int64[::1])
+    members = NumbaTuple((*records, *others), Members)
+    watching = NumbaTuple((observer_type(notes), PASTS, ARRAY), Watching)
+    return int64(FunctionType(single), adaptive_loop.AT_STATE, run, members, watching, PLACES, int64, int64)
+
+
+@register_jitable(**INNER)
+def run_of(run, members, k):
+    """Return the run of a member: its own rows, and the memory of ``run`` that all members share."""
+    old = types.Motion(run.old.n, members.y[k], members.gaps[k])
+    log = run.records
+    records = types.Records(log.events, log.event_sums, members.times[k], members.samples[k])
+    control, clock = members.control[k : k + 1], members.clock[k : k + 1]
+    shared = (run.new, run.at, run.slopes)
+    return types.Run(
+        run.kernel,
+        members.p[k],
+        run.method,
+        members.contacts[k],
+        old,
+        *shared,
+        control,
+        clock,
+        records,
+        members.knots[k],
+    )
+
+
+@register_jitable(**INNER)
+def clear(run, weights):
+    """Leave nothing of another member in the memory that all share."""
+    for c in range(len(run.old.y)):
+        run.new.y[c] = run.at.y[c] = 0.0
+    for row in range(run.slopes.shape[0]):
+        for c in range(run.slopes.shape[1]):
+            run.slopes[row, c] = 0.0
+    for c in range(len(weights)):
+        run.slopes[adaptive_loop.WEIGHT, c] = weights[c]
+
+
+@register_jitable(**INNER)
+def set_going(run, here, chunk):
+    """Prepare the call of a run's loop: it goes on after a pause, or begins as a single run's call does."""
+    now = run.clock[0]
+    if here.status == types.PAUSED:
+        now.watched = types.RESUMED
+    else:
+        now.watched, now.events, now.budget, here.began_s = types.WATCHED, 0, now.steps + chunk, now.time
+
+
+@register_jitable(**INNER)
+def landed(now, here, ends):
+    """Go on to the next end after one is reached; return whether there is none."""
+    here.reached += 1
+    if here.reached == len(ends):
+        return True
+    now.end = ends[here.reached]
+    return False
+
+
+@register_jitable(**INNER)
+def observe(run, members, watching, here, first):
+    """Have notes taken of a run."""
+    notes, log = members.notes[here.member : here.member + 1], run.records
+    here.touches = watching.observe(
+        notes,
+        watching.past,
+        run.contacts,
+        run.old,
+        run.clock,
+        log.events,
+        log.event_sums,
+        first,
+        watching.touches,
+        here.touches,
+    )
+
+
+def advance(advance_one, set_gaps, run, members, watching, place, chunk, most):
+    """Advance members one after another from a place on; return how many steps were taken.
+
+    It comes back where all are through, or, to be called again, after ``most`` steps and where there may be
+    no room for touches. ``chunk`` is the number of steps after which a single run's loop comes back. A run
+    has ended as ``DONE``, or as ``FAILED`` for whatever reason.
+    """
+    here, taken = place[0], 0
+    room = len(watching.touches) - TOUCHES_AT_ONCE * len(watching.past)
+    while here.member < len(members.status):
+        k = here.member
+        own = run_of(run, members, k)
+        now = own.clock[0]
+        if here.status == NEW:
+            clear(own, members.weights[k])
+            set_gaps(own.p, own.contacts, now.time, own.old)
+            observe(own, members, watching, here, -1)
+            here.reached = 0
+        while True:
+            set_going(own, here, chunk)
+            first = now.events
+            here.status = advance_one(own)
+            if here.status == types.PAUSED:
+                taken += 1
+                observe(own, members, watching, here, first)
+                if here.touches > room or taken >= most:
+                    return taken
+            elif here.status == types.DONE:
+                if landed(now, here, members.ends[k]):
+                    break
+            elif here.status == types.FAILED or now.time == here.began_s:
+                here.status = types.FAILED
+                break
+        members.status[k] = here.status
+        here.member, here.status = k + 1, NEW
+    return taken
