@@ -9,7 +9,9 @@ import pandas as pd
 import pyarrow as pa
 
 from engine_models.engine import FloatArray
-from studies.sweeps.gathered import LISTS, NUMBERS, failed, row_of
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.members import LISTS, NUMBERS, failed, run_members, supports
+from studies.sweeps.gathered import row_of
 from studies.sweeps.task import Task
 
 
@@ -39,8 +41,13 @@ class Trial:
 
 
 def run_chunk(task: Task, chunk: Chunk) -> pa.Table:
-    """Return the rows of a chunk, a member each."""
-    return table_of(chunk, pd.DataFrame([row_of(task, values) for values in _members(chunk)]))
+    """Return the rows of a chunk, a member each; the reference runs them together where it can."""
+    engine = task.engine
+    if isinstance(engine, ReferenceEngine) and supports(engine, task.scene, [*chunk.changes]):
+        rows = run_members(engine, task.scene, chunk.changes, task.watch, step_s=task.step_s)
+    else:
+        rows = pd.DataFrame([row_of(task, values) for values in _members(chunk)])
+    return table_of(chunk, rows)
 
 
 def failed_chunk(chunk: Chunk, reason: str) -> pa.Table:

@@ -5,34 +5,20 @@ The reference gathers the same in its compiled loop (``engine_models.reference.m
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from engine_models.engine import FloatArray, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engine import Contact, FloatArray, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.quality import require_quality
+from engine_models.reference.members import Row, failed
 from engine_models.scene.data import SceneError
 from engine_models.scene.scene import Scene
 from studies.judges import lyapunov
 from studies.judges.ideal_motion import slider_position_m
 from studies.sweeps.task import Task
 
-#: Numbers of a row, NaN in one that failed; and lists, empty there.
-NUMBERS = (
-    "impacts_per_revolution",
-    "flight_part",
-    "impulse_N_s",
-    "largest_contact_force_N",
-    "dissipated_energy_per_revolution_J",
-    "slider_deviation_m",
-    "exponent_1_s",
-)
-LISTS = ("strobe_m", "impact_phase_rad")
 #: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once.
 STRETCH_SAMPLES = 500
-
-#: The columns of a member: numbers, texts and lists.
-Row = dict[str, Any]
 
 
 def row_of(task: Task, values: Mapping[str, float]) -> Row:
@@ -46,12 +32,6 @@ def row_of(task: Task, values: Mapping[str, float]) -> Row:
         return {"status": "ok", "reason": "", **found, "exponent_1_s": exponent}
     except (SceneError, SimulationFailed, UnsupportedScene, MemoryError) as failure:
         return failed(str(failure) or "no memory left")
-
-
-def failed(reason: str) -> Row:
-    """Return the row of a member that failed."""
-    row: Row = {"status": "failed", "reason": reason}
-    return row | dict.fromkeys(NUMBERS, math.nan) | {name: [] for name in LISTS}
 
 
 def gathered(task: Task, scene: Scene, run: Trajectory) -> Row:
@@ -85,18 +65,29 @@ def _touches(run: Trajectory, from_s: float) -> tuple[FloatArray, FloatArray]:
     """Return the times of touches from a time on, (m,), and their impulses, NaN of one that still lasts."""
     times, impulses = [], []
     for contact in run.contacts.values():
-        late = contact.impacts.time_s >= from_s
-        times.append(contact.impacts.time_s[late])
-        impulses.append(contact.impacts.normal_impulse_N_s[late])
-        flying = np.flatnonzero(contact.penetration_m < 0)
-        if len(flying) and flying[-1] < len(run.time_s) - 1 and run.time_s[flying[-1]] >= from_s:
-            before, after = contact.penetration_m[flying[-1] : flying[-1] + 2]
-            begin, end = run.time_s[flying[-1] : flying[-1] + 2]
-            times.append(np.array([begin + (end - begin) * before / (before - after)]))
-            impulses.append(np.array([math.nan]))
+        lasting = _lasting_s(run.time_s, contact)
+        times.append(np.append(contact.impacts.time_s, lasting))
+        impulses.append(np.append(contact.impacts.normal_impulse_N_s, np.full(len(lasting), np.nan)))
     time, impulse = np.concatenate(times), np.concatenate(impulses)
     order = np.argsort(time, kind="stable")
+    order = order[time[order] >= from_s]
     return time[order], impulse[order]
+
+
+def _lasting_s(time_s: FloatArray, contact: Contact) -> FloatArray:
+    """Return when the contact began that lasts at the end: nothing if there is none, or it never began.
+
+    That is between two samples, or where the one before ended if no sample lies in the flight between.
+    """
+    depth, over = contact.penetration_m, contact.impacts.time_s + contact.impacts.duration_s
+    flying = np.flatnonzero(depth < 0)
+    if depth[-1] < 0 or not (len(flying) or len(over)):
+        return np.empty(0)
+    began = list(over)
+    if len(flying):
+        last = slice(flying[-1], flying[-1] + 2)
+        began.append(np.interp(0.0, depth[last], time_s[last]))
+    return np.array([max(began)])
 
 
 def _exponent_1_s(task: Task, scene: Scene) -> float:

@@ -40,12 +40,12 @@ def test_over_two_fields_a_grid_is_a_map_of_the_exponent_with_zero_in_the_middle
     grid.loc[5, ["status", "exponent_1_s"]] = "failed", np.nan
     picture = sweep_picture(grid, [CLEARANCE, SPEED], "scene")
     (mesh,) = (each for each in picture.axes[0].collections if isinstance(each, QuadMesh))
-    cells = np.ma.getdata(mesh.get_array()).reshape(3, 4)
+    array = mesh.get_array()
+    assert array is not None
+    cells = np.ma.getdata(array).reshape(3, 4)
     np.testing.assert_array_equal(cells.T.ravel()[[0, 1, 11]], grid["exponent_1_s"][[0, 1, 11]])
-    assert np.ma.getmaskarray(mesh.get_array()).reshape(3, 4).T.ravel().tolist() == [
-        k == 5 for k in range(12)
-    ]
-    assert mesh.norm(0.0) == 0.5
+    assert np.ma.getmaskarray(array).reshape(3, 4).T.ravel().tolist() == [k == 5 for k in range(12)]
+    assert mesh.norm(np.zeros(1)) == 0.5
     assert picture.axes[0].get_xlabel() == "radial clearance at B [mm]"
     assert picture.axes[-1].get_ylabel() == "finite-time exponent [1/s]"
     assert "1 failed" in picture.get_suptitle()

@@ -1,13 +1,14 @@
 """What a row says of a member, recomputed from its run by formulas of this file."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 import crankslider as cs
 from engine_models.mechanics.watch import Watch
-from studies.sweeps.gathered import Row, row_of
+from studies.sweeps.gathered import row_of
 from studies.sweeps.task import Task
 
 SCENE = cs.scenes["clearance-driven-0.5mm"]
@@ -21,7 +22,7 @@ BETWEEN_SAMPLES_RAD = 2e-3
 
 
 @pytest.fixture(scope="module")
-def row() -> Row:
+def row() -> dict[str, Any]:
     return row_of(Task(SCENE, "reference", SETTINGS, None, Watch(TRANSIENT, TURNS)), {})
 
 
@@ -41,13 +42,13 @@ def deviation_m(run: cs.Run) -> np.ndarray:
 
 
 def test_the_strobe_is_the_sliders_deviation_at_the_end_of_each_turn(
-    row: Row, deviation_m: np.ndarray
+    row: dict[str, Any], deviation_m: np.ndarray
 ) -> None:
     np.testing.assert_allclose(row["strobe_m"], deviation_m[[2000, 3000]], rtol=1e-9, atol=ROUND_OFF)
     assert row["slider_deviation_m"] == pytest.approx(np.abs(deviation_m[1000:]).max(), abs=ROUND_OFF)
 
 
-def test_impacts_are_those_that_touch_after_the_transient(row: Row, run: cs.Run) -> None:
+def test_impacts_are_those_that_touch_after_the_transient(row: dict[str, Any], run: cs.Run) -> None:
     late = run.impacts[run.impacts["time_s"] >= TRANSIENT * PERIOD_S]
     touching = bool(run.frame["contact_B_penetration_m"].iloc[-1] >= 0)
     assert row["impacts_per_revolution"] == (len(late) + touching) / TURNS
@@ -57,7 +58,7 @@ def test_impacts_are_those_that_touch_after_the_transient(row: Row, run: cs.Run)
     np.testing.assert_allclose(found, phases % (2 * math.pi), atol=BETWEEN_SAMPLES_RAD)
 
 
-def test_losses_forces_and_flight_are_those_after_the_transient(row: Row, run: cs.Run) -> None:
+def test_losses_forces_and_flight_are_those_after_the_transient(row: dict[str, Any], run: cs.Run) -> None:
     lost, after = run.frame["dissipated_energy_J"], run.frame.iloc[1000:]
     per_turn = (lost.iloc[-1] - lost.iloc[1000]) / TURNS
     assert row["dissipated_energy_per_revolution_J"] == pytest.approx(per_turn, rel=ROUND_OFF)
