@@ -103,6 +103,9 @@ def asked(
     step_s = options.step
     if step_s is None and not getattr(engine, "controls_error", False):
         step_s = DEFAULT_STEP_S
+    if exponent and engine_name != "reference" and getattr(engine, "order", None) is None:
+        expected = "the reference, or an engine whose steps no tolerance chooses"
+        raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
     watch = Watch(options.transient, options.revolutions, exponent)
     task = Task(scene, engine_name, dict(vars(engine)), step_s, watch)
     ranges = {field: values_of(field, given) for field, given in vary.items()}

@@ -5,11 +5,13 @@ The reference gathers the same in its compiled loop (``engine_models.reference.m
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from engine_models.engine import Contact, FloatArray, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.quality import require_quality
+from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import Row, failed
 from engine_models.scene.data import SceneError
 from engine_models.scene.scene import Scene
@@ -17,8 +19,9 @@ from studies.judges import lyapunov
 from studies.judges.ideal_motion import slider_position_m
 from studies.sweeps.task import Task
 
-#: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once.
-STRETCH_SAMPLES = 500
+#: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once; and
+#: steps in a turn, in flight.
+STRETCH_SAMPLES, TURN_STEPS = 500, 240
 
 
 def row_of(task: Task, values: Mapping[str, float]) -> Row:
@@ -91,11 +94,16 @@ def _lasting_s(time_s: FloatArray, contact: Contact) -> FloatArray:
 
 
 def _exponent_1_s(task: Task, scene: Scene) -> float:
-    """Return how fast neighbouring motions part, in 1/s; NaN where that cannot be followed."""
+    """Return how fast neighbouring motions part, in 1/s; NaN where that cannot be followed.
+
+    Of the reference it is measured with RK4: where a tolerance chooses the steps, two runs differ by theirs.
+    """
     turn_s = scene.end_time_s / task.turns
     samples = STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2
-    step_s = task.run_settings(scene).step_s
-    growth = lyapunov.growth(task.engine, scene, step_s, turn_s, samples)
+    engine, step_s = task.engine, task.step_s or turn_s / TURN_STEPS
+    if isinstance(engine, ReferenceEngine):
+        engine = replace(engine, method="rk4")
+    growth = lyapunov.growth(engine, scene, step_s, turn_s, samples)
     try:
         return growth.exponent_per_s(task.watch.transient * turn_s)
     except SimulationFailed:  # pins that never leave the wall

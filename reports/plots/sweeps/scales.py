@@ -17,6 +17,7 @@ NAMES = {
     "impact_phase_rad": "crank angle at impact",
     "flight_part": "part of time in flight",
     "exponent_1_s": "finite-time exponent",
+    "exponent_per_revolution": "exponent in a revolution",
 }
 
 

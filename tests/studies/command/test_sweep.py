@@ -46,6 +46,10 @@ def test_two_processes_write_the_rows_and_a_picture_that_one_gives_in_the_librar
         (["--vary", f"{SPEED}=1,2", "--out", "rows.csv"], "--out: expected a file that ends in .parquet"),
         (["--vary", f"{SPEED}=1,2", "--plot", "map.txt"], "--plot: expected a file that ends in"),
         (["--vary", f"{CLEARANCE}=1e-5,1e-4", "--engine", "pymun"], "did you mean pymunk?"),
+        (
+            ["--vary", f"{SPEED}=1,2", "--exponent", "--engine", "scipy"],
+            "--exponent: expected the reference, or",
+        ),
     ],
 )
 def test_what_cannot_be_swept_is_refused_in_one_line(options: list[str], pieces: str) -> None:
