@@ -4,6 +4,7 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from functools import cache
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -39,12 +40,13 @@ def lifted(
         return tuple(lifted(part, number, written_out, placed) for part in data)  # type: ignore[return-value]
     if isinstance(data, Table):
         return lifted(placed(data), number)  # type: ignore[no-any-return]
-    if not is_dataclass(data):
+    parts = _fields(type(data))
+    if not parts:
         return data
     new = copy.copy(data)
-    for field in fields(data):
-        value = lifted(getattr(data, field.name), number, field.metadata.get(WRITTEN_OUT, ()), placed)
-        object.__setattr__(new, field.name, value)  # frozen, and validated when it was made
+    for name, of_field in parts:
+        value = lifted(getattr(data, name), number, of_field, placed)
+        object.__setattr__(new, name, value)  # frozen, and validated when it was made
     return new
 
 
@@ -52,7 +54,15 @@ def tables_in(data: object) -> list[Table]:
     """Return all tables in dataclasses and tuples, in the order of ``lifted``."""
     if isinstance(data, Table):
         return [data]
-    parts = data if isinstance(data, tuple) else ()
-    if is_dataclass(data):
-        parts = tuple(getattr(data, field.name) for field in fields(data))
+    parts = data if isinstance(data, tuple) else (getattr(data, name) for name, _ in _fields(type(data)))
     return [table for part in parts for table in tables_in(part)]
+
+
+def _fields_of(kind: type) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """Return the names of a dataclass's fields with the numbers written out in them; nothing of others."""
+    if not is_dataclass(kind):
+        return ()
+    return tuple((field.name, field.metadata.get(WRITTEN_OUT, ())) for field in fields(kind))
+
+
+_fields: Callable[[type], tuple[tuple[str, tuple[float, ...]], ...]] = cache(_fields_of)

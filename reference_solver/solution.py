@@ -1,6 +1,7 @@
 """What a run gives: samples of the motion, forces and sums, and what its contacts did."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +103,25 @@ class Solution:
         """Return the energy that all contacts have dissipated, (s,)."""
         lost = [value for name, value in self.sums.items() if name.rstrip("0123456789") in LOSSES]
         return np.sum(lost, axis=0) if lost else np.zeros(len(self.time_s))
+
+
+def columns_of(samples: FloatArray, n: int, names: list[str], contacts: int) -> dict[str, Any]:
+    """Return what rows of samples (s, w) have for a ``Solution`` (see ``contact.types.Records``).
+
+    They are of n coordinates, and of sums by their names.
+    """
+    pairs = 2 * contacts
+    ends = np.cumsum([n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs])
+    q, v, sums, multipliers, forces, phases = map(np.ascontiguousarray, np.split(samples, ends, axis=1))
+    return {
+        "q": q,
+        "v": v,
+        "sums": dict(zip(names, sums.T, strict=True)),
+        "multipliers": multipliers,
+        "normal_force_N": forces[:, ::2],
+        "friction_force_N": forces[:, 1::2],
+        "phases": phases.reshape(len(samples), -1, 2),
+    }
 
 
 def contact_impacts(events: RecordArray, sums: FloatArray, names: list[str], contact: int) -> list[Impact]:

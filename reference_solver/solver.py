@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import accumulate, chain, pairwise
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5
 from reference_solver.rigid.settling import Settling
-from reference_solver.solution import ModeChange, Solution, contact_impacts
+from reference_solver.solution import ModeChange, Solution, columns_of, contact_impacts
 from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
@@ -322,21 +322,10 @@ class Solver:
     ) -> Solution:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
-        n, (time_s, samples) = run.old.n, run.records[2:]
-        sums_and_rows, pairs = (len(self._names), len(self._equations.C)), 2 * len(self._joints)
-        ends = pairwise(accumulate((n, n, *sums_and_rows, pairs, pairs), initial=0))
-        columns = (np.ascontiguousarray(samples[:, begin:end]) for begin, end in ends)
-        q, v, sums, multipliers, forces, phases = columns
         return Solution(
             mechanism=self._mechanism,
-            time_s=time_s,
-            q=q,
-            v=v,
-            multipliers=multipliers,
-            phases=phases.reshape(len(time_s), -1, 2),
-            normal_force_N=forces[:, ::2],
-            friction_force_N=forces[:, 1::2],
-            sums=dict(zip(self._names, sums.T, strict=True)),
+            time_s=run.records.time,
+            **columns_of(run.records.samples, run.old.n, self._names, len(self._joints)),
             events=events,
             impacts=tuple(sorted([*settling.impacts, *ended], key=lambda i: i.time_s + i.duration_s)),
             mode_changes=tuple(settling.changes),

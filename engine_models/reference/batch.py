@@ -14,8 +14,10 @@ from reference_solver.compiled.kernel import Topology
 from reference_solver.compiled.store import callee
 from reference_solver.contact import adaptive_loop, members, types
 from reference_solver.equations import Equations
+from reference_solver.guard import Guard
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import LOSSES
+from reference_solver.mechanism.scales import Scales
+from reference_solver.solution import Solution, columns_of
 from reference_solver.solver import LOG_ROWS, ErrorControl, StepChoice, contact_record, set_out
 from reference_solver.tape import RecordArray
 
@@ -24,8 +26,9 @@ STEPS_PER_CALL = 100_000
 #: Room for touches between two calls.
 TOUCHES = 4096
 
-#: Is called now and then; what it raises ends the batch.
-Tell = Callable[[], None]
+#: Is told now and then the number of the present member, the time in s that it has reached and its steps;
+#: answers whether to go on with it. What it raises ends the batch.
+Judge = Callable[[int, float, int], bool]
 
 
 @dataclass(frozen=True)
@@ -53,32 +56,34 @@ class Begin:
 
 @dataclass(frozen=True)
 class Done:
-    """What is left of a batch of m members: ``members`` and ``touches_rad`` of each, one after the other."""
+    """What is left of a batch of m members: ``touches_rad`` of each are the crank angles of its touches."""
 
+    begins: Sequence[Begin]
     members: members.Members
     touches_rad: list[FloatArray]
     sum_names: list[str]
-    coordinates: int
+
+    def solution(self, k: int) -> Solution:
+        """Return the samples of a member as the solver's own runs have them, without its events.
+
+        Raises:
+            EnergyNotConserved: they are off their ledger by more than the steps explain.
+        """
+        begin, clock, control = self.begins[k], self.members.clock[k], self.members.control[k]
+        contacts = len(begin.mechanism.contacts)
+        columns = columns_of(self.members.samples[k], len(begin.q), self.sum_names, contacts)
+        columns |= {"events": np.zeros(0, types.EVENT_RECORD), "impacts": (), "mode_changes": ()}
+        run = Solution(begin.mechanism, begin.times_s, **columns, steps=int(clock["steps"]))
+        tolerance = begin.choice.tolerance if isinstance(begin.choice, ErrorControl) else None
+        scales = Scales(float(control["length"]), float(control["rate"]))
+        Guard(run, scales, float(clock["longest"]), tolerance).check_energy()
+        return run
 
     @property
     def failed(self) -> NDArray[np.bool_]:
         """Whose run did not come to its end, or not in finite numbers, (m,)."""
         finite = np.isfinite(self.members.samples).all(axis=(1, 2))
         return np.asarray((self.members.status != types.DONE) | ~finite)
-
-    def lost_J(self, k: int) -> FloatArray:
-        """Return what the contacts of a member have dissipated by its samples, (s,)."""
-        sums = self.members.samples[k, :, self.coordinates * 2 :]
-        lost = [c for c, name in enumerate(self.sum_names) if name.rstrip("0123456789") in LOSSES]
-        return np.asarray(sums[:, lost].sum(axis=1))
-
-    def deviation_m(self, k: int) -> FloatArray:
-        """Return how far a member's slider is from its place with ideal joints at its samples, (s,)."""
-        note, samples = self.members.notes[k], self.members.samples[k]
-        angle, slider = samples[:, 2], samples[:, 6]
-        across = note["crank_m"] * np.sin(angle)
-        ideal = note["crank_m"] * np.cos(angle) + np.sqrt(note["rod_m"] ** 2 - across**2)
-        return np.asarray(slider - ideal)
 
 
 class Group:
@@ -95,8 +100,8 @@ class Group:
         self._set_gaps = callee(self._face.kernel.gaps, adaptive_loop.AT_STATE)
         self._advance = compiled(members.advance, members.advance_type(loop, notes))
 
-    def run(self, begins: Sequence[Begin], tell: Tell) -> Done:
-        """Run members to their ends, or until ``tell`` raises."""
+    def run(self, begins: Sequence[Begin], judge: Judge) -> Done:
+        """Run members to their ends, or as far as ``judge`` lets them."""
         shared, rows = self._shared(begins[0]), self._rows(begins)
         sums = [self.sum_names.index(f"normal{k}") for k in range(len(shared.contacts))]
         past = np.array([(0.0, 0.0, 0.0, 0.0, sum_) for sum_ in sums], members.PAST_RECORD)
@@ -109,9 +114,11 @@ class Group:
             self._advance(*fixed, self._chunk, STEPS_PER_CALL)
             touches.append(watching.touches[: place["touches"][0]].copy())
             place["touches"] = 0
-            tell()
+            k = int(place["member"][0])
+            if k < len(begins) and not judge(k, float(rows.clock["time"][k]), int(rows.clock["steps"][k])):
+                place["member"], place["status"] = k + 1, members.NEW
         each = np.split(np.concatenate(touches), np.cumsum(rows.notes["touches"])[:-1])
-        return Done(rows, each, self.sum_names, self._sizes[0])
+        return Done(begins, rows, each, self.sum_names)
 
     @property
     def _chunk(self) -> int:

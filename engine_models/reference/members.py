@@ -5,8 +5,8 @@ way (see ``observer``), and no more is kept.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import reduce
 from threading import Event, Lock
@@ -20,10 +20,11 @@ from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import checked_start, wound
 from engine_models.mechanics.watch import Watch
-from engine_models.reference.batch import Begin, Done, Group
+from engine_models.pace import Pace
+from engine_models.reference.batch import Begin, Done, Group, Judge
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.model import mechanism_of
-from engine_models.reference.run import TURN_OF_STEP_RAD, taken
+from engine_models.reference.run import LOOK_UP_STEPS, TURN_OF_STEP_RAD, taken
 from engine_models.scene.data import SceneError
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Topology
@@ -147,23 +148,31 @@ class Members:
         lengths = crank.length_m, rod.length_m
         return Begin(mechanism_of(scene), q, v, choice, times, float(times[1]), lengths)
 
-    def rows(self, numbers: range) -> list[Row]:
+    def rows(self, numbers: Sequence[int]) -> list[Row]:
         """Return the rows of some members."""
-        rows, begins = dict[int, Row](), dict[Topology, dict[int, Begin]]()
+        begins, rows = self.begun(numbers)
+        for own, done in self.run(begins):
+            rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
+        return [rows[number] for number in numbers]
+
+    def begun(self, numbers: Sequence[int]) -> tuple[dict[int, Begin], dict[int, Row]]:
+        """Return how members begin, by their numbers, and the rows of those that cannot."""
+        begins, rows = dict[int, Begin](), dict[int, Row]()
         for number in numbers:
             try:
-                begin = self.begin(self.member(number))
+                begins[number] = self.begin(self.member(number))
             except (SceneError, SimulationFailed, UnsupportedScene, SolverError) as failure:
                 rows[number] = failed(str(failure))
-                continue
-            begins.setdefault(self._topology(begin).marked(), {})[number] = begin
-        for marked, members in begins.items():
-            begin, *_ = members.values()
-            group = self._group(marked, begin)
-            done = group.run([*members.values()], self._tell)
-            for k, number in enumerate(members):
-                rows[number] = self._row(number, done, k)
-        return [rows[number] for number in numbers]
+        return begins, rows
+
+    def run(self, begins: Mapping[int, Begin]) -> Iterator[tuple[list[int], Done]]:
+        """Run members, those of one topology together; yield their numbers and what is left of them."""
+        alike = dict[Topology, list[int]]()
+        for number, begin in begins.items():
+            alike.setdefault(self._topology(begin).marked(), []).append(number)
+        for marked, numbers in alike.items():
+            own = [begins[number] for number in numbers]
+            yield numbers, self._group(marked, own[0]).run(own, self._judge_of(numbers))
 
     def _topology(self, begin: Begin) -> Topology:
         stabiliser, choice = self.engine.stabiliser, begin.choice
@@ -177,15 +186,35 @@ class Members:
                 self.groups[marked] = Group(self._topology(begin), begin.q)
             return self.groups[marked]
 
-    def _tell(self) -> None:
-        if self.ended.is_set():
-            raise KeyboardInterrupt
+    def _judge_of(self, numbers: Sequence[int]) -> Judge:
+        """Return what ends a batch of members, or one whose steps have collapsed, as its own run does."""
+        paces = dict[int, Pace]()
+
+        def judge(k: int, time_s: float, steps: int) -> bool:
+            if self.ended.is_set():
+                raise CancelledError
+            if steps >= LOOK_UP_STEPS and k not in paces:
+                paces[k] = Pace(self.member(numbers[k]), LOOK_UP_STEPS, self.engine.max_steps)
+            try:
+                if k in paces:
+                    paces[k].judge(time_s, steps)
+            except SimulationFailed:
+                return False
+            return True
+
+        return judge
 
     def _row(self, number: int, done: Done, k: int) -> Row:
         """Return the row of a member of a batch."""
         if done.failed[k]:
             return failed(self._reason(number))
-        notes, turns, lost = done.members.notes[k], self.watch.revolutions, done.lost_J(k)
+        try:
+            run = done.solution(k)
+        except SolverError as failure:
+            return failed(str(failure))
+        notes, turns, lost = done.members.notes[k], self.watch.revolutions, run.losses_J()
+        r, length, angle = notes["crank_m"], notes["rod_m"], run.q[2:-1, 2]
+        ideal = r * np.cos(angle) + np.sqrt(length**2 - (r * np.sin(angle)) ** 2)
         found = {
             "impacts_per_revolution": notes["touches"] / turns,
             "flight_part": notes["flight_s"] / (notes["time"] - notes["from_s"]),
@@ -194,7 +223,7 @@ class Members:
             "dissipated_energy_per_revolution_J": (lost[-1] - lost[1]) / turns,
             "slider_deviation_m": notes["far"],
             "exponent_1_s": math.nan,
-            "strobe_m": done.deviation_m(k)[2:-1].tolist(),
+            "strobe_m": (run.q[2:-1, 6] - ideal).tolist(),
             "impact_phase_rad": done.touches_rad[k].tolist(),
         }
         return {"status": "ok", "reason": "", **found}
@@ -206,7 +235,7 @@ class Members:
             self.engine.simulate(scene, self.settings(scene))
         except (SimulationFailed, UnsupportedScene) as failure:
             return str(failure)
-        raise AssertionError(f"member {number} fails among others, and not alone")
+        return "not all numbers are finite: shorten the step, or sharpen the tolerance"
 
 
 def _field(scene: Scene, path: str) -> object:
