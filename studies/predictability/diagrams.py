@@ -1,8 +1,7 @@
-"""Bifurcation diagrams over clearance and speed, and a map of exponents over both, in stretches of columns.
+"""Bifurcation diagrams over clearance and speed, and a map of exponents over both, by columns.
 
-A column is a member of a sweep: one value, followed for some revolutions after a transient, from the library's
-start. Its exponent is measured twice, over all of its revolutions and over half of them: where the two agree
-it has converged.
+A column is a member of a sweep: one value, followed for some revolutions after a transient. Its exponent is
+measured twice, over all of its revolutions and over half of them: where the two agree it has converged.
 """
 
 import numpy as np
@@ -28,15 +27,15 @@ FIELDS = {CLEARANCES: CLEARANCE, SPEEDS: SPEED, MAP: CLEARANCE}
 CLEARANCES_M, SPEEDS_RAD_S = (1e-5, 1e-3), (500 * 2 * np.pi / 60, 8000 * 2 * np.pi / 60)
 #: Clearances in m of the two diagrams' scenes; the first one's is replaced in every column.
 ROOM_M = {CLEARANCES: 5e-4, SPEEDS: 1e-4}
-#: Columns in all and in a case, revolutions left out and shown; every how manieth column has an exponent, over
-#: how many revolutions. Quick and full.
+#: Columns in all and in a case, revolutions left out and shown; which of the columns have an exponent, and
+#: over how many revolutions. Quick and full.
 SIZES: dict[bool, Row] = {
     False: {
         "columns": 100,
         "in_case": 50,
         "transient": 8,
         "revolutions": 12,
-        "exponent_every": 4,
+        "exponent_every": 5,
         "exponent_revolutions": 24,
     },
     True: {
@@ -79,14 +78,14 @@ def cases(full: bool) -> list[Case]:
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run a stretch of columns; curves are by column, and the strobe's one column after the other."""
-    found = _rows(case, _columns(case), _number(case, "revolutions"))
-    every = _columns(case)[:: int(_number(case, "exponent_every"))]
+    found = _rows(case, columns_of(case), _number(case, "revolutions"))
+    every = columns_of(case)[:: int(_number(case, "exponent_every"))]
     used = _number(case, "exponent_revolutions")
     whole, half = (_rows(case, every, turns, exponent=True) for turns in (used, used / 2))
     turns = int(_number(case, "revolutions"))
     strobe = [np.array(each) if len(each) else np.full(turns, np.nan) for each in found["strobe_m"]]
     curves = {
-        "value": _columns(case),
+        "value": columns_of(case),
         "strobe_m": np.concatenate(strobe),
         "impacts_per_revolution": found["impacts_per_revolution"].to_numpy(),
         "exponent_value": every,
@@ -115,7 +114,7 @@ def _stretches(part: str, scene: Scene, size: Row) -> list[Case]:
     ]
 
 
-def _columns(case: Case) -> FloatArray:
+def columns_of(case: Case) -> FloatArray:
     """Return the values of a case's columns."""
     over_clearance = FIELDS[str(case.columns["part"])] == CLEARANCE
     ends, columns = CLEARANCES_M if over_clearance else SPEEDS_RAD_S, int(_number(case, "columns"))

@@ -14,7 +14,6 @@ from reports.plots.sweeps.two_fields import draw_map
 from reports.quantities import finished
 from reports.results import FloatArray, Results
 from reports.style import BLUE
-from reports.tables import in_text
 
 #: The parts as the study names them, the fields that go from column to column, and words for them.
 CLEARANCES, SPEEDS, MAP = "diagram over clearance", "diagram over crank speed", "map of exponents"
@@ -72,8 +71,8 @@ def figure(part: str, of: Diagram) -> Figure:
         f"What the slider does over {words}",
         "Set R by the reference. Above: how far the slider is from where ideal joints would have it, once a "
         f"turn for {of.strobe_m.shape[1]} turns after a transient, at {len(of.at)} values: points on "
-        "each other are a motion that repeats. Below: the finite-time exponent of a revolution (black), and from "
-        "half of the revolutions (blue rings); above zero neighbouring motions part.",
+        "each other are a motion that repeats. Below: the finite-time exponent of a revolution (black), and "
+        "from half of the revolutions (blue rings); above zero neighbouring motions part.",
         f"Two panels over {words}: the slider's deviation once a turn, and exponents.",
         _drawn(part, of),
     )
@@ -126,20 +125,20 @@ def findings(part: str, of: Diagram) -> Iterator[str]:
 
 
 def _where(values: FloatArray, which: NDArray[np.bool_], unit: str) -> str:
-    """Return at which values something holds, if it does at any: without a gap from one end on, and beside."""
+    """Return at which values something holds: at all from one end on, and at others."""
     rest = which.copy()
     stretch = ""
     if which[0] and not which.all():
         end = int(np.argmin(which))
-        stretch, rest[:end] = f"at all values up to {in_text(values[end - 1])} {unit}", False
+        stretch, rest[:end] = f"at all values up to {values[end - 1]:.3g} {unit}", False
     elif which[-1] and not which.all():
         begin = len(which) - int(np.argmin(which[::-1]))
-        stretch, rest[begin:] = f"at all values from {in_text(values[begin])} {unit} on", False
+        stretch, rest[begin:] = f"at all values from {values[begin]:.3g} {unit} on", False
     elif which.all():
         return f"at all {len(which)} values"
     if not rest.any():
         return stretch
-    low, high = (f"{in_text(end)} {unit}" for end in (values[rest].min(), values[rest].max()))
+    low, high = (f"{end:.3g} {unit}" for end in (values[rest].min(), values[rest].max()))
     others = f"at {int(rest.sum())} values between {low} and {high}" if low != high else f"at {low}"
     return f"{stretch} and {others}" if stretch else others
 
