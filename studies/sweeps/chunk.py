@@ -33,7 +33,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Trial:
-    """What a member costs: time in s, bytes of its row; and memory in bytes of a process that runs some."""
+    """What a member costs: processor time in s, bytes of its row; and bytes of a process that runs some."""
 
     member_s: float
     row_bytes: float
@@ -62,9 +62,9 @@ def failed_chunk(chunk: Chunk, reason: str) -> pa.Table:
 def try_out(task: Task, chunk: Chunk) -> Trial:
     """Return what members like those of a chunk cost here."""
     run_chunk(task, chunk.part(0, 1))  # which compiles what the engine compiles
-    began = time.perf_counter()
+    began = time.process_time()
     table = run_chunk(task, chunk)
-    elapsed = time.perf_counter() - began
+    elapsed = time.process_time() - began
     return Trial(elapsed / len(chunk), table.nbytes / len(chunk), _most_bytes())
 
 
