@@ -12,4 +12,4 @@ class Watch:
 
     transient: float = 0.0
     revolutions: float = 2.0
-    exponent: bool = False  # the finite-time exponent, by a second start 1e-9 of the clearance beside
+    exponent: bool = False  # the finite-time exponent, by a second start 1e-7 of the clearance beside

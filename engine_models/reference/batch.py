@@ -13,6 +13,7 @@ from reference_solver.compiled.faces import CompiledFace, loop_of
 from reference_solver.compiled.kernel import Topology
 from reference_solver.compiled.store import callee
 from reference_solver.contact import adaptive_loop, members, types
+from reference_solver.contact.companion import GROWTH_RECORD, Companion
 from reference_solver.equations import Equations
 from reference_solver.guard import Guard
 from reference_solver.mechanism.mechanism import Mechanism
@@ -100,17 +101,17 @@ class Group:
         self._set_gaps = callee(self._face.kernel.gaps, adaptive_loop.AT_STATE)
         self._advance = compiled(members.advance, members.advance_type(loop, notes))
 
-    def run(self, begins: Sequence[Begin], judge: Judge) -> Done:
-        """Run members to their ends, or as far as ``judge`` lets them."""
+    def run(self, begins: Sequence[Begin], judge: Judge, beside: bool = False) -> Done:
+        """Run members to their ends, or as far as ``judge`` lets them; with companions ``beside`` them."""
         shared, rows = self._shared(begins[0]), self._rows(begins)
         sums = [self.sum_names.index(f"normal{k}") for k in range(len(shared.contacts))]
         past = np.array([(0.0, 0.0, 0.0, 0.0, sum_) for sum_ in sums], members.PAST_RECORD)
         watching = members.Watching(self._observe, past, np.zeros(TOUCHES))
-        place = np.array([(0.0, 0, members.NEW, 0, 0)], members.PLACE_RECORD)
+        place = np.array([(0.0, 0, members.NEW, members.NEW, 0, 0)], members.PLACE_RECORD)
         own = shared._replace(kernel=self._face.functions, p=rows.p[0], method=self._face.tableau)
-        touches = []
+        companion, touches = self._companion(shared, beside), []
         while place["member"][0] < len(begins):
-            fixed = self._advance_one, self._set_gaps, own, rows, watching, place
+            fixed = self._advance_one, self._set_gaps, own, rows, watching, companion, place
             self._advance(*fixed, self._chunk, STEPS_PER_CALL)
             touches.append(watching.touches[: place["touches"][0]].copy())
             place["touches"] = 0
@@ -129,14 +130,32 @@ class Group:
         knots = begin.mechanism.knots_by_angle
         return types.new_run(contacts, self._sizes, np.zeros(1), self._face.rows, LOG_ROWS, knots)
 
+    def _companion(self, shared: types.Run, wanted: bool) -> Companion:
+        contacts = np.zeros_like(shared.contacts)
+        return Companion(
+            wanted=int(wanted),
+            contacts=contacts,
+            of_contacts=contacts.view(float),
+            gaps=np.zeros_like(shared.old.gaps),
+            y=np.zeros_like(shared.old.y),
+            control=np.zeros(1, types.CONTROL_RECORD),
+            clock=np.zeros(1, types.CLOCK_RECORD),
+            slopes=np.zeros_like(shared.slopes),
+            events=np.zeros_like(shared.records.events),
+            event_sums=np.zeros_like(shared.records.event_sums),
+            times=np.zeros(0),
+            samples=np.zeros((0, shared.records.samples.shape[1])),
+        )
+
     def _rows(self, begins: Sequence[Begin]) -> members.Members:
         m, shared = len(begins), self._shared(begins[0])
         K, width, s = len(shared.contacts), len(shared.old.y), len(begins[0].times_s)
         n, ends = self._sizes[0], [begin.ends_s for begin in begins]
         weights = 2 * n if isinstance(begins[0].choice, ErrorControl) else 0
+        contacts = np.empty((m, K), types.CONTACT_RECORD)
         rows = members.Members(
             p=np.empty((m, len(self._face.parameters))),
-            contacts=np.empty((m, K), types.CONTACT_RECORD),
+            contacts=contacts,
             gaps=np.zeros((m, K), types.GAP_RECORD),
             y=np.zeros((m, width)),
             control=np.zeros(m, types.CONTROL_RECORD),
@@ -147,6 +166,8 @@ class Group:
             weights=np.zeros((m, weights)),
             ends=np.array([[*own, *[own[-1]] * (max(map(len, ends)) - len(own))] for own in ends]),
             notes=np.zeros(m, observer.NOTES_RECORD),
+            growth=np.zeros(m, GROWTH_RECORD),
+            of_contacts=contacts.view(float),
             status=np.full(m, types.FAILED),
         )
         for k, begin in enumerate(begins):
@@ -172,6 +193,7 @@ class Group:
         run.clock["end"] = rows.ends[k, 0]
         if rows.weights.size:
             rows.weights[k] = run.slopes[adaptive_loop.WEIGHT, : 2 * n]
+        rows.growth["from_s"][k] = begin.from_s
         notes["from_s"], (notes["crank_m"], notes["rod_m"]) = begin.from_s, begin.lengths_m
 
 

@@ -172,7 +172,7 @@ class Members:
             alike.setdefault(self._topology(begin).marked(), []).append(number)
         for marked, numbers in alike.items():
             own = [begins[number] for number in numbers]
-            yield numbers, self._group(marked, own[0]).run(own, self._judge_of(numbers))
+            yield numbers, self._group(marked, own[0]).run(own, self._judge_of(numbers), self.watch.exponent)
 
     def _topology(self, begin: Begin) -> Topology:
         stabiliser, choice = self.engine.stabiliser, begin.choice
@@ -213,6 +213,7 @@ class Members:
         except SolverError as failure:
             return failed(str(failure))
         notes, turns, lost = done.members.notes[k], self.watch.revolutions, run.losses_J()
+        growth = done.members.growth[k]
         r, length, angle = notes["crank_m"], notes["rod_m"], run.q[2:-1, 2]
         ideal = r * np.cos(angle) + np.sqrt(length**2 - (r * np.sin(angle)) ** 2)
         found = {
@@ -222,7 +223,7 @@ class Members:
             "largest_contact_force_N": notes["force"],
             "dissipated_energy_per_revolution_J": (lost[-1] - lost[1]) / turns,
             "slider_deviation_m": notes["far"],
-            "exponent_1_s": math.nan,
+            "exponent_1_s": growth["total"] / growth["followed_s"] if growth["followed_s"] else math.nan,
             "strobe_m": (run.q[2:-1, 6] - ideal).tolist(),
             "impact_phase_rad": done.touches_rad[k].tolist(),
         }

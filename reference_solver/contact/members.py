@@ -13,17 +13,17 @@ from numba.extending import register_jitable
 from numba.types import FunctionType, int64
 from numba.types import NamedTuple as NumbaTuple
 
-from reference_solver.contact import adaptive_loop, loop, types
+from reference_solver.contact import adaptive_loop, companion, loop, types
 from reference_solver.contact.loop import ARRAY, CLOCK, CONTACTS, EVENTS, INNER, MOTION, TABLE
 from reference_solver.tape import FloatArray, RecordArray
 
 #: Modules whose functions and constants the machine code has taken over.
-COMPILED_WITH = (types, loop, adaptive_loop)
+COMPILED_WITH = (types, loop, adaptive_loop, companion)
 OPTIONS = {**loop.OPTIONS, "nogil": True}
 
 #: Where a loop over members is: at which one, how its run's last call ended (``NEW`` before the first) and
-#: when that began; how many of its ``ends`` it has reached, and touches have been noted.
-PLACE_RECORD = types.record("began_s", "member status reached touches")
+#: when that began; how its companion's ended; how many of its ``ends`` it has reached, and touches are noted.
+PLACE_RECORD = types.record("began_s", "member status beside reached touches")
 NEW = -1
 #: A contact up to the last step: its phase, the penetration and its rate, its impulse at the touch; and which
 #: of the sums is the impulse.
@@ -38,7 +38,8 @@ class Members(NamedTuple):
     ``p`` (m, P), ``contacts`` and ``gaps`` (m, K), ``y`` (m, w), ``control`` and ``clock`` (m,), ``times``
     (m, s) and ``samples`` (m, s, W) and ``knots`` are as in ``types.Run``. ``weights`` (m, 2n) are those of
     error control, (m, 0) without. ``ends`` (m, l) are times on which steps land, the last one the run's.
-    ``notes`` (m,) are the observer's, ``status`` (m,) says how each run ended.
+    ``notes`` (m,) are the observer's, ``growth`` (m,) the companion's, to which ``of_contacts`` (m, 18 K) are
+    the contacts as numbers. ``status`` (m,) says how each run ended.
     """
 
     p: FloatArray
@@ -53,6 +54,8 @@ class Members(NamedTuple):
     weights: FloatArray
     ends: FloatArray
     notes: RecordArray
+    growth: RecordArray
+    of_contacts: FloatArray
     status: Any
 
 
@@ -90,12 +93,17 @@ def advance_type(of_loop: Any, notes: np.dtype[np.void]) -> Any:
     def rows(array: Any, ndim: int = 2) -> Any:
         return array.copy(ndim=ndim)
 
-    of_run = dict(zip(types.Run._fields, run.types, strict=True))
-    records = (TABLE, rows(CONTACTS), rows(of_run["old"].types[2]), TABLE, of_run["control"], CLOCK, TABLE)
-    others = (rows(ARRAY, 3), rows(of_run["knots"]), TABLE, TABLE, from_dtype(notes)[::1], int64[::1])
+    of = dict(zip(types.Run._fields, run.types, strict=True))
+    gaps, control, knots = of["old"].types[2], of["control"], of["knots"]
+    records = (TABLE, rows(CONTACTS), rows(gaps), TABLE, control, CLOCK, TABLE, rows(ARRAY, 3), rows(knots))
+    growth = from_dtype(companion.GROWTH_RECORD)[::1]
+    others = (TABLE, TABLE, from_dtype(notes)[::1], growth, TABLE, int64[::1])
     members = NumbaTuple((*records, *others), Members)
     watching = NumbaTuple((observer_type(notes), PASTS, ARRAY), Watching)
-    return int64(FunctionType(single), adaptive_loop.AT_STATE, run, members, watching, PLACES, int64, int64)
+    state = (CONTACTS, ARRAY, gaps, ARRAY, control, CLOCK, TABLE, EVENTS, TABLE, ARRAY, TABLE)
+    beside = NumbaTuple((int64, *state), companion.Companion)
+    by_address = FunctionType(single), adaptive_loop.AT_STATE
+    return int64(*by_address, run, members, watching, beside, PLACES, int64, int64)
 
 
 @register_jitable(**INNER)
@@ -170,7 +178,24 @@ def observe(run, members, watching, here, first):
     )
 
 
-def advance(advance_one, set_gaps, run, members, watching, place, chunk, most):
+@register_jitable(**INNER)
+def accompany(advance_one, set_gaps, own, members, beside, here, first):
+    """Take the companion's step beside the member's, or begin it anew; and note its distance."""
+    k = here.member
+    growth, other = members.growth[k], companion.run_of(own, beside)
+    if here.beside == NEW or growth.missed >= companion.MISSED:
+        companion.begin(own, other, set_gaps, growth)
+        here.beside = here.status
+        return
+    before = beside.clock[0].events
+    if here.beside != types.FAILED:
+        here.beside = companion.step(advance_one, own, other, here.beside)
+    quiet = own.clock[0].events == first and beside.clock[0].events == before
+    if quiet and own.clock[0].steps % companion.EVERY == 0:
+        companion.follow(own, other, members.of_contacts[k], beside, growth, set_gaps)
+
+
+def advance(advance_one, set_gaps, run, members, watching, beside, place, chunk, most):
     """Advance members one after another from a place on; return how many steps were taken.
 
     It comes back where all are through, or, to be called again, after ``most`` steps and where there may be
@@ -187,14 +212,18 @@ def advance(advance_one, set_gaps, run, members, watching, place, chunk, most):
             clear(own, members.weights[k])
             set_gaps(own.p, own.contacts, now.time, own.old)
             observe(own, members, watching, here, -1)
-            here.reached = 0
+            here.reached, here.beside = 0, NEW
         while True:
             set_going(own, here, chunk)
             first = now.events
+            if beside.wanted and here.beside != NEW:  # round-off in what decides steps would tell them apart
+                beside.control[0] = own.control[0]
             here.status = advance_one(own)
             if here.status == types.PAUSED:
                 taken += 1
                 observe(own, members, watching, here, first)
+                if beside.wanted:
+                    accompany(advance_one, set_gaps, own, members, beside, here, first)
                 if here.touches > room or taken >= most:
                     return taken
             elif here.status == types.DONE:

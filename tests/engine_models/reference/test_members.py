@@ -153,3 +153,32 @@ def test_members_of_several_topologies_run_beside_each_other() -> None:
 def test_what_the_loop_cannot_run_is_not_supported(name: str, engine: ReferenceEngine, field: str) -> None:
     assert supports(ReferenceEngine(), SCENES["clearance-driven-0.5mm"](), [CLEARANCE])
     assert not supports(engine, SCENES[name](), [field])
+
+
+#: By how many e-folds a turn set R's motion parts from its neighbours at 0.5 mm, by restarted pairs of single
+#: runs (``studies.judges.lyapunov``), 5.0 +- 0.2; and how uncertain eight members of eight turns leave it.
+EXPONENT_A_TURN, UNCERTAIN = 5.0, 1.2
+#: A motion in continuous contact parts from none: over eight turns by -0.4 to 0.07 a turn.
+SETTLED = 0.3
+
+
+def exponents_a_turn(name: str) -> FloatArray:
+    scene, angles = SCENES[name](), {ANGLE: np.linspace(-3.0, 3.0, 8)}
+    frame = run_members(DOP853, scene, angles, Watch(2.0, 8.0, exponent=True))
+    turn_s = 2 * np.pi / scene.start.crank_speed_rad_s
+    return np.asarray(frame.exponent_1_s * turn_s)
+
+
+def test_companions_part_from_members_as_restarted_pairs_of_runs_do() -> None:
+    assert exponents_a_turn("clearance-driven-0.5mm").mean() == pytest.approx(EXPONENT_A_TURN, abs=UNCERTAIN)
+
+
+def test_companions_stay_beside_members_in_continuous_contact() -> None:
+    assert exponents_a_turn("clearance-driven-0.02mm").max() < SETTLED
+
+
+def test_a_companion_changes_nothing_of_its_member() -> None:
+    scene = SCENES["clearance-driven-0.5mm"]()
+    with_one, without = (run_members(DOP853, scene, CHANGES, Watch(0.25, 1.0, of)) for of in (True, False))
+    assert np.isfinite(with_one.exponent_1_s).all()
+    pd.testing.assert_frame_equal(with_one.drop(columns="exponent_1_s"), without.drop(columns="exponent_1_s"))
