@@ -56,7 +56,8 @@ MAP_SIZE: Row = {
     "exponent_every": 1,
     "exponent_revolutions": 32,
 }
-#: What settles or repeats does so in tight tolerances and in loose ones, and so do distributions.
+#: Loose: of a chaotic motion no tolerance gives the one of this start. Where chaos is transient, when it ends
+#: is as much chance as the start.
 RUNG = Rung(arms.REFERENCE_DOP853, 1.0, {"tolerance": 1e-6})
 
 

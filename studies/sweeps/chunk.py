@@ -43,11 +43,7 @@ class Trial:
 def run_chunk(task: Task, chunk: Chunk) -> pa.Table:
     """Return the rows of a chunk, a member each; the reference runs them together where it can."""
     engine = task.engine
-    if (
-        isinstance(engine, ReferenceEngine)
-        and supports(engine, task.scene, [*chunk.changes])
-        and not task.watch.exponent
-    ):
+    if isinstance(engine, ReferenceEngine) and supports(engine, task.scene, [*chunk.changes]):
         rows = run_members(engine, task.scene, chunk.changes, task.watch, step_s=task.step_s)
     else:
         rows = pd.DataFrame([row_of(task, values) for values in _members(chunk)])
