@@ -359,7 +359,7 @@ def test_a_diagram_says_what_settles_what_repeats_and_what_is_chaotic_by_converg
         "With impacts, the motion repeats every turn at 0.3 mm.",
         "With impacts, the motion repeats every 3 turns at 0.4 mm.",
         "Of 8 values at which an exponent was measured, the motion is chaotic at all values from 0.8 mm on "
-        "and at 0.6 mm: there it is more than 0.5 in a revolution, and half of the revolutions give it "
+        "and at 0.6 mm: there it is more than 1 in a revolution, and half of the revolutions give it "
         "within 20 %.",
         "At 1 the exponent is as large and has not converged: nothing is claimed.",
     ]

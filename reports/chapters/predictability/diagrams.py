@@ -24,7 +24,7 @@ EXPONENT, HALF = "exponent_per_revolution", "exponent_half_per_revolution"
 LONGEST_PERIOD, BACK = 4, 1e-3
 #: An exponent has converged if half of the revolutions give it within this part. Chaos is claimed from this
 #: one in a revolution on: less, of a motion that oscillates at the wall, may be what its start has left.
-CONVERGED, NEAR_ZERO = 0.2, 0.5
+CONVERGED, NEAR_ZERO = 0.2, 1.0
 
 
 @dataclass(frozen=True)
