@@ -5,7 +5,7 @@ way (see ``observer``), and no more is kept.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import reduce
@@ -30,8 +30,9 @@ from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Topology
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.methods import RK4
-from reference_solver.solver import METHODS, ErrorControl
+from reference_solver.solver import METHODS
 
 #: Members of a batch.
 BATCH = 32
@@ -49,6 +50,9 @@ NUMBERS = (
 LISTS = ("strobe_m", "impact_phase_rad")
 
 Row = dict[str, object]
+#: A mechanism, its marked topology and its numbers; and of how many they are kept.
+Built = tuple[Mechanism, Topology, tuple[list[float], list[float]]]
+KEPT = 256
 
 
 def supports(engine: ReferenceEngine, scene: Scene, fields: Sequence[str]) -> bool:
@@ -104,6 +108,7 @@ class Members:
     watch: Watch
     step_s: float | None
     groups: dict[Topology, Group] = field(default_factory=dict)
+    built: dict[Hashable, Built] = field(default_factory=dict)
     lock: Lock = field(default_factory=Lock)
     ended: Event = field(default_factory=Event)
 
@@ -146,13 +151,14 @@ class Members:
         times = np.array([0.0, *np.minimum(once, end), end])
         crank, rod, _ = scene.crank_slider()
         lengths = crank.length_m, rod.length_m
-        return Begin(mechanism_of(scene), q, v, choice, times, float(times[1]), lengths)
+        return Begin(*self._built(scene), q, v, choice, times, float(times[1]), lengths)
 
     def rows(self, numbers: Sequence[int]) -> list[Row]:
         """Return the rows of some members."""
-        begins, rows = self.begun(numbers)
-        for own, done in self.run(begins):
-            rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
+        with np.errstate(all="ignore"):  # what is not finite is a failure
+            begins, rows = self.begun(numbers)
+            for own, done in self.run(begins):
+                rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
         return [rows[number] for number in numbers]
 
     def begun(self, numbers: Sequence[int]) -> tuple[dict[int, Begin], dict[int, Row]]:
@@ -163,27 +169,41 @@ class Members:
                 begins[number] = self.begin(self.member(number))
             except (SceneError, SimulationFailed, UnsupportedScene, SolverError) as failure:
                 rows[number] = failed(str(failure))
+            except OverflowError:  # Python's own numbers raise where NumPy's become infinite
+                rows[number] = failed(self._reason(number))
         return begins, rows
 
     def run(self, begins: Mapping[int, Begin]) -> Iterator[tuple[list[int], Done]]:
         """Run members, those of one topology together; yield their numbers and what is left of them."""
         alike = dict[Topology, list[int]]()
         for number, begin in begins.items():
-            alike.setdefault(self._topology(begin).marked(), []).append(number)
+            alike.setdefault(begin.marked, []).append(number)
         for marked, numbers in alike.items():
             own = [begins[number] for number in numbers]
             yield numbers, self._group(marked, own[0]).run(own, self._judge_of(numbers), self.watch.exponent)
 
-    def _topology(self, begin: Begin) -> Topology:
-        stabiliser, choice = self.engine.stabiliser, begin.choice
-        method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
+    def _built(self, scene: Scene) -> Built:
+        """Return a member's mechanism, its topology and its numbers: those of another that is built alike."""
+        start = scene.start.crank_speed_rad_s, scene.start.time_s
+        key = (*scene.bodies, scene.gravity_m_s2, scene.drive, scene.load, scene.clearance, *start)
+        if (built := self.built.get(key)) is None:  # threads share it
+            if len(self.built) >= KEPT:
+                self.built.clear()
+            mechanism = mechanism_of(scene)
+            topology = self._topology(mechanism)
+            built = self.built[key] = mechanism, topology.marked(), topology.numbers()
+        return built
+
+    def _topology(self, mechanism: Mechanism) -> Topology:
+        stabiliser, method = self.engine.stabiliser, self.engine.method
         baumgarte = stabiliser if isinstance(stabiliser, Baumgarte) else None
-        return Topology(begin.mechanism, baumgarte, stabiliser == "projection", method=method)
+        projected = stabiliser == "projection"
+        return Topology(mechanism, baumgarte, projected, method=RK4 if method == "rk4" else METHODS[method]())
 
     def _group(self, marked: Topology, begin: Begin) -> Group:
         with self.lock:
             if marked not in self.groups:
-                self.groups[marked] = Group(self._topology(begin), begin.q)
+                self.groups[marked] = Group(self._topology(begin.mechanism), begin.q)
             return self.groups[marked]
 
     def _judge_of(self, numbers: Sequence[int]) -> Judge:

@@ -78,18 +78,17 @@ class Topology:
         mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), lambda _: 2.0)
         return replace(self, mechanism=mechanism, baumgarte=baumgarte)
 
-    def parameters(self, kernel: ModuleType, q_start: FloatArray) -> FloatArray:
-        """Return p of a kernel for the mechanism's numbers and its start, in the order of ``equations``.
-
-        Its tables stand behind them.
-        """
+    def numbers(self) -> tuple[list[float], list[float]]:
+        """Return the mechanism's numbers in the order of ``equations``, and those of its tables."""
         tables, numbers = tables_in(self.mechanism), list[float]()
         sizes = [len(table.rows) for table in tables]
         places = (table.placed(sum(sizes[k + 1 :])) for k, table in enumerate(tables))
         lifted((self.mechanism, self.baumgarte), numbers.append, placed=lambda _: next(places))
-        rows = (number for table in tables for number in table.rows)
-        with np.errstate(all="ignore"):  # a singular mechanism is found in the run
-            return np.array([*kernel.parameters(np.array([*numbers, *q_start])), *rows], dtype=float)
+        return numbers, [number for table in tables for number in table.rows]
+
+    def parameters(self, kernel: ModuleType, q_start: FloatArray) -> FloatArray:
+        """Return p of a kernel for the mechanism's numbers and its start."""
+        return parameters_of(kernel, self.numbers(), q_start)
 
     @property
     def by_events(self) -> bool:
@@ -107,6 +106,15 @@ class Topology:
         mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), number)
         q_start = np.array([number(0.0) for _ in range(self.n)], dtype=object)
         return Equations(mechanism, q_start, baumgarte, self.following)
+
+
+def parameters_of(
+    kernel: ModuleType, numbers: tuple[list[float], list[float]], q_start: FloatArray
+) -> FloatArray:
+    """Return p of a kernel for a topology's ``numbers`` and its start; tables stand behind the others."""
+    own, of_tables = numbers
+    with np.errstate(all="ignore"):  # a singular mechanism is found in the run
+        return np.array([*kernel.parameters(np.array([*own, *q_start])), *of_tables], dtype=float)
 
 
 @dataclass(frozen=True)
