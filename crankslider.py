@@ -9,6 +9,7 @@
 What a user gives and gets wrong is refused with a ``BadInput``, in the words of the command line.
 """
 
+import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from pkgutil import extend_path
+from tempfile import mkdtemp
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 from warnings import warn
@@ -69,7 +71,10 @@ with _home_first():
     )
     from studies.failures import BadInput, Failed
 
-__all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate"]
+if TYPE_CHECKING:
+    from studies.command.sweep import Swept
+
+__all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep"]
 __version__ = version("crankslider")
 
 #: The library's scenes by name.
@@ -126,10 +131,7 @@ def compare(
         BadInput: an argument or the scene is refused, it has no truth, or no engine can run it.
         Failed: the truth was not found, or no engine finished.
     """
-    from studies.command.comparison import (
-        comparison,
-        default_folder,
-    )  # loads the compiler, as ``simulate`` does
+    from studies.command.comparison import comparison, default_folder
     from studies.command.study_run import joined, running_in
 
     with as_arguments():
@@ -140,6 +142,38 @@ def compare(
         place = default_folder(physics) if folder is None else Path(folder)
         with running_in(place):
             return comparison(physics, str(getattr(scene, "name", scene)), engines, place)
+
+
+def sweep(
+    scene: Scene | str | Path,
+    vary: Mapping[str, str | Sequence[float]] | None = None,
+    engine: str = "reference",
+    *,
+    out: str | Path | None = None,
+    exponent: bool = False,
+    scheduler: str | None = None,
+    settings: Mapping[str, object] | None = None,
+    **options: object,
+) -> "Swept":
+    """Return the sweep of a scene: a row for each of many members that differ in some fields.
+
+    ``vary`` has for each field, by its path, a range as text or the values themselves; ``options`` are those
+    of the command line by their names (see ``studies.command.sweep.SweepOptions``). The rows go to the
+    Parquet file ``out``, from which a sweep that was interrupted goes on, or to a new one in a temporary
+    folder.
+
+    Raises:
+        BadInput: an argument is refused, or what the sweep would take.
+        Failed: the members cannot go on.
+    """
+    from studies.command.sweep import asked, options_of, swept
+
+    with as_arguments():
+        chosen = options_of({"jobs": os.cpu_count() or 1, **options})
+        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
+        wanted = asked(physics, vary or {}, engine, settings or {}, exponent, chosen)
+        place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
+        return swept(wanted, place, chosen, scheduler)
 
 
 def load(path: str | Path) -> Scene:

@@ -61,6 +61,7 @@ WIDTH_IN = 7.5
 #: Units at the end of column names as they are written, longest first.
 UNITS = {
     "rad_s": "rad/s",
+    "1_s": "1/s",
     "m_s": "m/s",
     "N_m": "N·m",
     "N_s": "N·s",

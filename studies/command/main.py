@@ -166,6 +166,68 @@ def simulate(
 
 
 @app.command()
+def sweep(
+    scene: SceneName,
+    vary: Annotated[
+        list[str] | None,
+        Option(
+            metavar="FIELD=VALUES",
+            help="Values of a field: LOW:HIGH[:log][:COUNT], or a list as 1e-5,1e-4; a grid if repeated.",
+        ),
+    ] = None,
+    sample: Annotated[
+        str, Option(metavar="NAME", help="grid, or draws: random, latin-hypercube or sobol.")
+    ] = "grid",
+    members: Annotated[Text, Option(metavar="N", help="Draws in all, or at each point of a grid.")] = None,
+    jitter: Annotated[
+        str, Option(metavar="RAD", help="Move each member's crank angle by up to so much at its start.")
+    ] = "0",
+    seed: Annotated[str, Option(metavar="S", help="Another seed draws other members.")] = "0",
+    engine: Annotated[
+        str, Option(metavar="NAME", help="See 'crankslider engines'.", autocompletion=_engines)
+    ] = "reference",
+    assignments: Annotated[
+        list[str] | None, Option("--set", metavar="KEY=VALUE", help="A setting of the engine.")
+    ] = None,
+    changes: Annotated[
+        list[str] | None, Option("--with", metavar="FIELD=VALUE", help="Another value in a field, for all.")
+    ] = None,
+    step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
+    transient: Annotated[str, Option(metavar="R", help="Turns of the crank that are not watched.")] = "0",
+    revolutions: Annotated[str, Option(metavar="R", help="Turns that are watched.")] = "2",
+    exponent: Annotated[
+        bool, Option("--exponent", help="Also measure how fast neighbouring motions part.")
+    ] = False,
+    jobs: Annotated[Text, Option(metavar="N", help="Processes here; one for each core.")] = None,
+    scheduler: Annotated[Text, Option(metavar="ADDRESS", help="A Dask scheduler to run the members.")] = None,
+    hours: Annotated[str, Option(metavar="H", help="Refuse what would take longer.")] = "10",
+    out: Annotated[Path, Option(metavar="FILE", help="The rows, as .parquet.")] = Path("sweep.parquet"),
+    plot: Annotated[Path | None, Option(metavar="FILE", help="A picture, as .png, .svg or .pdf.")] = None,
+    show: Annotated[Text, Option(metavar="COLUMN", help="What the picture is of.")] = None,
+    quiet: Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")] = False,
+) -> None:
+    """Run a scene with many values in its fields, a row for each; what is finished is kept, and resumed."""
+    from studies.command import endings, options
+    from studies.command import sweep as sweeps
+
+    strings = {"sample": sample, "members": members, "jitter": jitter, "seed": seed, "step": step}
+    strings |= {"transient": transient, "revolutions": revolutions, "hours": hours}
+    chosen = sweeps.options_of({**strings, "jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
+    endings.ending_of("--out", out, (".parquet",))
+    if plot is not None:
+        endings.ending_of("--plot", plot, endings.PICTURES)
+    physics = options.changed(options.read_scene(scene), changes or [], None)
+    ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
+    settings = options.assigned("--set", "KEY=VALUE", assignments or [])
+    wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
+    result = sweeps.swept(wanted, out, chosen, scheduler, quiet)
+    if plot is not None:
+        sweeps.write_plot(result, plot, show)
+    if not quiet:
+        failures.say(f"note: {len(wanted.members)} rows are in {out}")
+
+
+@app.command()
 def run(
     studies: Annotated[
         list[str] | None,

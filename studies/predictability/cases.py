@@ -12,6 +12,7 @@ from engine_models.scene.scene import Scene
 from studies.judges import horizon
 from studies.judges.kinds import require, turns_steadily
 from studies.ladders import Rung
+from studies.predictability import diagrams
 from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import (
     EXPONENTS,
@@ -19,27 +20,23 @@ from studies.predictability.scenes import (
     MORE_EXPONENTS,
     MORE_HORIZONS_S,
     SCENES,
-    at_clearance,
-    at_speed,
     following,
     tighter,
 )
 from studies.running.case import Case, Value
 
-#: The parts that are no ensembles.
+#: The parts that are no ensembles, beside the diagrams.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
-CLEARANCES, SPEEDS = "against clearance", "against crank speed"
 
-#: Longest steps of the reference in flight, in s: of a horizon, of an exponent; and in a revolution of the
-#: pictures.
-STEP_S, EXPONENT_STEP_S, STEPS_OF_PICTURE = 1e-5, 5e-5, 1200
+#: Longest steps of the reference in flight, in s: of a horizon, of an exponent.
+STEP_S, EXPONENT_STEP_S = 1e-5, 5e-5
 #: Samples in a revolution, of a horizon and of an ensemble; in a stretch of the exponent; in a scene without
 #: revolutions.
 SAMPLES, ENSEMBLE_SAMPLES, STRETCH_SAMPLES, FREE_SAMPLES = 200, 50, 500, 400
-#: Revolutions from the start that exponent, ensemble and picture leave out, and those they use. What has
+#: Revolutions from the start that exponent and ensemble leave out, and those they use. What has
 #: begun anywhere has forgotten it after the four of the ensemble; over eight, means of 200 members are known
 #: to a third of their margins.
-EXPONENT_REVOLUTIONS, ENSEMBLE_REVOLUTIONS, PICTURE_REVOLUTIONS = (1, 32), (4, 8), (6, 6)
+EXPONENT_REVOLUTIONS, ENSEMBLE_REVOLUTIONS = (1, 32), (4, 8)
 #: Parts of the revolutions used from which an exponent is taken, by the ends of the names of columns.
 EXPONENT_PARTS = {"_quarter": 0.25, "_half": 0.5, "": 1.0}
 #: Starts of the exponent, quick and full.
@@ -48,9 +45,6 @@ EXPONENT_STARTS = {False: 8, True: 16}
 MEMBERS, ENGINE_MEMBERS = 200, {False: 24, True: 200}
 #: Starts are drawn with this number beside the name of what they are for.
 SEED = 20240229
-#: Ends of the pictures, clearances in m and speeds in rev/min; points of the full set, of which the quick
-#: has every 8th.
-CLEARANCES_M, SPEEDS_RPM, POINTS, QUICK_EVERY = (1e-5, 1e-3), (500.0, 8000.0), 97, 8
 
 REFERENCE = Rung(arms.REFERENCE, STEP_S)
 #: What others are compared with, and the same by the paper's method.
@@ -75,17 +69,14 @@ ENSEMBLES = {
 
 
 def cases(full: bool) -> list[Case]:
-    """Return horizons, exponents, ensembles and pictures; the full set contains the quick one."""
+    """Return horizons, exponents, ensembles and diagrams; the full set contains the quick one."""
     horizons = HORIZONS_S + (MORE_HORIZONS_S if full else ())
     exponents = EXPONENTS + (MORE_EXPONENTS if full else ())
     out = [_horizon(SCENES[name]().model_copy(update={"end_time_s": end})) for name, end in horizons]
     out += [case for name in exponents for case in _exponents(SCENES[name](), full)]
     for name, parts in ENSEMBLES[full]:
         out += _ensembles(following(SCENES[name](), sum(ENSEMBLE_REVOLUTIONS)), parts, ENGINE_MEMBERS[full])
-    places = [k / (POINTS - 1) for k in range(0, POINTS, 1 if full else QUICK_EVERY)]
-    (small, large), (slow, fast) = CLEARANCES_M, SPEEDS_RPM
-    out += [_picture(CLEARANCES, at_clearance(small * (large / small) ** place)) for place in places]
-    return out + [_picture(SPEEDS, at_speed(slow + (fast - slow) * place)) for place in places]
+    return out + diagrams.cases(full)
 
 
 def cases_on(scene: Scene, full: bool) -> list[Case]:
@@ -160,10 +151,3 @@ def _members(scene: Scene, part: str, rung: Rung, members: int) -> list[Case]:
         _case(part, horizon.moved(scene, by), run, rung, start_moved_rad=by, member=member)
         for member, by in enumerate(moves_rad(f"{part} on {scene.name}", members))
     ]
-
-
-def _picture(part: str, scene: Scene) -> Case:
-    """Return a point of a picture; a quarter of a revolution is a whole number of samples."""
-    scene = following(scene, sum(PICTURE_REVOLUTIONS))
-    run = RunSettings(period_s(scene) / STEPS_OF_PICTURE, 4 * sum(PICTURE_REVOLUTIONS))
-    return _case(part, scene, run)

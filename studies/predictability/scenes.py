@@ -87,14 +87,13 @@ def tighter(scene: Scene) -> Scene:
     return scene.model_copy(update={"clearance": scene.clearance.model_copy(update=smaller)})
 
 
-def at_clearance(radial_clearance_m: float) -> Scene:
+def set_r(radial_clearance_m: float) -> Scene:
     """Return set R with a clearance at the rod-slider pin."""
-    name = f"set R with {radial_clearance_m * 1e3:.4f} mm"
-    return _at_slider(name, clearance(radial_clearance_m))
+    return _at_slider(f"set R with {radial_clearance_m * 1e3:g} mm", clearance(radial_clearance_m))
 
 
-def at_speed(speed_rpm: float) -> Scene:
-    """Return set R with 0.1 mm at the rod-slider pin and another speed of the crank, in rev/min."""
-    scene = _at_slider(f"set R at {speed_rpm:.0f} rpm", clearance(1e-4))
-    start = scene.start.model_copy(update={"crank_speed_rad_s": speed_rpm * 2 * math.pi / 60})
-    return scene.model_copy(update={"start": start})
+def turning(scene: Scene, speed_rad_s: float) -> Scene:
+    """Return a driven scene with another speed of the crank, which its name tells in rev/min."""
+    start = scene.start.model_copy(update={"crank_speed_rad_s": speed_rad_s})
+    name = f"{scene.name} at {speed_rad_s * 60 / (2 * math.pi):.0f} rpm"
+    return scene.model_copy(update={"name": name, "start": start})

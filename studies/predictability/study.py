@@ -2,9 +2,8 @@
 
 Four parts, told apart by the column ``part``. ``HORIZON``: until when the reference agrees with its own
 perturbed and step-halved runs. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several
-starts. ``CLEARANCES`` and ``SPEEDS``: what a pin does once in a revolution, against its clearance and the
-crank's speed. All other parts are ensembles: a case is a member, and starts differ by a little of the crank
-angle.
+starts. Those of ``diagrams``: what the mechanism does over its clearance and its speed. All other parts are
+ensembles: a case is a member, and starts differ by a little of the crank angle.
 """
 
 import math
@@ -14,6 +13,7 @@ from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
 from studies.judges.comparison import checked
 from studies.predictability import cases as parts
+from studies.predictability import diagrams
 from studies.predictability.ensemble import period_s, statistics
 from studies.running.case import Case, Curves, Row
 
@@ -30,22 +30,12 @@ def measure(case: Case) -> tuple[Row, Curves]:
         return _horizon(case)
     if part == parts.EXPONENT:
         return _exponent(case)
+    if part in diagrams.FIELDS:
+        return diagrams.measure(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    if part not in (parts.CLEARANCES, parts.SPEEDS):
-        after_s = parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene)
-        row, curves = statistics(case.scene, trajectory, after_s)
-        return row | checked(case.scene, trajectory), curves
-    after_s = parts.PICTURE_REVOLUTIONS[0] * period_s(case.scene)
+    after_s = parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)
-    row |= checked(case.scene, trajectory)
-    clearance = case.scene.clearance.B
-    assert clearance is not None
-    row["radial_clearance_m"] = clearance.radial_clearance_m
-    row["crank_speed_rad_s"] = case.scene.start.crank_speed_rad_s
-    # At 90 degrees the rod pulls the slider through; at the dead centres the pin is pressed to one side.
-    once = slice(4 * parts.PICTURE_REVOLUTIONS[0] + 1, None, 4)
-    gap = trajectory.contacts["B"].gap_m[once] / clearance.radial_clearance_m
-    return row, {**curves, "gap_x_part": gap[:, 0], "gap_y_part": gap[:, 1]}
+    return row | checked(case.scene, trajectory), curves
 
 
 def _horizon(case: Case) -> tuple[Row, Curves]:

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,9 @@ from reports import page
 from reports.chapters import predictability
 from reports.chapters.predictability import comparison, data, findings, statistics
 from reports.chapters.predictability.data import PER_REVOLUTION
+from reports.chapters.predictability.diagrams import EXPONENT as PER_TURN
+from reports.chapters.predictability.diagrams import HALF, Diagram
+from reports.chapters.predictability.diagrams import findings as diagram_findings
 from reports.chapters.predictability.statistics import Margins
 from reports.parts import Contradiction
 from reports.results import with_columns
@@ -26,7 +30,7 @@ from studies.extremes.scenes import GRAVITY_M_S2, wheel
 from studies.judges.horizon import apart, first_beyond_s, moved
 from studies.judges.ideal_truth import slider_position_m
 from studies.judges.lyapunov import growth
-from studies.predictability import study
+from studies.predictability import diagrams, study
 from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MEMBERS, moves_rad
 from studies.predictability.ensemble import period_s
 from studies.predictability.ensemble import statistics as member_statistics
@@ -283,9 +287,15 @@ def test_holms_correction_is_the_textbooks() -> None:
 # The chapter
 
 
+def few_columns(case: Case) -> Case:
+    """Return a diagram of four columns, each followed for a little."""
+    few = {"columns": 4, "in_case": 4, "transient": 4, "revolutions": 6}
+    return replace(case, columns={**case.columns, **few, "exponent_every": 3, "exponent_revolutions": 2})
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A little of every part: two horizons, three starts, small ensembles, a few points of a picture."""
+    """A little of every part: two horizons, three starts, small ensembles, a few columns of a diagram."""
     folder = tmp_path_factory.mktemp("results")
     cases = study.cases(True)
 
@@ -302,7 +312,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *some("reference (other starts)", "0.5mm", 60),
         *some("reference (a tenth less clearance)", "0.5mm", 60),
         *some("pymunk (as the scene)", "0.5mm", 4),
-        *some("against clearance", "", len(cases))[::48],
+        *(few_columns(case) for case in some(diagrams.CLEARANCES, "0.5 mm", 1)),
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
     return folder
@@ -322,11 +332,43 @@ def test_the_chapter_says_what_the_rows_say(
     assert "No exponent is given where every start settles" in text
     # Two starts: their interval, and so what it says, hangs on round-off.
     assert "On clearance-driven-A neighbouring motions part" in text
+    assert "Over the clearance, the pin stays at the wall at all values up to 0.0464 mm." in text
     assert "60 members of the reference itself on clearance-driven-0.5mm are told apart" in text
     assert "pymunk (as the scene) and" not in text, "four members are too few to compare"
     assert len(list((tmp_path / "report/figures").glob("*.png"))) == 5
     table = (tmp_path / "report/tables/predictability-horizons.csv").read_text("utf-8")
     assert "clearance-driven-0.02mm,6 revolutions,–,–,–,–,–,–" in table
+
+
+def known_diagram() -> Diagram:
+    """Eight columns: two that settle, of periods 1 and 3, and four that never repeat."""
+    turns, rng = np.arange(12), np.random.default_rng(8)
+    strobe = np.array([0 * turns + 1.0] * 3 + [1.0 + turns % 3] + [*rng.uniform(1, 2, (4, 12))])
+    exponents = {"value": np.arange(1, 9) * 1e-4, PER_TURN: [0.0] * 4 + [0.2, 2.0, 2.0, 3.0]}
+    half = [0.0] * 4 + [0.2, 2.1, 3.0, 2.9]
+    frame = pd.DataFrame({**exponents, HALF: half})
+    return Diagram(
+        np.arange(1.0, 9.0) * 1e-4, strobe.astype(np.float64), np.array([0.0, 0, 2, 2, 5, 5, 5, 5]), frame
+    )
+
+
+def test_a_diagram_says_what_settles_what_repeats_and_what_is_chaotic_by_converged_exponents() -> None:
+    assert known_diagram().periods.tolist() == [1, 1, 1, 3, 0, 0, 0, 0]
+    assert list(diagram_findings(diagrams.CLEARANCES, known_diagram())) == [
+        "Over the clearance, the pin stays at the wall at all values up to 0.2 mm.",
+        "With impacts, the motion repeats every turn at 0.3 mm.",
+        "With impacts, the motion repeats every 3 turns at 0.4 mm.",
+        "Of 8 values at which an exponent was measured, the motion is chaotic at all values from 0.8 mm on "
+        "and at 0.6 mm: there it is more than 1 in a revolution, and half of the revolutions give it "
+        "within 20 %.",
+        "At 1 the exponent is as large and has not converged: nothing is claimed.",
+    ]
+
+
+def test_the_columns_of_all_stretches_are_those_of_the_diagram_in_order() -> None:
+    of_part = [case for case in study.cases(False) if case.columns["part"] == diagrams.SPEEDS]
+    joined = np.concatenate([diagrams.columns_of(case) for case in of_part])
+    np.testing.assert_allclose(joined, np.linspace(*diagrams.SPEEDS_RAD_S, 100))
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,10 @@
-"""The predictability study on the page: horizons, exponents, ensembles past the horizon, pictures."""
+"""The predictability study on the page: horizons, exponents, ensembles past the horizon, diagrams."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
-from reports.chapters.predictability import comparison, data, figures, findings, tables
+from reports.chapters.predictability import comparison, data, diagrams, figures, findings, tables
 from reports.parts import Figure, Section
 from reports.quantities import own_scenes
 from reports.results import Results
@@ -27,7 +27,7 @@ def sections(results: Results) -> list[Section]:
         *_horizons(results, data.horizons(rows)),
         *_exponents(results, data.exponents(rows)),
         *(_ensembles(results, scene, by_label) for scene, by_label in data.ensembles(rows).items()),
-        *_pictures(results, rows),
+        *_diagrams(results, rows),
         _failures(rows),
     ]
 
@@ -116,26 +116,16 @@ def _pairs(
     )
 
 
-def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
-    swept = {data.CLEARANCES: "the clearance", data.SPEEDS: "the speed of the crank"}
-    drawn = [
-        Figure(
-            f"predictability-{part.replace(' ', '-')}",
-            f"What the pin does {part}",
-            "Set R by the reference, after a transient: the pin's height in its bearing whenever "
-            "the crank is at 90°, one point per revolution, so that points on each other are a motion "
-            "that repeats; and crank angle and speed of every impact. Where the pin stays in "
-            "contact there are no impacts. The clearance against the speed is 0.1 mm.",
-            f"Three panels of points over {words}: the pin's height at 90 degrees, the crank angle "
-            "at impact, the impact speed.",
-            figures.picture(results, points, part),
-        )
-        for part, words in swept.items()
-        if len(points := data.points(rows, part))
-    ]
+def _diagrams(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
+    drawn: list[Figure] = []
+    text: list[str] = []
+    for part in (diagrams.CLEARANCES, diagrams.SPEEDS):
+        if found := diagrams.diagram(results, rows, part):
+            drawn.append(diagrams.figure(part, found))
+            text += diagrams.findings(part, found)
+    drawn += filter(None, [diagrams.map_figure(results, rows)])
     if drawn:
-        text = findings.pictures(results, data.points(rows, data.CLEARANCES))
-        yield Section.of("pictures", "What the pin does in a revolution", text, drawn)
+        yield Section.of("diagrams", "From motions that repeat to chaos", text, drawn)
 
 
 def _failures(rows: pd.DataFrame) -> Section:

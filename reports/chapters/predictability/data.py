@@ -1,4 +1,4 @@
-"""The predictability study's rows by part: horizons, exponents, ensembles, pictures."""
+"""The predictability study's rows by part: horizons, exponents, ensembles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from reports.chapters.predictability import diagrams
 from reports.chapters.predictability.statistics import Margins
 from reports.quantities import finished
 from reports.results import FloatArray, with_columns
@@ -13,8 +14,7 @@ from reports.style import in_legend_order
 
 #: The parts that are no ensembles, as the study names them.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
-CLEARANCES, SPEEDS = "against clearance", "against crank speed"
-NO_ENSEMBLES = (HORIZON, EXPONENT, CLEARANCES, SPEEDS)
+NO_ENSEMBLES = (HORIZON, EXPONENT, *diagrams.FIELDS)
 #: The reference's ensembles of a scene as it is: the one that others are compared with, and another draw.
 OWN = ("reference (DOP853)", "reference (other starts)")
 #: The one that has to differ: from it is seen that the tests are not blind.
@@ -73,7 +73,7 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     horizons = [f"horizon_{kind.format(tolerance)}_s" for tolerance in TOLERANCES for kind in kinds]
     return with_columns(
         rows,
-        *("member", "revolutions", "radial_clearance_m", "crank_speed_rad_s", "settled"),
+        *("member", "revolutions", "settled", "columns", "in_case"),
         *(PER_REVOLUTION + part for part in PARTS),
         *QUANTITIES,
         *horizons,
@@ -158,8 +158,3 @@ def matrix(members: pd.DataFrame, quantities: Sequence[str]) -> FloatArray:
     """Return the quantities of members in the units of their words, (n, k)."""
     factors = [FACTORS.get(name, 1.0) for name in quantities]
     return np.ascontiguousarray(members[list(quantities)].to_numpy() * factors)
-
-
-def points(rows: pd.DataFrame, part: str) -> pd.DataFrame:
-    """Return the finished points of a picture, by clearance and speed."""
-    return finished(rows[rows["part"] == part]).sort_values(["radial_clearance_m", "crank_speed_rad_s"])

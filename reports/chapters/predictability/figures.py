@@ -18,7 +18,7 @@ from reports.chapters.predictability.statistics import student_interval
 from reports.plots.step_figures import engine_legend, grid
 from reports.plots.time_figures import so_far
 from reports.results import FloatArray, Results
-from reports.style import BLACK, BLUE, GREY, VERMILLION, WIDTH_IN, line_styles
+from reports.style import BLACK, BLUE, GREY, VERMILLION, line_styles
 
 #: Nothing closer than this is drawn, in m: it is round-off.
 LEAST_M = 1e-14
@@ -153,33 +153,3 @@ def phases(results: Results, by_label: data.Ensembles) -> Drawing:
 def _counts(results: Results, row: pd.Series, edges: NDArray[np.int_]) -> FloatArray:
     phase = results.curve(row["case"], "impact_phase_rad")
     return np.asarray(np.histogram(np.degrees(phase), edges)[0] / row["revolutions"])
-
-
-def picture(results: Results, points: pd.DataFrame, part: str) -> Drawing:
-    """Return what a pin does in every revolution against clearance or speed: three panels of points."""
-    drawing = Drawing(figsize=(WIDTH_IN, 3.2))
-    panels = (
-        ("gap_y_part", 1.0, "pin's height at 90° / clearance"),
-        ("impact_phase_rad", 180 / np.pi, "crank angle at impact [°]"),
-        ("impact_speed_m_s", 1.0, "impact speed [m/s]"),
-    )
-    by_clearance = part == data.CLEARANCES
-    places = (
-        1e3 * points["radial_clearance_m"] if by_clearance else points["crank_speed_rad_s"] * 60 / (2 * np.pi)
-    )
-    for panel, (column, scale, words) in enumerate(panels):
-        ax = drawing.add_subplot(1, 3, panel + 1)
-        for case, place in zip(points["case"], places, strict=True):
-            curve = results.curve(case, column)
-            at = np.full(len(curve), place)
-            ax.plot(at, scale * curve, linestyle="", marker=".", markersize=1.8, color=BLACK, alpha=0.7)
-        # A little beyond the points.
-        if by_clearance:
-            ax.set_xscale("log")
-            ax.set_xlim(places.min() / 1.2, places.max() * 1.2)
-        else:
-            ax.set_xlim(places.min() - 0.03 * places.max(), places.max() * 1.03)
-        if column == "impact_phase_rad":
-            ax.set_yticks(range(0, 361, 90))
-        ax.set(xlabel="radial clearance [mm]" if by_clearance else "crank speed [rev/min]", ylabel=words)
-    return drawing

@@ -2,14 +2,12 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
 import pandas as pd
 
 from reports.chapters.predictability import data
 from reports.chapters.predictability.comparison import Verdict
 from reports.chapters.predictability.statistics import LEVEL, Calibration, Interval, student_interval
 from reports.parts import stated
-from reports.results import Results
 from reports.tables import in_text, listed
 
 #: A scene whose twins stay closer than this to the end has no horizon worth the name, in m.
@@ -18,8 +16,6 @@ TOGETHER_M = 1e-9
 LEVEL_ROOM = 0.03
 #: Of more quantities than these a sentence tells the number.
 MOST_NAMED = 3
-#: Revolutions repeat when the pin is back in its place within this part of the clearance.
-REPEATS = 0.01
 
 
 def horizons(rows: pd.DataFrame) -> Iterator[str]:
@@ -141,18 +137,3 @@ def _verdict(scene: str, verdict: Verdict) -> str:
 
 def _named(quantities: Sequence[str]) -> str:
     return listed(quantities) if len(quantities) <= MOST_NAMED else f"{len(quantities)} quantities"
-
-
-def pictures(results: Results, points: pd.DataFrame) -> Iterator[str]:
-    """Yield at how many clearances every revolution repeats the one before, and what that does not show."""
-    spreads = [float(np.ptp(results.curve(case, "gap_y_part"))) for case in points["case"]]
-    repeating = sum(spread <= REPEATS for spread in spreads)
-    if spreads:
-        yield (
-            f"At {repeating} of {len(spreads)} clearances the pin comes back to its place, within a "
-            "hundredth of the clearance, in all revolutions shown."
-        )
-    yield (
-        "Few revolutions at few values do not show where a motion becomes chaotic: what is claimed of "
-        "that is under the exponents."
-    )

@@ -8,16 +8,22 @@ from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from distributed import Client, LocalCluster
+from pyarrow.parquet import read_table
 
 from engine_models.engines import ENGINES
+from engine_models.mechanics.watch import Watch
+from engine_models.scene.library import SCENES
 from studies.running import cluster as execution_cluster
 from studies.running import provenance, runner
 from studies.running.case import Limits
 from studies.running.cluster import cluster
 from studies.running.processes import Processes
 from studies.running.runner import run_study
+from studies.sweeps.run import Sweep, run_sweep
+from studies.sweeps.task import Task
 from tests.helpers.command import crankslider
 from tests.helpers.mischief import MEGABYTE, NAME, case, steady
 from tests.helpers.refusals import require_refusal
@@ -136,3 +142,13 @@ def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "distributed", None)
     done = crankslider("run", "--scheduler", "tcp://127.0.0.1:1")
     require_refusal(done.stdout, done.stderr, done.code, "the package distributed", "crankslider[cluster]")
+
+
+def test_a_cluster_gives_the_rows_of_a_sweep_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
+    field = "clearance.B.radial_clearance_m"
+    task = Task(SCENES["clearance-driven-0.5mm"](), "pymunk", {}, 1e-5, Watch(0.0, 0.02))
+    sweep = Sweep(task, {field: np.geomspace(1e-5, 1e-3, 40)}, (field,))
+    with cluster(local.scheduler_address) as executors:
+        run_sweep(sweep, tmp_path / "cluster.parquet", {}, 1, executors, 1.0, quiet=True)
+    run_sweep(sweep, tmp_path / "here.parquet", {}, 2, None, 1.0, quiet=True)
+    assert read_table(tmp_path / "cluster.parquet").equals(read_table(tmp_path / "here.parquet"))

@@ -1,0 +1,58 @@
+"""The picture of a sweep: which one is decided by how many fields were varied."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import pandas as pd
+
+from reports.plots.sweeps.histogram import draw_histogram
+from reports.plots.sweeps.one_field import draw_over_field
+from reports.plots.sweeps.two_fields import draw_map
+from reports.run.picture import Picture
+from reports.style import RC
+
+EXPONENT, STROBE, PHASE, FORCE = "exponent_1_s", "strobe_m", "impact_phase_rad", "largest_contact_force_N"
+#: Columns that say which member it is and how it ended.
+HEAD = ("member", "status", "reason")
+
+
+class NoPicture(ValueError):
+    """There is no picture of this; the message says of what there is one."""
+
+
+def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: str | None = None) -> Picture:
+    """Return the picture of a sweep's rows: of a column to ``show``, or of what is looked at first.
+
+    Of one field that is the slider's deviation once a turn, with the exponent if there is one; of two a map
+    of the exponent, or of the peak force; without any the impacts by crank angle.
+
+    Raises:
+        NoPicture: more fields were varied, or the column is none that can be drawn.
+    """
+    columns = [column for column in frame if column not in (*HEAD, *varied)]
+    if show is not None and show not in columns:
+        raise NoPicture(f"expected one of {', '.join(columns)}, got {show}")
+    if len(varied) > 2:
+        raise NoPicture(f"expected one or two fields with --vary for a picture, got {len(varied)}")
+    done = frame[frame["status"] == "ok"]
+    if done.empty:
+        raise NoPicture("expected members that did not fail, got none")
+    has_exponent = bool(done[EXPONENT].notna().any())
+    with mpl.rc_context(RC):
+        if len(varied) == 2:
+            shown = show or (EXPONENT if has_exponent else FORCE)
+            if _is_list(done, shown):
+                raise NoPicture(f"expected a column with one number a member for a map, got {shown}")
+            picture = draw_map(frame, (varied[0], varied[1]), shown)
+        elif len(varied) == 1:
+            first = [STROBE, *([EXPONENT] if has_exponent else [])]
+            picture = draw_over_field(done, varied[0], [show] if show else first)
+        else:
+            picture = draw_histogram(done, show or PHASE)
+        failed = len(frame) - len(done)
+        picture.suptitle(f"{title}: {len(frame)} members" + (f", {failed} failed" if failed else ""), size=9)
+    return picture
+
+
+def _is_list(rows: pd.DataFrame, column: str) -> bool:
+    return not pd.api.types.is_numeric_dtype(rows[column])

@@ -1,0 +1,62 @@
+"""A map of one number over two fields: cells where the members are a grid, dots where they were drawn."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize, TwoSlopeNorm
+from matplotlib.patches import Patch
+
+from reports.plots.sweeps.scales import Scale, scale_of
+from reports.results import FloatArray
+from reports.run.picture import Picture
+from reports.style import GREY
+
+#: Width and height in inches.
+SIZE_IN = (6.2, 4.6)
+#: Told apart by the colour-blind: of a size, and of what is on both sides of zero.
+SIZES, SIGNED = "cividis", "PuOr_r"
+
+
+def draw_map(rows: pd.DataFrame, fields: tuple[str, str], column: str) -> Picture:
+    """Return the map of a column; where several members share a place, of their mean."""
+    width, height = SIZE_IN
+    picture = Picture(height, width)
+    ax = picture.add_subplot()
+    points = rows.groupby(list(fields))[column].mean().reset_index()
+    across, up = (scale_of(field, rows[field]) for field in fields)
+    of = scale_of(column, points[column].dropna())
+    norm, colours = _norm(of, points[column])
+    x, y = (scale.drawn(points[field]) for scale, field in zip((across, up), fields, strict=True))
+    drawn: ScalarMappable
+    if len(np.unique(x)) * len(np.unique(y)) == len(points):
+        cells = of.drawn(points.pivot_table(column, fields[1], fields[0], dropna=False).to_numpy())
+        edges = (_edges(np.unique(values), scale.log) for values, scale in ((x, across), (y, up)))
+        drawn = ax.pcolormesh(*edges, np.ma.masked_invalid(cells), norm=norm, cmap=colours, rasterized=True)
+        ax.set_facecolor(GREY)
+        ax.grid(visible=False)
+        if np.isnan(cells).any():
+            handles = [Patch(color=GREY, label="no number: failed, or not defined")]
+            picture.legend(handles=handles, loc="outside lower center")
+    else:
+        drawn = ax.scatter(x, y, c=of.drawn(points[column]), norm=norm, cmap=colours, s=9, linewidths=0)
+    ax.set(xlabel=across.label, ylabel=up.label, xscale=across.kind, yscale=up.kind)
+    picture.colorbar(drawn, label=of.label, pad=0.02)
+    return picture
+
+
+def _norm(of: Scale, values: pd.Series) -> tuple[Normalize, str]:
+    """Return how numbers become colours: zero in the middle where there are some on both sides."""
+    numbers = of.drawn(values.dropna())
+    if len(numbers) and numbers.min() < 0 < numbers.max():
+        return TwoSlopeNorm(0.0, numbers.min(), numbers.max()), SIGNED
+    return (LogNorm() if of.log else Normalize()), SIZES
+
+
+def _edges(middles: FloatArray, log: bool) -> FloatArray:
+    """Return the n + 1 edges of cells around n places."""
+    places = np.log(middles) if log else middles
+    half = np.diff(places) / 2 if len(places) > 1 else np.array([0.5])
+    edges = np.concatenate(
+        [places[:1] - half[:1], places[:-1] + half[: len(places) - 1], places[-1:] + half[-1:]]
+    )
+    return np.asarray(np.exp(edges) if log else edges)

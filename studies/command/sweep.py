@@ -1,0 +1,186 @@
+"""What ``crankslider sweep`` is asked for, checked before anything runs, and what it gives a user."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from itertools import islice, product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass as checked_dataclass
+
+from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene
+from engine_models.mechanics.watch import Watch
+from engine_models.reference.kernels import FolderRefused, writable_folder
+from engine_models.scene.data import NonNegative, Positive, SceneError
+from engine_models.scene.file import to_toml
+from engine_models.scene.scene import Scene
+from studies.command.endings import PICTURES, ending_of
+from studies.command.options import DEFAULT_STEP_S, checked, read_engine
+from studies.failures import BadInput, terminated_as_interrupted, writing
+from studies.running.cluster import cluster
+from studies.running.whole_file import whole_file
+from studies.sweeps.draws import Draw, Sample, drawn
+from studies.sweeps.ranges import values_of
+from studies.sweeps.run import Sweep, run_sweep
+from studies.sweeps.task import Task
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+#: Of the corners of all ranges together, and of the values of a field, so many are looked at before a sweep.
+MOST_LOOKS = 1024
+
+
+@checked_dataclass(frozen=True, config=SETTINGS_CONFIG)
+class SweepOptions:
+    """The options of ``sweep`` that have one value: turns of the crank, jitter in rad, step in s."""
+
+    sample: Sample = "grid"
+    members: Annotated[int, Field(ge=1)] | None = None
+    jitter: NonNegative = 0.0
+    seed: Annotated[int, Field(ge=0)] = 0
+    transient: NonNegative = 0.0
+    revolutions: Positive = 2.0
+    step: Positive | None = None
+    jobs: Annotated[int, Field(ge=1, le=1000)] = 1
+    hours: Positive = 10.0
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A finished sweep: ``path`` is the file of its rows, a member each."""
+
+    path: Path
+    title: str
+
+    @cached_property
+    def frame(self) -> "pd.DataFrame":
+        """The rows, in the order of members."""
+        import pandas as pd
+
+        return pd.read_parquet(self.path)
+
+    def plot(self, show: str | None = None) -> "Figure":
+        """Return the picture that fits what was varied, of a column to ``show`` or of one that fits too.
+
+        Raises:
+            BadInput: there is none of so many fields, or no such column.
+        """
+        from pyarrow import parquet
+
+        from reports.plots.sweeps.picture import NoPicture, sweep_picture
+
+        varied = json.loads(parquet.read_schema(self.path).metadata[b"varied"])
+        try:
+            return sweep_picture(self.frame, varied, self.title, show)
+        except NoPicture as reason:
+            raise BadInput(f"--show: {reason}") from None
+
+
+def asked(
+    scene: Scene,
+    vary: Mapping[str, str | Sequence[float]],
+    engine_name: str,
+    settings: Mapping[str, object],
+    exponent: bool,
+    options: SweepOptions,
+) -> Sweep:
+    """Return the sweep that a user asks for.
+
+    Raises:
+        BadInput: ranges, engine or options are refused, or a scene at the ends of the ranges is.
+    """
+    if not (scene.is_crank_slider and scene.joints_with_clearance):
+        expected = "a crank-slider with clearance, whose pins a sweep watches"
+        raise BadInput(f"SCENE: expected {expected}, got {scene.name}")
+    engine = read_engine(engine_name, settings, to_tolerance=True)
+    step_s = options.step
+    if step_s is None and not getattr(engine, "controls_error", False):
+        step_s = DEFAULT_STEP_S
+    if exponent and engine_name != "reference" and getattr(engine, "order", None) is None:
+        expected = "the reference, or an engine whose steps no tolerance chooses"
+        raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
+    watch = Watch(options.transient, options.revolutions, exponent)
+    task = Task(scene, engine_name, dict(vars(engine)), step_s, watch)
+    ranges = {field: values_of(field, given) for field, given in vary.items()}
+    for field in ranges:
+        if field == "end_time_s":
+            raise BadInput(
+                f"--vary {field}: expected --transient and --revolutions, which end a member's run"
+            )
+    draw = Draw(options.sample, options.members, options.jitter, options.seed)
+    changes = drawn(scene, ranges, draw)
+    _require_scenes(task, changes)
+    return Sweep(task, changes, tuple(ranges))
+
+
+def swept(
+    sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None = None, quiet: bool = False
+) -> Swept:
+    """Run a sweep into a file, or what its parts lack, on local cores or a Dask cluster.
+
+    Raises:
+        BadInput: the file, the cluster or what the sweep would take is refused.
+        Failed: the members cannot go on.
+    """
+    task = sweep.task
+    made_by: dict[str, object] = {
+        "version": version("crankslider"),
+        "engine": task.engine_name,
+        "settings": dict(task.settings),
+        "watch": vars(task.watch),
+        "seed": options.seed,
+        "scene": to_toml(task.scene),
+    }
+    try:
+        with writing("--out", path), writable_folder(), terminated_as_interrupted():
+            if scheduler is None:
+                run_sweep(sweep, path, made_by, options.jobs, None, options.hours, quiet)
+            else:
+                with cluster(scheduler) as executors:
+                    run_sweep(sweep, path, made_by, options.jobs, executors, options.hours, quiet)
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None
+    return Swept(path, f"{task.scene.name}, {task.engine_name}")
+
+
+def write_plot(result: Swept, path: Path, show: str | None) -> None:
+    """Write the picture of a sweep to a .png, .svg or .pdf file."""
+    from reports.run.picture import picture_bytes
+
+    content = picture_bytes(result.plot(show), ending_of("--plot", path, PICTURES))
+    with writing("--plot", path), whole_file(path) as file:
+        file.buffer.write(content)
+
+
+def options_of(values: Mapping[str, object]) -> SweepOptions:
+    """Return the options of strings, or of what is written as one, by their names."""
+    return checked(SweepOptions, "--", values)
+
+
+def _require_scenes(task: Task, changes: Mapping[str, FloatArray]) -> None:
+    """Refuse values with which there is no scene, or none that the engine can run.
+
+    Looked at are the corners of all ranges together, and the values of each field beside the first member's
+    others; what is no scene in between is a row that failed.
+    """
+    ends = {field: sorted({float(of.min()), float(of.max())}) for field, of in changes.items()}
+    looked_at = [
+        dict(zip(ends, corner, strict=True)) for corner in islice(product(*ends.values()), MOST_LOOKS)
+    ]
+    first = {field: float(of[0]) for field, of in changes.items()}
+    for field, of in changes.items():
+        looked_at += [{**first, field: value} for value in np.unique(of)[:MOST_LOOKS].tolist()]
+    for values in looked_at:
+        try:
+            task.engine.check(task.member(values))
+        except SceneError as error:
+            raise BadInput(f"--vary {error}") from None
+        except UnsupportedScene as reason:
+            raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None

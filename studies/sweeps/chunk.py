@@ -1,0 +1,100 @@
+"""Runs some members of a sweep in one process, and makes a table of their rows."""
+
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+import pyarrow as pa
+
+from engine_models.engine import FloatArray
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.members import LISTS, NUMBERS, failed, run_members, supports
+from studies.sweeps.gathered import row_of
+from studies.sweeps.task import Task
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Members from number ``first`` on, and the values (n,) of every field that changes, by its path."""
+
+    first: int
+    changes: Mapping[str, FloatArray]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.changes.values())))
+
+    def part(self, begin: int, end: int) -> "Chunk":
+        """Return the members from place ``begin`` to before ``end`` of this chunk."""
+        changes = {field: values[begin:end] for field, values in self.changes.items()}
+        return Chunk(self.first + begin, changes)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a member costs: processor time in s, bytes of its row; and bytes of a process that runs some."""
+
+    member_s: float
+    row_bytes: float
+    process_bytes: int
+
+
+def run_chunk(task: Task, chunk: Chunk) -> pa.Table:
+    """Return the rows of a chunk, a member each; the reference runs them together where it can."""
+    engine = task.engine
+    if isinstance(engine, ReferenceEngine) and supports(engine, task.scene, [*chunk.changes]):
+        rows = run_members(engine, task.scene, chunk.changes, task.watch, step_s=task.step_s)
+    else:
+        rows = pd.DataFrame([row_of(task, values) for values in _members(chunk)])
+    return table_of(chunk, rows)
+
+
+def failed_chunk(chunk: Chunk, reason: str) -> pa.Table:
+    """Return the rows of a chunk all of whose members failed, for one reason."""
+    return table_of(chunk, pd.DataFrame([failed(reason)] * len(chunk)))
+
+
+def try_out(task: Task, chunk: Chunk) -> Trial:
+    """Return what members like those of a chunk cost here."""
+    run_chunk(task, chunk.part(0, 1))  # which compiles what the engine compiles
+    began = time.process_time()
+    table = run_chunk(task, chunk)
+    elapsed = time.process_time() - began
+    return Trial(elapsed / len(chunk), table.nbytes / len(chunk), _most_bytes())
+
+
+def schema(fields: Mapping[str, object]) -> pa.Schema:
+    """Return names and types of the columns of a sweep in which these fields change."""
+    numbers, lists = pa.float64(), pa.list_(pa.float64())
+    return pa.schema(
+        [
+            ("member", pa.int64()),
+            *((field, numbers) for field in fields),
+            ("status", pa.string()),
+            ("reason", pa.string()),
+            *((name, numbers) for name in NUMBERS),
+            *((name, lists) for name in LISTS),
+        ]
+    )
+
+
+def table_of(chunk: Chunk, rows: pd.DataFrame) -> pa.Table:
+    """Return the rows of a chunk with their numbers and values before them; a NaN is nothing."""
+    head = {"member": range(chunk.first, chunk.first + len(chunk)), **chunk.changes}
+    return pa.Table.from_pandas(rows.assign(**head), schema(chunk.changes), preserve_index=False)
+
+
+def _members(chunk: Chunk) -> Iterator[dict[str, float]]:
+    columns = (values.tolist() for values in chunk.changes.values())
+    for values in zip(*columns, strict=True):
+        yield dict(zip(chunk.changes, values, strict=True))
+
+
+def _most_bytes() -> int:
+    """Return the most memory that this process has had; 0 where the machine does not tell."""
+    if sys.platform == "win32":
+        return 0
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

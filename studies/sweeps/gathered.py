@@ -1,0 +1,110 @@
+"""What a member of a sweep did, in the columns of its row: from a run of any engine.
+
+The reference gathers the same in its compiled loop (``engine_models.reference.members``).
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from engine_models.engine import Contact, FloatArray, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.mechanics.quality import require_quality
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.members import Row, failed
+from engine_models.scene.data import SceneError
+from engine_models.scene.scene import Scene
+from studies.judges import lyapunov
+from studies.judges.ideal_motion import slider_position_m
+from studies.sweeps.task import Task
+
+#: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once; and
+#: steps in a turn, in flight.
+STRETCH_SAMPLES, TURN_STEPS = 500, 240
+
+
+def row_of(task: Task, values: Mapping[str, float]) -> Row:
+    """Return the row of a member with these values: what it did, or why it failed."""
+    try:
+        scene = task.member(values)
+        with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
+            run = task.engine.simulate(scene, task.run_settings(scene))
+            found = gathered(task, scene, require_quality(scene, run))
+            exponent = _exponent_1_s(task, scene) if task.watch.exponent else math.nan
+        return {"status": "ok", "reason": "", **found, "exponent_1_s": exponent}
+    except (SceneError, SimulationFailed, UnsupportedScene, MemoryError) as failure:
+        return failed(str(failure) or "no memory left")
+
+
+def gathered(task: Task, scene: Scene, run: Trajectory) -> Row:
+    """Return what a run did after the transient; all joints with clearance are taken together.
+
+    An impact is a touch; one that still lasts at the end has no impulse yet. The deviation is the slider's
+    from where ideal joints would put it at the crank's angle, and is positive along +x.
+    """
+    turn_s = scene.end_time_s / task.turns
+    first = round((len(run.time_s) - 1) * task.watch.transient / task.turns)
+    touch_s, impulse = _touches(run, run.time_s[first])
+    deviation = run.slider_position_m - slider_position_m(scene, run.position[:, 0, 2])
+    once = turn_s * (task.watch.transient + np.arange(1, math.floor(task.watch.revolutions) + 1))
+    phase = np.interp(touch_s, run.time_s, run.position[:, 0, 2]) % (2 * np.pi)
+    contacts, lost = run.contacts.values(), run.dissipated_energy_J
+    assert lost is not None
+    in_flight = np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0)
+    return {
+        "impacts_per_revolution": len(touch_s) / task.watch.revolutions,
+        "flight_part": float(in_flight.mean()),
+        "impulse_N_s": float(np.nanmean(impulse)) if np.isfinite(impulse).any() else math.nan,
+        "largest_contact_force_N": max(float(each.normal_force_N[first:].max()) for each in contacts),
+        "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / task.watch.revolutions),
+        "slider_deviation_m": float(np.abs(deviation[first:]).max()),
+        "strobe_m": np.interp(once, run.time_s, deviation).tolist(),
+        "impact_phase_rad": phase.tolist(),
+    }
+
+
+def _touches(run: Trajectory, from_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the times of touches from a time on, (m,), and their impulses, NaN of one that still lasts."""
+    times, impulses = [], []
+    for contact in run.contacts.values():
+        lasting = _lasting_s(run.time_s, contact)
+        times.append(np.append(contact.impacts.time_s, lasting))
+        impulses.append(np.append(contact.impacts.normal_impulse_N_s, np.full(len(lasting), np.nan)))
+    time, impulse = np.concatenate(times), np.concatenate(impulses)
+    order = np.argsort(time, kind="stable")
+    order = order[time[order] >= from_s]
+    return time[order], impulse[order]
+
+
+def _lasting_s(time_s: FloatArray, contact: Contact) -> FloatArray:
+    """Return when the contact began that lasts at the end: nothing if there is none, or it never began.
+
+    That is between two samples, or where the one before ended if no sample lies in the flight between.
+    """
+    depth, over = contact.penetration_m, contact.impacts.time_s + contact.impacts.duration_s
+    flying = np.flatnonzero(depth < 0)
+    if depth[-1] < 0 or not (len(flying) or len(over)):
+        return np.empty(0)
+    began = list(over)
+    if len(flying):
+        last = slice(flying[-1], flying[-1] + 2)
+        began.append(np.interp(0.0, depth[last], time_s[last]))
+    return np.array([max(began)])
+
+
+def _exponent_1_s(task: Task, scene: Scene) -> float:
+    """Return how fast neighbouring motions part, in 1/s; NaN where that cannot be followed.
+
+    Of the reference it is measured with RK4: where a tolerance chooses the steps, two runs differ by theirs.
+    """
+    turn_s = scene.end_time_s / task.turns
+    samples = STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2
+    engine, step_s = task.engine, task.step_s or turn_s / TURN_STEPS
+    if isinstance(engine, ReferenceEngine):
+        engine = replace(engine, method="rk4")
+    growth = lyapunov.growth(engine, scene, step_s, turn_s, samples)
+    try:
+        return growth.exponent_per_s(task.watch.transient * turn_s)
+    except SimulationFailed:  # pins that never leave the wall
+        return math.nan

@@ -1,0 +1,88 @@
+"""The picture of a sweep by what was varied."""
+
+import numpy as np
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pytest
+from matplotlib.collections import PathCollection, QuadMesh
+from matplotlib.patches import Rectangle
+
+from reports.plots.sweeps.picture import NoPicture, sweep_picture
+
+CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
+
+
+def frame(clearances: np.ndarray, speeds: np.ndarray, exponents: np.ndarray) -> pd.DataFrame:
+    count = len(clearances)
+    return pd.DataFrame(
+        {
+            "member": range(count),
+            CLEARANCE: clearances,
+            SPEED: speeds,
+            "status": "ok",
+            "reason": "",
+            "largest_contact_force_N": np.linspace(1e3, 1e5, count),
+            "exponent_1_s": exponents,
+            "strobe_m": [[0.5 * c, -0.25 * c] for c in clearances],
+            "impact_phase_rad": [[np.pi / 2, np.pi]] * count,
+        }
+    )
+
+
+@pytest.fixture
+def grid() -> pd.DataFrame:
+    clearance, speed = np.meshgrid(np.geomspace(1e-5, 1e-3, 4), np.linspace(100, 300, 3), indexing="ij")
+    return frame(clearance.ravel(), speed.ravel(), np.linspace(-10, 90, 12))
+
+
+def test_over_two_fields_a_grid_is_a_map_of_the_exponent_with_zero_in_the_middle_of_its_colours(
+    grid: pd.DataFrame,
+) -> None:
+    grid.loc[5, ["status", "exponent_1_s"]] = "failed", np.nan
+    picture = sweep_picture(grid, [CLEARANCE, SPEED], "scene")
+    (mesh,) = (each for each in picture.axes[0].collections if isinstance(each, QuadMesh))
+    array = mesh.get_array()
+    assert array is not None
+    cells = np.ma.getdata(array).reshape(3, 4)
+    np.testing.assert_array_equal(cells.T.ravel()[[0, 1, 11]], grid["exponent_1_s"][[0, 1, 11]])
+    assert np.ma.getmaskarray(array).reshape(3, 4).T.ravel().tolist() == [k == 5 for k in range(12)]
+    assert mesh.norm(np.zeros(1)) == 0.5
+    assert picture.axes[0].get_xlabel() == "radial clearance at B [mm]"
+    assert picture.axes[-1].get_ylabel() == "finite-time exponent [1/s]"
+    assert "1 failed" in picture.get_suptitle()
+
+
+def test_over_two_fields_draws_are_dots_each_where_it_was_drawn(grid: pd.DataFrame) -> None:
+    draws = grid.iloc[[0, 4, 7, 11]]
+    picture = sweep_picture(draws, [CLEARANCE, SPEED], "scene", "largest_contact_force_N")
+    (dots,) = (each for each in picture.axes[0].collections if isinstance(each, PathCollection))
+    np.testing.assert_allclose(np.asarray(dots.get_offsets())[:, 1], draws[SPEED])
+
+
+def test_over_a_clearance_lengths_are_parts_of_it_a_point_for_each_turn(grid: pd.DataFrame) -> None:
+    picture = sweep_picture(grid.assign(exponent_1_s=np.nan), [CLEARANCE], "scene")
+    (ax,) = picture.axes
+    (points,) = ax.get_lines()
+    heights = np.asarray(points.get_ydata(), dtype=float)
+    np.testing.assert_allclose(heights, [0.5, -0.25] * len(grid))
+
+
+def test_of_an_ensemble_there_is_a_histogram_of_impacts_per_member(grid: pd.DataFrame) -> None:
+    (ax,) = sweep_picture(grid, [], "scene").axes
+    heights = [bar.get_height() for bar in ax.patches if isinstance(bar, Rectangle)]
+    assert sum(heights) == pytest.approx(2.0)
+    assert heights[9] == heights[18] == pytest.approx(1.0)  # at 90 and 180 degrees, in bins of ten
+
+
+@pytest.mark.parametrize(
+    ("varied", "show", "pieces"),
+    [
+        ([CLEARANCE], "peak", "expected one of .*strobe_m.*, got peak"),
+        ([CLEARANCE, SPEED], "strobe_m", "expected a column with one number a member for a map"),
+        ([CLEARANCE, SPEED, "gravity_m_s2"], None, "expected one or two fields"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(
+    grid: pd.DataFrame, varied: list[str], show: str | None, pieces: str
+) -> None:
+    with pytest.raises(NoPicture, match=pieces):
+        sweep_picture(grid, varied, "scene", show)

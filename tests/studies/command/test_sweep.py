@@ -1,0 +1,62 @@
+"""``crankslider sweep`` as a user calls it."""
+
+from pathlib import Path
+
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pytest
+
+import crankslider as cs
+from tests.helpers.command import crankslider
+from tests.helpers.refusals import require_refusal
+
+SCENE, CLEARANCE, SPEED = (
+    "clearance-driven-0.5mm",
+    "clearance.B.radial_clearance_m",
+    "start.crank_speed_rad_s",
+)
+
+
+def test_two_processes_write_the_rows_and_a_picture_that_one_gives_in_the_library(tmp_path: Path) -> None:
+    rows, picture = tmp_path / "rows.parquet", tmp_path / "map.svg"
+    vary = {CLEARANCE: "1e-5,1e-4,1e-3", SPEED: "200:400:2"}
+    called = [part for field, values in vary.items() for part in ("--vary", f"{field}={values}")]
+    done = crankslider(
+        "sweep", SCENE, *called, "--revolutions", "0.1", "--jobs", 2, "--out", rows, "--plot", picture
+    )
+    assert (done.code, done.stdout) == (0, ""), done.stderr
+    assert picture.read_bytes().startswith(b"<?xml")
+    same = cs.sweep(SCENE, vary | {CLEARANCE: [1e-5, 1e-4, 1e-3]}, revolutions=0.1, jobs=1)
+    pd.testing.assert_frame_equal(pd.read_parquet(rows), same.frame, check_exact=True)
+    assert same.frame[CLEARANCE].tolist() == [1e-5, 1e-5, 1e-4, 1e-4, 1e-3, 1e-3]
+
+
+@pytest.mark.parametrize(
+    ("options", "pieces"),
+    [
+        ([], "--vary: expected FIELD=VALUES, or --members and --jitter, got nothing"),
+        (["--vary", "clearance"], '--vary: expected FIELD=VALUES, got "clearance"'),
+        (["--vary", f"{CLEARANCE}=1e-3:1e-5:9"], f"--vary {CLEARANCE}: expected a range that rises"),
+        (["--vary", f"{CLEARANCE}=0:1e-3:9"], f"--vary {CLEARANCE}: expected a finite number > 0, got 0"),
+        (["--vary", f"{CLEARANCE}=1e-3:1:9"], f"--vary {CLEARANCE}: expected a number < bearing_radius_m"),
+        (["--vary", "clearance.B.radius=1,2"], "--vary clearance.B.radius: expected the key"),
+        (["--vary", f"{SPEED}=-1:1:3"], f"--vary {SPEED}: expected a number other than 0"),
+        (["--vary", "end_time_s=1,2"], "--vary end_time_s: expected --transient and --revolutions"),
+        (["--members", "5", "--jitter", "-1"], "--jitter: expected a finite number >= 0"),
+        (["--vary", f"{SPEED}=1,2", "--sample", "dice"], '--sample: expected "grid", "random"'),
+        (["--vary", f"{SPEED}=1,2", "--out", "rows.csv"], "--out: expected a file that ends in .parquet"),
+        (["--vary", f"{SPEED}=1,2", "--plot", "map.txt"], "--plot: expected a file that ends in"),
+        (["--vary", f"{CLEARANCE}=1e-5,1e-4", "--engine", "pymun"], "did you mean pymunk?"),
+        (
+            ["--vary", f"{SPEED}=1,2", "--exponent", "--engine", "scipy"],
+            "--exponent: expected the reference, or",
+        ),
+    ],
+)
+def test_what_cannot_be_swept_is_refused_in_one_line(options: list[str], pieces: str) -> None:
+    done = crankslider("sweep", SCENE, *options)
+    require_refusal(done.stdout, done.stderr, done.code, pieces)
+
+
+def test_a_scene_without_clearance_is_refused() -> None:
+    done = crankslider("sweep", "ideal-driven", "--vary", f"{SPEED}=1,2")
+    require_refusal(done.stdout, done.stderr, done.code, "SCENE: expected a crank-slider with clearance")

@@ -1,0 +1,140 @@
+"""Sweeps keep every finished chunk, give the same rows wherever they run, and are refused if too long."""
+
+import json
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pytest
+from pyarrow import parquet
+
+from engine_models.mechanics.watch import Watch
+from engine_models.scene.library import SCENES
+from studies.failures import BadInput
+from studies.running.case import Limits
+from studies.running.execution import CRASHED, CaseEnded, LimitedExecutor
+from studies.sweeps import run as running
+from studies.sweeps.run import Sweep, run_sweep
+from studies.sweeps.task import Task
+
+FIELD, MEMBERS, CHUNK = "clearance.B.radial_clearance_m", 40, 8
+#: One value of no scene, which the command line refuses and a sweep has a row for.
+NO_SCENE = 17
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Here(LimitedExecutor):
+    """Runs calls when they are submitted; ``calls`` tells how many, and before each ``first`` is called."""
+
+    def __init__(self, first: Callable[[int], None] = lambda _: None) -> None:
+        self.calls, self._first = 0, first
+
+    def submit_within(
+        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+    ) -> "Future[T]":
+        """Run a call within the limits; the future has what it returns or raises."""
+        assert limits is not None
+        future: Future[T] = Future()
+        try:
+            self.calls += 1
+            self._first(self.calls)
+            future.set_result(call(*args, **kwargs))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture(autouse=True)
+def _small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "MOST_IN_CHUNK", CHUNK)
+
+
+def sweep(engine: str = "pymunk", revolutions: float = 0.02) -> Sweep:
+    values = np.geomspace(1e-5, 1e-3, MEMBERS)
+    values[NO_SCENE] = 0.5
+    task = Task(SCENES["clearance-driven-0.5mm"](), engine, {}, 1e-5, Watch(0.0, revolutions))
+    return Sweep(task, {FIELD: values}, (FIELD,))
+
+
+def swept(folder: Path, pool: Callable[[], Here] = Here, hours: float = 1.0) -> pd.DataFrame:
+    """Return the rows of a sweep, run here."""
+    folder.mkdir(exist_ok=True)
+    run_sweep(sweep(), folder / "rows.parquet", {}, 2, pool, hours, quiet=True)
+    return pd.read_parquet(folder / "rows.parquet")
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+    return swept(tmp_path_factory.mktemp("whole"))
+
+
+def test_there_is_a_row_for_each_member_in_order_and_one_that_fails_has_its_reason(
+    rows: pd.DataFrame,
+) -> None:
+    assert rows["member"].tolist() == list(range(MEMBERS))
+    assert rows["status"].tolist() == ["ok"] * NO_SCENE + ["failed"] + ["ok"] * (MEMBERS - NO_SCENE - 1)
+    assert rows["reason"][NO_SCENE].startswith(f"{FIELD}: expected a number < bearing_radius_m = 0.01")
+    numbers = rows.drop(columns=["exponent_1_s", "impulse_N_s"]).select_dtypes("number")
+    assert numbers.drop(index=NO_SCENE).notna().to_numpy().all()
+
+
+def test_what_was_finished_before_an_interrupt_is_not_run_again(rows: pd.DataFrame, tmp_path: Path) -> None:
+    def interrupt(call: int) -> None:
+        if call == 5:  # a trial and three chunks are done
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path, lambda: Here(interrupt))
+    assert not (tmp_path / "rows.parquet").exists()
+    again = Here()
+    pd.testing.assert_frame_equal(swept(tmp_path, lambda: again), rows, check_exact=True)
+    assert again.calls < 1 + MEMBERS / CHUNK
+    assert [file.name for file in tmp_path.iterdir()] == ["rows.parquet"]
+
+
+def test_a_sweep_that_is_there_is_not_run_again(tmp_path: Path) -> None:
+    swept(tmp_path)
+    again = Here()
+    swept(tmp_path, lambda: again)
+    assert again.calls == 0
+
+
+def test_of_a_chunk_whose_process_dies_one_member_fails_and_the_others_go_on(
+    rows: pd.DataFrame, tmp_path: Path
+) -> None:
+    """The first chunk's process dies, and that of its fourth member alone, the ninth call."""
+
+    def die(call: int) -> None:
+        if call in (2, 1 + MEMBERS // CHUNK + 4):
+            raise CaseEnded(CRASHED, "killed by SIGSEGV")
+
+    found = swept(tmp_path, lambda: Here(die))
+    assert found["reason"][3] == "killed by SIGSEGV"
+    pd.testing.assert_frame_equal(found.drop(index=3), rows.drop(index=3), check_exact=True)
+
+
+def test_parts_of_another_sweep_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "rows.parquet.parts").mkdir()
+    (tmp_path / "rows.parquet.parts" / "sweep.json").write_text(json.dumps({"sweep": "another"}))
+    with pytest.raises(BadInput, match=r"--out: expected a file without parts of another sweep"):
+        swept(tmp_path)
+
+
+def test_a_sweep_that_would_take_too_long_is_refused_before_it_begins(tmp_path: Path) -> None:
+    trial = Here()
+    with pytest.raises(BadInput, match=r"--hours: expected at least .* for 40 members of .* s, got 1e-09"):
+        swept(tmp_path, lambda: trial, hours=1e-9)
+    assert trial.calls == 1
+
+
+def test_the_file_tells_what_made_it_and_no_time(tmp_path: Path) -> None:
+    swept(tmp_path)
+    schema = parquet.read_schema(tmp_path / "rows.parquet")
+    assert json.loads(schema.metadata[b"varied"]) == [FIELD]
+    assert not [name for name in schema.names if "time" in name]
