@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test rivals soak lint types benchmark publish lock clean
+.PHONY: study test accuracy rivals soak lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -10,6 +10,10 @@ study: .venv/.ready
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2
+
+# Every number that has a baseline, of all engines, heyoka's among them.
+accuracy: .venv/.rivals
+	$(BIN)/python -m pytest -n 2 -m accuracy
 
 # heyoka, which studies and tests do without: 100 MB, and for Linux and Python 3.11+ only.
 rivals: .venv/.rivals
