@@ -2,7 +2,9 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
+from matplotlib.lines import Line2D
 
 from reports.chapters import agreement
 from reports.parts import Figure, Section, Table
@@ -37,7 +39,7 @@ def signal_error(scene: str, engine: str, arm: str, halvings: int, column: str) 
     first = SIGNALS[column][0] * position[scene]
     if (engine, column) == ("exudyn", "joint_A_force_error_N"):
         first = BEST_AT_A_N
-    return first / 2 ** (order * halvings)
+    return float(first / 2 ** (order * halvings))
 
 
 def has(scene: str, column: str) -> bool:
@@ -76,6 +78,12 @@ def table(sections: dict[str, Section], name: str) -> Table:
 
 def figure(sections: dict[str, Section], name: str) -> Figure:
     return next(one for section in sections.values() for one in section.figures if one.name == name)
+
+
+def drawn(line: Line2D) -> tuple[list[float], list[float]]:
+    """Return a line's points, x and y."""
+    points = np.asarray(line.get_xydata())
+    return points[:, 0].tolist(), points[:, 1].tolist()
 
 
 def cell(scene: str, column: str, value: float) -> str:
@@ -182,8 +190,8 @@ def test_errors_are_drawn_against_the_step(
             )
             for k in (2, 1, 0)
         ]
-        assert list(line.get_xdata()) == [1e-5, 2e-5, 4e-5]
-        assert list(line.get_ydata()) == pytest.approx(expected)
+        assert drawn(line)[0] == [1e-5, 2e-5, 4e-5]
+        assert drawn(line)[1] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -204,5 +212,5 @@ def test_curves_are_drawn_as_the_largest_so_far_over_time(
     panel = figure(sections, f"agreement-{name}-over-time").drawing.axes[0]
     assert (panel.get_title(), panel.get_xlabel(), panel.get_ylabel()) == ("ideal-driven", "time [s]", label)
     (reference,) = (line for line in panel.lines if line.get_color() == "#000000")
-    assert list(reference.get_xdata()) == [0.0, 0.02, 0.03, 0.05]
-    assert list(reference.get_ydata())[1:] == pytest.approx(so_far)
+    assert drawn(reference)[0] == [0.0, 0.02, 0.03, 0.05]
+    assert drawn(reference)[1][1:] == pytest.approx(so_far)

@@ -33,5 +33,6 @@ def results_of(
     (folder / "curves").mkdir(parents=True)
     write_rows(folder / "rows.jsonl", rows)
     for case, columns in curves.items():
-        np.savez(folder / "curves" / f"{case}.npz", **{name: np.array(x) for name, x in columns.items()})
+        arrays: dict[str, Any] = {name: np.array(curve) for name, curve in columns.items()}
+        np.savez(folder / "curves" / f"{case}.npz", **arrays)
     return read_study(folder)
