@@ -1,6 +1,7 @@
 """What is published is as it was made: sealed file by file, and tables and sentences follow from its rows."""
 
 import html
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -82,16 +83,34 @@ def marked(study: StudyReport) -> Any:
     return pytest.param(study, id=study.STUDY, marks=marks)
 
 
+def shown_tables(page: str) -> dict[str, list[tuple[str, ...]]]:
+    """Return head and rows of the tables on a page, by their names."""
+    out = {}
+    for name, body in re.findall(r'<figure id="table-([^"]+)".*?<table>(.*?)</table>', page, re.DOTALL):
+        lines = re.findall(r"<tr.*?</tr>", body, re.DOTALL)
+        cells = (re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", line) for line in lines)
+        out[name] = [tuple(map(html.unescape, line)) for line in cells]
+    return out
+
+
 @pytest.mark.filterwarnings("ignore:Precision loss occurred:RuntimeWarning")  # of the level lines
 @pytest.mark.parametrize("study", [marked(study) for study in STUDIES])
 def test_published_tables_and_sentences_follow_from_the_published_rows(study: StudyReport) -> None:
-    page = html.unescape((PUBLISHED / "report/index.html").read_text(encoding="utf-8"))
-    made = sections(study)
-    for table in (table for section in made for table in section.tables):
-        for ending, written in FORMATS.items():
-            path = PUBLISHED / f"report/tables/{table.name}.{ending}"
-            assert path.read_text(encoding="utf-8") == written(table), path.name
-        for cell in (cell for line in table.rows for cell in line):
-            assert cell in page, f"{table.name}: {cell}"
-    for text in (text for section in made for text in section.text):
-        assert text in page or text.endswith(OF_CURVES)
+    source = (PUBLISHED / "report/index.html").read_text(encoding="utf-8")
+    page, on_page = html.unescape(source), shown_tables(source)
+    for section in sections(study):
+        for table in section.tables:
+            assert on_page[table.name] == [table.head, *table.rows], f"{table.name} on the page"
+            assert f"<strong>{table.title}.</strong> {table.reading}" in page
+            for ending, written in FORMATS.items():
+                path = PUBLISHED / f"report/tables/{table.name}.{ending}"
+                assert path.read_text(encoding="utf-8") == written(table), path.name
+        for figure in section.figures:
+            picture = f'<img src="figures/{figure.name}.svg" alt="{figure.alt}">'
+            assert re.search(
+                f"{re.escape(picture)}</a>\\s*<figcaption><strong>{re.escape(figure.title)}[.]</strong> "
+                f"{re.escape(figure.reading)}\\s",
+                page,
+            ), f"{figure.name} with what is said of it"
+        for sentence in section.text:
+            assert f">{sentence}</" in page or sentence.endswith(OF_CURVES), sentence
