@@ -20,6 +20,8 @@ TRUTHS = {
 #: What the columns have in their names that are held against a truth, and those against physics.
 OF_TRUTH = ("_error", "_uncertainty_", "_model_difference_", "cross_check", "impacts_")
 OF_PHYSICS = ("residual", "unaccounted", "gap_part", "constraint", "hidden_power", "gain")
+#: The study of smooth motion, at two steps: past impacts errors do not fall by the order of a method.
+OF_ORDERS = "agreement"
 #: An error is a point of an order while it is so many times the truth's uncertainty.
 ABOVE_UNCERTAINTY = 100.0
 
@@ -64,10 +66,10 @@ def measured(subject: Subject) -> dict[Key, Number]:
         for name, value in row.items():
             if isinstance(value, int | float) and not isinstance(value, bool):
                 out[Key(*subject.key, at, name)] = _number(name, value, row)
-    if len(rows) == 2 and not subject.cases[0].arm.tolerances:
+    if subject.key[0] == OF_ORDERS:
         coarse, fine = rows.values()
         for name, order in orders(coarse, fine).items():
-            out[Key(*subject.key, "both steps", name)] = Number(order, "1", _truth("_error", fine))
+            out[Key(*subject.key, "both steps", name)] = Number(order, "1", TRUTHS[OF_ORDERS])
     return out
 
 
