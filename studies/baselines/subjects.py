@@ -15,7 +15,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from studies import agreement, energy, work_precision
-from studies.ladders import clearance_ladder
+from studies.ladders import Rung, clearance_ladder
 from studies.running.case import Case
 
 #: Arms that take steps of one length, at two steps of the agreement study's ladder: their ratio is an order.
@@ -29,7 +29,6 @@ BY_STEP = (
     arms.TRAPEZOIDAL,
     arms.GENERALIZED_ALPHA,
     arms.GENERALIZED_ALPHA_09,
-    arms.RK44,
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
 )
@@ -112,6 +111,8 @@ def _cases() -> Iterator[Case]:
 def _with_clearance(scene: Scene) -> Iterator[Case]:
     """Yield the clearance study's cases; where a tolerance chooses the steps those that count evaluations."""
     ladder = clearance_ladder(scene, full=False, fast=False)
+    equal = [rung.step_s for rung in ladder if rung.arm is arms.PLAIN]
+    ladder += [Rung(arms.RK44, step_s) for step_s in equal]  # refuses the constraints of ideal joints
     for arm, rungs in groupby(ladder, key=lambda rung: rung.arm):
         for rung in list(rungs)[CLEARANCE_RUNGS] if _supporting([arm], scene) else ():
             study, samples = ("work-precision", 24) if arm.tolerances else ("clearance", 120)
