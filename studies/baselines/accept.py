@@ -20,7 +20,7 @@ PROCESSORS: tuple[Mapping[str, str], ...] = (
         "NUMBA_CPU_NAME": "haswell",
         "OPENBLAS_CORETYPE": "Haswell",
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2",
-        "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",  # as NumPy 2.4 names them
     },
 )
 Numbers = dict[Key, Number]
