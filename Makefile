@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test docs rivals soak lint types benchmark publish lock clean
+.PHONY: study test accuracy docs rivals soak lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -10,6 +10,10 @@ study: .venv/.ready
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2
+
+# Every number that has a baseline, of all engines, heyoka's among them.
+accuracy: .venv/.rivals
+	$(BIN)/python -m pytest -n 2 -m accuracy
 
 # These pages as a site, to be opened at docs/_build/index.html.
 docs: .venv/.ready
@@ -42,6 +46,7 @@ publish: .venv/.rivals
 	cp -r report reports/published/report
 	for study in results/*/; do mkdir -p reports/published/$$study && \
 	    cp $$study/rows.jsonl $$study/sidecar.json reports/published/$$study; done
+	$(BIN)/python -m studies.running.seal reports/published
 
 .venv/.ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \

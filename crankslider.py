@@ -24,6 +24,7 @@ from warnings import warn
 
 if TYPE_CHECKING:
     from studies.command.comparison import Comparison
+    from studies.command.sweep import Swept
 
 PACKAGES = ("reference_solver", "engine_models", "studies", "reports")
 
@@ -70,9 +71,6 @@ with _home_first():
         read_scene,
     )
     from studies.failures import BadInput, Failed
-
-if TYPE_CHECKING:
-    from studies.command.sweep import Swept
 
 __all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep"]
 __version__ = version("crankslider")

@@ -351,6 +351,17 @@ def conform(
 
 
 @app.command()
+def baseline(
+    accept: Annotated[bool, Option("--accept", help="Write down what left its band, with --why.")] = False,
+    why: Annotated[Text, Option(metavar="TEXT", help="Why the numbers are others now.")] = None,
+) -> None:
+    """Hold engines and arms to their accuracy as accepted; exit code 1 where a number left its band."""
+    from studies.command.baseline import held_or_accepted
+
+    held_or_accepted(accept, why)
+
+
+@app.command()
 def report(
     results: Annotated[Path, Option(metavar="DIR", help="Where results are.")] = Path("results"),
     out: Annotated[Path, Option(metavar="DIR", help="Where the report goes.")] = Path("report"),

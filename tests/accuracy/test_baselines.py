@@ -1,0 +1,24 @@
+"""The accuracy suite, ``make accuracy``: every number that has a baseline is within its band."""
+
+import pytest
+
+from studies.baselines.measured import measured
+from studies.baselines.subjects import subjects, without_wheel
+from studies.baselines.table import read_tables
+from studies.baselines.verdicts import verdicts
+
+BASELINES = read_tables()
+SUBJECTS = {subject.key: subject for subject in subjects()}
+#: What runs here and what has baselines: neither may be without the other.
+KEYS = sorted(SUBJECTS.keys() | {key[:3] for key in BASELINES})
+
+
+@pytest.mark.accuracy
+@pytest.mark.parametrize("key", KEYS, ids="-".join)
+def test_every_number_is_within_its_band(key: tuple[str, str, str]) -> None:
+    if key[2] in without_wheel():
+        pytest.skip(without_wheel()[key[2]])
+    assert key in SUBJECTS, f"{key[2]} has baselines on {key[1]}, and does not run it: is it installed?"
+    of_subject = {name: baseline for name, baseline in BASELINES.items() if name[:3] == key}
+    lines = verdicts(measured(SUBJECTS[key]), of_subject)
+    assert not lines, "\n".join(lines)

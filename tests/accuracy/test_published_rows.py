@@ -1,0 +1,77 @@
+"""Published rows come out of this code again: of every study some that are drawn by lot, others each time."""
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reports.results import read_study
+from studies.running.case import Case, Row
+from studies.running.outcome import load_study, outcome, run_case
+from studies.running.processes import Processes
+from studies.running.provenance import sidecar
+from studies.running.registry import STUDIES
+from tests.helpers.row_files import read_rows
+
+RESULTS = Path(__file__).parents[2] / "reports/published/results"
+#: Rows drawn of each study; the commit that they were made from is the seed.
+DRAWN = 4
+#: The published run's processor and versions give the same bits. Others give errors to this part of them and
+#: to so many uncertainties of the truth; what is chaotic they may give otherwise.
+ELSEWHERE, UNCERTAINTIES = 1e-2, 100
+CHAOTIC = ("predictability", "stability", "extremes")
+
+
+def published(study: str) -> dict[str, Any]:
+    """Return where a study's published rows come from."""
+    found = read_study(RESULTS / study).sidecar
+    assert found is not None
+    return found
+
+
+def draw(study: str) -> list[tuple[str, Case]]:
+    """Return finished cases of a study with the seed that drew them."""
+    seed = f"{study} {published(study)['commit']}"
+    heads = [row for row in read_rows(RESULTS / study / "rows.jsonl") if row["status"] == "ok"]
+    cases = [case for case in load_study(study).cases(full=False) if not case.timed]
+    drawn = random.Random(seed).sample(cases, len(cases))
+    finished = (case for case in drawn if any(case.head().items() <= row.items() for row in heads))
+    return [(seed, next(finished)) for _ in range(DRAWN)]
+
+
+@pytest.fixture(scope="module")
+def processes() -> Iterator[Processes]:
+    """A process of its own for an engine that cannot run beside what this one has loaded."""
+    with Processes(1) as executor:
+        yield executor
+
+
+@pytest.mark.accuracy
+@pytest.mark.parametrize("study", STUDIES)
+def test_rows_drawn_by_lot_come_out_again(study: str, processes: Processes) -> None:
+    made = published(study)
+    here = sidecar(study, False, made["fingerprints"])
+    same = all(here[name] == made[name] for name in ("versions", "machine"))
+    for seed, case in draw(study):
+        (before,) = (
+            row
+            for row in read_rows(RESULTS / study / "rows.jsonl")
+            if case.head().items() <= row.items() and row.get("timed") == case.head().get("timed")
+        )
+        after, _ = outcome(case, processes.submit(run_case, case))
+        assert after["status"] == before["status"]
+        numbers = {name: value for name, value in after.items() if isinstance(value, int | float)}
+        where = f"{case.arm.label} on {case.scene.name}, drawn by '{seed}'"
+        for name, value in numbers.items():
+            if same:
+                assert value == before[name], f"{name} of {where}"
+            elif "_error_" in name and study not in CHAOTIC:
+                slack = UNCERTAINTIES * _number(after, name.replace("_error_", "_uncertainty_"))
+                assert value == pytest.approx(before[name], rel=ELSEWHERE, abs=slack), f"{name} of {where}"
+
+
+def _number(row: Row, name: str) -> float:
+    value = row.get(name)
+    return float(value) if isinstance(value, int | float) else 0.0

@@ -1,0 +1,95 @@
+"""Contact laws: constants as they are printed, elastic forces from a potential, losses never negative."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine_models.mechanics import contact_law
+from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
+from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.scene.scene import Clearance, Friction
+from reference_solver.mechanism import contact_laws as of_reference
+from studies.independent.mechanism import damping_of
+
+#: a(e) of each law at e = 0.5 and 0.9: Hunt and Crossley 1975, Lankarani and Nikravesh 1990, Gonthier et al.
+#: 2004, Zhiying and Qishao 2006, Flores et al. 2011, Hu and Guo 2015, Carvalho and Martins 2019.
+PRINTED = {
+    "hunt-crossley": (0.75, 0.15),
+    "lankarani-nikravesh": (0.5625, 0.1425),
+    "gonthier": (1.5, 0.2111111111),
+    "zhiying-qishao": (1.5290335285, 0.1740498931),
+    "flores": (1.6, 0.1777777778),
+    "hu-guo": (1.5, 0.1666666667),
+    "carvalho-martins": (1.4318181818, 0.1664835165),
+}
+DIGITS = 1e-9
+#: Central differences over a thousandth of the depth: the third derivative leaves less than this part.
+DIFFERENCE, SLOPE = 1e-3, 1e-5
+deterministic = settings(max_examples=60, deadline=None, derandomize=True)
+depths = st.floats(1e-7, 1e-3)
+rates = st.floats(-2.0, 2.0)
+stiffnesses = st.floats(1e5, 1e11)
+restitutions = st.floats(0.05, 1.0)
+
+
+@pytest.mark.parametrize("law", PRINTED)
+def test_damping_factors_are_those_printed_in_all_three_codes(law: str) -> None:
+    for e, printed in zip((0.5, 0.9), PRINTED[law], strict=True):
+        (own,) = (factor for name, factor in contact_law.DAMPING_FACTORS.items() if name == law)
+        (other,) = (factor for name, factor in of_reference.DAMPING_FACTORS.items() if name == law)
+        for found in (own(e), other(e), damping_of(law, e)):
+            assert found == pytest.approx(printed, rel=DIGITS)
+
+
+def clearance(law: str, **fields: float) -> Clearance:
+    data = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, "law": law, **fields}
+    return Clearance.model_validate(data)
+
+
+@given(depths, stiffnesses, st.sampled_from([None, 1.0, 1.5, 2.2]))
+@deterministic
+def test_an_elastic_force_is_the_slope_of_its_energy(
+    depth: float, stiffness: float, exponent: float | None
+) -> None:
+    given_exponent = {} if exponent is None else {"exponent": exponent}
+    law = clearance("hertz", stiffness=stiffness, **given_exponent)
+    force, spring, _ = normal_force(law_numbers(law), depth, 0.0, 1.0)
+    below, above = elastic_energy_J(law, np.array([1 - DIFFERENCE, 1 + DIFFERENCE]) * depth)
+    assert force == spring
+    assert (above - below) / (2 * DIFFERENCE * depth) == pytest.approx(force, rel=SLOPE)
+    assert elastic_energy_J(law, np.array([-depth])) == 0.0
+
+
+@pytest.mark.parametrize("law", [*PRINTED, "hertz", "kelvin-voigt"])
+@given(depths, rates, stiffnesses, restitutions, st.floats(1e-3, 2.0))
+@deterministic
+def test_what_is_not_elastic_takes_energy_out(
+    law: str, depth: float, rate: float, stiffness: float, e: float, approach: float
+) -> None:
+    fields = (
+        {"damping_N_s_m": 100.0} if law == "kelvin-voigt" else {"restitution": e} if law in PRINTED else {}
+    )
+    numbers = law_numbers(clearance(law, stiffness=stiffness, **fields))
+    force, spring, clipped = normal_force(numbers, depth, rate, approach)
+    assert (force - spring) * rate >= 0
+    assert clipped == (force == 0.0)
+    assert force >= 0 or law == "kelvin-voigt"
+
+
+@pytest.mark.parametrize("kind", ["saturated-linear", "ambrosio", "tanh"])
+@given(st.floats(-5.0, 5.0), st.floats(-10.0, 1e4), st.floats(0.01, 0.5))
+@deterministic
+def test_friction_opposes_sliding_and_is_no_more_than_coulombs(
+    kind: str, sliding: float, normal: float, coefficient: float
+) -> None:
+    dead = {"dead_band_speed_m_s": 0.003} if kind == "ambrosio" else {}
+    of = {"law": kind, "coefficient": coefficient, "regularisation_speed_m_s": 0.01, **dead}
+    room = clearance("hertz", stiffness=1e8).model_copy(update={"friction": Friction.model_validate(of)})
+    force = friction_force(law_numbers(room), normal, sliding)
+    assert force * sliding <= 0
+    assert abs(force) <= coefficient * max(normal, 0.0)
+    if abs(sliding) >= 0.2 and normal > 0:  # twenty times the speed at which all of it acts
+        assert math.isclose(abs(force), coefficient * normal, rel_tol=1e-9)
