@@ -1,0 +1,93 @@
+"""Plant bugs, and see who catches them: ``python -m tests.planted_bugs [NAME ...] [--sample K]``.
+
+A bug that nobody catches, one that no longer fits its file, and a test that fails without any bug are
+failures, and the exit code is then 1. What is found of all or of named bugs is kept in the table.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
+from pathlib import Path
+from queue import Queue
+from random import Random, randrange
+from tempfile import TemporaryDirectory
+
+from tests.planted_bugs import table
+from tests.planted_bugs.catalogue import Bug, Inapplicable, bugs
+from tests.planted_bugs.planting import Outcome, copy, failing, outcome
+
+
+def main() -> int:
+    """Plant the bugs asked for, and return how that ended."""
+    parser = argparse.ArgumentParser(prog="python -m tests.planted_bugs", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="bugs, or beginnings of their files; all")
+    parser.add_argument("--jobs", type=int, default=2, help="how many copies are worked in at once")
+    parser.add_argument("--sample", type=int, metavar="K", help="so many, drawn at random")
+    parser.add_argument("--seed", type=int, default=randrange(10**6), help="what decides the draw")
+    asked = parser.parse_args()
+    chosen = [bug for bug in bugs() if _asked_for(bug, asked.names)]
+    if not chosen:
+        parser.error(f"NAME: expected bugs' names or files, got {', '.join(asked.names)}")
+    if asked.sample is not None:
+        print(f"seed {asked.seed}", flush=True)
+        chosen = Random(asked.seed).sample(chosen, min(asked.sample, len(chosen)))
+    found = list[Outcome]()
+    try:
+        wrong = planted(chosen, asked.jobs, found)
+    finally:
+        if asked.sample is None:
+            table.keep(found)
+    print("\n".join([*wrong, f"{len(chosen)} bugs, {sum(bool(each.caught_by) for each in found)} caught"]))
+    return int(bool(wrong))
+
+
+def planted(chosen: Sequence[Bug], jobs: int, found: list[Outcome]) -> list[str]:
+    """Plant bugs, add what is found of each to a list, and return in a line each what is wrong."""
+    wrong = list[str]()
+    with ExitStack() as stack:
+        places: Queue[Path] = Queue()
+        for _ in range(jobs):
+            folder = stack.enter_context(TemporaryDirectory(prefix="planted-"))
+            places.put(stack.enter_context(copy(Path(folder) / "project")))
+        pool = stack.enter_context(ThreadPoolExecutor(jobs))
+        stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+        runs = [pool.submit(_in_some, places, bug) for bug in chosen]
+        for number, run in enumerate(as_completed(runs), 1):
+            try:
+                one = run.result()
+            except Inapplicable as reason:
+                wrong.append(str(reason))
+                continue
+            found.append(one)
+            if not one.caught_by:
+                wrong.append(f"{one.bug.name}: caught by nobody ({one.said or 'all passed'})")
+            who = one.caught_by or "NOBODY"
+            print(f"{number}/{len(chosen)} {one.bug.name}: {who}, {one.took_s:.0f} s: {one.said}", flush=True)
+        wrong += _failing_anyway({each.caught_by for each in found} - {""}, places)
+    return wrong
+
+
+def _asked_for(bug: Bug, names: Sequence[str]) -> bool:
+    return not names or bug.name in names or any("/" in name and bug.file.startswith(name) for name in names)
+
+
+def _in_some(places: "Queue[Path]", bug: Bug) -> Outcome:
+    """Plant a bug in a copy that is free."""
+    place = places.get()
+    try:
+        return outcome(bug, place)
+    finally:
+        places.put(place)
+
+
+def _failing_anyway(tests: Iterable[str], places: "Queue[Path]") -> list[str]:
+    """Return in words which tests fail without any bug: they catch nothing."""
+    place = places.get()
+    names = sorted(tests)
+    return [f"fails without a bug: {name}" for name in (failing(names, place) if names else ())]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
