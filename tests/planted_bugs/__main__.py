@@ -9,14 +9,12 @@ import sys
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
-from pathlib import Path
 from queue import Queue
 from random import Random, randrange
-from tempfile import TemporaryDirectory
 
 from tests.planted_bugs import table
 from tests.planted_bugs.catalogue import Bug, Inapplicable, bugs
-from tests.planted_bugs.planting import Outcome, copy, failing, outcome
+from tests.planted_bugs.planting import Copy, Outcome, copied
 
 
 def main() -> int:
@@ -33,39 +31,35 @@ def main() -> int:
     if asked.sample is not None:
         print(f"seed {asked.seed}", flush=True)
         chosen = Random(asked.seed).sample(chosen, min(asked.sample, len(chosen)))
-    found = list[Outcome]()
-    try:
-        wrong = planted(chosen, asked.jobs, found)
-    finally:
-        if asked.sample is None:
-            table.keep(found)
-    print("\n".join([*wrong, f"{len(chosen)} bugs, {sum(bool(each.caught_by) for each in found)} caught"]))
+    wrong = planted(chosen, asked.jobs, keep=asked.sample is None)
+    print("\n".join([*wrong, f"{len(chosen)} bugs planted, {len(wrong)} failures"]))
     return int(bool(wrong))
 
 
-def planted(chosen: Sequence[Bug], jobs: int, found: list[Outcome]) -> list[str]:
-    """Plant bugs, add what is found of each to a list, and return in a line each what is wrong."""
-    wrong = list[str]()
+def planted(chosen: Sequence[Bug], jobs: int, keep: bool) -> list[str]:
+    """Plant bugs, ``keep`` what is found of each in the table, and return in a line each what is wrong."""
+    wrong, catching = list[str](), set[str]()
     with ExitStack() as stack:
-        places: Queue[Path] = Queue()
+        copies: Queue[Copy] = Queue()
         for _ in range(jobs):
-            folder = stack.enter_context(TemporaryDirectory(prefix="planted-"))
-            places.put(stack.enter_context(copy(Path(folder) / "project")))
+            copies.put(stack.enter_context(copied()))
         pool = stack.enter_context(ThreadPoolExecutor(jobs))
         stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-        runs = [pool.submit(_in_some, places, bug) for bug in chosen]
+        runs = [pool.submit(_in_some, copies, bug) for bug in chosen]
         for number, run in enumerate(as_completed(runs), 1):
             try:
                 one = run.result()
             except Inapplicable as reason:
                 wrong.append(str(reason))
                 continue
-            found.append(one)
+            catching.add(one.caught_by)
+            if keep:
+                table.keep(one)
             if not one.caught_by:
                 wrong.append(f"{one.bug.name}: caught by nobody ({one.said or 'all passed'})")
             who = one.caught_by or "NOBODY"
             print(f"{number}/{len(chosen)} {one.bug.name}: {who}, {one.took_s:.0f} s: {one.said}", flush=True)
-        wrong += _failing_anyway({each.caught_by for each in found} - {""}, places)
+        wrong += _failing_anyway(catching - {""}, copies)
     return wrong
 
 
@@ -73,20 +67,19 @@ def _asked_for(bug: Bug, names: Sequence[str]) -> bool:
     return not names or bug.name in names or any("/" in name and bug.file.startswith(name) for name in names)
 
 
-def _in_some(places: "Queue[Path]", bug: Bug) -> Outcome:
+def _in_some(copies: "Queue[Copy]", bug: Bug) -> Outcome:
     """Plant a bug in a copy that is free."""
-    place = places.get()
+    place = copies.get()
     try:
-        return outcome(bug, place)
+        return place.outcome(bug)
     finally:
-        places.put(place)
+        copies.put(place)
 
 
-def _failing_anyway(tests: Iterable[str], places: "Queue[Path]") -> list[str]:
+def _failing_anyway(tests: Iterable[str], copies: "Queue[Copy]") -> list[str]:
     """Return in words which tests fail without any bug: they catch nothing."""
-    place = places.get()
     names = sorted(tests)
-    return [f"fails without a bug: {name}" for name in (failing(names, place) if names else ())]
+    return [f"fails without a bug: {name}" for name in (copies.get().failing(names) if names else ())]
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """A copy of the project in which one bug at a time is planted, and what the tests that could see it say."""
 
+import json
 import os
 import re
 import shutil
@@ -10,12 +11,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 from tests.planted_bugs.catalogue import ROOT, Bug
 
 #: Longer than any of the tests takes; a bug that makes one hang has not been told of.
-LIMIT_S = 600
+LIMIT_S = 900.0
 #: How pytest ends where tests have failed.
 FAILED = 1
 #: Characters of what a test says.
@@ -32,62 +34,76 @@ class Outcome:
     took_s: float
 
 
+@dataclass(frozen=True)
+class Copy:
+    """A copy of the project, and a process that runs tests in it (see ``forked``)."""
+
+    folder: Path
+    tests: "subprocess.Popen[str]"
+
+    def outcome(self, bug: Bug) -> Outcome:
+        """Plant a bug, run the tests that could see it up to the first that does, and take it out.
+
+        Raises:
+            Inapplicable: it does not fit its file.
+        """
+        file, began = self.folder / bug.file, time.monotonic()
+        right = file.read_bytes()
+        file.write_bytes(bug.planted(right.decode("utf-8")).encode("utf-8"))
+        try:
+            failures, said = self._failures(bug.tests, "-x")
+        finally:
+            file.write_bytes(right)
+        (name, message), *_ = [*failures.items(), ("", said)]
+        return Outcome(bug, name, message, time.monotonic() - began)
+
+    def failing(self, tests: Sequence[str]) -> list[str]:
+        """Return which of some tests fail without any bug."""
+        failures, said = self._failures(tests)
+        return [*failures, *([said] if said else [])]
+
+    def _failures(self, tests: Sequence[str], *options: str) -> tuple[dict[str, str], str]:
+        """Return what the tests that fail say by their names, and what else went wrong, if anything."""
+        report = self.folder / "junit.xml"
+        report.unlink(missing_ok=True)
+        # Plugins of pytest that a library has imported before it are none whose assertions matter.
+        ignored = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+        quiet = (*ignored, "-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--junit-xml={report}")
+        assert self.tests.stdin is not None
+        assert self.tests.stdout is not None
+        print(
+            json.dumps((str(self.folder), [*quiet, *options, *tests], LIMIT_S)),
+            file=self.tests.stdin,
+            flush=True,
+        )
+        code = int(self.tests.stdout.readline())
+        if code == 0:
+            return {}, ""
+        if code != FAILED or not report.exists():
+            output = (self.folder / "output.txt").read_text(encoding="utf-8", errors="replace")
+            return {}, f"no end within {LIMIT_S:g} s" if code == -1 else f"no test ran: {output[-300:]}"
+        return dict(_told(ElementTree.parse(report))), ""
+
+
 @contextmanager
-def copy(folder: Path) -> Iterator[Path]:
+def copied() -> Iterator[Copy]:
     """Copy what Git tracks, as it is now, into a folder that goes afterwards."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True)
-    try:
+    with TemporaryDirectory(prefix="planted-") as folder:
         for name in filter(None, listed.stdout.split("\0")):
             if (ROOT / name).exists():
-                (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(ROOT / name, folder / name)
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def outcome(bug: Bug, place: Path) -> Outcome:
-    """Plant a bug in a copy, run the tests that could see it up to the first that does, and take it out.
-
-    Raises:
-        Inapplicable: it does not fit its file.
-    """
-    file, began = place / bug.file, time.monotonic()
-    right = file.read_bytes()
-    file.write_bytes(bug.planted(right.decode("utf-8")).encode("utf-8"))
-    try:
-        failures, said = _failures(bug.tests, place, "-x")
-    finally:
-        file.write_bytes(right)
-    (name, message), *_ = [*failures.items(), ("", said)]
-    return Outcome(bug, name, message, time.monotonic() - began)
-
-
-def failing(tests: Sequence[str], place: Path) -> list[str]:
-    """Return which of some tests fail without any bug."""
-    failures, said = _failures(tests, place)
-    return [*failures, *([said] if said else [])]
-
-
-def _failures(tests: Sequence[str], place: Path, *options: str) -> tuple[dict[str, str], str]:
-    """Return what the tests that fail say by their names, and what else went wrong, if anything."""
-    report = place / "junit.xml"
-    report.unlink(missing_ok=True)
-    quiet = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--junit-xml={report}")
-    # Python's own files are told apart by the second in which they were written: a bug may come sooner.
-    environment = {**os.environ, "PYTHONPATH": str(place), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-m", "pytest", *quiet, *options, *tests]
-    try:
-        run = subprocess.run(
-            command, cwd=place, env=environment, capture_output=True, text=True, timeout=LIMIT_S
-        )
-    except subprocess.TimeoutExpired:
-        return {}, f"no end within {LIMIT_S} s"
-    if run.returncode == 0:
-        return {}, ""
-    if run.returncode != FAILED:
-        return {}, f"the tests did not run: {(run.stdout + run.stderr)[-300:]}"
-    return dict(_told(ElementTree.parse(report))), ""
+                (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / name, Path(folder) / name)
+        # Python tells its compiled files by the second in which a source was written: a bug may come sooner.
+        environment = {**os.environ, "PYTHONPATH": folder, "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, str(Path(__file__).with_name("forked.py"))]
+        with subprocess.Popen(
+            command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as tests:
+            try:
+                yield Copy(Path(folder), tests)
+            finally:
+                tests.terminate()
 
 
 def _told(report: "ElementTree.ElementTree[ElementTree.Element]") -> Iterator[tuple[str, str]]:

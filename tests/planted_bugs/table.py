@@ -2,7 +2,6 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable
 from pathlib import Path
 
 from tests.planted_bugs.catalogue import ROOT, bugs
@@ -19,10 +18,10 @@ What it says is shown with the size of the error where it tells one. How to read
 """
 
 
-def keep(outcomes: Iterable[Outcome]) -> None:
-    """Keep what was found of some bugs, and renew the table."""
+def keep(one: Outcome) -> None:
+    """Keep what was found of a bug, and renew the table."""
     found = json.loads(FOUND.read_text(encoding="utf-8")) if FOUND.exists() else {}
-    found |= {each.bug.name: {"caught_by": each.caught_by, "said": each.said} for each in outcomes}
+    found[one.bug.name] = {"caught_by": one.caught_by, "said": one.said}
     known = {bug.name: found[bug.name] for bug in bugs() if bug.name in found}
     FOUND.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     TABLE.write_text(text(known), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Columns that ``simulate`` writes, against the numbers of two states put down here and worked out by hand."""
+"""Columns that ``simulate`` writes, against the numbers of two states put down here."""
 
 from dataclasses import replace
 
