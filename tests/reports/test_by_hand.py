@@ -15,13 +15,13 @@ from matplotlib.patches import Rectangle
 from reports.chapters.agreement.findings import best_at_step, conservation, enough
 from reports.chapters.energy import lost_as_it_comes
 from reports.chapters.work_precision.figures import drawing
-from reports.chapters.work_precision.findings import found
+from reports.chapters.work_precision.findings import found, races
 from reports.chapters.work_precision.tables import cheapest
 from reports.convergence import observed_order
 from reports.equal_error import Arrival, Judged, ratio
 from reports.plots.step_figures import against_step
 from reports.plots.time_figures import over_time
-from reports.quantities import floor, value
+from reports.quantities import finished, floor, value
 from reports.results import BrokenResults, Results, frame, read_results
 from reports.run.orbit_plot import orbit_plot
 from reports.run.time_plot import time_plot
@@ -128,6 +128,12 @@ def test_a_floor_is_the_largest_uncertainty_and_an_order_stays_above_it() -> Non
     assert order.steps == (1.0, 0.5, 0.25), "ten times 1e-4 is above 16^-3"
 
 
+def test_what_failed_or_was_refused_did_not_finish() -> None:
+    ends = ("ok", "failed", "unsupported", "crashed", "timed out")
+    of = rows(*(row("reference (none)", 0.1, status=end) for end in ends))
+    assert finished(of)["status"].tolist() == ["ok"]
+
+
 def test_what_failed_has_no_number() -> None:
     failed = rows(row("reference (none)", 0.1, **{POSITION: 1.0, "status": "failed"}))
     assert value(failed, POSITION).isna().all()
@@ -229,6 +235,22 @@ def test_a_rival_leads_by_up_to_its_largest_share() -> None:
     assert sentence.endswith(
         "exudyn (a) is cheaper at 2 of the best rungs; the reference takes up to 6 times as long."
     )
+
+
+def test_a_scene_is_won_by_all_rungs_and_alone_is_below_all_rivals() -> None:
+    """By error the run times of the reference and of its rival, whose second rung takes as long."""
+    reference, exudyn = {1e-3: 1.0, 1e-5: 2.0, 1e-7: 5.0, 1e-8: 6.0}, {1e-3: 4.0, 1e-7: 5.0}
+    times = {"reference (a)": reference, "exudyn (a)": exudyn}
+    of = [
+        row(label, error, **{POSITION: error}, **more)
+        for label, ladder in times.items()
+        for error, time in ladder.items()
+        for more in ({"steps": 1.0}, {"round": 0, "solve_time_s": time, "build_time_s": 0.0})
+    ]
+    judged = Judged("t", rows(*of), POSITION)
+    (race,) = races(judged)
+    assert (len(race.shares), len(race.cheaper), race.undecided, race.alone) == (2, 1, 0, 1)
+    assert "best rungs on 0 of 1 scenes" in next(found(judged))
 
 
 def test_a_work_precision_figure_has_what_it_costs_below_and_the_error_beside() -> None:
