@@ -249,7 +249,7 @@ def test_a_scene_is_won_by_all_rungs_and_alone_is_below_all_rivals() -> None:
     ]
     judged = Judged("t", rows(*of), POSITION)
     (race,) = races(judged)
-    assert (len(race.shares), len(race.cheaper), race.undecided, race.alone) == (2, 1, 0, 1)
+    assert (len(race.shares), len(race.cheaper), race.undecided, race.alone) == (2, 1, 1, 1)
     assert "best rungs on 0 of 1 scenes" in next(found(judged))
 
 
