@@ -6,15 +6,12 @@ failures, and the exit code is then 1. What is found of all or of named bugs is 
 
 import argparse
 import sys
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack
-from queue import Queue
+from collections.abc import Sequence
 from random import Random, randrange
 
 from tests.planted_bugs import table
-from tests.planted_bugs.catalogue import Bug, Inapplicable, bugs
-from tests.planted_bugs.planting import Copy, Outcome, copied
+from tests.planted_bugs.catalogue import Bug, bugs
+from tests.planted_bugs.planting import copied, outcomes
 
 
 def main() -> int:
@@ -39,47 +36,21 @@ def main() -> int:
 def planted(chosen: Sequence[Bug], jobs: int, keep: bool) -> list[str]:
     """Plant bugs, ``keep`` what is found of each in the table, and return in a line each what is wrong."""
     wrong, catching = list[str](), set[str]()
-    with ExitStack() as stack:
-        copies: Queue[Copy] = Queue()
-        for _ in range(jobs):
-            copies.put(stack.enter_context(copied()))
-        pool = stack.enter_context(ThreadPoolExecutor(jobs))
-        stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-        runs = [pool.submit(_in_some, copies, bug) for bug in chosen]
-        for number, run in enumerate(as_completed(runs), 1):
-            try:
-                one = run.result()
-            except Inapplicable as reason:
-                wrong.append(str(reason))
-                continue
-            catching.add(one.caught_by)
-            if keep:
-                table.keep(one)
-            if not one.caught_by:
-                wrong.append(f"{one.bug.name}: caught by nobody ({one.said or 'all passed'})")
-            who = one.caught_by or "NOBODY"
-            print(f"{number}/{len(chosen)} {one.bug.name}: {who}, {one.took_s:.0f} s: {one.said}", flush=True)
-        wrong += _failing_anyway(catching - {""}, copies)
-    return wrong
+    for number, one in enumerate(outcomes(chosen, jobs), 1):
+        catching.add(one.caught_by)
+        if keep:
+            table.keep(one)
+        if not one.caught_by:
+            wrong.append(f"{one.bug.name}: caught by nobody ({one.said or 'all passed'})")
+        who = one.caught_by or "NOBODY"
+        print(f"{number}/{len(chosen)} {one.bug.name}: {who}, {one.took_s:.0f} s: {one.said}", flush=True)
+    with copied() as untouched:
+        anyway = untouched.failing(sorted(catching - {""}))
+    return wrong + [f"fails without a bug: {name}" for name in anyway]
 
 
 def _asked_for(bug: Bug, names: Sequence[str]) -> bool:
     return not names or bug.name in names or any("/" in name and bug.file.startswith(name) for name in names)
-
-
-def _in_some(copies: "Queue[Copy]", bug: Bug) -> Outcome:
-    """Plant a bug in a copy that is free."""
-    place = copies.get()
-    try:
-        return place.outcome(bug)
-    finally:
-        copies.put(place)
-
-
-def _failing_anyway(tests: Iterable[str], copies: "Queue[Copy]") -> list[str]:
-    """Return in words which tests fail without any bug: they catch nothing."""
-    names = sorted(tests)
-    return [f"fails without a bug: {name}" for name in (copies.get().failing(names) if names else ())]
 
 
 if __name__ == "__main__":

@@ -8,13 +8,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Queue
 from tempfile import TemporaryDirectory
+from typing import Protocol
 from xml.etree import ElementTree
 
-from tests.planted_bugs.catalogue import ROOT, Bug
+from tests.planted_bugs.catalogue import ROOT, Inapplicable
 
 #: Longer than any of the tests takes; a bug that makes one hang has not been told of.
 LIMIT_S = 900.0
@@ -24,11 +27,34 @@ FAILED = 1
 MOST = 100
 
 
+class Planted(Protocol):
+    """A change of a file, by its path from the root, and the tests that could see it."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def file(self) -> str:
+        """The file that it changes."""
+        ...
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """Paths, or pytest's names, of the tests."""
+        ...
+
+    def planted(self, text: str) -> str:
+        """Return the text of the file with the change in it, or raise Inapplicable."""
+        ...
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Who caught a bug, by pytest's name, and what that said; nobody if the name is empty."""
 
-    bug: Bug
+    bug: Planted
     caught_by: str
     said: str
     took_s: float
@@ -41,17 +67,18 @@ class Copy:
     folder: Path
     tests: "subprocess.Popen[str]"
 
-    def outcome(self, bug: Bug) -> Outcome:
+    def outcome(self, bug: Planted) -> Outcome:
         """Plant a bug, run the tests that could see it up to the first that does, and take it out.
 
-        Raises:
-            Inapplicable: it does not fit its file.
+        One that does not fit its file any more is caught by nobody.
         """
         file, began = self.folder / bug.file, time.monotonic()
         right = file.read_bytes()
-        file.write_bytes(bug.planted(right.decode("utf-8")).encode("utf-8"))
         try:
+            file.write_bytes(bug.planted(right.decode("utf-8")).encode("utf-8"))
             failures, said = self._failures(bug.tests, "-x")
+        except Inapplicable as reason:
+            failures, said = {}, str(reason)
         finally:
             file.write_bytes(right)
         (name, message), *_ = [*failures.items(), ("", said)]
@@ -83,6 +110,26 @@ class Copy:
             output = (self.folder / "output.txt").read_text(encoding="utf-8", errors="replace")
             return {}, f"no end within {LIMIT_S:g} s" if code == -1 else f"no test ran: {output[-300:]}"
         return dict(_told(ElementTree.parse(report))), ""
+
+
+def outcomes(bugs: Sequence[Planted], jobs: int) -> Iterator[Outcome]:
+    """Yield the outcome of each bug as soon as it is known, bugs being planted in so many copies at once."""
+    with ExitStack() as stack:
+        copies: Queue[Copy] = Queue()
+        for _ in range(jobs):
+            copies.put(stack.enter_context(copied()))
+
+        def in_some(bug: Planted) -> Outcome:
+            place = copies.get()
+            try:
+                return place.outcome(bug)
+            finally:
+                copies.put(place)
+
+        pool = stack.enter_context(ThreadPoolExecutor(jobs))
+        stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+        for run in as_completed([pool.submit(in_some, bug) for bug in bugs]):
+            yield run.result()
 
 
 @contextmanager

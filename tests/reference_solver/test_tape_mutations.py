@@ -248,7 +248,10 @@ def loose() -> Written:
     assert clearance is not None
     law, crank = law_numbers(clearance), scene.crank
     states, expected = [], []
-    for turn, depth, x_rate, y_rate, spin in ((-1.2, 2e-6, 0.004, -0.006, 0.3), (0.4, 5e-6, -0.002, 0.008, -0.5)):
+    for turn, depth, x_rate, y_rate, spin in (
+        (-1.2, 2e-6, 0.004, -0.006, 0.3),
+        (0.4, 5e-6, -0.002, 0.008, -0.5),
+    ):
         reach = clearance.radial_clearance_m + depth
         along = np.array([math.cos(turn), math.sin(turn)])  # from the pin to the centre of mass
         n, s = np.array([math.cos(turn + 0.5), math.sin(turn + 0.5)]), crank.centre_of_mass_m

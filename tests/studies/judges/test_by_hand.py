@@ -44,6 +44,17 @@ def test_an_error_has_no_sign(driven: tuple[Scene, Trajectory]) -> None:
     assert errors(scene, shifted(truth, -1e-3), truth)[POSITION].max() == pytest.approx(1e-3)
 
 
+def test_a_force_is_that_of_its_joint(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    for place, joint in enumerate("OAB"):
+        force = truth.joint_force_N.copy()
+        force[2, place] += (3.0, -4.0)
+        off = errors(scene, replace(truth, joint_force_N=force), truth)
+        assert {name: e.max() for name, e in off.items() if e.any()} == {
+            f"joint_{joint}_force_error_N": pytest.approx(5.0)
+        }
+
+
 def test_an_uncertainty_is_the_largest_distance_from_any_repeat_and_round_off(
     driven: tuple[Scene, Trajectory],
 ) -> None:
@@ -51,7 +62,9 @@ def test_an_uncertainty_is_the_largest_distance_from_any_repeat_and_round_off(
     found = uncertainties(scene, truth, [shifted(truth, 1e-6), shifted(truth, -3e-6, 5)])
     assert found["slider_position_uncertainty_m"] == pytest.approx(3e-6, rel=1e-6)
     alone = uncertainties(scene, truth, [truth])["slider_position_uncertainty_m"]
-    assert alone == pytest.approx(4 * EPS * 0.17, rel=1e-6), "of crank and rod in line, 0.05 m and 0.12 m"
+    assert alone == pytest.approx(4 * EPS * 0.17, rel=1e-6, abs=0.0), (
+        "of crank and rod in line, 0.05 m and 0.12 m"
+    )
 
 
 def test_what_is_compared_ends_at_the_horizon_and_is_the_largest(driven: tuple[Scene, Trajectory]) -> None:
