@@ -40,5 +40,5 @@ def text(found: dict[str, dict[str, str]]) -> str:
     tally = ["| file of tests | bugs it catches first |", "|---|---|"]
     tally += [f"| {file or 'nobody'} | {count} |" for file, count in sorted(by_check.items())]
     others = ", ".join(sorted(files - by_check.keys()))
-    parts = (HEAD, "\n".join(lines), "## By file", "\n".join(tally))
+    parts = (HEAD.strip(), "\n".join(lines), "## By file", "\n".join(tally))
     return "\n\n".join([*parts, f"Kept, for claims that no bug here breaks first: {others}."]) + "\n"

@@ -12,7 +12,7 @@ import pytest
 from jinja2 import Environment, PackageLoader
 from matplotlib.figure import Figure
 
-from reports.chapters import work_precision
+from reports.chapters import agreement, clearance, work_precision
 from reports.page import GENERATOR, STUDIES, Chapter
 from reports.results import FloatArray, Results, read_study
 from reports.tables import FORMATS
@@ -30,7 +30,12 @@ def _neither_curves_nor_slow_figures(monkeypatch: pytest.MonkeyPatch) -> None:
         return np.linspace(1.0, 2.0, 50)
 
     monkeypatch.setattr(Results, "curve", curve)
-    monkeypatch.setattr(work_precision.figures, "drawing", lambda *_: Figure())
+    for module, drawing in (
+        (work_precision.figures, "drawing"),
+        (clearance, "against_step"),
+        *((agreement.figures, name) for name in ("against_step", "against_setting", "over_time")),
+    ):
+        monkeypatch.setattr(module, drawing, lambda *_: Figure())
 
 
 @cache
