@@ -23,8 +23,8 @@ from tests.planted_bugs.catalogue import ROOT, Inapplicable
 LIMIT_S = 900.0
 #: How pytest ends where tests have failed.
 FAILED = 1
-#: Characters of what a test says.
-MOST = 100
+#: Characters of what a test says, and how folders begin there that are another ones each time.
+MOST, PASSING = 100, re.compile(r"/\S*?/(planted-\w+|pytest-of-\w+/pytest-\d+)/")
 
 
 class Planted(Protocol):
@@ -163,5 +163,5 @@ def _told(report: "ElementTree.ElementTree[ElementTree.Element]") -> Iterator[tu
 
 def shortened(message: str) -> str:
     """Return what a failed test says in a short line."""
-    line = " ".join(re.sub(r"^(AssertionError|assert)\b:?", "", message.strip()).split())
+    line = " ".join(re.sub(r"^(AssertionError|assert)\b:?", "", PASSING.sub("", message).strip()).split())
     return line if len(line) <= MOST else f"{line[:MOST]}..."

@@ -14,6 +14,7 @@ from studies.extremes.checks import ideal_motion
 from studies.judges import converged_truth, ideal_truth
 from studies.judges.comparison import compared, conserved
 from studies.judges.converged_truth import reach
+from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.energy_rates import drift_rate, growth_exponent
 from studies.judges.horizon import first_beyond_s
 from studies.judges.ideal_truth import exact
@@ -116,6 +117,15 @@ def test_an_error_of_the_gallery_is_the_largest_in_cranks() -> None:
     assert off == pytest.approx(0.01 / 0.05)
 
 
+def test_a_slider_that_leaves_its_guide_with_all_joints_closed_has_a_speed() -> None:
+    """The crank is at rest at 0 rad, and the rod turns about pin A, with the slider on its end."""
+    scene, truth, turning = ideal_driven(), exact(ideal_driven(), 8), 3.0
+    velocity = np.zeros_like(truth.velocity)
+    velocity[0, 1], velocity[0, 2] = (0.0, 0.06 * turning, turning), (0.0, 0.12 * turning, 0.0)
+    speed = constraint_speed_m_s(scene, replace(truth, velocity=velocity))
+    assert speed.tolist() == pytest.approx([0.12 * turning, *[0.0] * 8])
+
+
 # Contacts
 
 
@@ -195,6 +205,12 @@ def test_an_interval_of_a_drift_is_students_of_five_parts() -> None:
     half = 2.7764451 * np.sqrt(5 / 2) / np.sqrt(5)
     found = drift_rate(time, value, blocks=10)
     assert (found.high_per_s - found.low_per_s) / 2 == pytest.approx(half, rel=1e-6)
+
+
+def test_a_drift_does_not_see_one_block_that_is_off() -> None:
+    time = np.linspace(0.0, 1.0, 1001)
+    value = 0.7 * time + 100.0 * ((time > 0.9) & (time <= 0.95))
+    assert drift_rate(time, value, blocks=20).per_s == pytest.approx(0.7, rel=1e-9)
 
 
 def test_growth_is_that_of_all_but_the_first_twentieth() -> None:
