@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 from tests.planted_bugs.catalogue import ROOT, Inapplicable
 
 #: Longer than any of the tests takes; a bug that makes one hang has not been told of.
-LIMIT_S = 900.0
+LIMIT_S = 300.0
 #: How pytest ends where tests have failed.
 FAILED = 1
 #: Characters of what a test says, and how folders begin there that are another ones each time.

@@ -19,6 +19,7 @@ from reference_solver.mechanism.mechanism import (
 )
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, dop853, dopri5
+from reference_solver.rigid.impact import Touching, impact
 from reference_solver.tape import power
 
 #: Mass, inertia, distance of the pin from the centre of mass, and gravity.
@@ -111,6 +112,16 @@ def test_ambrosios_friction_is_a_ramp_past_its_dead_band() -> None:
     law = FrictionLaw("ambrosio", 0.1, 0.5, 0.1)
     found = [ambrosio(law, speed) for speed in (-9.0, -0.3, -0.1, 0.05, 0.1, 0.3, 0.5, 9.0)]
     assert found == pytest.approx([-1.0, -0.5, 0.0, 0.0, 0.0, 0.5, 1.0, 1.0])
+
+
+def test_a_disc_comes_back_from_a_rigid_wall_with_its_restitution() -> None:
+    """At 3 m/s along x, where pins go outwards, with a restitution of 0.6."""
+    disc, row = Equations(Mechanism((Body(M, I),), ()), np.zeros(3)), np.array([[-1.0, 0.0, 0.0]])
+    touching = Touching(row, np.array([[0.0, 1.0, 0.0]]), np.array([0.6]), np.array([0.0]))
+    jump = impact(disc, 0.0, np.zeros(3), np.array([3.0, 0.5, 0.0]), touching)
+    np.testing.assert_allclose(jump.v, [-1.8, 0.5, 0.0])
+    assert jump.normal_impulse_N_s == pytest.approx(M * 4.8)
+    assert jump.energy_lost_J == pytest.approx(M * (3.0**2 - 1.8**2) / 2)
 
 
 # Methods

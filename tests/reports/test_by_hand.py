@@ -18,7 +18,7 @@ from reports.chapters.work_precision.figures import drawing
 from reports.chapters.work_precision.findings import found, races
 from reports.chapters.work_precision.tables import cheapest
 from reports.convergence import observed_order
-from reports.equal_error import Arrival, Judged, ratio
+from reports.equal_error import Arrival, Judged, arrival, front, levels, ratio
 from reports.plots.step_figures import against_step
 from reports.plots.time_figures import over_time
 from reports.quantities import finished, floor, value
@@ -158,6 +158,36 @@ def test_a_line_that_bends_late_loses_its_end_and_one_that_steepens_loses_none()
     bent = np.cumprod([1.0, 2.0**-2.2, 2.0**-3, 2.0**-3, 2.0**-2]).tolist()
     # 2 is below three quarters of the 3 before it; and what is left is ten times the error there, or more.
     assert observed_order(steps, bent).steps == tuple(steps[:3])
+
+
+def rungs_of(*points: tuple[float, tuple[float, ...]]) -> pd.DataFrame:
+    """Return the rungs of an arm by their errors and run times in s by round."""
+    of = pd.DataFrame({"error": [error for error, _ in points], "place": range(len(points))})
+    times = [np.array(times) for _, times in points]
+    own = {"engine": "e", "label": "e (a)", "knob": "step", "value": of["error"], "steps": 1.0}
+    return of.assign(times_s=times, time_s=[float(np.nanmedian(each)) for each in times], **own)
+
+
+def test_of_two_rungs_as_good_the_cheaper_is_the_front() -> None:
+    assert front(rungs_of((1e-4, (2.0,)), (1e-4, (1.0,))))["time_s"].tolist() == [1.0]
+
+
+def test_an_error_is_passed_wherever_two_neighbours_have_it_between_them() -> None:
+    """A ladder whose last rung is worse again: down from 1 s to 10 s, and up again to 2 s."""
+    there = arrival(rungs_of((1e-4, (1.0,)), (1e-8, (10.0,)), (1e-6, (2.0,))), 1e-7)
+    assert there is not None
+    assert there.time_s == pytest.approx(20**0.5), "and not 10^(3/4)"
+
+
+def test_levels_begin_above_the_best_rung_and_end_where_two_rungs_are() -> None:
+    assert levels(rungs_of(*((error, (1.0,)) for error in (1e-6, 1e-4, 1e-3))), 0.0) == [1e-4, 1e-5]
+    assert levels(rungs_of(*((error, (1.0,)) for error in (6e-7, 2e-6, 1e-3))), 0.0) == [1e-6]
+
+
+def test_between_rungs_a_round_counts_that_both_have() -> None:
+    there = arrival(rungs_of((1e-4, (np.nan, 1.0)), (1e-6, (7.0, 4.0))), 1e-5)
+    assert there is not None
+    assert there.time_s == pytest.approx(2.0)
 
 
 def test_an_interval_of_many_rounds_holds_19_of_20_medians() -> None:
