@@ -50,12 +50,12 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 #: Why nobody sees what survives, by its name.
 EXPLAINED: dict[str, str] = {
-    "reports/equal_error.py _ways: < to <= at 60 of 'between = ((errors[:-1] - error) * (errors[1:] - error) < 0)"
-    " & (np.diff(places) == 1)'": "interpolated to a rung itself, a time is the rung's, which comes first",
+    "reports/equal_error.py _ways: < to <= at 60 of 'between = ((errors[:-1] - error) * (errors[1:] - error) "
+    "< 0) & (np.diff(places) == 1)'": "interpolated to a rung itself, a time is the rung's, which is first",
     "reports/equal_error.py ratio: 0 to 1 at 34 of 'drawn = np.random.default_rng(0).integers(len(ratios), "
     "size=(DRAWS, len(ratios)))'": "other draws of the same rounds",
-    "reports/equal_error.py levels: < to <= at 19 of 'if len(errors) < 2:'": "no level is between two rungs",
-    "reports/equal_error.py levels: 2 to 3 at 21 of 'if len(errors) < 2:'": "no level is between two rungs",
+    "reports/equal_error.py levels: < to <= at 19 of 'if len(errors) < 2:'": "two rungs have none between",
+    "reports/equal_error.py levels: 2 to 3 at 21 of 'if len(errors) < 2:'": "two rungs have none between",
 }
 
 OTHER_OPERATORS: dict[type[ast.AST], tuple[str, str]] = {

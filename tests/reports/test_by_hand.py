@@ -18,7 +18,7 @@ from reports.chapters.work_precision.figures import drawing
 from reports.chapters.work_precision.findings import found, races
 from reports.chapters.work_precision.tables import cheapest
 from reports.convergence import observed_order
-from reports.equal_error import Arrival, Judged, arrival, front, levels, ratio
+from reports.equal_error import Arrival, Judged, Ratio, arrival, front, levels, ratio
 from reports.plots.step_figures import against_step
 from reports.plots.time_figures import over_time
 from reports.quantities import finished, floor, value
@@ -177,6 +177,11 @@ def test_an_error_is_passed_wherever_two_neighbours_have_it_between_them() -> No
     there = arrival(rungs_of((1e-4, (1.0,)), (1e-8, (10.0,)), (1e-6, (2.0,))), 1e-7)
     assert there is not None
     assert there.time_s == pytest.approx(20**0.5), "and not 10^(3/4)"
+
+
+def test_a_ratio_of_one_decides_nothing() -> None:
+    assert [Ratio(*of).decided for of in ((1.0, 1.0, 1.0), (2.0, 1.0, 3.0), (0.5, 0.4, 1.0))] == [False] * 3
+    assert [Ratio(*of).decided for of in ((1.2, 1.1, 1.3), (0.5, 0.4, 0.9))] == [True] * 2
 
 
 def test_levels_begin_above_the_best_rung_and_end_where_two_rungs_are() -> None:
