@@ -21,7 +21,7 @@ from reports.convergence import observed_order
 from reports.equal_error import Arrival, Judged, Ratio, arrival, front, levels, ratio
 from reports.plots.step_figures import against_step
 from reports.plots.time_figures import over_time
-from reports.quantities import finished, floor, value
+from reports.quantities import finished, floor, value, with_largest
 from reports.results import BrokenResults, Results, frame, read_results
 from reports.run.orbit_plot import orbit_plot
 from reports.run.time_plot import time_plot
@@ -137,6 +137,15 @@ def test_what_failed_or_was_refused_did_not_finish() -> None:
 def test_what_failed_has_no_number() -> None:
     failed = rows(row("reference (none)", 0.1, **{POSITION: 1.0, "status": "failed"}))
     assert value(failed, POSITION).isna().all()
+
+
+def test_the_largest_of_all_joints_has_the_largest_of_their_uncertainties() -> None:
+    joints = {"joint_O_force_error_N": 3.0, "joint_A_force_error_N": 5.0, "joint_B_force_error_N": 4.0}
+    doubts = {"joint_O_force_uncertainty_N": 0.3, "joint_A_force_uncertainty_N": 0.1}
+    one = with_largest(
+        rows(row("reference (none)", 0.1, **joints, **doubts)), "f_error_N", r"joint_\w_force_error_N"
+    )
+    assert (one["f_error_N"].tolist(), one["f_uncertainty_N"].tolist()) == ([5.0], [0.3])
 
 
 def test_the_smallest_error_stands_beside_its_own_uncertainty() -> None:
