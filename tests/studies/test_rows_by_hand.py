@@ -92,11 +92,11 @@ def test_of_timed_runs_the_first_is_left_out_and_the_median_told(monkeypatch: py
 
 
 def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:
-    """Baumgarte's feedback, strong against what steps of three degrees leave open, on two revolutions."""
-    run, scene = RunSettings(1e-4, 24), ideal_driven()
-    case = Case("energy", scene, arms.BAUMGARTE, run, columns={"rung": 0})
+    """Projection after steps of seven degrees, which takes some energy, on two revolutions."""
+    run, scene = RunSettings(2.5e-4, 24), ideal_driven()
+    case = Case("energy", scene, arms.PROJECTION, run, columns={"rung": 0})
     row, _ = energy.measure(case)
-    motion = make_engine("reference", stabilisation="baumgarte").simulate(scene, run)
+    motion = make_engine("reference", stabilisation="projection").simulate(scene, run)
     energies = []
     for velocity, position in zip(motion.velocity.tolist(), motion.position.tolist(), strict=True):
         total = 0.0
@@ -111,7 +111,7 @@ def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:
     assert row["turns"] == pytest.approx(2.0)
     assert row["mean_hidden_power_W"] == pytest.approx(gained / 0.024, rel=1e-6, abs=1e-10)
     removed = float(motion.stabilisation_loss_J[-1])
-    assert removed != 0.0
+    assert removed > 1e-5
     assert row["stabilisation_power_W"] == pytest.approx(-removed / 0.024)
 
 
