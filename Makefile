@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test accuracy docs rivals soak lint types benchmark publish lock clean
+.PHONY: study test accuracy planted mutants docs rivals soak lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -18,6 +18,14 @@ accuracy: .venv/.rivals
 # These pages as a site, to be opened at docs/_build/index.html.
 docs: .venv/.ready
 	$(BIN)/python -m sphinx -E -W --keep-going -q docs docs/_build
+
+# Plants every bug of a catalogue in a copy and sees which test catches it, half an hour; SAMPLE=12 draws some.
+planted: .venv/.ready
+	$(BIN)/python -m tests.planted_bugs $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
+
+# Alters what judges, counts and says, operator by operator, and lists what no test notices.
+mutants: .venv/.ready
+	$(BIN)/python -m tests.planted_bugs.mutations $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
 
 # heyoka, which studies and tests do without: 100 MB, and for Linux and Python 3.11+ only.
 rivals: .venv/.rivals

@@ -227,3 +227,11 @@ def test_the_command_says_what_it_compiles_again_in_one_note() -> None:
     note = f"note: {kernel_folder()}: expected files as they were kept, got damaged ones: "
     assert second.stderr == f"{note}making them again\n{first.stderr}"
     logging.getLogger("reference_solver").handlers = []
+
+
+def test_of_two_kinds_of_argument_each_loads_its_own_machine_code() -> None:
+    for _ in range(2):
+        load_kernel.cache_clear()
+        kernel: ModuleType = load_kernel(SOURCE)
+        assert (kernel.twice(21.0), kernel.twice(2.0 + 1.0j)) == (42.0, 4.0 + 2.0j)
+    assert len(list(kernel_folder().iterdir())) == 2

@@ -153,3 +153,15 @@ def test_names_of_lines_are_never_used_twice() -> None:
     assigned = [line.split(" = ")[0] for line in lines]
     assert len(set(assigned) | set(NAMES)) == len(assigned) + len(NAMES), assigned
     assert all(re.fullmatch(r"\w+", name) for name in assigned)
+
+
+@pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_sums_and_differences_of_negatives_have_their_signs(signs: tuple[int, int]) -> None:
+    def function(a: Any, b: Any, _: Any) -> list[Any]:
+        one, other = (x if sign > 0 else -x for sign, x in zip(signs, (a, b), strict=True))
+        return [one + other, one - other, one + 2.0, 2.0 - one, one * other, one / other, one - 0.5 * other]
+
+    a, b = 3.0 * signs[0], 7.0 * signs[1]
+    lines, results, _ = written(function)
+    found = run(lines, results, a=3.0, b=7.0, c=0.0)
+    assert found == pytest.approx([a + b, a - b, a + 2, 2 - a, a * b, a / b, a - b / 2])

@@ -1,0 +1,213 @@
+"""Laws, forces and scenes that all engines' models share, against numbers put down here."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from engine_models import arms
+from engine_models.engine import RunSettings
+from engine_models.exudyn.contact_law import native_law, native_twin
+from engine_models.exudyn.motion import integral
+from engine_models.guards import guarded, unguarded
+from engine_models.mechanics.contact_law import (
+    DAMPING_FACTORS,
+    LawNumbers,
+    friction_force,
+    normal_force,
+    stiffness_of,
+)
+from engine_models.mechanics.crank_motion import crank_motion
+from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.reactions import ContactForces, guide_force, reactions
+from engine_models.mechanics.slider_load import slider_forces
+from engine_models.pymunk.rigid_twin import rigid_twin
+from engine_models.reference import two_methods
+from engine_models.scene.drives import RampDrive
+from engine_models.scene.library import SCENES, ideal_driven
+from engine_models.scene.loads import Loads, SliderLoad
+from engine_models.scene.scene import Clearance, Scene
+from studies.judges.ideal_truth import configuration, exact
+
+STEEL = Clearance(
+    radial_clearance_m=5e-4,
+    bearing_radius_m=0.01,
+    law="lankarani-nikravesh",
+    young_modulus_Pa=207e9,
+    poisson_ratio=0.3,
+    restitution=0.9,
+)
+BOUNCING = SCENES["clearance-driven-0.5mm"]
+
+
+def test_a_steel_pin_is_as_stiff_as_hertz_has_it() -> None:
+    """s = 0.91/207e9 = 4.396135e-12 1/Pa, 4/(6 s) = 1.516484e11, times sqrt(0.01 0.0095/5e-4) = 0.4358899."""
+    assert stiffness_of(STEEL) == pytest.approx(6.6102e10, rel=1e-4)
+
+
+def test_damping_factors_at_a_restitution_of_eight_tenths() -> None:
+    expected = {"hunt-crossley": 0.3, "lankarani-nikravesh": 0.27, "gonthier": 0.45, "flores": 0.4}
+    expected |= {"hu-guo": 0.375, "carvalho-martins": 0.3731707, "zhiying-qishao": 0.4027927}
+    assert {name: factor(0.8) for name, factor in DAMPING_FACTORS.items()} == pytest.approx(
+        expected, rel=1e-6
+    )
+
+
+def test_a_law_is_clipped_where_it_would_pull_and_only_if_it_clips() -> None:
+    law = LawNumbers(stiffness=1e9, exponent=1.5, factor=0.5, damping=0.0, floor=1e-6, clips=True)
+    spring = 1e9 * 1e-9
+    found = [normal_force(law, 1e-6, rate, 0.2) for rate in (0.1, -0.6)]
+    assert found[0] == pytest.approx((1.25 * spring, spring, False))
+    assert found[1] == pytest.approx((0.0, spring, True))
+    pulling = law._replace(clips=False)
+    assert normal_force(pulling, 1e-6, -0.6, 0.2)[0] == pytest.approx(-0.5 * spring)
+
+
+def test_friction_is_a_ramp_past_its_dead_band_against_the_sliding() -> None:
+    law = LawNumbers(1e9, 1.5, 0.0, 0.0, 1e-6, False, coefficient=0.1, full=0.5, dead=0.1)
+    found = [friction_force(law, 20.0, speed) for speed in (-9.0, -0.3, 0.1, 0.3, 0.5)]
+    assert found == pytest.approx([2.0, 1.0, 0.0, -1.0, -2.0])
+
+
+def test_a_contact_stores_what_its_force_integrates_to() -> None:
+    unset = {"young_modulus_Pa": None, "poisson_ratio": None}
+    law = STEEL.model_copy(update={**unset, "stiffness": 1e9, "exponent": 1.5})
+    stored = elastic_energy_J(law, np.array([-1e-5, 1e-5]))
+    assert stored.tolist() == pytest.approx([0.0, 1e9 * 1e-5**2.5 / 2.5])
+
+
+# Forces
+
+
+def odd() -> Scene:
+    """The driven scene with centres of mass that are nowhere in the middle."""
+    crank, rod, _ = ideal_driven().crank_slider()
+    changed = {
+        "crank": crank.model_copy(update={"centre_of_mass_m": 0.01}),
+        "rod": rod.model_copy(update={"centre_of_mass_m": 0.03}),
+    }
+    return ideal_driven().model_copy(update=changed)
+
+
+def test_reactions_are_the_closed_forms_wherever_the_centres_of_mass_are() -> None:
+    scene = odd()
+    truth, speed = exact(scene, 20), scene.start.crank_speed_rad_s
+    acceleration = configuration(scene, truth.position[:, 0, 2])[2] * speed**2
+    force, guide, torque = reactions(scene, truth.position, truth.velocity, acceleration, {})
+    scale = np.abs(truth.joint_force_N).max()
+    np.testing.assert_allclose(force, truth.joint_force_N, rtol=0, atol=1e-9 * scale)
+    assert guide is not None
+    assert truth.guide_normal_force_N is not None
+    assert truth.driver_torque_N_m is not None
+    np.testing.assert_allclose(guide, truth.guide_normal_force_N, rtol=0, atol=1e-9 * scale)
+    np.testing.assert_allclose(torque, truth.driver_torque_N_m, rtol=0, atol=1e-9 * scale)
+
+
+def test_a_guide_carries_the_slider_and_what_its_pin_does_not() -> None:
+    force = np.zeros((1, 3, 2))
+    force[0, 2, 1] = -0.5
+    assert guide_force(ideal_driven(), force) == pytest.approx(0.14 * 9.81 + 0.5)
+
+
+def test_friction_in_a_bearing_turns_the_crank_by_the_bearings_lever() -> None:
+    """All at rest without weight: 3 N across at pin A, 0.05 m out, and on the bearing's wall."""
+    scene = BOUNCING().model_copy(update={"gravity_m_s2": 0.0})
+    assert scene.clearance.B is not None
+    scene = scene.model_copy(update={"clearance": scene.clearance.model_copy(update={"A": STEEL, "B": None})})
+    at_rest = np.zeros((1, 3, 3))
+    rubbing = ContactForces(np.array([[5.2e-4, 0.0]]), np.array([2e-5]), np.zeros(1), np.array([3.0]))
+    *_, torque = reactions(scene, at_rest, at_rest, at_rest, {"A": rubbing})
+    assert torque == pytest.approx(3.0 * 0.05 + 3.0 * (0.01 + 1e-5))
+
+
+def test_a_spring_pulls_from_its_free_position() -> None:
+    load = Loads(slider=SliderLoad(spring_N_m=2000.0, free_position_m=0.12))
+    position = np.zeros((1, 3, 3))
+    position[0, 2, 0] = 0.15
+    scene = ideal_driven().model_copy(update={"load": load})
+    assert slider_forces(scene, position, position)["spring"] == pytest.approx(-60.0)
+
+
+def test_a_ramp_takes_its_time_and_is_half_way_in_the_middle() -> None:
+    drive = RampDrive(kind="ramp", final_speed_rad_s=110.0, ramp_time_s=0.02)
+    start = ideal_driven().start.model_copy(update={"crank_speed_rad_s": 10.0})
+    motion = crank_motion(ideal_driven().model_copy(update={"drive": drive, "start": start}))
+    assert motion is not None
+    assert motion.speed_rad_s(np.array([0.0, 0.01, 0.02, 1.0])).tolist() == pytest.approx([10, 60, 110, 110])
+    assert motion.turned_rad(np.array([0.02]))[0] == pytest.approx(60 * 0.02)
+
+
+# Engines
+
+
+def test_a_step_is_never_longer_than_asked_for() -> None:
+    settings = RunSettings(0.3, 1)
+    assert (settings.steps_per_sample(1.0), settings.step_used_s(1.0)) == (4, 0.25)
+
+
+def test_guards_speak_unless_they_are_told_not_to() -> None:
+    assert guarded()
+    with unguarded():
+        assert not guarded()
+
+
+def test_two_methods_are_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, float]] = []
+    monkeypatch.setattr(
+        two_methods, "_controlled", lambda _, tolerance, __, method: asked.append((method, tolerance))
+    )
+    two_methods._by_dopri5(ideal_driven(), 1e-12, 4)
+    assert asked == [("dop853", 1e-12), ("dopri5", 1e-11)]
+
+
+def test_arms_set_what_their_names_say() -> None:
+    settings = {arm.label: dict(arm.settings) for arm in vars(arms).values() if isinstance(arm, arms.Arm)}
+    paper = {"locate_events": False, "stabilisation": "none"}
+    assert settings["reference (plain RK4)"] == paper
+    assert settings["reference (none)"] == {"stabilisation": "none"}
+    assert settings["exudyn (generalized-alpha)"]["spectral_radius"] == 0.5
+    assert settings["exudyn (generalized-alpha 0.9)"]["spectral_radius"] == 0.9
+    assert settings["scipy (DOP853 minimal)"] == {"method": "DOP853", "coordinates": "minimal"}
+    assert settings["pymunk (native contact)"] == {"contact": "rigid"}
+
+
+def test_exudyns_twin_pulls_and_has_its_law_by_another_restitution() -> None:
+    law = native_law(STEEL.model_copy(update={"restitution": 0.8}))
+    assert law.impact_model == 1
+    assert law.restitution == pytest.approx(0.82), "3 (1 - 0.82)/2 is 0.27"
+    twin = native_twin(BOUNCING()).clearance.B
+    assert twin is not None
+    assert twin.may_pull
+
+
+def test_exudyns_sums_are_exact_of_powers_up_to_the_fifth() -> None:
+    grid = np.array([0.0, 0.5, 2.0])
+    sums = integral(grid, lambda t: np.stack([t**k for k in range(6)]))
+    np.testing.assert_allclose(sums, [[t ** (k + 1) / (k + 1) for t in grid] for k in range(6)], rtol=1e-13)
+
+
+def test_rigid_walls_in_a_laws_place_have_its_restitution() -> None:
+    twin = rigid_twin(BOUNCING()).clearance.B
+    assert twin is not None
+    assert (twin.law, twin.restitution) == ("rigid", 0.9)
+    hertz = BOUNCING().clearance.B
+    assert hertz is not None
+    loose = hertz.model_copy(update={"law": "hertz", "restitution": None})
+    scene = BOUNCING().model_copy(update={"clearance": BOUNCING().clearance.model_copy(update={"B": loose})})
+    elastic = rigid_twin(scene).clearance.B
+    assert elastic is not None
+    assert elastic.restitution == 1.0, "what is lossless stays so"
+
+
+def test_the_standard_case_is_the_literatures() -> None:
+    """Set R: crank of 0.05 m and 0.30 kg, rod of 0.12 m and 0.21 kg, slider of 0.14 kg, 5000 rev/min."""
+    scene = BOUNCING()
+    crank, rod, slider = scene.crank_slider()
+    parts = [SimpleNamespace(**part.model_dump()) for part in (crank, rod)]
+    numbers = [(p.length_m, p.mass_kg, p.inertia_kg_m2, p.centre_of_mass_m) for p in parts]
+    assert numbers == [(0.05, 0.30, 1e-4, 0.025), (0.12, 0.21, 2.5e-4, 0.06)]
+    assert slider.mass_kg == 0.14
+    assert scene.start.crank_speed_rad_s == pytest.approx(523.599, rel=1e-6)
+    assert scene.clearance.B is not None
+    assert scene.clearance.B.radial_clearance_m == 5e-4
+    assert scene.clearance.B.restitution == 0.9

@@ -1,0 +1,167 @@
+"""A copy of the project in which one bug at a time is planted, and what the tests that could see it say."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+from tempfile import TemporaryDirectory
+from typing import Protocol
+from xml.etree import ElementTree
+
+from tests.planted_bugs.catalogue import ROOT, Inapplicable
+
+#: Longer than any of the tests takes; a bug that makes one hang has not been told of.
+LIMIT_S = 300.0
+#: How pytest ends where tests have failed.
+FAILED = 1
+#: Characters of what a test says, and how folders begin there that are another ones each time.
+MOST, PASSING = 100, re.compile(r"/\S*?/(planted-\w+|pytest-of-\w+/pytest-\d+)/")
+
+
+class Planted(Protocol):
+    """A change of a file, by its path from the root, and the tests that could see it."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def file(self) -> str:
+        """The file that it changes."""
+        ...
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """Paths, or pytest's names, of the tests."""
+        ...
+
+    def planted(self, text: str) -> str:
+        """Return the text of the file with the change in it, or raise Inapplicable."""
+        ...
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Who caught a bug, by pytest's name, and what that said; nobody if the name is empty."""
+
+    bug: Planted
+    caught_by: str
+    said: str
+    took_s: float
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of the project, and a process that runs tests in it (see ``forked``)."""
+
+    folder: Path
+    tests: "subprocess.Popen[str]"
+
+    def outcome(self, bug: Planted) -> Outcome:
+        """Plant a bug, run the tests that could see it up to the first that does, and take it out.
+
+        One that does not fit its file any more is caught by nobody.
+        """
+        file, began = self.folder / bug.file, time.monotonic()
+        right = file.read_bytes()
+        try:
+            file.write_bytes(bug.planted(right.decode("utf-8")).encode("utf-8"))
+            failures, said = self._failures(bug.tests, "-x")
+        except Inapplicable as reason:
+            failures, said = {}, str(reason)
+        finally:
+            file.write_bytes(right)
+        (name, message), *_ = [*failures.items(), ("", said)]
+        return Outcome(bug, name, message, time.monotonic() - began)
+
+    def failing(self, tests: Sequence[str]) -> list[str]:
+        """Return which of some tests fail without any bug."""
+        failures, said = self._failures(tests)
+        return [*failures, *([said] if said else [])]
+
+    def _failures(self, tests: Sequence[str], *options: str) -> tuple[dict[str, str], str]:
+        """Return what the tests that fail say by their names, and what else went wrong, if anything."""
+        report = self.folder / "junit.xml"
+        report.unlink(missing_ok=True)
+        # Plugins of pytest that a library has imported before it are none whose assertions matter.
+        ignored = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+        quiet = (*ignored, "-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--junit-xml={report}")
+        assert self.tests.stdin is not None
+        assert self.tests.stdout is not None
+        print(
+            json.dumps((str(self.folder), [*quiet, *options, *tests], LIMIT_S)),
+            file=self.tests.stdin,
+            flush=True,
+        )
+        code = int(self.tests.stdout.readline())
+        if code == 0:
+            return {}, ""
+        if code != FAILED or not report.exists():
+            output = (self.folder / "output.txt").read_text(encoding="utf-8", errors="replace")
+            return {}, f"no end within {LIMIT_S:g} s" if code == -1 else f"no test ran: {output[-300:]}"
+        return dict(_told(ElementTree.parse(report))), ""
+
+
+def outcomes(bugs: Sequence[Planted], jobs: int) -> Iterator[Outcome]:
+    """Yield the outcome of each bug as soon as it is known, bugs being planted in so many copies at once."""
+    with ExitStack() as stack:
+        copies: Queue[Copy] = Queue()
+        for _ in range(jobs):
+            copies.put(stack.enter_context(copied()))
+
+        def in_some(bug: Planted) -> Outcome:
+            place = copies.get()
+            try:
+                return place.outcome(bug)
+            finally:
+                copies.put(place)
+
+        pool = stack.enter_context(ThreadPoolExecutor(jobs))
+        stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+        for run in as_completed([pool.submit(in_some, bug) for bug in bugs]):
+            yield run.result()
+
+
+@contextmanager
+def copied() -> Iterator[Copy]:
+    """Copy what Git tracks, as it is now, into a folder that goes afterwards."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True)
+    with TemporaryDirectory(prefix="planted-") as folder:
+        for name in filter(None, listed.stdout.split("\0")):
+            if (ROOT / name).exists():
+                (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / name, Path(folder) / name)
+        # Python tells its compiled files by the second in which a source was written: a bug may come sooner.
+        environment = {**os.environ, "PYTHONPATH": folder, "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, str(Path(__file__).with_name("forked.py"))]
+        with subprocess.Popen(
+            command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as tests:
+            try:
+                yield Copy(Path(folder), tests)
+            finally:
+                tests.terminate()
+
+
+def _told(report: "ElementTree.ElementTree[ElementTree.Element]") -> Iterator[tuple[str, str]]:
+    """Yield names and messages of the tests in a report that failed."""
+    for case in report.iter("testcase"):
+        for failure in (*case.findall("failure"), *case.findall("error")):
+            module = case.get("classname", "").replace(".", "/")
+            yield f"{module}.py::{case.get('name')}", shortened(failure.get("message", ""))
+
+
+def shortened(message: str) -> str:
+    """Return what a failed test says in a short line."""
+    line = " ".join(re.sub(r"^(AssertionError|assert)\b:?", "", PASSING.sub("", message).strip()).split())
+    return line if len(line) <= MOST else f"{line[:MOST]}..."

@@ -1,0 +1,106 @@
+"""Columns that ``simulate`` writes, against the numbers of two states put down here."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from engine_models.engine import Contact, Impacts, Trajectory
+from engine_models.scene.library import SCENES
+from studies.command.trajectory_table import impact_columns, sample_columns
+
+#: Masses and inertias of set R: crank, rod, slider; and gravity.
+MASS_KG, INERTIA_KG_M2, GRAVITY_M_S2 = (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), 9.81
+NONE = np.zeros(2)
+
+
+def impacts(*times: float) -> Impacts:
+    at = np.array(times)
+    return Impacts(at, at / 10, at * 2, at * 3, at * 4)
+
+
+def contact() -> Contact:
+    return Contact(
+        gap_m=np.array([[3e-4, 4e-4], [-1e-4, 2e-4]]),
+        penetration_m=np.array([0.0, -2.8e-4]),
+        normal_force_N=np.array([70.0, 0.0]),
+        friction_force_N=np.array([7.0, 0.0]),
+        elastic_energy_J=np.array([0.5, 0.0]),
+        normal_impulse_N_s=NONE,
+        normal_loss_J=np.array([0.0, 0.01]),
+        friction_loss_J=np.array([0.0, 0.02]),
+        clipped_loss_J=np.array([0.0, 0.04]),
+        impacts=impacts(),
+    )
+
+
+def run() -> Trajectory:
+    """Two states with a different number in every place."""
+    return Trajectory(
+        time_s=np.array([0.0, 1.0]),
+        position=np.arange(1.0, 19.0).reshape(2, 3, 3),
+        velocity=np.arange(21.0, 39.0).reshape(2, 3, 3),
+        joint_force_N=np.arange(41.0, 53.0).reshape(2, 3, 2),
+        guide_normal_force_N=np.array([61.0, 62.0]),
+        driver_torque_N_m=np.array([63.0, 64.0]),
+        driver_work_J=np.array([0.0, 5.0]),
+        step_s=0.5,
+        steps=2,
+        solve_time_s=1.0,
+        contacts={"B": contact()},
+    )
+
+
+def energies_J(sample: int) -> tuple[float, float]:
+    """Return kinetic and potential energy of a state by plain sums."""
+    kinetic = potential = 0.0
+    for body in range(3):
+        x, y, turn = (21.0 + 9 * sample + 3 * body + k for k in range(3))
+        kinetic += MASS_KG[body] * (x * x + y * y) / 2 + INERTIA_KG_M2[body] * turn * turn / 2
+        potential += MASS_KG[body] * GRAVITY_M_S2 * (2.0 + 9 * sample + 3 * body)
+    return kinetic, potential + (0.5, 0.0)[sample]
+
+
+def test_every_column_has_its_name_its_place_and_its_number() -> None:
+    columns = sample_columns(SCENES["clearance-driven-damped"](), run())
+    (kinetic_0, potential_0), (kinetic_1, potential_1) = energies_J(0), energies_J(1)
+    expected = {
+        "time_s": (0.0, 1.0),
+        "crank_angle_rad": (3.0, 12.0),
+        "crank_speed_rad_s": (23.0, 32.0),
+        "slider_position_m": (7.0, 16.0),
+        "slider_velocity_m_s": (27.0, 36.0),
+        "joint_O_force_x_N": (41.0, 47.0),
+        "joint_O_force_y_N": (42.0, 48.0),
+        "joint_A_force_x_N": (43.0, 49.0),
+        "joint_A_force_y_N": (44.0, 50.0),
+        "joint_B_force_x_N": (45.0, 51.0),
+        "joint_B_force_y_N": (46.0, 52.0),
+        "guide_normal_force_N": (61.0, 62.0),
+        "driver_torque_N_m": (63.0, 64.0),
+        "kinetic_energy_J": (kinetic_0, kinetic_1),
+        "potential_energy_J": (potential_0, potential_1),
+        # What was gained, less the driver's work, and what contacts have lost by three ways.
+        "energy_balance_residual_J": (
+            0.0,
+            kinetic_1 + potential_1 - kinetic_0 - potential_0 - 5.0 + 0.01 + 0.02 + 0.04,
+        ),
+        "clearance_B_x_m": (3e-4, -1e-4),
+        "clearance_B_y_m": (4e-4, 2e-4),
+        "contact_B_penetration_m": (0.0, -2.8e-4),
+        "contact_B_normal_force_N": (70.0, 0.0),
+        "contact_B_friction_force_N": (7.0, 0.0),
+        "dissipated_energy_J": (0.0, 0.07),
+    }
+    assert list(columns) == list(expected)
+    for name, values in expected.items():
+        np.testing.assert_allclose(columns[name], values, rtol=1e-13, atol=1e-13, err_msg=name)
+
+
+def test_impacts_of_all_joints_are_in_the_order_of_time() -> None:
+    joints = {"A": impacts(1.0, 4.0), "B": impacts(2.0, 3.0)}
+    columns = impact_columns({name: replace(contact(), impacts=each) for name, each in joints.items()})
+    assert columns["joint"].tolist() == ["A", "B", "B", "A"]
+    assert columns["time_s"].tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert columns["approach_speed_m_s"].tolist() == [2.0, 4.0, 6.0, 8.0]
+    assert columns["normal_impulse_N_s"].tolist() == [3.0, 6.0, 9.0, 12.0]
+    assert columns["energy_lost_J"].tolist() == [4.0, 8.0, 12.0, 16.0]

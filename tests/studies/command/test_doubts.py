@@ -1,0 +1,24 @@
+"""A run of the reference that shorter steps change warns of it, and one held to a tolerance does not."""
+
+from engine_models.engine import RunSettings
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.library import SCENES
+from studies.command.doubts import doubts
+
+#: Through set R's first impacts at steps of three degrees, past which a hundredth of the clearance is lost.
+SCENE = SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": 0.036})
+COARSE = RunSettings(1e-4, 360)
+
+
+def test_a_slider_that_shorter_steps_move_is_in_doubt_from_a_time_on() -> None:
+    engine = ReferenceEngine(steps_per_contact=20.0)
+    run = engine.simulate(SCENE, COARSE)
+    (line,) = doubts(engine, SCENE, run, to_tolerance=False)
+    assert line.startswith("slider position in doubt by 1 % of the smallest clearance or more from t = 0.0")
+    assert doubts(engine, SCENE, run, to_tolerance=True) == []
+
+
+def test_a_slider_that_they_leave_where_it_is_is_not() -> None:
+    short = SCENE.model_copy(update={"end_time_s": 0.002})
+    engine, settings = ReferenceEngine(), RunSettings(1e-5, 20)
+    assert doubts(engine, short, engine.simulate(short, settings), to_tolerance=False) == []

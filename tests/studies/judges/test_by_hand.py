@@ -1,0 +1,249 @@
+"""Judges on runs whose errors are put there by hand: what comes out is the number that was put in."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine_models.engine import Contact, Impacts, RunSettings, Trajectory
+from engine_models.scene.library import CLEARANCE_SCENES, ideal_driven, ideal_free
+from engine_models.scene.scene import Scene
+from studies.extremes.checks import ideal_motion
+from studies.judges import converged_truth, ideal_truth
+from studies.judges.comparison import compared, conserved
+from studies.judges.converged_truth import reach
+from studies.judges.energy_ledger import constraint_speed_m_s
+from studies.judges.energy_rates import drift_rate, growth_exponent
+from studies.judges.horizon import first_beyond_s
+from studies.judges.ideal_truth import exact
+from studies.judges.impact_matching import impact_errors
+from studies.judges.local_error import local_errors
+from studies.judges.lyapunov import Growth
+from studies.judges.metrics import errors, in_flight, uncertainties
+from studies.stability.theory import RK4, leading_loss
+
+POSITION = "slider_position_error_m"
+EPS = 2.0**-52
+
+
+def shifted(run: Trajectory, by_m: float, sample: int = 2) -> Trajectory:
+    """Return a run with its slider off at one sample."""
+    position = run.position.copy()
+    position[sample, 2, 0] += by_m
+    return replace(run, position=position)
+
+
+@pytest.fixture(scope="module")
+def driven() -> tuple[Scene, Trajectory]:
+    return ideal_driven(), exact(ideal_driven(), 8)
+
+
+def test_an_error_has_no_sign(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    assert errors(scene, shifted(truth, -1e-3), truth)[POSITION].max() == pytest.approx(1e-3)
+
+
+def test_a_force_is_that_of_its_joint(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    for place, joint in enumerate("OAB"):
+        force = truth.joint_force_N.copy()
+        force[2, place] += (3.0, -4.0)
+        off = errors(scene, replace(truth, joint_force_N=force), truth)
+        assert {name: e.max() for name, e in off.items() if e.any()} == {
+            f"joint_{joint}_force_error_N": pytest.approx(5.0)
+        }
+
+
+def test_an_uncertainty_is_the_largest_distance_from_any_repeat_and_round_off(
+    driven: tuple[Scene, Trajectory],
+) -> None:
+    scene, truth = driven
+    found = uncertainties(scene, truth, [shifted(truth, 1e-6), shifted(truth, -3e-6, 5)])
+    assert found["slider_position_uncertainty_m"] == pytest.approx(3e-6, rel=1e-6)
+    alone = uncertainties(scene, truth, [truth])["slider_position_uncertainty_m"]
+    assert alone == pytest.approx(4 * EPS * 0.17, rel=1e-6, abs=0.0), (
+        "of crank and rod in line, 0.05 m and 0.12 m"
+    )
+
+
+def test_what_is_compared_ends_at_the_horizon_and_is_the_largest(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    run = shifted(shifted(truth, -2e-6, 3), 5.0, 7)
+    row, _ = compared(scene, run, truth, [truth], until=6)
+    assert row[POSITION] == pytest.approx(2e-6)
+    assert row["compared_until_s"] == pytest.approx(5 * 0.024 / 8)
+    fast = replace(truth, velocity=2 * truth.velocity)
+    both = [compared(scene, each, truth, [truth])[0]["largest_kinetic_energy_J"] for each in (truth, fast)]
+    assert both[0] == both[1], "it is the truth's"
+
+
+def test_what_is_conserved_is_judged_by_its_size(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    velocity = truth.velocity.copy()
+    velocity[4] *= 0.9
+    lost = 0.19 * sum(
+        mass * (x * x + y * y) / 2 + inertia * turn * turn / 2
+        for (x, y, turn), mass, inertia in zip(
+            truth.velocity[4].tolist(), (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), strict=True
+        )
+    )
+    row, _ = conserved(scene, replace(truth, velocity=velocity))
+    assert row["energy_balance_residual_J"] == pytest.approx(lost, rel=1e-9)
+
+
+def test_the_first_repeat_that_parts_by_ten_nanometres_ends_the_comparison(
+    driven: tuple[Scene, Trajectory],
+) -> None:
+    _, truth = driven
+    near, far = shifted(truth, 0.9e-8, 1), shifted(truth, 1.1e-8, 4)
+    assert reach(truth, (near, far)) == 4
+    assert reach(truth, (far, near)) == 4
+    assert reach(truth, (near, near)) == len(truth.time_s)
+
+
+def test_a_truth_and_what_tells_its_uncertainty_are_found_in_different_ways() -> None:
+    assert converged_truth.COLLOCATION.method != converged_truth.EXTRAPOLATION.method
+    assert converged_truth.EXTRAPOLATION.tolerance < converged_truth.COLLOCATION.tolerance
+    cuts = (ideal_truth.PIECES, *ideal_truth.REPEAT_PIECES)
+    assert len(set(cuts)) == len(cuts) == 3
+    assert all(max(cuts) % cut for cut in cuts if cut != max(cuts)), "no cut is a part of another"
+
+
+def test_an_error_of_the_gallery_is_the_largest_in_cranks() -> None:
+    scene = ideal_driven()
+    off = ideal_motion(scene, shifted(exact(scene, 8), -0.01))["slider position"]
+    assert off == pytest.approx(0.01 / 0.05)
+
+
+def test_a_slider_that_leaves_its_guide_with_all_joints_closed_has_a_speed() -> None:
+    """The crank is at rest at 0 rad, and the rod turns about pin A, with the slider on its end."""
+    scene, truth, turning = ideal_driven(), exact(ideal_driven(), 8), 3.0
+    velocity = np.zeros_like(truth.velocity)
+    velocity[0, 1], velocity[0, 2] = (0.0, 0.06 * turning, turning), (0.0, 0.12 * turning, 0.0)
+    speed = constraint_speed_m_s(scene, replace(truth, velocity=velocity))
+    assert speed.tolist() == pytest.approx([0.12 * turning, *[0.0] * 8])
+
+
+# Contacts
+
+
+def contact(depths: list[float], times: tuple[float, ...] = (), impulse: float = 1.0) -> Contact:
+    zeros, ones = np.zeros(len(depths)), np.ones(len(times))
+    impacts = Impacts(np.array(times), 0 * ones, ones, impulse * ones, ones)
+    losses: dict[str, Any] = dict.fromkeys(("friction_force_N", "friction_loss_J", "clipped_loss_J"))
+    return Contact(
+        gap_m=np.zeros((len(depths), 2)),
+        penetration_m=np.array(depths),
+        normal_force_N=zeros,
+        elastic_energy_J=zeros,
+        normal_impulse_N_s=zeros,
+        normal_loss_J=zeros,
+        impacts=impacts,
+        **losses,
+    )
+
+
+def loose(**contacts: Contact) -> Trajectory:
+    """Return a run at rest with these contacts."""
+    n = max(len(each.penetration_m) for each in contacts.values())
+    still = np.zeros((n, 3, 3))
+    return Trajectory(
+        time_s=np.arange(float(n)),
+        position=still,
+        velocity=still,
+        joint_force_N=still[:, :, :2],
+        guide_normal_force_N=None,
+        driver_torque_N_m=None,
+        driver_work_J=None,
+        step_s=1.0,
+        steps=n,
+        solve_time_s=1.0,
+        contacts=contacts,
+    )
+
+
+def test_all_pins_fly_where_each_does() -> None:
+    run = loose(A=contact([-1, 1, -1, 0]), B=contact([-1, -1, 1, -1]))
+    assert in_flight(run).tolist() == [True, False, False, False]
+    assert in_flight(run, loose(B=contact([1, 1, 1, 1]))).tolist() == [False] * 4
+
+
+def test_errors_of_impacts_are_parts_of_the_true_ones() -> None:
+    times = (1.0, 2.0)
+    run, true = (contact([0.0], times, impulse).impacts for impulse in (1.5, 1.0))
+    assert impact_errors(run, true, 4.0)["impact_impulse_relative_error"] == pytest.approx(0.5)
+
+
+def test_of_local_errors_the_median_is_told_and_the_largest() -> None:
+    """Three touches between samples in flight; the run after each is off by so much."""
+    truth = loose(B=contact([-1.0] * 8, (0.5, 2.5, 4.5)))
+    off = iter([1e-9, 9e-9, 2e-9])
+
+    class Off:
+        def simulate(self, *_: object) -> SimpleNamespace:
+            position = np.zeros((2, 3, 3))
+            position[-1, 1, 1] = -next(off)
+            return SimpleNamespace(position=position)
+
+    scene = CLEARANCE_SCENES["clearance-driven-0.5mm"]()
+    row = local_errors(Off(), scene, truth, RunSettings(1e-5, 7), 8)  # type: ignore[arg-type]
+    assert (row["restarts"], row["failed_restarts"]) == (3, 0)
+    assert row["local_position_error_m"] == pytest.approx(2e-9)
+    assert row["largest_local_position_error_m"] == pytest.approx(9e-9)
+
+
+# Rates, exponents and horizons
+
+
+def test_an_interval_of_a_drift_is_students_of_five_parts() -> None:
+    """Slopes 1 to 5 by parts: their standard deviation is sqrt(5/2), and t is 2.776 for four of five."""
+    time = np.linspace(0.0, 1.0, 1001)
+    parts = np.minimum((time * 5 - 1e-9).astype(int), 4)
+    value = np.cumsum(np.diff(time, prepend=0.0) * (1.0 + parts))
+    half = 2.7764451 * np.sqrt(5 / 2) / np.sqrt(5)
+    found = drift_rate(time, value, blocks=10)
+    assert (found.high_per_s - found.low_per_s) / 2 == pytest.approx(half, rel=1e-6)
+
+
+def test_a_drift_does_not_see_one_block_that_is_off() -> None:
+    time = np.linspace(0.0, 1.0, 1001)
+    value = 0.7 * time + 100.0 * ((time > 0.9) & (time <= 0.95))
+    assert drift_rate(time, value, blocks=20).per_s == pytest.approx(0.7, rel=1e-9)
+
+
+def test_growth_is_that_of_all_but_the_first_twentieth() -> None:
+    time = np.linspace(0.0, 1.0, 4001)
+    assert growth_exponent(time, np.maximum(0.04**2, time**2)) == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_horizon_is_the_first_time_beyond() -> None:
+    distance = np.array([0.0, 2.0, 0.5, 3.0])
+    assert first_beyond_s(np.arange(4.0), distance, 1.0) == 1.0
+    assert first_beyond_s(np.arange(4.0), distance, 3.0) == np.inf
+
+
+def test_an_exponent_begins_where_it_is_told_to() -> None:
+    parting = Growth(np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.0, 9.0, 10.0, 16.0]), False)
+    assert parting.exponent_per_s(1.0) == pytest.approx(7 / 3)
+    assert parting.exponent_per_s(0.0, 2.0) == pytest.approx(9.0), "the end is left out"
+
+
+def test_rk4_loses_what_its_polynomial_does() -> None:
+    z = 0.1j
+    kept = abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24) ** 2
+    assert leading_loss(RK4, 0.1, 0.5) == pytest.approx(1 - kept, rel=0.01)
+
+
+def test_a_start_from_rest_has_truth_too() -> None:
+    """A crank held level falls as fast as its moments of inertia and weight say."""
+    start = ideal_free().start.model_copy(update={"crank_speed_rad_s": 0.0})
+    scene = ideal_free().model_copy(update={"start": start, "end_time_s": 1e-4})
+    truth = exact(scene, 10)
+    # At theta = 0 the slider stands still, and of the rod only its pin moves, up and down: y at its centre
+    # is r/2 theta, its own turning -r/L theta.
+    r, length = 0.05, 0.12
+    inertia = 1e-5 + 0.30 * 0.025**2 + 0.21 * (r / 2) ** 2 + 2.5e-5 * (r / length) ** 2
+    weight = 9.81 * (0.30 * 0.025 + 0.21 * r / 2)
+    assert truth.velocity[-1, 0, 2] == pytest.approx(-weight / inertia * 1e-4, rel=1e-6)

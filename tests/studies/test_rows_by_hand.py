@@ -1,0 +1,123 @@
+"""What studies write into rows, run again and resume, against what was worked out by hand."""
+
+from dataclasses import replace
+from itertools import chain, repeat
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine_models import arms
+from engine_models.engine import Impacts, RunSettings
+from engine_models.engines import make_engine
+from engine_models.scene.library import SCENES, ideal_driven
+from studies import clearance, energy, work_precision
+from studies.judges.ideal_truth import exact
+from studies.ladders import ideal_ladder
+from studies.predictability.scenes import tighter
+from studies.running import provenance
+from studies.running.case import Case
+from studies.running.finished_cases import opened
+
+
+def test_a_case_is_another_where_the_scene_differs_by_more_than_its_name() -> None:
+    scene = SCENES["clearance-driven-0.5mm"]()
+    one = Case("clearance", scene, arms.LOCATED, RunSettings(1e-5, 10))
+    assert one.key("") == replace(one, scene=SCENES["clearance-driven-0.5mm"]()).key("")
+    assert one.key("") != replace(one, scene=tighter(scene)).key("")
+
+
+def test_another_version_of_a_library_is_other_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = provenance.fingerprint("agreement", "reference")
+    provenance.fingerprint.cache_clear()
+    monkeypatch.setattr(provenance, "version", lambda _: "0")
+    assert provenance.fingerprint("agreement", "reference") != before
+    provenance.fingerprint.cache_clear()
+
+
+def test_what_is_run_again_depends_on_how_it_ended(tmp_path: Path) -> None:
+    """By how a case ended: whether a run that resumes makes it, and one that retries failures."""
+    expected = {
+        "ok": (False, False),
+        "unsupported": (False, False),
+        "failed": (False, True),
+        "timed out": (False, True),
+        "out of memory": (False, True),
+        "crashed": (False, True),
+        "killed from outside": (True, True),
+        "not begun": (True, True),
+    }
+    with opened(tmp_path, {"reference": "0" * 16}) as rows:
+        for status in expected:
+            rows.keep(status, {"engine": "reference", "status": status}, {})
+        found = {status: (rows.lacks(status, False), rows.lacks(status, True)) for status in expected}
+        assert rows.lacks("another", False)
+    assert found == expected
+
+
+def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts() -> None:
+    def impacts(*times: float) -> SimpleNamespace:
+        at = np.array(times)
+        return SimpleNamespace(impacts=Impacts(at, 0 * at, at**0, at**0, at**0))
+
+    truth: Any = SimpleNamespace(contacts={"A": impacts(1.0, 2.0), "B": impacts(1.5, 3.5)})
+    run: Any = SimpleNamespace(contacts={"A": impacts(1.001, 2.0), "B": impacts(1.53)})
+    doubt: Any = SimpleNamespace(contacts={"A": impacts(1.0, 2.0), "B": impacts(1.5, 3.501)})
+    row = clearance._impacts(run, truth, (doubt,), 4.0)
+    assert (row["impacts_matched"], row["impacts_unmatched"], row["impacts_missed"]) == (3, 0, 1)
+    assert row["impact_time_error_s"] == pytest.approx(0.03)
+    assert row["impact_time_uncertainty_s"] == pytest.approx(0.001)
+
+
+def test_a_cross_check_ends_at_the_horizon(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, truth = ideal_driven(), exact(ideal_driven(), 8)
+    position = truth.position.copy()
+    position[2:, 2, 0] += np.array([1e-9, -3e-9, 0, 0, 0.1, 0.1, 0.1])
+    monkeypatch.setattr(clearance, "cross_check", lambda *_: replace(truth, position=position))
+    assert clearance._cross_check_m(scene, truth, 6) == pytest.approx(3e-9, rel=1e-6)
+
+
+def test_of_timed_runs_the_first_is_left_out_and_the_median_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The native solve's own times, after what is loaded: 9 s in the first, then 1, 5, 2, 2."""
+    times = chain([50.0, 9.0, 1.0, 5.0, 2.0, 2.0], repeat(1e3))
+    engine = SimpleNamespace(bare_solve_time_s=lambda *_: next(times))
+    monkeypatch.setattr(work_precision, "make_engine", lambda *_, **__: engine)
+    monkeypatch.setattr(work_precision, "REPEAT_S", 1e9)
+    monkeypatch.setattr(work_precision, "REPEATS", 5)
+    monkeypatch.setattr(work_precision, "_loaded", work_precision._solve_time_s)
+    row = work_precision._times(work_precision.cases(False)[0])
+    assert (row["solve_time_s"], row["least_solve_time_s"], row["repeats"]) == (2.0, 1.0, 4)
+
+
+def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:
+    """Projection after steps of seven degrees, which takes some energy, on two revolutions."""
+    run, scene = RunSettings(2.5e-4, 24), ideal_driven()
+    case = Case("energy", scene, arms.PROJECTION, run, columns={"rung": 0})
+    row, _ = energy.measure(case)
+    motion = make_engine("reference", stabilisation="projection").simulate(scene, run)
+    energies = []
+    for velocity, position in zip(motion.velocity.tolist(), motion.position.tolist(), strict=True):
+        total = 0.0
+        for (x, y, turn), (_, height, _), mass, inertia in zip(
+            velocity, position, (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), strict=True
+        ):
+            total += mass * (x * x + y * y) / 2 + inertia * turn * turn / 2 + mass * 9.81 * height
+        energies.append(total)
+    assert motion.driver_work_J is not None
+    assert motion.stabilisation_loss_J is not None
+    gained = energies[-1] - energies[0] - float(motion.driver_work_J[-1])
+    assert row["turns"] == pytest.approx(2.0)
+    assert row["mean_hidden_power_W"] == pytest.approx(gained / 0.024, rel=1e-6, abs=1e-10)
+    removed = float(motion.stabilisation_loss_J[-1])
+    assert removed > 1e-5
+    assert row["stabilisation_power_W"] == pytest.approx(-removed / 0.024)
+
+
+def test_a_ladder_has_every_arm_of_pymunk_and_all_tolerances_of_a_rung() -> None:
+    rungs = ideal_ladder(ideal_driven(), full=False)
+    assert {rung.arm.name for rung in rungs if rung.arm.engine == "pymunk"} == {"tuned", "out of the box"}
+    for rung in rungs:
+        assert set(rung.added) >= set(rung.arm.tolerances), rung
+        assert len({rung.added[name] for name in rung.arm.tolerances}) <= 1, rung
