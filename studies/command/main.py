@@ -248,19 +248,20 @@ def report(
     out: Annotated[Path, Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
 ) -> None:
     """Make tables, figures and the HTML page from results."""
-    from reports.page import NoResults, write_report
+    from reports.page import write_report
     from reports.parts import Contradiction
-    from reports.results import BrokenResults
+    from reports.results import BrokenResults, NoResults
 
     try:
         with failures.writing("--out", out):
-            notes = write_report(results, out)
+            made = write_report(results, out)
     except (NoResults, BrokenResults) as reason:
         raise failures.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
         raise failures.Failed(str(reason)) from None
-    for note in notes:
+    for note in made.notes:
         failures.say(f"note: {note}")
+    print("\n".join(made.answer))
     failures.say(f"note: the report is {out / 'index.html'}")
 
 

@@ -14,9 +14,9 @@ import pandas as pd
 import pytest
 
 from reports.convergence import ABOVE_FLOOR, observed_order
-from reports.page import NoResults, write_report
+from reports.page import write_report
 from reports.parts import Contradiction, Table, stated
-from reports.results import BrokenResults, frame, read_results
+from reports.results import BrokenResults, NoResults, frame, read_results
 from reports.shared_tables import failures_section, settings_table
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, in_text, latex, markdown

@@ -34,7 +34,7 @@ def sections(results: Results) -> list[Section]:
 def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     if rows.empty:
         return
-    figure = Figure(
+    figure = results.has_curves and Figure(
         "predictability-growth",
         "How twins of the reference part from it",
         "Distance of the slider from the reference's, the largest up to each time. Black: started at crank "
@@ -45,7 +45,9 @@ def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
         "Distances of perturbed and step-halved twins, with horizons at 1 nm, 1 µm and 100 µm.",
         figures.growth(results, rows),
     )
-    yield Section.of("horizons", "Horizons", findings.horizons(rows), [figure], [tables.horizons(rows)])
+    yield Section.of(
+        "horizons", "Horizons", findings.horizons(rows), [figure or None], [tables.horizons(rows)]
+    )
 
 
 def _exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
@@ -60,7 +62,7 @@ def _exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Iterat
         "run gives the same."
     )
     figure = None
-    if drawing := figures.exponents(results, by_scene):
+    if results.has_curves and (drawing := figures.exponents(results, by_scene)):
         figure = Figure(
             "predictability-exponents",
             "Lyapunov exponents against the length of the run",
@@ -104,6 +106,8 @@ def _pairs(
         f"A panel of intervals, a line for each quantity, for each of {names}.",
         figures.differences(verdicts),
     )
+    if not results.has_curves:
+        return
     yield Figure(
         f"predictability-phases-{scene}",
         f"Impacts by crank angle on {scene}",
@@ -115,6 +119,8 @@ def _pairs(
 
 
 def _pictures(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
+    if not results.has_curves:
+        return
     swept = {data.CLEARANCES: "the clearance", data.SPEEDS: "the speed of the crank"}
     drawn = [
         Figure(
