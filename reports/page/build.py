@@ -134,11 +134,19 @@ def _write_page(
         lstrip_blocks=True,
     )
     environment.filters.update(explained=references.explained, entry=references.entry)
+    sections = [
+        screen,
+        *(section for _, chapters in asked for chapter in chapters for section in chapter.sections),
+    ]
+    styles: dict[str, str] = {}
+    for figure in (figure for section in sections for figure in section.figures):
+        styles |= figure.picture.svg.styles
     page = environment.get_template("index.html.jinja").render(
         generator=GENERATOR,
         question=QUESTION,
         said=said,
         screen=screen,
+        styles=styles,
         asked=asked,
         missing=missing,
         bare=bare,

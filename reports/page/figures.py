@@ -1,8 +1,6 @@
 """Saves a figure: SVG, PNG, PDF for papers, and what stands in the page, an SVG with the values on it."""
 
-import io
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
+from reports.page.inline import Inline, inline
 from reports.parts import Figure
 from reports.plots.series import Series, marked
 from reports.style import COLUMN_IN, RC, legend_entries
@@ -28,25 +27,13 @@ UNDATED: dict[str, dict[str, Any]] = {
 COLUMN, MOST_PANELS = "-column.pdf", 4
 #: Of a curve no more points than these tell their values.
 MOST_POINTS = 60
-#: Colours of figures that the page gives its own, in the light and in the dark.
-NAMED = {
-    "#000000": "ink",
-    "#ffffff": "paper",
-    "#e6e6e6": "grid",
-    "#595959": "quiet",
-    "#0072b2": "blue",
-    "#d55e00": "vermillion",
-    "#009e73": "green",
-    "#6a3d9a": "purple",
-}
-_COORDINATES = re.compile(r' (d|x|y|x1|x2|y1|y2|transform|points)="([^"]*)"')
 
 
 @dataclass(frozen=True)
 class Picture:
     """A figure in the page: ``svg``, ``values`` of its points as JSON, and the ends of its files' names."""
 
-    svg: str
+    svg: Inline
     values: str
     files: tuple[str, ...]
 
@@ -71,7 +58,8 @@ def save(figure: Figure, folder: Path) -> Picture:
             _reflow(drawing)
             drawing.savefig(folder / f"{figure.name}{COLUMN}", **UNDATED[".pdf"])
             files = (*files, COLUMN)
-    return Picture(_inline(svg, figure), values, files)
+    alt = f"alt-{figure.name}"
+    return Picture(inline(svg, figure.name, alt, recoloured=not figure.dense), values, files)
 
 
 def _reflow(drawing: Drawing) -> None:
@@ -92,15 +80,10 @@ def _reflow(drawing: Drawing) -> None:
 
 def _values(drawing: Drawing, series: list[Series]) -> dict[str, Any]:
     """Return the panels with their axes, and the points of every series where they lie on the SVG."""
-    axes: list[Axes] = [ax for ax in drawing.axes if any(each.artist.axes is ax for each in series)]
+    axes = [ax for ax in drawing.axes if any(each.artist.axes is ax for each in series)]
+    place_of: dict[object, int] = {ax: place for place, ax in enumerate(axes)}
     lines = [
-        [
-            each.label,
-            colour(each),
-            place,
-            panels.index(each.artist.axes),
-            _points(each, drawing),
-        ]
+        [each.label, colour(each), place, place_of[each.artist.axes], _points(each, drawing)]
         for place, each in enumerate(series)
     ]
     texts = [[ax.get_title(), _flat(ax.get_xlabel()), _flat(ax.get_ylabel())] for ax in axes]
@@ -132,22 +115,3 @@ def _points(series: Series, drawing: Drawing) -> list[list[Any]]:
 
 def _flat(text: str) -> str:
     return text.replace("\n", " ")
-
-
-def _inline(svg: str, figure: Figure) -> str:
-    """Return an SVG as a part of a page: no names twice, no idle digits, colours that follow the page."""
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<svg [^>]*?(viewBox=\"[^\"]*\")[^>]*>", r"<svg \1>", svg, count=1, flags=re.DOTALL)
-    svg = re.sub(r'(id="|href="#|url\(#)', rf"\1{figure.name}-", svg)
-    svg = _COORDINATES.sub(lambda m: f' {m[1]}="{_short(m[2])}"', svg)
-    if not figure.dense:
-        svg = re.sub(r"#[0-9a-f]{6}\b", lambda m: f"var(--{NAMED[m[0]]})" if m[0] in NAMED else m[0], svg)
-    out = io.StringIO()
-    for line in svg.splitlines():
-        out.write(line.strip() + "\n")
-    return out.getvalue().replace("<svg ", f'<svg role="img" aria-labelledby="alt-{figure.name}" ', 1)
-
-
-def _short(numbers: str) -> str:
-    return re.sub(r"(-?\d+\.\d\d)\d+", r"\1", numbers)

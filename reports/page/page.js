@@ -2,6 +2,7 @@
 "use strict";
 
 const SVG_REACH = 14; // points on a figure within which a value is shown
+const FEW_ROWS = 12; // rows that are seen at once and need no filter
 const make = (name, attributes = {}, ...children) => {
   const element = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
@@ -21,13 +22,12 @@ function themed() {
 }
 
 function toggles(figure, lines, tools) {
-  const name = figure.id.slice("figure-".length);
   const series = new Map();
   for (const [label, colour, place] of lines) {
     if (!series.has(label)) series.set(label, { colour: "", parts: [] });
     const one = series.get(label);
     one.colour ||= colour;
-    one.parts.push(figure.querySelector(`[id="${name}-series-${place}"]`));
+    one.parts.push(document.getElementById(`${figure.dataset.prefix}series-${place}`));
   }
   for (const [label, { colour, parts }] of series.size > 1 ? series : []) {
     const swatch = make("span", { class: "swatch" });
@@ -43,10 +43,9 @@ function toggles(figure, lines, tools) {
 }
 
 function values(figure, svg, { panels, lines }) {
-  const name = figure.id.slice("figure-".length);
   const box = make("div", { class: "value", role: "status", hidden: "" });
   figure.append(box);
-  const seen = place => !figure.querySelector(`[id="${name}-series-${place}"]`)?.classList.contains("off");
+  const seen = place => !document.getElementById(`${figure.dataset.prefix}series-${place}`)?.classList.contains("off");
   const nearest = at => {
     let best = null, least = SVG_REACH;
     for (const [label, , place, panel, points] of lines) {
@@ -144,7 +143,7 @@ function sortable(table) {
 
 function filterable(figure, table) {
   const rows = [...table.tBodies[0].rows];
-  if (rows.length < 8) return;
+  if (rows.length < FEW_ROWS) return;
   const field = make("input", { type: "search", placeholder: "only rows with …", "aria-label": "Only rows with these words" });
   field.addEventListener("input", () => {
     const words = field.value.toLowerCase().split(/\s+/);

@@ -36,7 +36,6 @@ def answer(studies: Mapping[str, Results]) -> Answer:
     return Answer(
         text=(
             *sentences.whom_to_take(found),
-            *sentences.one_for_all(found),
             *sentences.who_keeps_energy(arms),
         ),
         doubts=tuple(sentences.what_not_to_trust(studies, horizons)),
@@ -55,7 +54,7 @@ def _tables(
     ):
         rows = [_row(race, studies) for race in found if race.loose == loose]
         if loose:
-            rows += [_energy_row(arm, studies) for arm in arms if arm.part <= trust.HIDDEN_PART]
+            rows += _energy_rows(arms, studies)
         if rows:
             yield Table(name, title, READING, HEAD, tuple(rows))
 
@@ -83,7 +82,7 @@ def _row(race: Race, studies: Mapping[str, Results]) -> tuple[str, ...]:
     next_one = ABSENT
     if others:
         times = race.ratios.get(others[0].way.label)
-        next_one = f"{others[0].way.label}, {others[0].way.setting}: {times or ABSENT}"
+        next_one = f"{others[0].way.label}: {times or ABSENT}"
     unit = "m" if race.column == POSITION else "N"
     return (
         race.what,
@@ -97,17 +96,19 @@ def _row(race: Race, studies: Mapping[str, Results]) -> tuple[str, ...]:
     )
 
 
-def _energy_row(arm: trust.Hidden, studies: Mapping[str, Results]) -> tuple[str, ...]:
-    engine = arm.label.split(" (")[0]
-    broken = trust.breaks(studies, engine, arm.label)
-    scenes = f"{arm.scenes} with contact"
-    return (
-        "energy",
-        f"{100 * trust.HIDDEN_PART:g} %",
-        scenes,
-        arm.label,
-        arm.setting,
-        ABSENT,
-        ABSENT,
-        broken,
-    )
+def _energy_rows(arms: Sequence[trust.Hidden], studies: Mapping[str, Results]) -> list[tuple[str, ...]]:
+    """Return the arms that hide next to nothing, one line for each engine's best."""
+    keep = [arm for arm in arms if arm.part <= trust.HIDDEN_PART]
+    return [
+        (
+            "energy",
+            f"{100 * trust.HIDDEN_PART:g} %",
+            f"{arm.scenes} with contact",
+            arm.label,
+            arm.setting,
+            ABSENT,
+            ABSENT,
+            trust.breaks(studies, arm.engine, arm.label),
+        )
+        for arm in {arm.engine: arm for arm in reversed(keep)}.values()
+    ]

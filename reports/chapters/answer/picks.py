@@ -85,17 +85,36 @@ def asked(found: Sequence[Race], column: str, *, loose: bool) -> list[Race]:
     return [race for race in found if race.column == column and race.loose == loose]
 
 
-def safest(races: Sequence[Race]) -> tuple[str, str, float] | None:
-    """Return the arm and setting that is within the target on all scenes, None if none is.
+@dataclass(frozen=True)
+class Setting:
+    """An arm at a setting that is within a target on several scenes.
 
-    Of several it is the one that takes the least on the scene where it does worst, in times of the cheapest.
+    ``times_s`` are its run times there, ``ratios`` the same in times of the cheapest engine's.
     """
-    worst: dict[tuple[str, str], list[float]] = {}
+
+    engine: str
+    label: str
+    setting: str
+    times_s: tuple[float, ...]
+    ratios: tuple[float, ...]
+
+
+def one_for_all(races: Sequence[Race]) -> list[Setting]:
+    """Return each engine's setting that is within the target on all scenes, the cheapest engine first.
+
+    Of an engine's it is the one that takes the least on the scene where it does worst.
+    """
+    ways: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
     for race in races:
         for way in race.within:
-            worst.setdefault((way.label, way.setting), []).append(way.time_s / race.picks[0].way.time_s)
-    whole = [(max(times), *way) for way, times in worst.items() if len(times) == len(races)]
-    if not whole:
-        return None
-    times, label, setting = min(whole)
-    return label, setting, times
+            costs = (way.time_s, way.time_s / race.picks[0].way.time_s)
+            ways.setdefault((way.engine, way.label, way.setting), []).append(costs)
+    whole = [
+        Setting(*way, tuple(time for time, _ in costs), tuple(ratio for _, ratio in costs))
+        for way, costs in ways.items()
+        if len(costs) == len(races)
+    ]
+    best: dict[str, Setting] = {}
+    for each in sorted(whole, key=lambda each: max(each.ratios)):
+        best.setdefault(each.engine, each)
+    return list(best.values())

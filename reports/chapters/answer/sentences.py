@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from reports.chapters.answer.picks import FORCE, POSITION, Race, asked, safest
+from reports.chapters.answer.picks import FORCE, POSITION, Race, Setting, asked, one_for_all
 from reports.chapters.answer.trust import HIDDEN_PART, LOST_IN_WORDS, Hidden
 from reports.chapters.extremes.verdict import Verdict, answers
 from reports.equal_error import Ratio
@@ -16,75 +16,81 @@ WITHIN = {POSITION: "the slider within 1 µm", FORCE: "joint forces within 1 N"}
 
 
 def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
-    """Yield the cheapest engine for each target on each scene with clearance, and how far the next one is."""
-    for column in WITHIN:
-        for race in asked(races, column, loose=True):
-            yield _cheapest(race)
-    for column in WITHIN:
-        yield from _others(asked(races, column, loose=True), column)
+    """Yield which setting of whom is within each target on all scenes with clearance, and what it costs."""
+    taken: list[Setting] = []
+    for column, within in WITHIN.items():
+        of = asked(races, column, loose=True)
+        settings = one_for_all(of)
+        if taken and of and _as_sharp(taken[0], of):
+            yield Finding(f"The same setting has {within} as well.", f"take-{column}")
+        elif settings:
+            yield from _taken(settings, column, of)
+            taken = taken or settings
+        absent = sorted(
+            {engine for race in of for engine in race.absent} - {each.engine for each in settings}
+        )
+        if absent:
+            yield Finding(f"No setting of {listed(absent)} has {within} on all of them.", f"absent-{column}")
 
 
-def one_for_all(races: Sequence[Race]) -> Iterator[Finding]:
-    """Yield the one setting that is within a target on all scenes with clearance, if there is any."""
-    of_all = asked(races, POSITION, loose=True)
-    if len(of_all) < 2 or not (safe := safest(of_all)):
-        return
-    arm, setting, times = safe
+def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
+    """Return whether a setting is within the target of all races."""
+    at = (taken.label, taken.setting)
+    return all(at in {(way.label, way.setting) for way in race.within} for race in races)
+
+
+def _taken(settings: Sequence[Setting], column: str, races: Sequence[Race]) -> Iterator[Finding]:
+    """Yield the cheapest of the settings, the next one, and how far the others are."""
+    first, *others = settings
+    times = [1e3 * time for time in first.times_s]
     yield Finding(
-        f"{arm} at {setting} has {WITHIN[POSITION]} on all {len(of_all)} scenes with clearance that are "
-        f"timed, in at most {plain(times)} times the time of the cheapest there.",
-        "one-for-all",
-        [Number(times, "times")],
+        f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}: {_between(times)} ms a "
+        f"run on the {len(races)} scenes timed.",
+        f"take-{column}",
+        [Number(time, "ms") for time in times],
     )
-
-
-def _cheapest(race: Race) -> Finding:
-    first, *others = race.picks
-    time = Number(1e3 * first.way.time_s, "ms", 1e3 * min(first.way.times_s), 1e3 * max(first.way.times_s))
-    text = (
-        f"For {WITHIN[race.column]} on {race.scene} take {first.way.label} at {first.way.setting}: "
-        f"{plain(time.value)} ms for {race.end_s:.2g} s of motion"
-    )
-    numbers = [time, Number(first.error, words(race.column)[1], high=race.uncertainty + first.error)]
     if others:
-        next_one = others[0].way.label
-        times = race.ratios.get(next_one)
-        text += f"; next is {next_one} at {others[0].way.setting}" + (f", {_slower(times)}" if times else "")
-        numbers += [Number(times.median, "times", times.low, times.high)] if times else []
-    return Finding(f"{text}.", f"take-{race.column}-{race.scene}", numbers)
+        next_one, *rest = others
+        text = (
+            f"Without it take {next_one.label} at {next_one.setting}, {_between(next_one.ratios)} times as "
+            "long as the cheapest on each scene"
+        )
+        if rest:
+            text += "; " + listed(f"{each.label} takes {_between(each.ratios)} times" for each in rest)
+        ratios = [Number(value, "times") for each in others for value in each.ratios]
+        yield Finding(f"{text}.", f"next-{column}", ratios)
+
+
+def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
+    """Yield the cheapest engine for each target on each scene with clearance, and how far the next one is."""
+    for race in (race for column in WITHIN for race in asked(races, column, loose=True)):
+        first, *others = race.picks
+        times_ms = [1e3 * time for time in (min(first.way.times_s), max(first.way.times_s))]
+        numbers = [
+            Number(1e3 * first.way.time_s, "ms", *times_ms),
+            Number(
+                first.error,
+                words(race.column)[1],
+                max(0.0, first.error - race.uncertainty),
+                first.error + race.uncertainty,
+            ),
+        ]
+        text = (
+            f"For {WITHIN[race.column]} on {race.scene} {first.way.label} at {first.way.setting} is the "
+            f"cheapest, {plain(1e3 * first.way.time_s)} ms"
+        )
+        if others and (times := race.ratios.get(others[0].way.label)):
+            text += f"; next is {others[0].way.label}, {_slower(times)}"
+            numbers.append(Number(times.median, "times", times.low, times.high))
+        yield Finding(f"{text}.", f"cheapest-{race.column}-{race.scene}", numbers)
 
 
 def _slower(times: Ratio) -> str:
     return f"{plain(times.median)} times as long" if times.decided else "which rounds do not tell apart"
 
 
-def _others(races: Sequence[Race], column: str) -> Iterator[Finding]:
-    """Yield what the engines cost that are cheapest nowhere, and who does not get there at all."""
-    if not races:
-        return
-    near = {pick.way.engine for race in races for pick in race.picks[:2]}
-    far: dict[str, list[Ratio]] = {}
-    for race in races:
-        for pick in race.picks[2:]:
-            if pick.way.engine not in near and pick.way.label in race.ratios:
-                far.setdefault(pick.way.engine, []).append(race.ratios[pick.way.label])
-    if far:
-        costs = listed(f"{engine} {_between(ratios)} times" for engine, ratios in far.items())
-        numbers = [Number(each.median, "times", each.low, each.high) for of in far.values() for each in of]
-        yield Finding(f"For {WITHIN[column]}, {costs} as long as the cheapest.", f"dear-{column}", numbers)
-    absent = {
-        engine: [race.scene for race in races if engine in race.absent]
-        for race in races
-        for engine in race.absent
-    }
-    for engine, scenes in absent.items():
-        where = "any of these scenes" if len(scenes) == len(races) else listed(scenes)
-        yield Finding(f"No rung of {engine} gets {WITHIN[column]} on {where}.", f"absent-{column}-{engine}")
-
-
-def _between(ratios: Sequence[Ratio]) -> str:
-    ends = dict.fromkeys(plain(end) for end in (min(r.median for r in ratios), max(r.median for r in ratios)))
-    return " to ".join(ends)
+def _between(values: Sequence[float]) -> str:
+    return " to ".join(dict.fromkeys(plain(end) for end in (min(values), max(values))))
 
 
 def who_keeps_energy(arms: Sequence[Hidden]) -> Iterator[Finding]:
@@ -97,12 +103,13 @@ def who_keeps_energy(arms: Sequence[Hidden]) -> Iterator[Finding]:
             "energy-kept",
             [Number(100 * keep[-1].part, "%")],
         )
-    if arms and arms[-1].part > HIDDEN_PART:
-        worst = arms[-1]
+    told = [arm for arm in arms if arm.told > HIDDEN_PART]
+    if told:
+        worst = max(told, key=lambda arm: arm.told)
         yield Finding(
-            f"{worst.label} may hide up to {plain(100 * worst.part)} % of it.",
+            f"{worst.label} makes or takes up to {plain(100 * worst.told)} % of it.",
             "energy-hidden",
-            [Number(100 * worst.part, "%")],
+            [Number(100 * worst.told, "%")],
         )
 
 

@@ -20,11 +20,16 @@ LOST, LOST_IN_WORDS = "100um", "100 µm"
 
 @dataclass(frozen=True)
 class Hidden:
-    """The most that an arm may hide on scenes with contact, as a part of what contacts dissipate there."""
+    """The most that an arm may hide on scenes with contact, as a part of what contacts dissipate there.
 
+    ``part`` is the end of the interval, ``told`` the most that is told from zero.
+    """
+
+    engine: str
     label: str
     setting: str
     part: float
+    told: float
     scenes: int
 
 
@@ -37,9 +42,17 @@ def hidden(energy: Results) -> list[Hidden]:
     rows = finished(at_rungs(rows, middle_rungs(rows)))
     rows = rows[rows["has_clearance"] & (rows["dissipated_power_W"] > 0)]
     most = (rows["hidden_power_W"].abs() + rows["half_width"]) / rows["dissipated_power_W"]
-    rows = rows.assign(part=most).dropna(subset="part")
+    told = rows["hidden_power_W"].abs().where(rows["significant"], 0.0) / rows["dissipated_power_W"]
+    rows = rows.assign(part=most, told=told).dropna(subset="part")
     arms = [
-        Hidden(label, _setting(of), float(of["part"].max()), len(of))
+        Hidden(
+            of["engine"].iloc[0],
+            label,
+            _setting(of),
+            float(of["part"].max()),
+            float(of["told"].max()),
+            len(of),
+        )
         for label, of in rows.groupby("label", observed=True)
     ]
     return sorted(arms, key=lambda arm: arm.part)
@@ -72,7 +85,8 @@ def breaks(studies: Mapping[str, Results], engine: str, label: str) -> str:
         never = (
             rows[rows["label"] == label].groupby("scene")["status"].agg(lambda of: set(of) == {"unsupported"})
         )
-        said += [f"refuses {scene}" for scene, refused in never.items() if refused]
+        if never.any():
+            said.append(f"refuses {never.sum()} of {len(never)} scenes with clearance")
     return "; ".join(said) or ABSENT
 
 
