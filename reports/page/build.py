@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from reports.chapters.answer import QUESTION, Answer
-from reports.page.claims import Claim, as_json, collected
+from reports.page.claims import Claim, as_json, collected, from_json
 from reports.page.questions import QUESTIONS, Question
 from reports.page.references import References
 from reports.page.shown import ShownChapter, ShownSection, shown_answer, shown_chapter
@@ -62,6 +62,16 @@ def write_report(results: Path, out: Path) -> Report:
                 old.rename(out)
             raise
     return report
+
+
+def claims_of(report: Path) -> list[Claim]:
+    """Return the claims of a report that was made before.
+
+    Raises:
+        OSError: there is no report.
+        ValueError: its findings are none.
+    """
+    return from_json((report / FINDINGS).read_text(encoding="utf-8"))
 
 
 def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:

@@ -12,11 +12,12 @@ const make = (name, attributes = {}, ...children) => {
 
 function themed() {
   const root = document.documentElement;
-  const dark = () => root.dataset.theme ? root.dataset.theme === "dark"
-    : matchMedia("(prefers-color-scheme: dark)").matches;
+  const asked = matchMedia("(prefers-color-scheme: dark)");
+  const dark = () => root.dataset.theme ? root.dataset.theme === "dark" : asked.matches;
   const button = make("button", { type: "button", class: "theme" });
   const name = () => { button.textContent = dark() ? "Light" : "Dark"; };
   button.addEventListener("click", () => { root.dataset.theme = dark() ? "light" : "dark"; name(); });
+  asked.addEventListener("change", name);
   name();
   document.querySelector("header").append(button);
 }

@@ -10,7 +10,7 @@ from reports.plots.series import mark
 from reports.plots.step_figures import grid
 from reports.quantities import finished
 from reports.results import Results
-from reports.style import GREY, axis_label, variant
+from reports.style import GREY, axis_label, legend_place, variant
 from reports.tables import listed, number
 
 
@@ -23,7 +23,7 @@ def figure(timed: Results, races: list[Race]) -> Figure | None:
     engines: list[str] = []
     for ax, race in zip(axes, races, strict=True):
         rungs, _ = ladders[race.scene]
-        for engine, of_engine in sorted(rungs.groupby("engine"), key=lambda item: item[1]["label"].min()):
+        for engine, of_engine in sorted(rungs.groupby("engine"), key=lambda each: legend_place(each[0], "")):
             _line(ax, engine, front(of_engine))
             engines.append(engine)
         ax.axhline(race.target, color=GREY, linestyle="--", linewidth=1.0)
