@@ -46,14 +46,10 @@ def _nearest(rows: pd.DataFrame, column: str, where: str) -> Iterator[Finding]:
     for row in worst.itertuples():
         doubt = floor(rows[rows["scene"] == row.scene], column)
         least = float(str(row.error))
-        size = (
-            f"within truth's uncertainty, {in_text(doubt)} m,"
-            if least <= doubt
-            else f"{in_text(least)} m or less"
-        )
+        size = f"{in_text(max(least, doubt))} m{', the uncertainty of truth' if least <= doubt else ''}"
         yield Finding(
-            f"{where} the best runs of {row.engine} have the slider {size} off; "
-            f"{row.scene} is the worst scene.",
+            f"{where} the best runs of {row.engine} have the slider right to {size}, "
+            f"on {row.scene}, the worst of the scenes.",
             f"nearest-{column}-{row.engine}",
             [Number(least, "m", max(0.0, least - doubt), least + doubt)],
         )

@@ -31,10 +31,10 @@ MOST_POINTS = 60
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure in the page: ``svg``, ``values`` of its points as JSON, and the ends of its files' names."""
+    """A figure in the page: ``svg``, ``data`` of its points as JSON, and the ends of its files' names."""
 
     svg: Inline
-    values: str
+    data: str
     files: tuple[str, ...]
 
 

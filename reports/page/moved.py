@@ -38,7 +38,7 @@ def _differ(one: Number, other: Number) -> bool:
 
 
 def _overlap(one: Number, other: Number) -> bool:
-    """Return whether the intervals of two numbers have something in common; one without has a width of zero."""
+    """Return whether the intervals of two numbers meet; one without has a width of zero."""
     ends = [
         (each.value if each.low is None else each.low, each.value if each.high is None else each.high)
         for each in (one, other)

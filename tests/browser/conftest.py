@@ -24,8 +24,8 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def report(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of the published rows, built once; the browser is asked for first, that none is built in vain."""
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the published rows, built once."""
     out = tmp_path_factory.mktemp("browser") / "report"
     write_report(PUBLISHED, out)
     return out
