@@ -47,7 +47,8 @@ def save(figure: Figure, folder: Path) -> Picture:
     for place, each in enumerate(series):
         each.artist.set_gid(f"series-{place}")
     with mpl.rc_context({**RC, **TEXT}):
-        drawing.draw_without_rendering()
+        if engine := drawing.get_layout_engine():
+            engine.execute(drawing)
         drawing.set_layout_engine("none")
         for ending, how in UNDATED.items():
             drawing.savefig(folder / f"{figure.name}{ending}", **how)

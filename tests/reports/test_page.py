@@ -508,7 +508,7 @@ def test_an_engine_has_one_colour_and_marker_and_its_arms_differ() -> None:
 
 def drawn(values: tuple[float, ...]) -> Figure:
     """Return a figure of one series over its own values, log-log, in a panel."""
-    drawing = Drawing(figsize=(5.0, 3.0))
+    drawing = Drawing(figsize=(5.0, 3.0), layout="constrained")
     ax = drawing.add_subplot()
     ax.set(xlabel="step [s]", ylabel="error [m]", title="a scene")
     mark(ax.loglog(values, values), "an arm <b>", [f"step {value}" for value in values])
