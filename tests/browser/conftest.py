@@ -42,7 +42,7 @@ def page(browser: Browser, report: Path, heard: list[str]) -> Page:
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.on("console", lambda said: heard.append(f"{said.type}: {said.text}"))
     page.on("pageerror", lambda error: heard.append(f"error: {error}"))
-    page.on("request", lambda of: of.url.startswith("file:") or heard.append(f"request: {of.url[:80]}"))
+    page.on("request", lambda of: heard.extend([] if of.url.startswith("file:") else [of.url[:80]]))
     page.on("requestfailed", lambda of: heard.append(f"failed: {of.url[:80]}"))
     page.goto((report / "index.html").as_uri())
     return page
