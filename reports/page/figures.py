@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from reports.page.inline import Inline, inline
+from reports.page.inline import NAMED, Inline, inline
 from reports.parts import Figure
 from reports.plots.series import Series, marked
 from reports.style import COLUMN_IN, RC, legend_entries
@@ -92,9 +92,10 @@ def _values(drawing: Drawing, series: list[Series]) -> dict[str, Any]:
 
 
 def colour(series: Series) -> str:
-    """Return the colour of a line in hexadecimal, nothing of what is no line."""
+    """Return the colour of a line as the page has it, nothing of what is no line."""
     line = series.artist
-    return mpl.colors.to_hex(line.get_color()) if isinstance(line, Line2D) else ""
+    code = mpl.colors.to_hex(line.get_color()) if isinstance(line, Line2D) else ""
+    return f"var(--{NAMED[code]})" if code in NAMED else code
 
 
 def _points(series: Series, drawing: Drawing) -> list[list[Any]]:

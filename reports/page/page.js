@@ -32,7 +32,7 @@ function toggles(figure, lines, tools) {
   }
   for (const [label, { colour, parts }] of series.size > 1 ? series : []) {
     const swatch = make("span", { class: "swatch" });
-    swatch.style.background = colour === "#000000" ? "var(--ink)" : colour || "var(--grid)";
+    swatch.style.background = colour || "var(--grid)";
     const button = make("button", { type: "button", "aria-pressed": "true" }, swatch, label);
     button.addEventListener("click", () => {
       const on = button.getAttribute("aria-pressed") !== "true";

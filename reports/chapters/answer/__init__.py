@@ -66,13 +66,13 @@ HEAD = (
     "take",
     "setting",
     "run time [ms]",
-    "the next engine",
+    "next engine: times as long",
     "where it breaks",
 )
 READING = (
-    "The cheapest measured run within each error, by the median of its rounds, with the next engine's and "
-    "how many times as long it takes; brackets where rounds do not tell. Hard cases are those of the "
-    "gallery. For energy every arm is named that hides no more, whatever it costs: its runs are not timed."
+    "The cheapest measured run within each error, by the median of its rounds, and how many times as long the "
+    "next engine takes; brackets where rounds do not tell. Hard cases are those of the gallery. For energy "
+    "each engine's best arm is named that hides no more; its runs are not timed."
 )
 
 
