@@ -70,9 +70,9 @@ HEAD = (
     "where it breaks",
 )
 READING = (
-    "The cheapest measured run within each error, by the median of its rounds, and how many times as long the "
-    "next engine takes; brackets where rounds do not tell. Hard cases are those of the gallery. For energy "
-    "each engine's best arm is named that hides no more; its runs are not timed."
+    "The cheapest measured run within each error, by the median of its rounds, and how many times as long "
+    "the next engine takes; brackets where rounds do not tell. Hard cases are those of the gallery. For "
+    "energy each engine's best arm is named that hides no more; its runs are not timed."
 )
 
 
