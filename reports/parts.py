@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
@@ -22,15 +23,41 @@ def stated(sentence: str, holds: bool) -> str:
     return sentence
 
 
+class Number(NamedTuple):
+    """A number of a finding; ``low`` and ``high`` end its uncertainty, None where there is none."""
+
+    value: float
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+
+
+class Finding(str):
+    """A sentence that keeps its name from results to results, with its numbers and their uncertainty."""
+
+    name: str
+    numbers: tuple[Number, ...]
+
+    def __new__(cls, text: str, name: str = "", numbers: Iterable[Number] = ()) -> "Finding":
+        """Return the sentence."""
+        finding = super().__new__(cls, text)
+        finding.name, finding.numbers = name, tuple(numbers)
+        return finding
+
+
 @dataclass(frozen=True)
 class Figure:
-    """A figure. ``name`` is its file's, ``reading`` says how to read it, ``alt`` what is on it."""
+    """A figure. ``name`` is its file's, ``reading`` says how to read it, ``alt`` what is on it.
+
+    A ``dense`` one has letters in coloured cells: a page shows it wide, and on paper in the dark as well.
+    """
 
     name: str
     title: str
     reading: str
     alt: str
     drawing: Drawing
+    dense: bool = False
 
 
 @dataclass(frozen=True)
@@ -54,13 +81,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page under one heading."""
+    """A part of the page under one heading; ``markup`` is finished HTML that stands below its sentences."""
 
     name: str
     title: str
     text: tuple[str, ...]
     figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
+    markup: str = ""
 
     @classmethod
     def of(

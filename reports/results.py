@@ -51,6 +51,11 @@ class Results:
     sidecar: dict[str, Any] | None
     notes: tuple[str, ...] = ()
 
+    @property
+    def has_curves(self) -> bool:
+        """Whether the study's curves are there; published rows come without, and without figures of them."""
+        return (self.folder / "curves").is_dir()
+
     def curve(self, case: str, column: str) -> FloatArray:
         """Return a curve of a finished run, (n,).
 

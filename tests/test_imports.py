@@ -57,9 +57,10 @@ def imported(file: str, packages: tuple[str, ...] = PACKAGES) -> Iterator[str]:
 def file_of(name: str) -> str:
     """Return the file of a dotted name: of a module, or of what stands in one."""
     path = name.replace(".", "/")
+    room = path.rpartition("/")[0]
     return next(
         file
-        for file in (f"{path}.py", f"{path}/__init__.py", f"{path.rpartition('/')[0]}.py")
+        for file in (f"{path}.py", f"{path}/__init__.py", f"{room}.py", f"{room}/__init__.py")
         if (ROOT / file).exists()
     )
 

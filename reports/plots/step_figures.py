@@ -12,8 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 from matplotlib.transforms import ScaledTranslation
 
+from reports.plots.series import mark
 from reports.quantities import floor, value
+from reports.results import with_columns
 from reports.style import GREY, WIDTH_IN, axis_label, line_styles
+from reports.tables import number
 
 #: A panel: its scene, and the column that it shows.
 Panel = tuple[str, str]
@@ -43,11 +46,12 @@ def against_step(rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[i
         ax.set(xlabel=axis_label("step_s"), ylabel=axis_label(column))
         points = of_scene.assign(error=value(of_scene, column)).query("error > 0")
         for label, line in points.sort_values(["mean_step_s", "error"]).groupby("label", observed=True):
-            ax.loglog(line["mean_step_s"], line["error"], **styles[label])
+            drawn = ax.loglog(line["mean_step_s"], line["error"], **styles[label])
+            mark(drawn, label, settings_in_words(line))
         _finish(ax, floor(of_scene, column), orders)
         ax.set_title(scene, pad=6 + rise)
         for row, (label, steps) in enumerate(missing[scene]):
-            mark_failures(ax, steps, row, styles[label])
+            mark_failures(ax, steps, row, styles[label], label)
     engine_legend(drawing, rows, failures=not failed.empty)
     return drawing
 
@@ -61,14 +65,25 @@ def grid(count: int, height_in: float = 2.7) -> tuple[Drawing, list[Axes]]:
     return drawing, [drawing.add_subplot(down, across, place + 1) for place in range(count)]
 
 
-def mark_failures(ax: Axes, at: pd.Series, row: int, style: Mapping[str, Any]) -> None:
-    """Put crossed-out markers above a panel where runs failed, in the row of their line."""
+def settings_in_words(rows: pd.DataFrame) -> list[str]:
+    """Return what each run was set to, as a reader of its point wants it: the step, a tolerance."""
+    tolerances = with_columns(rows, "setting_rtol", "setting_tolerance")
+    tolerance = tolerances["setting_rtol"].astype(float).fillna(tolerances["setting_tolerance"].astype(float))
+    return [
+        f"step {number(step)} s" if math.isnan(of) else f"tolerance {number(of)}, mean step {number(step)} s"
+        for step, of in zip(rows["mean_step_s"], tolerance, strict=True)
+    ]
+
+
+def mark_failures(ax: Axes, at: pd.Series, row: int, style: Mapping[str, Any], label: str) -> None:
+    """Put crossed-out markers above a panel where a label's runs failed, in the row of their line."""
     drawing = ax.get_figure(root=True)
     assert drawing is not None, "the panel is on a figure"
     up = ScaledTranslation(0.0, (0.6 + row) * ROW_POINTS / 72, drawing.dpi_scale_trans)
     place = {"transform": ax.get_xaxis_transform() + up, "clip_on": False, "linestyle": ""}
-    ax.plot(at, [1.0] * len(at), **{**style, **place})
-    ax.plot(at, [1.0] * len(at), **{**place, "marker": "x", "markersize": 7, "color": style["color"]})
+    cross = {**place, "marker": "x", "markersize": 7, "color": style["color"]}
+    for how in ({**style, **place}, cross):
+        mark(ax.plot(at, [1.0] * len(at), **how), label, ["failed"] * len(at))
 
 
 def failed_entry() -> Line2D:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
+from reports.plots.series import mark
 from reports.plots.step_figures import failed_entry, grid, mark_failures
 from reports.quantities import value
 from reports.style import axis_label, variant
@@ -30,9 +31,9 @@ def against_setting(rows: pd.DataFrame, setting: str, columns: Sequence[str]) ->
         for scene, of_scene in scenes:
             points = of_scene.assign(error=value(of_scene, column)).query("error > 0")
             if len(points):
-                ax.plot(points["at"], points["error"], **styles[scene])
+                mark(ax.plot(points["at"], points["error"], **styles[scene]), scene)
             if of_scene["failed"].any():
-                mark_failures(ax, of_scene["at"][of_scene["failed"]], row, styles[scene])
+                mark_failures(ax, of_scene["at"][of_scene["failed"]], row, styles[scene], scene)
                 row += 1
         low, high = ax.get_ylim()
         ax.set_ylim(10 ** math.floor(math.log10(low)), 10 ** math.ceil(math.log10(high)))

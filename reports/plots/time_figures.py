@@ -5,6 +5,7 @@ import pandas as pd
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import NullLocator
 
+from reports.plots.series import mark
 from reports.plots.step_figures import engine_legend, grid
 from reports.results import FloatArray, Results
 from reports.style import axis_label, line_styles
@@ -28,12 +29,13 @@ def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per:
             size = so_far(results.curve(row["case"], column)) / (row[per] if per else 1.0)
             every = max(1, len(size) // MARKERS)
             start = every * list(styles).index(row["label"]) // len(styles)
-            ax.plot(
+            drawn = ax.plot(
                 results.curve(row["case"], "time_s")[: len(size)],
                 np.where(size > 0, size, np.nan),
                 markevery=(start, every),
                 **styles[row["label"]],
             )
+            mark(drawn, row["label"])
         ax.yaxis.set_minor_locator(NullLocator())
     engine_legend(drawing, rows, failures=False)
     return drawing

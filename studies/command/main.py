@@ -365,21 +365,29 @@ def baseline(
 def report(
     results: Annotated[Path, Option(metavar="DIR", help="Where results are.")] = Path("results"),
     out: Annotated[Path, Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
+    against: Annotated[
+        Path | None, Option(metavar="DIR", help="Another report; print what moved between the two.")
+    ] = None,
 ) -> None:
-    """Make tables, figures and the HTML page from results."""
-    from reports.page import NoResults, write_report
+    """Make tables, figures and the HTML page from results, and print the answer."""
+    from reports.page import claims_of, moved, write_report
     from reports.parts import Contradiction
-    from reports.results import BrokenResults
+    from reports.results import BrokenResults, NoResults
 
     try:
+        before = None if against is None else claims_of(against)
+    except (OSError, ValueError) as reason:
+        raise failures.BadInput(f"--against: expected the folder of a report, got '{reason}'") from None
+    try:
         with failures.writing("--out", out):
-            notes = write_report(results, out)
+            made = write_report(results, out)
     except (NoResults, BrokenResults) as reason:
         raise failures.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
         raise failures.Failed(str(reason)) from None
-    for note in notes:
+    for note in made.notes:
         failures.say(f"note: {note}")
+    print("\n".join(made.answer if before is None else moved(before, made.claims)))
     failures.say(f"note: the report is {out / 'index.html'}")
 
 

@@ -1,22 +1,28 @@
 """The report: what is on it comes from the rows, and it is there whole or not at all."""
 
 import csv
+import html
 import json
 import math
 import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure as Drawing
 
 from reports.convergence import ABOVE_FLOOR, observed_order
-from reports.page import NoResults, write_report
-from reports.parts import Contradiction, Table, stated
-from reports.results import BrokenResults, frame, read_results
+from reports.page import claims_of, moved, references, write_report
+from reports.page.claims import Claim, numbers
+from reports.page.figures import save
+from reports.parts import Contradiction, Figure, Number, Table, stated
+from reports.plots.series import mark
+from reports.results import BrokenResults, NoResults, frame, read_results
 from reports.shared_tables import failures_section, settings_table
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, in_text, latex, markdown
@@ -82,7 +88,7 @@ def write_rows(results: Path, rows: list[dict[str, object]]) -> None:
 
 
 class Page(HTMLParser):
-    """The files, anchors and pictures of a page."""
+    """The files and anchors of a page, and the texts that stand for its pictures."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -90,6 +96,7 @@ class Page(HTMLParser):
         self.jumps: set[str] = set()
         self.anchors: list[str] = []
         self.alts: list[str] = []
+        self._in_alt = False
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -101,18 +108,26 @@ class Page(HTMLParser):
             self.jumps.add(target[1:])
         elif target:
             self.files.add(target)
-        if tag == "img":
-            self.alts.append(found["alt"])
+        self._in_alt = tag == "p" and found.get("class") == "alt"
+
+    def handle_data(self, data: str) -> None:
+        if self._in_alt:
+            self.alts.append(data)
+            self._in_alt = False
 
 
 # The page and its files
 
 
-def test_every_figure_is_there_as_svg_and_png_and_every_table_in_three_formats(report: Path) -> None:
+def test_every_figure_is_there_for_screen_and_paper_and_every_table_in_three_formats(report: Path) -> None:
     figures = {path.name for path in (report / "figures").iterdir()}
     tables = {path.name for path in (report / "tables").iterdir()}
-    assert len(figures) >= 2 * 5
-    assert figures == {f"{Path(name).stem}.{end}" for name in figures for end in ("svg", "png")}
+    columns = {name for name in figures if name.endswith("-column.pdf")}
+    assert len(figures - columns) >= 3 * 5
+    assert figures - columns == {
+        f"{Path(name).stem}.{end}" for name in figures - columns for end in ("svg", "png", "pdf")
+    }
+    assert {name.replace("-column", "") for name in columns} <= figures
     assert tables == {f"{Path(name).stem}.{end}" for name in tables for end in ("md", "tex", "csv")}
 
 
@@ -209,7 +224,7 @@ def test_text_from_results_is_escaped(broken: Path, tmp_path: Path) -> None:
     write_rows(broken, rows)
     write_report(broken, tmp_path / "report")
     page = (tmp_path / "report/index.html").read_text("utf-8")
-    assert "<script>" not in page
+    assert "<script>alert" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert r"5 \% of \$x\_1\$" in (tmp_path / "report/tables/agreement-failures.tex").read_text("utf-8")
 
@@ -486,3 +501,96 @@ def test_an_engine_has_one_colour_and_marker_and_its_arms_differ() -> None:
         assert len({(style["color"], style["marker"]) for style in of_engine}) == 1, engine
         assert len({(style["linestyle"], style["fillstyle"]) for style in of_engine}) == len(of_engine)
     assert len({style["marker"] for style in styles.values()}) == rows["engine"].nunique()
+
+
+# The figures as the page has them
+
+
+def drawn(values: tuple[float, ...]) -> Figure:
+    """Return a figure of one series over its own values, log-log, in a panel."""
+    drawing = Drawing(figsize=(5.0, 3.0), layout="constrained")
+    ax = drawing.add_subplot()
+    ax.set(xlabel="step [s]", ylabel="error [m]", title="a scene")
+    mark(ax.loglog(values, values), "an arm <b>", [f"step {value}" for value in values])
+    return Figure("name", "Title", "Reading.", "Alternative.", drawing)
+
+
+def test_every_point_of_a_figure_tells_its_values_and_its_setting(tmp_path: Path) -> None:
+    values = (1e-3, 1e-2, 1e-1)
+    picture = save(drawn(values), tmp_path)
+    told = json.loads(picture.data)
+    assert "<b>" not in picture.data, "it stands in a script of the page"
+    assert told["panels"] == [["a scene", "step [s]", "error [m]"]]
+    ((label, _, _, panel, points),) = told["lines"]
+    assert (label, panel) == ("an arm <b>", 0)
+    assert [(float(x), float(y), note) for _, _, x, y, note in points] == [
+        (v, v, f"step {v}") for v in values
+    ]
+
+
+def test_a_point_lies_where_the_drawing_has_it(tmp_path: Path) -> None:
+    picture = save(drawn((1e-3, 1e-2, 1e-1)), tmp_path)
+    (*_, points) = json.loads(picture.data)["lines"][0]
+    line = re.search(r'id="f\w+-series-0">\s*<path d="([^"]*)"', picture.svg.markup)
+    assert line
+    strokes = [float(number) for number in re.findall(r"[\d.]+", line[1])]
+    assert [place for point in points for place in point[:2]] == pytest.approx(strokes, abs=0.11)
+
+
+def test_colours_follow_the_page_but_those_of_letters_in_cells_do_not(tmp_path: Path) -> None:
+    light = save(drawn((1.0, 2.0)), tmp_path).svg.styles
+    paper = save(replace(drawn((1.0, 2.0)), dense=True), tmp_path).svg.styles
+    assert any("var(--ink)" in style for style in light.values())
+    assert not any("var(" in style for style in paper.values())
+
+
+# Findings as data
+
+
+def test_numbers_of_a_sentence_have_units_and_intervals_and_names_have_none() -> None:
+    text = "On clearance-driven-0.5mm DOP853 is off by −1.2×10⁻³ m, 53 % or 5.03 ± 0.37 times."
+    power, share, rate = numbers(text)
+    assert power.value == pytest.approx(-1.2e-3)
+    assert power.unit == "m"
+    assert share == Number(53.0, "%")
+    assert (rate.value, rate.unit) == (5.03, "times")
+    assert (rate.low, rate.high) == pytest.approx((4.66, 5.4))
+
+
+def test_every_sentence_of_the_page_is_a_claim_of_its_own(report: Path) -> None:
+    page = html.unescape(re.sub(r"<[^>]*>", "", (report / "index.html").read_text("utf-8")))
+    claims = claims_of(report)
+    assert len({claim.id for claim in claims}) == len(claims) > 10
+    assert [claim.text for claim in claims if claim.text not in page] == []
+
+
+def test_what_moved_between_two_reports_is_told_with_its_uncertainty() -> None:
+    def claim(name: str, *numbers: Number) -> Claim:
+        return Claim(name, f"{name} of {len(numbers)}", numbers)
+
+    old = [
+        claim("a", Number(2.0, "ms", 1.9, 2.1)),
+        claim("b", Number(2.0, "ms", 1.5, 2.5)),
+        claim("c"),
+        claim("e"),
+    ]
+    new = [
+        claim("a", Number(3.0, "ms", 2.9, 3.1)),
+        claim("b", Number(2.4, "ms", 2.1, 2.7)),
+        claim("d"),
+        claim("e"),
+    ]
+    assert moved(old, new) == [
+        "moved a: 2 ms (1.9 to 2.1) -> 3 ms (2.9 to 3.1)",
+        "within uncertainty b: 2 ms (1.5 to 2.5) -> 2.4 ms (2.1 to 2.7)",
+        "new  d: d of 0",
+        "gone c: c of 0",
+    ]
+
+
+def test_every_work_is_cited_and_every_citation_is_of_a_work() -> None:
+    room = Path(references.__file__).parent
+    works = {work["id"] for work in json.loads((room / "bibliography.json").read_text("utf-8"))}
+    texts = (room / "glossary.json", room / "index.html.jinja")
+    cited = {name for path in texts for name in re.findall(r"\[@(\w+)\]", path.read_text("utf-8"))}
+    assert cited == works

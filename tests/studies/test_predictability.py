@@ -17,7 +17,6 @@ from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import clearance, clearance_driven_002, clearance_driven_05
 from engine_models.scene.scene import Clearances, Scene
 from reports import page
-from reports.chapters import predictability
 from reports.chapters.predictability import comparison, data, findings, statistics
 from reports.chapters.predictability.data import PER_REVOLUTION
 from reports.chapters.predictability.diagrams import EXPONENT as PER_TURN
@@ -318,16 +317,13 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def built(results: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(page, "STUDIES", (predictability,))
+def built(results: Path, out: Path) -> str:
     page.write_report(results, out)
     return (out / "index.html").read_text("utf-8")
 
 
-def test_the_chapter_says_what_the_rows_say(
-    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    text = built(results, tmp_path / "report", monkeypatch)
+def test_the_chapter_says_what_the_rows_say(results: Path, tmp_path: Path) -> None:
+    text = built(results, tmp_path / "report")
     assert "Nothing parts on clearance-driven-0.02mm" in text
     assert "No exponent is given where every start settles" in text
     # Two starts: their interval, and so what it says, hangs on round-off.
@@ -425,9 +421,7 @@ def test_tests_that_do_not_see_what_is_planted_contradict_the_chapter() -> None:
         list(findings.ensembles("a scene", comparison.verdicts(by_label), []))
 
 
-def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(
-    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(results: Path, tmp_path: Path) -> None:
     broken = Path(shutil.copytree(results, tmp_path / "results"))
     path = broken / "predictability/rows.jsonl"
     rows = read_rows(path)
@@ -436,7 +430,7 @@ def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(
             row["largest_distance_halved_m"] = 1e-3
     write_rows(path, rows)
     with pytest.raises(Contradiction, match="Nothing parts"):
-        built(broken, tmp_path / "report", monkeypatch)
+        built(broken, tmp_path / "report")
 
 
 def test_members_have_parted_when_their_averages_begin() -> None:

@@ -42,7 +42,7 @@ def over_time_at_step(
     """Return a curve over time at each scene's step, divided by the rows' column ``per`` if one is named."""
     # By name, so that the reference's lines are seen on those of Exudyn and Pymunk.
     rows = finished(at_step).sort_values(["scene", "engine", "arm"])
-    if rows.empty:
+    if rows.empty or not results.has_curves:
         return None
     so_far = axis_label(column).replace(" [", " so far [")
     axis = f"{what.lower()} so far /\n{words(per)[0]}" if per else so_far

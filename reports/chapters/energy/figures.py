@@ -1,5 +1,7 @@
 """Figures of the energy study."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -9,6 +11,7 @@ from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
 from reports.chapters.energy.rungs import LASTING, LONG, longest, resolution
 from reports.parts import Figure
+from reports.plots.series import mark
 from reports.plots.step_figures import against_step, engine_legend, grid, panels_of
 from reports.plots.time_figures import over_time
 from reports.quantities import finished, own_scenes
@@ -27,12 +30,13 @@ WAYS = {
 #: A loss below this part of what is not stored is too thin to draw; an arm that hides more than the other
 #: part of what contacts dissipate has a panel of its own.
 SEEN, MISSING = 1e-3, 1e-2
+WORK = "driver's work less energy stored"
 
 
 def gain_over_time(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     """Return the energy that no physics accounts for, over time; ``at_rung`` has one rung for each scene."""
     rows = finished(longest(at_rung))
-    if rows.empty:
+    if rows.empty or not results.has_curves:
         return None
     return Figure(
         "energy-gain-over-time",
@@ -80,7 +84,7 @@ def by_step(rows: pd.DataFrame) -> Figure | None:
 def growth(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     """Return gap and gap speed of the constraints over time, on scenes without clearance."""
     rows = finished(longest(at_rung[~at_rung["has_clearance"]]))
-    if rows.empty:
+    if rows.empty or not results.has_curves:
         return None
     scenes, styles = rows["scene"].unique().tolist(), line_styles(rows)
     drawing, axes = grid(2 * len(scenes))
@@ -95,7 +99,7 @@ def growth(results: Results, at_rung: pd.DataFrame) -> Figure | None:
         for case, label in zip(of_scene["case"], of_scene["label"], strict=True):
             time, curve = results.curve(case, "time_s"), results.curve(case, name)
             at = np.unique(np.geomspace(1, len(time) - 1, GROWTH_POINTS).round().astype(int))
-            ax.loglog(time[at], np.where(curve[at] > 0, curve[at], np.nan), **styles[label])
+            mark(ax.loglog(time[at], np.where(curve[at] > 0, curve[at], np.nan), **styles[label]), label)
     engine_legend(drawing, rows, failures=False)
     return Figure(
         "energy-drift-over-time",
@@ -114,7 +118,7 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     """
     rows = finished(at_rung)
     rows = _worth_a_panel(rows[rows["has_clearance"] & rows["driver_work_J"].notna()])
-    if rows.empty:
+    if rows.empty or not results.has_curves:
         return None
     drawing, axes = grid(len(rows), height_in=1.9)
     used: list[str] = []
@@ -128,18 +132,18 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
                 continue
             top = base + results.curve(row["case"], name)
             face, hatch = _look(name)
-            ax.fill_between(time, base, top, facecolor=face, hatch=hatch, edgecolor="#5A5A5A", linewidth=0.3)
+            edge: Any = {"hatch": hatch, "edgecolor": "#5A5A5A", "linewidth": 0.3}
+            mark([ax.fill_between(time, base, top, facecolor=face, **edge)], _way(name))
             base, used = top, [*used, name]
-        ax.plot(time, work - stored, color=BLACK, linewidth=1.4)
+        mark(ax.plot(time, work - stored, color=BLACK, linewidth=1.4), WORK)
         ax.set(title=row["label"], xlabel=axis_label("time_s"), ylabel="energy [J]")
     highest = max(ax.get_ylim()[1] for ax in axes)
     for ax in axes:
         ax.set_ylim(0, highest)
-    handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, label="driver's work less energy stored")]
+    handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, label=WORK)]
     for name in dict.fromkeys(used):
         face, hatch = _look(name)
-        text = name.removesuffix("_J").replace("_", " ")
-        handles.append(Patch(facecolor=face, hatch=hatch, edgecolor=GREY, label=text))
+        handles.append(Patch(facecolor=face, hatch=hatch, edgecolor=GREY, label=_way(name)))
     drawing.set_size_inches(WIDTH_IN, drawing.get_size_inches()[1])
     drawing.legend(handles=handles, loc="outside lower center", ncols=3)
     scene = rows["scene"].iloc[0]
@@ -159,6 +163,11 @@ def _worth_a_panel(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the first arm of each engine and those whose ledger visibly does not close."""
     open_by = rows["mean_hidden_power_W"].abs() / rows["dissipated_power_W"]
     return rows[~rows["engine"].duplicated() | (open_by > MISSING)]
+
+
+def _way(name: str) -> str:
+    """Return a loss in words by its column."""
+    return name.removesuffix("_J").replace("_", " ")
 
 
 def _look(name: str) -> tuple[str, str]:

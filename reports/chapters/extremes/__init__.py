@@ -50,6 +50,7 @@ def sections(results: Results) -> list[Section]:
         f"Matrix of {answered['scene'].nunique()} named cases against {', '.join(labels(answered))}, a "
         "symbol and a shade per verdict, with theory's expectation beside each case.",
         verdict_matrix(answered),
+        dense=True,
     )
     text = (*_sound(answered), *_outcomes(answered), *_reference(answered))
     gallery = Section("gallery", "The gallery", text, (figure,), (counts(answered),))

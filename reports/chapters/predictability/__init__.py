@@ -35,7 +35,7 @@ def sections(results: Results) -> list[Section]:
 def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     if rows.empty:
         return
-    figure = Figure(
+    figure = results.has_curves and Figure(
         "predictability-growth",
         "How twins of the reference part from it",
         "Distance of the slider from the reference's, the largest up to each time. Black: started at crank "
@@ -46,7 +46,9 @@ def _horizons(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
         "Distances of perturbed and step-halved twins, with horizons at 1 nm, 1 µm and 100 µm.",
         figures.growth(results, rows),
     )
-    yield Section.of("horizons", "Horizons", findings.horizons(rows), [figure], [tables.horizons(rows)])
+    yield Section.of(
+        "horizons", "Horizons", findings.horizons(rows), [figure or None], [tables.horizons(rows)]
+    )
 
 
 def _exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
@@ -61,7 +63,7 @@ def _exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Iterat
         "run gives the same."
     )
     figure = None
-    if drawing := figures.exponents(results, by_scene):
+    if results.has_curves and (drawing := figures.exponents(results, by_scene)):
         figure = Figure(
             "predictability-exponents",
             "Lyapunov exponents against the length of the run",
@@ -106,6 +108,8 @@ def _pairs(
         f"A panel of intervals, a line for each quantity, for each of {names}.",
         figures.differences(verdicts),
     )
+    if not results.has_curves:
+        return
     yield Figure(
         f"predictability-phases-{scene}",
         f"Impacts by crank angle on {scene}",
@@ -117,6 +121,8 @@ def _pairs(
 
 
 def _diagrams(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
+    if not results.has_curves:
+        return
     drawn: list[Figure] = []
     text: list[str] = []
     for part in (diagrams.CLEARANCES, diagrams.SPEEDS):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from reports.chapters.predictability import data
 from reports.chapters.predictability.comparison import Verdict
 from reports.chapters.predictability.statistics import student_interval
+from reports.plots.series import mark
 from reports.plots.step_figures import engine_legend, grid
 from reports.plots.time_figures import so_far
 from reports.results import FloatArray, Results
@@ -35,9 +36,12 @@ def growth(results: Results, rows: pd.DataFrame) -> Drawing:
         turns = row["revolutions"] > 0
         unit = row["end_time_s"] / row["revolutions"] if turns else 1.0
         time = results.curve(row["case"], "time_s") / unit
-        ax.fill_between(time, _drawn(each.min(axis=0)), _drawn(each.max(axis=0)), color=GREY, alpha=0.5)
-        ax.plot(time, _drawn(np.median(each, axis=0)), color=BLACK)
-        ax.plot(time, _drawn(so_far(results.curve(row["case"], "halved_m"))), color=BLUE, linestyle="--")
+        least, most = (_drawn(end(axis=0)) for end in (each.min, each.max))
+        band = ax.fill_between(time, least, most, color=GREY, alpha=0.5)
+        mark([band], "perturbed (all)")
+        mark(ax.plot(time, _drawn(np.median(each, axis=0)), color=BLACK), "perturbed (median)")
+        halved = _drawn(so_far(results.curve(row["case"], "halved_m")))
+        mark(ax.plot(time, halved, color=BLUE, linestyle="--"), "step halved")
         for words, (_, tolerance) in data.TOLERANCES.items():
             ax.axhline(tolerance, color=GREY, linewidth=0.6, linestyle=":")
             _mark_horizon(ax, row, words, tolerance, unit)
@@ -142,7 +146,8 @@ def phases(results: Results, by_label: data.Ensembles) -> Drawing:
             at = (edges[:-1] + edges[1:]) / 2 + shift * BIN_DEG
             middle = np.array([mean.mean for mean in means])
             ends = np.array([[mean.mean - mean.low, mean.high - mean.mean] for mean in means]).T
-            ax.errorbar(at, middle, ends, elinewidth=1.2, label=label, **{**styles[label], "linestyle": ""})
+            how = {**styles[label], "linestyle": ""}
+            mark(ax.errorbar(at, middle, ends, elinewidth=1.2, **how).get_children(), label)
         ax.set_xticks(range(0, 361, 90))
         ax.set_ylim(bottom=0)
         ax.set(xlabel="crank angle at impact [°]", ylabel=f"impacts per revolution in {BIN_DEG}°")

@@ -85,6 +85,7 @@ def _map(rows: pd.DataFrame, varied: str) -> Section:
         f"Maps of verdicts over the step and the {what}, logarithmic, one panel each for "
         f"{', '.join(labels(rows))}.",
         verdict_map(rows, varied),
+        dense=True,
     )
     return Section.of(name, f"Step and {what}", begun(rows, varied), [figure])
 

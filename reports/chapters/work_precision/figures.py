@@ -11,9 +11,11 @@ from matplotlib.ticker import NullFormatter
 
 from reports.equal_error import Judged, front
 from reports.parts import Figure
+from reports.plots.series import mark
 from reports.plots.step_figures import engine_legend, grid
 from reports.shared_tables import followed
 from reports.style import GREY, axis_label, line_styles, words
+from reports.tables import number
 
 #: What an error may cost, by its column among the rungs: the axis, and how to read a figure of it.
 COSTS = {
@@ -58,7 +60,7 @@ def drawing(judged: Judged, cost: str) -> Drawing:
     styles = line_styles(judged.rows)
     for ax, (scene, (rungs, floor)) in zip(axes, judged.ladders.items(), strict=True):
         for label, ladder in rungs.groupby("label", observed=True):
-            _line(ax, ladder, cost, styles[label])
+            _line(ax, ladder, cost, label, styles[label])
         if cost == "time_s":
             best = front(rungs)
             ax.plot(
@@ -83,10 +85,12 @@ def drawing(judged: Judged, cost: str) -> Drawing:
     return figure
 
 
-def _line(ax: Axes, ladder: pd.DataFrame, cost: str, style: dict[str, Any]) -> None:
+def _line(ax: Axes, ladder: pd.DataFrame, cost: str, label: str, style: dict[str, Any]) -> None:
     ladder = ladder.sort_values(cost, kind="stable")
     spread: dict[str, Any] = {}
     if cost == "time_s":
         below = ladder["time_s"] - ladder["times_s"].map(np.nanmin)
         spread = {"xerr": [below, ladder["times_s"].map(np.nanmax) - ladder["time_s"]], "elinewidth": 0.7}
-    ax.errorbar(ladder[cost], ladder["error"], **spread, **style)
+    drawn = ax.errorbar(ladder[cost], ladder["error"], **spread, **style)
+    notes = [f"{knob} {number(value)}" for knob, value in zip(ladder["knob"], ladder["value"], strict=True)]
+    mark(drawn.get_children(), label, notes)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import RunSettings
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact_law import native_law, native_twin
 from engine_models.exudyn.motion import integral
 from engine_models.guards import guarded, unguarded
@@ -152,12 +152,15 @@ def test_guards_speak_unless_they_are_told_not_to() -> None:
 
 
 def test_two_methods_are_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[str, float]] = []
-    monkeypatch.setattr(
-        two_methods, "_controlled", lambda _, tolerance, __, method: asked.append((method, tolerance))
-    )
-    two_methods._by_dopri5(ideal_driven(), 1e-12, 4)
-    assert asked == [("dop853", 1e-12), ("dopri5", 1e-11)]
+    asked: list[tuple[object, ...]] = []
+
+    def no_rk4(*_: object) -> Trajectory:
+        raise SimulationFailed("none")
+
+    monkeypatch.setattr(two_methods, "_by_rk4", no_rk4)
+    monkeypatch.setattr(two_methods, "_by_control", lambda method, *_: asked.append((method, _[-1])))
+    two_methods.sharp_solution(ideal_driven(), 4)
+    assert asked == [("dop853", 1e-13), ("dop853", 1e-14), ("dopri5", 1e-12)]
 
 
 def test_arms_set_what_their_names_say() -> None:

@@ -312,15 +312,18 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
 
 def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from reports import page
+    from reports.page.build import Report
 
     calls: list[tuple[object, ...]] = []
 
-    def write_report(*arguments: object) -> list[str]:
+    def write_report(*arguments: object) -> Report:
         calls.append(arguments)
-        return ["a note"]
+        return Report(("The answer.",), ("a note",), ())
 
     monkeypatch.setattr(page, "write_report", write_report)
-    assert crankslider("report").stderr == "note: a note\nnote: the report is report/index.html\n"
+    done = crankslider("report")
+    assert done.stderr == "note: a note\nnote: the report is report/index.html\n"
+    assert done.stdout == "The answer.\n"
     assert crankslider("report", "--results", tmp_path, "--out", tmp_path / "r").code == 0
     assert calls == [(Path("results"), Path("report")), (tmp_path, tmp_path / "r")]
 

@@ -1,0 +1,52 @@
+"""The one figure of the answer: what each engine gets right for how much time, with the target drawn in."""
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from reports.chapters.answer.picks import POSITION, Race
+from reports.equal_error import Judged, front
+from reports.parts import Figure
+from reports.plots.series import mark
+from reports.plots.step_figures import grid
+from reports.quantities import finished
+from reports.results import Results
+from reports.style import GREY, axis_label, legend_place, variant
+from reports.tables import listed, number
+
+
+def figure(timed: Results, races: list[Race]) -> Figure | None:
+    """Return each engine's front of slider error over run time, a panel for each of the races' scenes."""
+    if not races:
+        return None
+    ladders = Judged("", finished(timed.rows), POSITION).ladders
+    drawing, axes = grid(len(races), height_in=3.1)
+    engines: list[str] = []
+    for ax, race in zip(axes, races, strict=True):
+        rungs, _ = ladders[race.scene]
+        for engine, of_engine in sorted(rungs.groupby("engine"), key=lambda each: legend_place(each[0], "")):
+            _line(ax, engine, front(of_engine))
+            engines.append(engine)
+        ax.axhline(race.target, color=GREY, linestyle="--", linewidth=1.0)
+        best = race.picks[0]
+        ax.plot(best.way.time_s, best.error, "o", markersize=13, markerfacecolor="none", markeredgecolor=GREY)
+        ax.set(
+            xscale="log", yscale="log", title=race.scene, xlabel="run time [s]", ylabel=axis_label(POSITION)
+        )
+    scenes = listed(race.scene for race in races)
+    handles = {line.get_label(): line for ax in axes for line in ax.lines if line.get_label() in engines}
+    drawing.legend(handles=list(handles.values()), loc="outside lower center", ncols=max(1, len(handles)))
+    return Figure(
+        "answer",
+        "What the slider's position costs",
+        "Each line is an engine with its best settings: down and to the left is better. Dashed is the error "
+        "asked for, and the ring is the cheapest run within it.",
+        f"Slider position error against run time, log-log, on {scenes}: a line for each of "
+        f"{listed(dict.fromkeys(engines))}.",
+        drawing,
+    )
+
+
+def _line(ax: Axes, engine: str, best: pd.DataFrame) -> None:
+    drawn = ax.plot(best["time_s"], best["error"], label=engine, **variant(engine, 0))
+    settings = zip(best["label"], best["knob"], best["value"], strict=True)
+    mark(drawn, engine, [f"{label}, {knob} {number(value)}" for label, knob, value in settings])

@@ -1,0 +1,120 @@
+"""Who to take: the cheapest measured run of each engine that is within an error, on each scene."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from reports.equal_error import Arrival, Judged, Ratio, at_rung, ratio
+from reports.quantities import finished, with_largest
+from reports.results import Results, with_columns
+
+POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
+#: What is asked for: an error in a signal, in words, and how large it may be, in the column's unit.
+TARGETS = ((POSITION, "motion", 1e-6), (FORCE, "joint forces", 1.0))
+#: How the columns begin that only scenes with clearance have.
+LOOSE = "^clearance_"
+
+
+@dataclass(frozen=True)
+class Pick:
+    """An engine's cheapest rung within a target: ``way`` is arm, setting and times, ``error`` its own."""
+
+    way: Arrival
+    error: float
+
+
+@dataclass(frozen=True)
+class Race:
+    """The picks of all engines for one target on one scene, the cheapest first; ``absent`` do not get there.
+
+    ``end_s`` is the length of the motion, ``uncertainty`` the truth's own, ``within`` are all rungs within
+    the target.
+    """
+
+    column: str
+    what: str
+    target: float
+    scene: str
+    loose: bool
+    end_s: float
+    uncertainty: float
+    picks: tuple[Pick, ...]
+    absent: tuple[str, ...]
+    within: tuple[Arrival, ...]
+
+    @property
+    def ratios(self) -> dict[str, Ratio]:
+        """What every other engine takes in times of the cheapest."""
+        first, *others = self.picks
+        found = {pick.way.label: ratio(pick.way, first.way) for pick in others}
+        return {label: each for label, each in found.items() if each}
+
+
+def races(timed: Results) -> list[Race]:
+    """Return the races for every target on every scene on which any engine is within it, clearance first."""
+    needed = (
+        "round",
+        "compiled_anew",
+        "compared_until_s",
+        "solve_time_s",
+        "build_time_s",
+        "end_time_s",
+        POSITION,
+    )
+    rows = finished(with_largest(with_columns(timed.rows, *needed), FORCE, r"joint_\w_force_error_N"))
+    loose = set(rows["scene"][rows.filter(regex=LOOSE).notna().any(axis=1)])
+    found = [race for target in TARGETS for race in _races(rows, *target, loose)]
+    return sorted(found, key=lambda race: not race.loose)
+
+
+def _races(rows: pd.DataFrame, column: str, what: str, target: float, loose: set[str]) -> Iterator[Race]:
+    for scene, (rungs, floor) in Judged("", rows, column).ladders.items():
+        within = rungs[rungs["error"] <= target].sort_values("time_s")
+        best = within.drop_duplicates("engine")
+        picks = tuple(Pick(at_rung(rung), float(str(rung.error))) for rung in best.itertuples())
+        absent = tuple(sorted(set(rungs["engine"]) - set(best["engine"])))
+        end = float(rows["end_time_s"][rows["scene"] == scene].max())
+        if picks:
+            ways = tuple(map(at_rung, within.itertuples()))
+            yield Race(column, what, target, scene, scene in loose, end, floor, picks, absent, ways)
+
+
+def asked(found: Sequence[Race], column: str, *, loose: bool) -> list[Race]:
+    """Return the races for one target, with clearance or without."""
+    return [race for race in found if race.column == column and race.loose == loose]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """An arm at a setting that is within a target on several scenes.
+
+    ``times_s`` are its run times there, ``ratios`` the same in times of the cheapest engine's.
+    """
+
+    engine: str
+    label: str
+    setting: str
+    times_s: tuple[float, ...]
+    ratios: tuple[float, ...]
+
+
+def one_for_all(races: Sequence[Race]) -> list[Setting]:
+    """Return each engine's setting that is within the target on all scenes, the cheapest engine first.
+
+    Of an engine's it is the one that takes the least on the scene where it does worst.
+    """
+    ways: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
+    for race in races:
+        for way in race.within:
+            costs = (way.time_s, way.time_s / race.picks[0].way.time_s)
+            ways.setdefault((way.engine, way.label, way.setting), []).append(costs)
+    whole = [
+        Setting(*way, tuple(time for time, _ in costs), tuple(ratio for _, ratio in costs))
+        for way, costs in ways.items()
+        if len(costs) == len(races)
+    ]
+    best: dict[str, Setting] = {}
+    for each in sorted(whole, key=lambda each: max(each.ratios)):
+        best.setdefault(each.engine, each)
+    return list(best.values())

@@ -1,0 +1,160 @@
+"""The answer in sentences: whom to take, what it costs, what not to trust, what the study cannot say."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from reports.chapters.answer.picks import FORCE, POSITION, Race, Setting, asked, one_for_all
+from reports.chapters.answer.trust import HIDDEN_PART, LOST_IN_WORDS, Hidden
+from reports.chapters.extremes.verdict import Verdict, answers
+from reports.equal_error import Ratio
+from reports.parts import Finding, Number
+from reports.results import Results
+from reports.style import words
+from reports.tables import listed, plain
+
+#: How a target is written in a sentence, by its column.
+WITHIN = {POSITION: "the slider within 1 µm", FORCE: "joint forces within 1 N"}
+
+
+def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
+    """Yield which setting of whom is within each target on all scenes with clearance, and what it costs."""
+    taken: list[Setting] = []
+    for column, within in WITHIN.items():
+        of = asked(races, column, loose=True)
+        settings = one_for_all(of)
+        if taken and of and _as_sharp(taken[0], of):
+            yield Finding(f"The same setting has {within} as well.", f"take-{column}")
+        elif settings:
+            yield from _taken(settings, column, of)
+            taken = taken or settings
+        absent = sorted(
+            {engine for race in of for engine in race.absent} - {each.engine for each in settings}
+        )
+        if absent:
+            yield Finding(f"No setting of {listed(absent)} has {within} on all of them.", f"absent-{column}")
+
+
+def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
+    """Return whether a setting is within the target of all races."""
+    at = (taken.label, taken.setting)
+    return all(at in {(way.label, way.setting) for way in race.within} for race in races)
+
+
+def _taken(settings: Sequence[Setting], column: str, races: Sequence[Race]) -> Iterator[Finding]:
+    """Yield the cheapest of the settings, the next one, and how far the others are."""
+    first, *others = settings
+    times = [1e3 * time for time in first.times_s]
+    yield Finding(
+        f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}: {_between(times)} ms a "
+        f"run on the {len(races)} scenes timed.",
+        f"take-{column}",
+        [Number(time, "ms") for time in times],
+    )
+    if others:
+        next_one, *rest = others
+        text = (
+            f"Without it take {next_one.label} at {next_one.setting}, {_between(next_one.ratios)} times as "
+            "long as the cheapest on each scene"
+        )
+        if rest:
+            text += "; " + listed(f"{each.label} takes {_between(each.ratios)} times" for each in rest)
+        ratios = [Number(value, "times") for each in others for value in each.ratios]
+        yield Finding(f"{text}.", f"next-{column}", ratios)
+
+
+def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
+    """Yield the cheapest engine for each target on each scene with clearance, and how far the next one is."""
+    for race in (race for column in WITHIN for race in asked(races, column, loose=True)):
+        first, *others = race.picks
+        times_ms = [1e3 * time for time in (min(first.way.times_s), max(first.way.times_s))]
+        numbers = [
+            Number(1e3 * first.way.time_s, "ms", *times_ms),
+            Number(
+                first.error,
+                words(race.column)[1],
+                max(0.0, first.error - race.uncertainty),
+                first.error + race.uncertainty,
+            ),
+        ]
+        text = (
+            f"For {WITHIN[race.column]} on {race.scene} {first.way.label} at {first.way.setting} is the "
+            f"cheapest, {plain(1e3 * first.way.time_s)} ms"
+        )
+        if others and (times := race.ratios.get(others[0].way.label)):
+            text += f"; next is {others[0].way.label}, {_slower(times)}"
+            numbers.append(Number(times.median, "times", times.low, times.high))
+        yield Finding(f"{text}.", f"cheapest-{race.column}-{race.scene}", numbers)
+
+
+def _slower(times: Ratio) -> str:
+    return f"{plain(times.median)} times as long" if times.decided else "which rounds do not tell apart"
+
+
+def _between(values: Sequence[float]) -> str:
+    return " to ".join(dict.fromkeys(plain(end) for end in (min(values), max(values))))
+
+
+def who_keeps_energy(arms: Sequence[Hidden]) -> Iterator[Finding]:
+    """Yield which arms hide next to nothing of the energy that contacts dissipate, and which one most."""
+    keep = [arm for arm in arms if arm.part <= HIDDEN_PART]
+    if keep:
+        yield Finding(
+            f"Energy stays, to {100 * HIDDEN_PART:g} % of what contacts dissipate, with "
+            f"{listed(arm.label for arm in keep)}, on all scenes with contact that they finished.",
+            "energy-kept",
+            [Number(100 * keep[-1].part, "%")],
+        )
+    told = [arm for arm in arms if arm.told > HIDDEN_PART]
+    if told:
+        worst = max(told, key=lambda arm: arm.told)
+        yield Finding(
+            f"{worst.label} makes or takes up to {plain(100 * worst.told)} % of it.",
+            "energy-hidden",
+            [Number(100 * worst.told, "%")],
+        )
+
+
+def what_not_to_trust(studies: Mapping[str, Results], horizons: Mapping[str, float]) -> Iterator[Finding]:
+    """Yield from when on nobody's motion means anything, and who reports success where it is wrong."""
+    if horizons:
+        scene, turns = next(iter(horizons.items()))
+        others = f", at the latest after {plain(max(horizons.values()))}" if len(horizons) > 1 else ""
+        yield Finding(
+            f"Trust no single motion for long: on {scene} a start moved by a hair has the slider off by "
+            f"{LOST_IN_WORDS} after {plain(turns)} revolutions"
+            + (f", and on {len(horizons) - 1} other scenes{others}" if others else "")
+            + "; past that only averages can be right.",
+            "horizon",
+            [Number(count, "revolutions") for count in horizons.values()],
+        )
+    if "extremes" in studies:
+        runs = answers(studies["extremes"].rows)
+        bare = runs["unguarded"].where(runs["unguarded"].notna(), runs["verdict"])
+        wrong = bare.isin((Verdict.NONSENSE, Verdict.NOTICED)).groupby(runs["label"], observed=True).sum()
+        if wrong.max() > 0:
+            cases = runs["scene"].nunique()
+            yield Finding(
+                f"Trust no run without a check: on {cases} hard cases {wrong.idxmax()} by itself calls "
+                f"nonsense a success {wrong.max()} times"
+                + (f", and {listed(wrong.index[wrong == 0])} never" if (wrong == 0).any() else "")
+                + ".",
+                "nonsense",
+                [Number(float(wrong.max()), "runs")],
+            )
+
+
+def what_it_cannot_say(races: Sequence[Race], studies: Mapping[str, Results]) -> Iterator[str]:
+    """Yield what no row tells: of other machines, other scenes, and real mechanisms."""
+    timed = studies.get("work-precision")
+    if timed and races:
+        scenes = dict.fromkeys(race.scene for race in races)
+        machine = (timed.sidecar or {}).get("machine", {}).get("processor", "a machine that is not on record")
+        yield (
+            f"Run times are of {machine} and {len(scenes)} scenes; ratios carry over to other machines, "
+            "milliseconds do not."
+        )
+    yield (
+        "Truth is the exact solution of each engine's own model: how well rigid links, planar motion and a "
+        "dry contact law describe a machine is not asked, nor anything of bending, lubrication, heat or wear."
+    )
+    if not any(name in studies for name in ("energy", "extremes", "predictability")):
+        yield "Nothing here tells of energy over long runs, of hard cases, or of how long a motion is known."

@@ -1,0 +1,98 @@
+"""What not to trust: who hides energy, who fails on hard cases, and from when on nobody knows the motion."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+
+from reports.chapters.energy.rungs import at_rungs, middle_rungs, prepared
+from reports.chapters.extremes.verdict import answers
+from reports.chapters.predictability import data
+from reports.quantities import finished
+from reports.results import Results
+from reports.tables import ABSENT
+
+#: What an engine may hide, as a part of what contacts dissipate.
+HIDDEN_PART = 1e-3
+#: A slider that is off by this much is lost, as a column's name and the text have it.
+LOST, LOST_IN_WORDS = "100um", "100 µm"
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """The most that an arm may hide on scenes with contact, as a part of what contacts dissipate there.
+
+    ``part`` is the end of the interval, ``told`` the most that is told from zero.
+    """
+
+    engine: str
+    label: str
+    setting: str
+    part: float
+    told: float
+    scenes: int
+
+
+def hidden(energy: Results) -> list[Hidden]:
+    """Return what every arm hides at most on the scenes with contact that it finished, the least first.
+
+    It is the size of its hidden power and half of that's interval, on the worst of the scenes.
+    """
+    rows = prepared(energy.rows)
+    rows = finished(at_rungs(rows, middle_rungs(rows)))
+    rows = rows[rows["has_clearance"] & (rows["dissipated_power_W"] > 0)]
+    most = (rows["hidden_power_W"].abs() + rows["half_width"]) / rows["dissipated_power_W"]
+    told = rows["hidden_power_W"].abs().where(rows["significant"], 0.0) / rows["dissipated_power_W"]
+    rows = rows.assign(part=most, told=told).dropna(subset="part")
+    arms = [
+        Hidden(
+            of["engine"].iloc[0],
+            label,
+            _setting(of),
+            float(of["part"].max()),
+            float(of["told"].max()),
+            len(of),
+        )
+        for label, of in rows.groupby("label", observed=True)
+    ]
+    return sorted(arms, key=lambda arm: arm.part)
+
+
+def _setting(rows: pd.DataFrame) -> str:
+    tolerances = rows["tolerance"].dropna()
+    name, values, unit = ("tolerance", tolerances, "") if len(tolerances) else ("step", rows["step_s"], " s")
+    ends = dict.fromkeys(f"{value:.1e}" for value in (values.min(), values.max()))
+    return f"{name} {' to '.join(ends)}{unit}"
+
+
+def breaks(studies: Mapping[str, Results], engine: str, label: str) -> str:
+    """Return in a few words where an arm breaks: on how many hard cases, and which scenes it refuses.
+
+    Of an arm that was not run on the hard cases they are those of the engine's first arm there.
+    """
+    said = []
+    if "extremes" in studies:
+        hard = answers(studies["extremes"].rows)
+        of_engine = hard[hard["engine"] == engine].sort_values("label")
+        labels = list(of_engine["label"].unique())
+        if labels:
+            of = of_engine[of_engine["label"] == (label if label in labels else labels[0])]
+            said.append(f"against theory in {(~of['as_wanted']).sum()} of {len(of)} hard cases")
+        else:
+            said.append("hard cases not run")
+    if "clearance" in studies:
+        rows = studies["clearance"].rows
+        never = (
+            rows[rows["label"] == label].groupby("scene")["status"].agg(lambda of: set(of) == {"unsupported"})
+        )
+        if never.any():
+            said.append(f"refuses {never.sum()} of {len(never)} scenes with clearance")
+    return "; ".join(said) or ABSENT
+
+
+def horizons(predictability: Results) -> dict[str, float]:
+    """Return after how many revolutions a slider is lost whose start is moved by a hair, by scene."""
+    rows = data.horizons(data.prepared(predictability.rows))
+    lost = rows[[f"horizon_{LOST}_s", f"horizon_halved_{LOST}_s"]].min(axis=1)
+    turns = (lost * rows["revolutions"] / rows["end_time_s"]).set_axis(rows["scene"])
+    return {str(scene): float(count) for scene, count in turns[turns > 0].sort_values().items()}

@@ -1,0 +1,176 @@
+"""Builds the report: figures, tables, findings and the page, all or nothing."""
+
+import os
+import signal
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from reports.chapters.answer import QUESTION, Answer
+from reports.page.claims import Claim, as_json, collected, from_json
+from reports.page.questions import QUESTIONS, Question
+from reports.page.references import References
+from reports.page.shown import ShownChapter, ShownSection, shown_answer, shown_chapter
+from reports.results import NoResults, Results, read_study
+from reports.tables import FORMATS
+
+#: What marks a folder as a report, so that nothing else is ever replaced.
+GENERATOR = '<meta name="generator" content="crankslider">'
+FINDINGS = "findings.json"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What came of building: the ``answer`` in sentences, ``notes`` on the results, all ``claims``."""
+
+    answer: tuple[str, ...]
+    notes: tuple[str, ...]
+    claims: tuple[Claim, ...]
+
+
+def write_report(results: Path, out: Path) -> Report:
+    """Make the report in ``out`` from the studies in ``results``.
+
+    That is index.html, findings.json, figures/ and tables/. It is built beside ``out`` and takes its place
+    when finished; a report that was there is replaced.
+
+    Raises:
+        NoResults: no study in ``results`` has rows.
+        BrokenResults: a study's files cannot be read.
+        Contradiction: a sentence of the report is not true of the results.
+        FileExistsError: ``out`` is there and is no report.
+    """
+    studies, missing = _read(results)
+    out = out.resolve()
+    _require_replaceable(out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
+        new, old = Path(temporary) / "new", Path(temporary) / "old"
+        new.mkdir()
+        report = _build(studies, missing, new)
+        if out.exists():
+            out.rename(old)
+        try:
+            new.rename(out)
+        except OSError:
+            if old.exists():
+                old.rename(out)
+            raise
+    return report
+
+
+def claims_of(report: Path) -> list[Claim]:
+    """Return the claims of a report that was made before.
+
+    Raises:
+        OSError: there is no report.
+        ValueError: its findings are none.
+    """
+    return from_json((report / FINDINGS).read_text(encoding="utf-8"))
+
+
+def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
+    """Return the results by study, and the studies that have none."""
+    studies, missing = {}, {}
+    for study in (study for question in QUESTIONS for study in question.studies):
+        try:
+            studies[study.STUDY] = read_study(folder / study.STUDY)
+        except NoResults as reason:
+            missing[study.STUDY] = str(reason)
+    if not studies:
+        raise NoResults("; ".join(missing.values()))
+    return studies, list(missing)
+
+
+def _build(studies: Mapping[str, Results], missing: Sequence[str], folder: Path) -> Report:
+    for kind in ("figures", "tables"):
+        (folder / kind).mkdir()
+    said, screen, chapters = _shown(studies, folder)
+    asked = [
+        (question, [chapters[study.STUDY] for study in question.studies if study.STUDY in chapters])
+        for question in QUESTIONS
+    ]
+    bare = [name for name, results in studies.items() if not results.has_curves]
+    found = collected(said, chapters.values())
+    _write_page(folder, said, screen, [each for each in asked if each[1]], missing, bare)
+    (folder / FINDINGS).write_text(as_json(found, studies), encoding="utf-8")
+    notes = [note for results in studies.values() for note in results.notes]
+    if bare:
+        notes.append(f"no curves beside the rows of {', '.join(bare)}: figures over time are left out")
+    return Report((*said.text, *said.doubts), tuple(notes), tuple(found))
+
+
+def _shown(
+    studies: Mapping[str, Results], folder: Path
+) -> tuple[Answer, ShownSection, dict[str, ShownChapter]]:
+    """Return the answer, as it is and as the page shows it, and all chapters, drawn on all cores."""
+    jobs = min(os.cpu_count() or 1, len(studies))
+    if jobs == 1:
+        chapters = {name: shown_chapter(name, results, folder) for name, results in studies.items()}
+        return *shown_answer(studies, folder), chapters
+    with ProcessPoolExecutor(jobs, get_context("spawn"), signal.signal, _DEAF) as pool:
+        work = {name: pool.submit(shown_chapter, name, results, folder) for name, results in studies.items()}
+        try:
+            said, screen = shown_answer(studies, folder)
+            return said, screen, {name: chapter.result() for name, chapter in work.items()}
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+#: Ctrl-C is for the process that waits for the others.
+_DEAF = (signal.SIGINT, signal.SIG_IGN)
+
+
+def _write_page(
+    folder: Path,
+    said: Answer,
+    screen: ShownSection,
+    asked: Sequence[tuple[Question, Sequence[ShownChapter]]],
+    missing: Sequence[str],
+    bare: Sequence[str],
+) -> None:
+    references = References()
+    environment = Environment(
+        loader=PackageLoader("reports", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(explained=references.explained, entry=references.entry)
+    sections = [
+        screen,
+        *(section for _, chapters in asked for chapter in chapters for section in chapter.sections),
+    ]
+    styles: dict[str, str] = {}
+    for figure in (figure for section in sections for figure in section.figures):
+        styles |= figure.picture.svg.styles
+    page = environment.get_template("index.html.jinja").render(
+        generator=GENERATOR,
+        question=QUESTION,
+        said=said,
+        screen=screen,
+        styles=styles,
+        asked=asked,
+        missing=missing,
+        bare=bare,
+        formats=list(FORMATS),
+        references=references,
+        findings=FINDINGS,
+    )
+    (folder / "index.html").write_text(page, encoding="utf-8")
+
+
+def _require_replaceable(out: Path) -> None:
+    """Raise FileExistsError if something is in the way that is no report."""
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    page = out / "index.html"
+    if not page.is_file() or GENERATOR not in page.read_text(encoding="utf-8", errors="replace"):
+        raise FileExistsError(f"out: expected a new folder or a report to replace, got {out}")
