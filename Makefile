@@ -54,7 +54,7 @@ publish: .venv/.rivals
 	cp -r report reports/published/report
 	for study in results/*/; do mkdir -p reports/published/$$study && \
 	    cp $$study/rows.jsonl $$study/sidecar.json reports/published/$$study; done
-	$(BIN)/python -m studies.running.seal reports/published
+	$(BIN)/python -m studies.conformance.seal reports/published
 
 .venv/.ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \

@@ -70,7 +70,7 @@ with _home_first():
         read_engine,
         read_scene,
     )
-    from studies.failures import BadInput, Failed
+    from studies.running.failures import BadInput, Failed
 
 __all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep"]
 __version__ = version("crankslider")

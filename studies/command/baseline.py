@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from rich.console import Console
 from rich.progress import Progress
 
-from studies.baselines.accept import Numbers, accepted, measure_all
-from studies.baselines.measured import Key, NotMeasured
-from studies.baselines.subjects import Subject, subjects, without_wheel
-from studies.baselines.table import FOLDER, Baseline, DamagedTable, read_tables, write_tables
-from studies.baselines.verdicts import verdicts
-from studies.failures import BadInput, Failed, say, writing
+from studies.conformance.baselines.accept import Numbers, accepted, measure_all
+from studies.conformance.baselines.measured import Key, NotMeasured
+from studies.conformance.baselines.subjects import Subject, subjects, without_wheel
+from studies.conformance.baselines.table import FOLDER, Baseline, DamagedTable, read_tables, write_tables
+from studies.conformance.baselines.verdicts import verdicts
+from studies.running.failures import BadInput, Failed, say, writing
 
 Baselines = dict[Key, Baseline]
 

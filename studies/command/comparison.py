@@ -23,9 +23,9 @@ from reports.results import Results, read_study
 from studies.command.finished_run import Run
 from studies.comparison.question import Question, asked, require_truth
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
-from studies.failures import BadInput, Failed
 from studies.running.case import Case
 from studies.running.execution import CaseEnded
+from studies.running.failures import BadInput, Failed
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
 from studies.running.runner import run_study

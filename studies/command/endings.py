@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from engine_models.scene.plain_words import one_of, shown
-from studies.failures import BadInput
+from studies.running.failures import BadInput
 
 #: Endings of pictures and of films.
 PICTURES, FILMS = (".png", ".svg", ".pdf"), (".html", ".gif", ".mp4")

@@ -16,7 +16,7 @@ from engine_models.scene.scene import Scene
 from studies.command.endings import film_ending
 from studies.command.options import FilmOptions, as_arguments, checked
 from studies.command.trajectory_table import impact_columns, sample_columns
-from studies.failures import BadInput, writing
+from studies.running.failures import BadInput, writing
 from studies.running.whole_file import whole_file
 
 if TYPE_CHECKING:

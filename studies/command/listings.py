@@ -9,7 +9,7 @@ from engine_models.engine import UnsupportedScene
 from engine_models.engines import ENGINES, engine_class, make_engine
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import expectation, fields, meant, one_of, shown
-from studies.failures import BadInput
+from studies.running.failures import BadInput
 
 #: Characters of what a setting takes, and of what is said of it in a line.
 LONGEST_CHOICE, LONGEST_CLAUSE = 60, 100

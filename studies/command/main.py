@@ -10,7 +10,7 @@ from typing import Annotated
 
 from typer import Argument, Exit, Option, Typer
 
-from studies import failures
+from studies.running import failures
 from studies.running.registry import STUDIES
 
 app = Typer(
@@ -311,11 +311,11 @@ def search(
     from rich.console import Console
     from rich.table import Table
 
-    from studies import settings_search
     from studies.command.options import RunOptions, checked
     from studies.command.search import beaten, found
     from studies.command.study_run import running_in
     from studies.running.runner import run_studies
+    from studies.work_precision import settings_search
 
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     with running_in(out):

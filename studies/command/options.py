@@ -18,7 +18,7 @@ from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import meant, no_numbers, one_of, refusal, shown
 from engine_models.scene.scene import Scene
-from studies.failures import BadInput
+from studies.running.failures import BadInput
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -16,7 +16,7 @@ from studies.command.endings import PICTURES, ending_of, film_ending
 from studies.command.finished_run import Run
 from studies.command.options import FilmOptions, checked, is_source
 from studies.command.trajectory_table import impact_columns, sample_columns
-from studies.failures import BadInput, writing
+from studies.running.failures import BadInput, writing
 from studies.running.whole_file import whole_file
 
 Columns = Mapping[str, NDArray[Any]]

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from threading import Event, Thread
 
 from engine_models.progress import told_to
-from studies.failures import say
+from studies.running.failures import say
 
 #: A run that is over before is not worth a bar; the bar moves this often; a line comes this often, in s.
 DELAY_S, REFRESH_S, LINE_S = 1.5, 0.2, 30.0

@@ -10,7 +10,7 @@ from engine_models.scene.scene import Scene
 from studies.command.doubts import doubts
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions, longest_step_s
-from studies.failures import BadInput, Failed
+from studies.running.failures import BadInput, Failed
 
 
 def simulated(scene: Scene, engine_name: str, engine: Engine, options: SimulateOptions) -> Run:

@@ -21,13 +21,13 @@ from engine_models.scene.file import to_toml
 from engine_models.scene.scene import Scene
 from studies.command.endings import PICTURES, ending_of
 from studies.command.options import DEFAULT_STEP_S, checked, read_engine
-from studies.failures import BadInput, terminated_as_interrupted, writing
+from studies.predictability.sweeps.draws import Draw, Sample, drawn
+from studies.predictability.sweeps.ranges import values_of
+from studies.predictability.sweeps.run import Sweep, run_sweep
+from studies.predictability.sweeps.task import Task
 from studies.running.cluster import cluster
+from studies.running.failures import BadInput, terminated_as_interrupted, writing
 from studies.running.whole_file import whole_file
-from studies.sweeps.draws import Draw, Sample, drawn
-from studies.sweeps.ranges import values_of
-from studies.sweeps.run import Sweep, run_sweep
-from studies.sweeps.task import Task
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,10 +9,11 @@ from random import Random
 from engine_models import arms
 from engine_models.engine import RunSettings
 from engine_models.scene.scene import Scene
-from studies import agreement, clearance, work_precision
+from studies import agreement, clearance
 from studies.comparison.question import Question
 from studies.ladders import Rung
 from studies.running.case import Case, Curves, Limits, Row, Value
+from studies.work_precision import study as work_precision
 
 NAME = "comparison"
 #: No step is longer than the time between two samples, but impacts are told between them.

@@ -14,10 +14,10 @@ from engine_models.scene.scene import Scene
 from studies.ladders import Rung
 from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import following, set_r, turning
+from studies.predictability.sweeps.chunk import Chunk, run_chunk
+from studies.predictability.sweeps.ranges import Range
+from studies.predictability.sweeps.task import Task
 from studies.running.case import Case, Curves, Row
-from studies.sweeps.chunk import Chunk, run_chunk
-from studies.sweeps.ranges import Range
-from studies.sweeps.task import Task
 
 #: The parts, and the field that goes from column to column in each.
 CLEARANCES, SPEEDS, MAP = "diagram over clearance", "diagram over crank speed", "map of exponents"

@@ -29,7 +29,7 @@ NOT_COUNTED = {
     "engine_models.engines": "a registry: an engine's own module counts for the engine's cases",
     "engine_models.arms": "says which cases there are: engine, label and settings are in their keys",
     "studies.ladders": "says which cases there are: engine, arm, step and settings are in their keys",
-    "studies.failures": "says how a command fails, which no row does",
+    "studies.running.failures": "says how a command fails, which no row does",
     "studies.running.registry": "a registry: a study's own module counts for the study's cases",
     "studies.running.provenance": "only says what made a row",
     "studies.running.closure": "only says what made a row",

@@ -6,8 +6,8 @@ from concurrent.futures import Executor, Future
 from typing import ParamSpec, TypeVar
 
 from engine_models.engine import Speaker
-from studies.failures import Failed
 from studies.running.case import Limits
+from studies.running.failures import Failed
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -17,9 +17,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from studies.failures import say
 from studies.running.case import Curves, Row, Value
 from studies.running.execution import NO_RESULT
+from studies.running.failures import say
 from studies.running.folder_lock import held
 from studies.running.given_scenes import CONTENT
 from studies.running.whole_file import UNFINISHED, write_through, write_whole

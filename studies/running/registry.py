@@ -3,7 +3,7 @@
 STUDIES = {
     "agreement": "studies.agreement",
     "clearance": "studies.clearance",
-    "work-precision": "studies.work_precision",
+    "work-precision": "studies.work_precision.study",
     "energy": "studies.energy",
     "predictability": "studies.predictability.study",
     "stability": "studies.stability.study",

@@ -2,10 +2,10 @@
 
 import pytest
 
-from studies.baselines.measured import measured
-from studies.baselines.subjects import subjects, without_wheel
-from studies.baselines.table import read_tables
-from studies.baselines.verdicts import verdicts
+from studies.conformance.baselines.measured import measured
+from studies.conformance.baselines.subjects import subjects, without_wheel
+from studies.conformance.baselines.table import read_tables
+from studies.conformance.baselines.verdicts import verdicts
 
 BASELINES = read_tables()
 SUBJECTS = {subject.key: subject for subject in subjects()}

@@ -7,13 +7,13 @@ import pytest
 
 from engine_models import arms
 from engine_models.arms import Arm
-from studies.baselines import accept, subjects
-from studies.baselines.accept import PROCESSORS, accepted
-from studies.baselines.bands import band
-from studies.baselines.measured import Key, NotMeasured, Number, measured, orders
-from studies.baselines.subjects import Subject
-from studies.baselines.table import Baseline, DamagedTable, read_tables, write_tables
-from studies.baselines.verdicts import verdict, verdicts
+from studies.conformance.baselines import accept, subjects
+from studies.conformance.baselines.accept import PROCESSORS, accepted
+from studies.conformance.baselines.bands import band
+from studies.conformance.baselines.measured import Key, NotMeasured, Number, measured, orders
+from studies.conformance.baselines.subjects import Subject
+from studies.conformance.baselines.table import Baseline, DamagedTable, read_tables, write_tables
+from studies.conformance.baselines.verdicts import verdict, verdicts
 from studies.running.case import Row
 from tests.helpers.command import crankslider
 

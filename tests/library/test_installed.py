@@ -80,9 +80,9 @@ def test_the_users_packages_may_come_first(site: Path, users: Path) -> None:
 
 
 def test_a_module_of_the_users_in_the_place_of_ours_is_said(site: Path, users: Path) -> None:
-    done = python(site, users, f"import studies.failures\n{RUN}")
+    done = python(site, users, f"import studies.running.failures\n{RUN}")
     last = done.stderr.splitlines()[-1]
-    assert last.startswith("ImportError: studies.failures: expected crankslider's own, got ")
+    assert last.startswith("ImportError: studies.running.failures: expected crankslider's own, got ")
     assert last.endswith("failures.py: import crankslider before it")
 
 

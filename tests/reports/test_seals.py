@@ -15,7 +15,7 @@ from reports.parts import Section
 from reports.results import Results, read_study
 from reports.style import RC
 from reports.tables import FORMATS
-from studies.running.seal import broken_seals, write_seals
+from studies.conformance.seal import broken_seals, write_seals
 
 PUBLISHED = Path(__file__).parents[2] / "reports/published"
 #: How a sentence ends that counts curves, which are not published.

@@ -10,7 +10,7 @@ from engine_models.engine import RunSettings
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Clearances, Scene
-from studies import clearance, work_precision
+from studies import clearance
 from studies.judges.converged_truth import (
     INDEPENDENT,
     REFERENCE,
@@ -23,6 +23,7 @@ from studies.judges.local_error import windows
 from studies.ladders import clearance_ladder, ideal_ladder
 from studies.running.case import Case
 from studies.running.outcome import run_case
+from studies.work_precision import study as work_precision
 
 #: The first two impacts of set R and some flight.
 END_S, SAMPLES = 0.0007, 28

@@ -13,13 +13,14 @@ from engine_models import arms
 from engine_models.engine import Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES, ideal_driven
-from studies import clearance, energy, work_precision
+from studies import clearance, energy
 from studies.judges.ideal_truth import exact
 from studies.ladders import ideal_ladder
 from studies.predictability.scenes import tighter
 from studies.running import provenance
 from studies.running.case import Case
 from studies.running.finished_cases import opened
+from studies.work_precision import study as work_precision
 
 
 def test_a_case_is_another_where_the_scene_differs_by_more_than_its_name() -> None:

@@ -4,7 +4,7 @@ from itertools import count
 
 import pytest
 
-from studies import work_precision
+from studies.work_precision import study as work_precision
 
 
 def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:

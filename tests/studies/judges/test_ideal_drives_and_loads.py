@@ -15,7 +15,7 @@ from engine_models.scene.scene import Scene
 from studies.judges.ideal_drive import not_a_knot, prescribed_motion
 from studies.judges.ideal_truth import configuration, crank_acceleration, exact, exact_repeats
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
-from tests.independent.newton_euler import integrate, slider_load
+from tests.studies.independent.newton_euler import integrate, slider_load
 
 SPEED = 2 * np.pi * 5000 / 60
 #: Central differences of order 8 on equally spaced samples: weights at 1, 2, 3, 4 steps to either side.

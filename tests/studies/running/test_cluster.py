@@ -16,14 +16,14 @@ from pyarrow.parquet import read_table
 from engine_models.engines import ENGINES
 from engine_models.mechanics.watch import Watch
 from engine_models.scene.library import SCENES
+from studies.predictability.sweeps.run import Sweep, run_sweep
+from studies.predictability.sweeps.task import Task
 from studies.running import cluster as execution_cluster
 from studies.running import provenance, runner
 from studies.running.case import Limits
 from studies.running.cluster import cluster
 from studies.running.processes import Processes
 from studies.running.runner import run_study
-from studies.sweeps.run import Sweep, run_sweep
-from studies.sweeps.task import Task
 from tests.helpers.command import crankslider
 from tests.helpers.mischief import MEGABYTE, NAME, case, steady
 from tests.helpers.refusals import require_refusal

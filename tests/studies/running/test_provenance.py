@@ -82,7 +82,7 @@ def of_what_is_compiled(study: str, engine: str) -> bool | None:
         ("studies/running/worker.py", lambda _study, _engine: True),
         ("studies/running/finished_cases.py", lambda _study, _engine: False),
         ("studies/ladders.py", lambda _study, _engine: False),
-        ("studies/failures.py", lambda _study, _engine: False),
+        ("studies/running/failures.py", lambda _study, _engine: False),
         ("studies/command/main.py", lambda _study, _engine: False),
         ("engine_models/arms.py", lambda _study, _engine: False),
     ],

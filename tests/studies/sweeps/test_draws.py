@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from engine_models.scene.library import SCENES
-from studies.failures import BadInput
-from studies.sweeps.draws import ANGLE, Draw, Sample, drawn
-from studies.sweeps.ranges import values_of
+from studies.predictability.sweeps.draws import ANGLE, Draw, Sample, drawn
+from studies.predictability.sweeps.ranges import values_of
+from studies.running.failures import BadInput
 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
 SCENE = SCENES["clearance-driven-0.5mm"]()

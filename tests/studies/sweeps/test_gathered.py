@@ -8,8 +8,8 @@ import pytest
 
 import crankslider as cs
 from engine_models.mechanics.watch import Watch
-from studies.sweeps.gathered import row_of
-from studies.sweeps.task import Task
+from studies.predictability.sweeps.gathered import row_of
+from studies.predictability.sweeps.task import Task
 
 SCENE = cs.scenes["clearance-driven-0.5mm"]
 SETTINGS: dict[str, object] = {"method": "dop853", "tolerance": 1e-11}

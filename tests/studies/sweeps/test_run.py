@@ -13,12 +13,12 @@ from pyarrow import parquet
 
 from engine_models.mechanics.watch import Watch
 from engine_models.scene.library import SCENES
-from studies.failures import BadInput
+from studies.predictability.sweeps import run as running
+from studies.predictability.sweeps.run import Sweep, run_sweep
+from studies.predictability.sweeps.task import Task
 from studies.running.case import Limits
 from studies.running.execution import CRASHED, CaseEnded, LimitedExecutor
-from studies.sweeps import run as running
-from studies.sweeps.run import Sweep, run_sweep
-from studies.sweeps.task import Task
+from studies.running.failures import BadInput
 
 FIELD, MEMBERS, CHUNK = "clearance.B.radial_clearance_m", 40, 8
 #: One value of no scene, which the command line refuses and a sweep has a row for.

@@ -6,9 +6,9 @@ import pytest
 
 from engine_models.mechanics.watch import Watch
 from engine_models.scene.library import SCENES
-from studies.sweeps.chunk import Chunk, run_chunk
-from studies.sweeps.gathered import row_of
-from studies.sweeps.task import TURN_SAMPLES, Task
+from studies.predictability.sweeps.chunk import Chunk, run_chunk
+from studies.predictability.sweeps.gathered import row_of
+from studies.predictability.sweeps.task import TURN_SAMPLES, Task
 
 FIELD, TURNS = "clearance.B.radial_clearance_m", 2
 CLEARANCES_M = [1e-5, 3e-5, 1e-4, 3e-4, 1e-3]

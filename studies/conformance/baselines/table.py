@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass
 from itertools import groupby
 from pathlib import Path
 
-from studies.baselines.measured import Key
+from studies.conformance.baselines.measured import Key
 from studies.running.whole_file import write_whole
 
 FOLDER = Path(__file__).parent / "tables"

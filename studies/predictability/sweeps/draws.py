@@ -13,8 +13,8 @@ import numpy as np
 from engine_models.engine import FloatArray
 from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
-from studies.failures import BadInput
-from studies.sweeps.ranges import Range, Values
+from studies.predictability.sweeps.ranges import Range, Values
+from studies.running.failures import BadInput
 
 Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
 #: Points (n, d) in the unit cube.

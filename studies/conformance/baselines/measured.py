@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from engine_models.engine import RunSettings
-from studies.baselines.subjects import Subject
+from studies.conformance.baselines.subjects import Subject
 from studies.judges.metrics import UNITS
 from studies.running.case import Case, Row, Value
 from studies.running.outcome import run_case

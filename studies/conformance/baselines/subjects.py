@@ -14,9 +14,10 @@ from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from engine_models.scene.scene import Scene
-from studies import agreement, energy, work_precision
+from studies import agreement, energy
 from studies.ladders import Rung, clearance_ladder
 from studies.running.case import Case
+from studies.work_precision import study as work_precision
 
 #: Arms that take steps of one length, at two steps of the agreement study's ladder: their ratio is an order.
 BY_STEP = (

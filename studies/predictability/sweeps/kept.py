@@ -14,7 +14,7 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import parquet
 
-from studies.failures import BadInput
+from studies.running.failures import BadInput
 from studies.running.folder_lock import FolderHeld, held
 from studies.running.whole_file import UNFINISHED, whole_file, write_whole
 

@@ -1,4 +1,4 @@
-"""Seals a published folder with the hash of every file in it: ``python -m studies.running.seal FOLDER``.
+"""Seals a published folder with the hash of every file in it: ``python -m studies.conformance.seal FOLDER``.
 
 A file that is altered, lost or added breaks the seal. Line endings do not count in text.
 """

@@ -6,8 +6,8 @@ now the best shows when it is lost again. Whoever knows why accepts it.
 
 from collections.abc import Mapping
 
-from studies.baselines.measured import Key, Number
-from studies.baselines.table import Baseline
+from studies.conformance.baselines.measured import Key, Number
+from studies.conformance.baselines.table import Baseline
 
 #: Words of the columns in which less is better; in others, as works and counts, neither side is.
 LESS_IS_BETTER = ("error", "residual", "unaccounted", "gap_part", "violation", "missed", "unmatched")

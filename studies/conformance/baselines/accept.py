@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from contextlib import contextmanager
 
-from studies.baselines.bands import band, moved
-from studies.baselines.measured import Key, Number, measured
-from studies.baselines.subjects import Subject
-from studies.baselines.table import Baseline
-from studies.baselines.verdicts import verdict
+from studies.conformance.baselines.bands import band, moved
+from studies.conformance.baselines.measured import Key, Number, measured
+from studies.conformance.baselines.subjects import Subject
+from studies.conformance.baselines.table import Baseline
+from studies.conformance.baselines.verdicts import verdict
 from studies.running.processes import Processes
 
 #: Processors of other kinds, as variables that libraries read when they are loaded: LLVM's machine code and

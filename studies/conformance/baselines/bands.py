@@ -8,7 +8,7 @@ than its size, which is that of the truth's uncertainty, or of ``ROUND_OFF``.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from studies.baselines.measured import Number
+from studies.conformance.baselines.measured import Number
 
 #: A number half again as large is seen, and one smaller by a third; a count that is off by more than a tenth,
 #: and an order by more than ``conform`` lets one be from what an engine states.

@@ -11,8 +11,8 @@ import pyarrow as pa
 from engine_models.engine import FloatArray
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import LISTS, NUMBERS, failed, run_members, supports
-from studies.sweeps.gathered import row_of
-from studies.sweeps.task import Task
+from studies.predictability.sweeps.gathered import row_of
+from studies.predictability.sweeps.task import Task
 
 
 @dataclass(frozen=True)

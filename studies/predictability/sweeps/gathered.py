@@ -17,7 +17,7 @@ from engine_models.scene.data import SceneError
 from engine_models.scene.scene import Scene
 from studies.judges import lyapunov
 from studies.judges.ideal_motion import slider_position_m
-from studies.sweeps.task import Task
+from studies.predictability.sweeps.task import Task
 
 #: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once; and
 #: steps in a turn, in flight.

@@ -7,7 +7,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.scene.plain_words import NUMBER, shown
-from studies.failures import BadInput
+from studies.running.failures import BadInput
 
 FORM = "LOW:HIGH[:log][:COUNT] or a list of numbers"
 

@@ -17,14 +17,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemaining
 from engine_models.engine import FloatArray
 from engine_models.engines import engine_module
 from engine_models.memory import free_bytes
-from studies.failures import BadInput, say
+from studies.predictability.sweeps.chunk import Chunk, Trial, failed_chunk, run_chunk, try_out
+from studies.predictability.sweeps.kept import IDENTITY, Kept, is_whole, opened
+from studies.predictability.sweeps.task import Task
 from studies.running.case import ROOMY
 from studies.running.execution import NO_RESULT, CaseEnded, LimitedExecutor, RunBroken
+from studies.running.failures import BadInput, say
 from studies.running.processes import Processes
 from studies.running.provenance import engine_fingerprint
-from studies.sweeps.chunk import Chunk, Trial, failed_chunk, run_chunk, try_out
-from studies.sweeps.kept import IDENTITY, Kept, is_whole, opened
-from studies.sweeps.task import Task
 
 #: Members that are tried before a sweep of more than so many, and how long a chunk shall take, in s.
 TRIED, FEW, CHUNK_S = 4, 32, 5.0
@@ -58,7 +58,8 @@ class Sweep:
         """Return a hash of all that decides a row, code included."""
         task = self.task
         code = [
-            engine_fingerprint(name) for name in (engine_module(task.engine_name), "studies.sweeps.chunk")
+            engine_fingerprint(name)
+            for name in (engine_module(task.engine_name), "studies.predictability.sweeps.chunk")
         ]
         values = {field: hashlib.sha256(of.tobytes()).hexdigest() for field, of in self.changes.items()}
         settings = {name: repr(value) for name, value in task.settings.items()}

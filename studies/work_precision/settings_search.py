@@ -1,7 +1,7 @@
 """The search of settings behind the ladders: every arm again with a knob turned, in error and in time.
 
 It is no study of the report but what ``studies.ladders`` rests on: ``crankslider search`` runs it and keeps
-the record, which a test holds the ladders to. Errors and times are measured as in ``work-precision``.
+the record. Errors and times are measured as in ``work-precision``.
 """
 
 from collections.abc import Iterator
@@ -12,10 +12,11 @@ from engine_models import arms
 from engine_models.arms import Arm, Setting
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies import clearance, work_precision
+from studies import clearance
 from studies.ladders import Rung, by_step, by_tolerance, contact_step_s
 from studies.running.case import Case, Curves, Row
-from studies.work_precision import ROUNDS, SAMPLES, case_of, ladder
+from studies.work_precision import study as work_precision
+from studies.work_precision.study import ROUNDS, SAMPLES, case_of, ladder
 
 #: Scenes on which the settings were chosen, and what the full search adds: scenes that had no say in them.
 CHOSEN_ON = ("ideal-free", "ideal-driven", "clearance-free-0.5mm", "clearance-driven-0.5mm")
