@@ -1,19 +1,22 @@
 """The gallery on the page: the mechanism, its motion over one revolution, an impact, orbits, energy.
 
-As a chapter it is like those of the studies. What is more than figures and tables is made by
-``cards.scene_cards``, ``film.film_html`` and ``equations.equations_html``.
+As a chapter it is like those of the studies, but for the equations and the film, which are markup.
 """
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 
 from reports import shared_tables
 from reports.gallery import over_time
+from reports.gallery.cards import scene_cards
 from reports.gallery.data import joints_with_clearance, of_view
 from reports.gallery.drawing import mechanism_figure
 from reports.gallery.energy import energy_figure
+from reports.gallery.film import film_html
 from reports.gallery.impact import impact_figures
 from reports.gallery.laws import laws_figure
+from reports.gallery.markup import equations_html
 from reports.gallery.orbits import orbit_figures
 from reports.parts import Section
 from reports.results import Results
@@ -31,14 +34,31 @@ DRAWN = "clearance-driven-0.5mm"
 
 
 def sections(results: Results) -> list[Section]:
-    """Return the sections of the gallery."""
+    """Return the sections of the gallery; without curves there is nothing to be seen."""
+    told = [
+        Section.of(
+            "runs",
+            "Engines and settings",
+            (),
+            tables=[shared_tables.settings_table(results.rows, STUDY)],
+        ),
+        shared_tables.failures_section(results.rows, STUDY, "motions-failures"),
+    ]
+    return [*_seen(results), *told] if results.has_curves else told
+
+
+def _seen(results: Results) -> list[Section]:
     runs = of_view(results, "revolution")
     ideal = runs[runs["contacts_ended"].isna()]
     signals = (over_time.POSITION, over_time.VELOCITY, over_time.JOINT, over_time.TORQUE)
     whole = of_view(results, "whole").set_index("scene")
     drawn = [mechanism_figure(json.loads(whole.loc[DRAWN, "scene_json"]))] if DRAWN in whole.index else []
     return [
-        Section.of("mechanism", "The mechanism and its contacts", (), [*drawn, laws_figure(results)]),
+        replace(
+            Section.of("mechanism", "The mechanism and its contacts", (), [*drawn, laws_figure(results)]),
+            markup=equations_html(),
+        ),
+        Section.of("scenes", "The scenes", (), [card.as_figure() for card in scene_cards(results)]),
         Section.of(
             "ideal",
             "One revolution with ideal joints",
@@ -54,16 +74,10 @@ def sections(results: Results) -> list[Section]:
                 *over_time.contact_force_figures(results),
             ],
         ),
+        Section("film", "The engines side by side", (), markup=film_html(results)),
         Section.of("impact", "One impact", (), impact_figures(results)),
         Section.of("orbits", "The pin in its bearing", (), orbit_figures(results)),
         Section.of("energy", "Where the energy is", (), [energy_figure(results)]),
-        Section.of(
-            "runs",
-            "Engines and settings",
-            (),
-            tables=[shared_tables.settings_table(results.rows, STUDY)],
-        ),
-        shared_tables.failures_section(results.rows, STUDY, "motions-failures"),
     ]
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import matplotlib as mpl
@@ -43,6 +43,12 @@ class Card:
     hard: str
     facts: tuple[tuple[str, str], ...]
     figure: Figure
+
+    def as_figure(self) -> Figure:
+        """Return the card as a figure whose words hold all of it."""
+        facts = "; ".join(f"{name}: {value}" for name, value in self.facts)
+        words = f"{self.text} {facts}. {self.hard} {self.figure.reading}"
+        return replace(self.figure, title=self.name, reading=words)
 
 
 def scene_cards(results: Results) -> list[Card]:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+from reports import gallery
 from reports.chapters import agreement, clearance, energy, extremes, predictability, stability, work_precision
 from reports.parts import Section
 from reports.results import Results
@@ -31,7 +32,7 @@ class Question:
 
 #: A new study is a new module and a word here.
 QUESTIONS = (
-    Question("mechanism", "The mechanism", ()),
+    Question("mechanism", "The mechanism", (gallery,)),
     Question("right", "How right is each engine?", (agreement, clearance)),
     Question("cost", "What does it cost?", (work_precision,)),
     Question("energy-kept", "Does energy stay?", (energy,)),
