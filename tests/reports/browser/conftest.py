@@ -1,4 +1,4 @@
-"""A page of the published rows in Debian's Chromium, for all tests of this folder."""
+"""The published page in Debian's Chromium, for all tests of this folder."""
 
 import shutil
 from collections.abc import Iterator
@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from reports.page import write_report
-
-PUBLISHED = Path(__file__).parents[2] / "reports" / "published" / "results"
+PUBLISHED = Path(__file__).parents[3] / "reports" / "published" / "report"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
@@ -24,25 +22,17 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of the published rows, built once."""
-    out = tmp_path_factory.mktemp("browser") / "report"
-    write_report(PUBLISHED, out)
-    return out
-
-
-@pytest.fixture(scope="session")
 def heard() -> list[str]:
     """What the page said on the console, and whatever it asked the network for."""
     return []
 
 
 @pytest.fixture(scope="session")
-def page(browser: Browser, report: Path, heard: list[str]) -> Page:
+def page(browser: Browser, heard: list[str]) -> Page:
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.on("console", lambda said: heard.append(f"{said.type}: {said.text}"))
     page.on("pageerror", lambda error: heard.append(f"error: {error}"))
     page.on("request", lambda of: heard.extend([] if of.url.startswith("file:") else [of.url[:80]]))
     page.on("requestfailed", lambda of: heard.append(f"failed: {of.url[:80]}"))
-    page.goto((report / "index.html").as_uri())
+    page.goto((PUBLISHED / "index.html").as_uri())
     return page
