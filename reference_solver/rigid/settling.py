@@ -1,7 +1,8 @@
 """What becomes of the pins that touch their walls at one time: they hit, and then follow or leave.
 
 * Impact (``rigid.impact``): all pins that touch within round-off take part at once, and rub; two that hit at
-  different times, however close, do so one after the other.
+  different times, however close, do so one after the other. Of two that hit in turns ever faster this decides
+  at last, and friction remembers: what comes of it depends on round-off.
 * Closing: an impact has e = 0 if the next flight would be too short, or its approach is below the joint's
   minimum. Too short is 2 v+/a below ``shortest_flight_s``, or v+^2/2a within round-off of the distance, with
   a the acceleration towards the wall. A pin on its wall that another's impact throws off for as short a
@@ -35,7 +36,8 @@ class Settling:
     """Settles the pins of a mechanism's joints with rigid walls; it keeps lists of impacts and of changes.
 
     ``equations`` are those of no pin following. A flight shorter than ``shortest_flight_s``, or no higher
-    than ``lowest_flight`` times the distance's round-off, is not followed. ``add(name, value)`` adds to the
+    than ``lowest_flight`` times the distance's round-off, is not followed; half of that tells pins that touch
+    at one time from others. ``add(name, value)`` adds to the
     ledger what is integrated elsewhere (see ``contact.force.rates_of``).
     """
 
@@ -75,7 +77,7 @@ class Settling:
         just changed sign.
         """
         self._phases, where = phases, self.where(q, v)
-        touching = where.distance_m >= self._clearance_m - where.round_off[:, 0]
+        touching = where.distance_m >= self._clearance_m - 0.5 * self._lowest_flight * where.round_off[:, 0]
         follows = np.isin(self.numbers, following)
         touching |= follows
         noise = where.round_off[:, 1]
