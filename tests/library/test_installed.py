@@ -51,7 +51,7 @@ def users(tmp_path: Path) -> Path:
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("mine = 'mine'\n")
         (tmp_path / name / "own.py").write_text("mine = 'mine'\n")
-    (tmp_path / "studies" / "failures.py").write_text("mine = 'mine'\n")
+    (tmp_path / "studies" / "ladders.py").write_text("mine = 'mine'\n")
     return tmp_path
 
 
@@ -80,10 +80,10 @@ def test_the_users_packages_may_come_first(site: Path, users: Path) -> None:
 
 
 def test_a_module_of_the_users_in_the_place_of_ours_is_said(site: Path, users: Path) -> None:
-    done = python(site, users, f"import studies.running.failures\n{RUN}")
+    done = python(site, users, f"import studies.ladders\n{RUN}")
     last = done.stderr.splitlines()[-1]
-    assert last.startswith("ImportError: studies.running.failures: expected crankslider's own, got ")
-    assert last.endswith("failures.py: import crankslider before it")
+    assert last.startswith("ImportError: studies.ladders: expected crankslider's own, got ")
+    assert last.endswith("ladders.py: import crankslider before it")
 
 
 def test_the_command_runs_in_a_folder_like_that(site: Path, users: Path) -> None:

@@ -111,8 +111,11 @@ def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("study", CHAPTERS)
 def test_every_sentence_changes_with_some_rows_or_contradicts_them(study: str) -> None:
     sentences = texts(study)
-    same = set.intersection(sentences, *(texts(study, change) for change in CHANGES.values()))
     assert sentences
+    same = set(sentences)
+    for change in CHANGES.values():
+        if same:
+            same &= texts(study, change)
     assert not same, "sentences that no change of the rows changes"
 
 

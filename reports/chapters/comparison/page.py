@@ -14,7 +14,7 @@ from reports.run.picture import picture_bytes
 from reports.style import RC
 
 #: Where the page's template is, and the style that it shares with the report.
-FOLDERS = (Path(__file__).parent, Path(__file__).parents[2])
+FOLDERS = (Path(__file__).parent, Path(__file__).parents[2] / "page")
 
 
 def page(results: Results, pictures: Mapping[str, Drawing], scene: str, command: str) -> str:
