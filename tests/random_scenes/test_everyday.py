@@ -14,6 +14,7 @@ EVERYDAY: dict[Kind, tuple[int, ...]] = {
 REFUSALS = 1
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("kind", EVERYDAY)
 def test_every_promise_is_held(kind: Kind) -> None:
     chosen = [truth for truth in truths(kind) if truth.seed in EVERYDAY[kind]]
