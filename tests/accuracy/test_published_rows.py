@@ -11,16 +11,16 @@ from reports.results import read_study
 from studies.running.case import Case, Row
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
-from studies.running.provenance import sidecar
 from studies.running.registry import STUDIES
 from tests.helpers.row_files import read_rows
 
 RESULTS = Path(__file__).parents[2] / "reports/published/results"
 #: Rows drawn of each study; the commit that they were made from is the seed.
 DRAWN = 4
-#: The published run's processor and versions give the same bits. Others give errors to this part of them and
-#: to so many uncertainties of the truth; what is chaotic they may give otherwise.
-ELSEWHERE, UNCERTAINTIES = 1e-2, 100
+#: Processors and versions give errors of smooth motion to this part of them, and past impacts within this
+#: factor (of the baselines' numbers there one in twenty moves by more than a half); in both to so many
+#: uncertainties of the truth, which are round-off. What is chaotic they may give otherwise.
+SMOOTH, PAST_IMPACTS, UNCERTAINTIES = 1e-2, 3.0, 100
 CHAOTIC = ("predictability", "stability", "extremes")
 
 
@@ -51,9 +51,6 @@ def processes() -> Iterator[Processes]:
 @pytest.mark.accuracy
 @pytest.mark.parametrize("study", STUDIES)
 def test_rows_drawn_by_lot_come_out_again(study: str, processes: Processes) -> None:
-    made = published(study)
-    here = sidecar(study, False, made["fingerprints"])
-    same = all(here[name] == made[name] for name in ("versions", "machine"))
     for seed, case in draw(study):
         (before,) = (
             row
@@ -62,14 +59,14 @@ def test_rows_drawn_by_lot_come_out_again(study: str, processes: Processes) -> N
         )
         after, _ = outcome(case, processes.submit(run_case, case))
         assert after["status"] == before["status"]
-        numbers = {name: value for name, value in after.items() if isinstance(value, int | float)}
         where = f"{case.arm.label} on {case.scene.name}, drawn by '{seed}'"
-        for name, value in numbers.items():
-            if same:
-                assert value == before[name], f"{name} of {where}"
-            elif "_error_" in name and study not in CHAOTIC:
-                slack = UNCERTAINTIES * _number(after, name.replace("_error_", "_uncertainty_"))
-                assert value == pytest.approx(before[name], rel=ELSEWHERE, abs=slack), f"{name} of {where}"
+        for name in (name for name in after if "_error_" in name and study not in CHAOTIC):
+            value, known = _number(after, name), _number(before, name)
+            slack = UNCERTAINTIES * _number(after, name.replace("_error_", "_uncertainty_"))
+            part = PAST_IMPACTS - 1 if case.scene.joints_with_clearance else SMOOTH
+            assert abs(value - known) <= part * min(value, known) + slack, (
+                f"{name} of {where}: {value}, {known}"
+            )
 
 
 def _number(row: Row, name: str) -> float:
