@@ -24,11 +24,11 @@ def simulate_with_uncertainty(
     They are how far the run is from a solution of what the engine solves, its twin, plus how far others are
     from that: DOP853 at the sharpest tolerance, and RK4 near round-off, or DOPRI5 where RK4 fails. Of the
     slider's bound ``python -m tests.random_scenes`` counts on how many random scenes it holds, up to their
-    horizons: on 239 of 240 compliant ones before the sharpest run was asked as well, so that with a
-    confidence of 95 % it holds on ninety-eight in a hundred of their kind. On rigid walls three in a hundred
-    are short: bounces that are left out weigh more than a step's error. Keys are names of the trajectory's
-    arrays over time (``position``, ``joint_force_N``, ...), ``slider_position_m`` and, for joint
-    B with clearance, ``contact_B_normal_force_N`` and so on; shapes are those of one time.
+    horizons: on all of 240 compliant ones, so that with a confidence of 95 % it holds on ninety-eight in a
+    hundred of their kind. On rigid walls it is short on two in a hundred: bounces that are left out weigh
+    more than a step's error. Keys are the names of the trajectory's arrays over time (``position``,
+    ``joint_force_N``, ...), ``slider_position_m`` and, for joint B with clearance,
+    ``contact_B_normal_force_N`` and so on; shapes are those of one time.
 
     Raises:
         UnsupportedScene, SimulationFailed: as the engine does, or the reference.
