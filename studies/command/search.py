@@ -9,8 +9,6 @@ from reports.equal_error import Judged, arrival, levels, ratio
 from reports.quantities import finished, with_largest
 from reports.results import read_study, with_columns
 
-#: The record that the ladders are held to, from the project's root.
-RECORD = Path("studies/work_precision/settings_search.csv")
 #: A ladder is beaten by what surely takes less than this part of its time.
 BEATEN = 0.75
 POSITION, TORQUE, FORCE = (

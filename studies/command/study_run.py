@@ -42,7 +42,10 @@ def given_scenes(names: Sequence[str]) -> list[Scene]:
     Raises:
         BadInput: there is no such scene, or its name is not its own or cannot be a file's.
     """
-    scenes = [read_scene(name) for name in names]
+    try:
+        scenes = [read_scene(name) for name in names]
+    except BadInput as reason:
+        raise BadInput(str(reason).replace("SCENE:", "--scene:", 1)) from None
     require_names(scenes)
     return scenes
 

@@ -116,7 +116,7 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("compare", "ideal-free", "--engine", "exodyn"),
         ("--engine: expected reference, exudyn", 'got "exodyn"', "exudyn"),
     ),
-    "study of no scene": (("run", "energy", "--scene", "idle"), ("SCENE: expected ideal-free, ", '"idle"')),
+    "study of no scene": (("run", "energy", "--scene", "idle"), ("--scene: expected ideal-free, ", '"idle"')),
     "study of two scenes of one name": (
         ("run", "energy", "--scene", "ideal-free", "--scene", "ideal-free"),
         ("--scene: expected scenes with names of their own", '"ideal-free"'),
