@@ -9,9 +9,11 @@ from typing import Any
 import matplotlib as mpl
 import pytest
 
+from reports.chapters.answer import answer
+from reports.chapters.headlines import HEADLINES
 from reports.page.questions import QUESTIONS, StudyReport
 from reports.parts import Section
-from reports.results import read_study
+from reports.results import Results, read_study
 from reports.style import RC
 from reports.tables import FORMATS
 from studies.conformance.seal import broken_seals, write_seals
@@ -69,10 +71,15 @@ def test_a_file_that_is_lost_or_added_breaks_the_seal(copy: Path) -> None:
         (copy / "report/other.html").rename(copy / KINDS["page"])
 
 
+def published(study: StudyReport) -> Results:
+    """Return the published rows of a study, without curves."""
+    return read_study(PUBLISHED / "results" / study.STUDY)
+
+
 def sections(study: StudyReport) -> list[Section]:
     """Return a chapter made anew from the published rows, without what curves are for."""
     with mpl.rc_context(RC):
-        return study.sections(read_study(PUBLISHED / "results" / study.STUDY))
+        return study.sections(published(study))
 
 
 def marked(study: StudyReport) -> Any:
@@ -120,3 +127,21 @@ def test_published_tables_and_sentences_follow_from_the_published_rows(
                 assert text in words, f"{figure.name} with what is said of it"
         for sentence in section.text:
             assert sentence in words
+
+
+@pytest.mark.parametrize("study", [marked(study) for study in STUDIES if study.STUDY in HEADLINES])
+def test_what_a_published_chapter_opens_with_follows_from_its_rows(study: StudyReport, words: str) -> None:
+    for sentence in HEADLINES[study.STUDY](published(study)):
+        assert sentence in words
+
+
+@pytest.mark.accuracy
+def test_the_published_answer_follows_from_the_published_rows(page: str, words: str) -> None:
+    with mpl.rc_context(RC):
+        said = answer({study.STUDY: published(study) for study in STUDIES})
+    assert said.text
+    assert said.doubts
+    for sentence in (*said.text, *said.doubts):
+        assert sentence in words
+    for table in said.tables:
+        assert shown_tables(page)[table.name] == [table.head, *table.rows], f"{table.name} on the page"
