@@ -111,8 +111,12 @@ class ReferenceEngine:
         return self.method != "rk4"
 
     def controlling_error(self, tolerance: float = LOOSE) -> "ReferenceEngine":
-        """Return the engine with DOP853 and a tolerance, with its events located."""
-        return replace(self, method="dop853", tolerance=tolerance, locate_events=True)
+        """Return the engine with DOP853 and a tolerance, with its events located and all bounces followed.
+
+        Those left out are an error of the order of the square root of their height, which falls too slowly.
+        """
+        lowest = self.lowest_flight or LOWEST_FLIGHT
+        return replace(self, method="dop853", tolerance=tolerance, locate_events=True, lowest_flight=lowest)
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene.

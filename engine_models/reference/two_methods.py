@@ -68,7 +68,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
         others += [partial(_by_control, "dopri5", scene, samples, LESS_SHARP * sharp)] * (attempt > 0)
         sharper, apart = max(SHARPEST, SHARPER * sharp), list[float]()
         for other in others:
-            if apart and NEAR * tolerance_m < apart[0] < np.inf:
+            if apart and apart[0] < np.inf and min(best, apart[0]) > NEAR * tolerance_m:
                 break
             try:
                 found = Solution(dop853(sharper), (dop853(sharp), other()))
