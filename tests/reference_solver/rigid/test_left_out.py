@@ -9,8 +9,8 @@ from reference_solver.solver import StepChoice, solve
 from tests.helpers.mechanism_energy import energy_residual_J, kinetic_energy_J
 
 GRAVITY, MASS = 9.81, 0.5
-#: A bearing so large that its wall is flat, a disc so inert that it does not turn, and a friction that is none
-#: for a pin that follows: it slides within the law's dead band.
+#: A bearing so large that its wall is flat, a disc so inert that it does not turn, and a friction that
+#: is none for a pin that follows: it slides within the law's dead band.
 CLEARANCE, RADIUS, INERTIA = 100.0, 200.0, 1e8
 COEFFICIENT, RESTITUTION = 0.1, 0.5
 FRICTION = FrictionLaw("ambrosio", COEFFICIENT, 1.0, 0.5)
@@ -40,8 +40,8 @@ def test_bounces_that_are_left_out_have_rubbed(shortest_s: float) -> None:
 
 @pytest.mark.parametrize("later_m", [1e-7, 1e-9, 1e-11])
 def test_ends_of_a_beam_that_hit_in_turns_lose_all_speed_however_close_they_are(later_m: float) -> None:
-    # A hit stops one end and throws the other out. Speeds fall by 0.77 from hit to hit, and distances by 0.13,
-    # by the beam's two equations: round-off hides these while a third of the speed is left.
+    # A hit stops one end and throws the other out. Speeds fall by 0.77 from hit to hit, and distances by
+    # 0.13, by the beam's two equations: round-off hides these while a third of the speed is left.
     walls = (ClearanceJoint(GROUND, (x, 0.0), 0, (x, 0.0), 5e-4, 0.01, RigidWall(0.1)) for x in (-ARM, ARM))
     beam = Mechanism((Body(MASS, MASS * ARM**2 / 10),), (), (), GRAVITY, tuple(walls))
     start = np.array([0.0, -5e-4 + 2 * later_m, later_m / ARM]), np.array([0.0, -1.0, 0.0])
