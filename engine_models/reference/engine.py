@@ -59,7 +59,7 @@ class ReferenceEngine:
     given, down to heights of so many times round-off.
 
     A run fails that would need more than ``max_steps`` at the pace that it has come to, looked at every two
-    million; the default would take hours.
+    million, or with another limit than the default, which would take hours, every 200,000.
     """
 
     method: Literal["rk4", "dop853", "dopri5"] = "rk4"
