@@ -19,8 +19,8 @@ from reference_solver.mechanism.scales import scales_of
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Steps of contacts, and events on rigid walls, after which their pace is judged: some seconds; and events
-#: that there is no time for. A step in a jam of friction is tried up to sixty times: where a limit is set, this
-#: part of the steps is enough.
+#: that there is no time for. A step in a jam of friction is tried up to sixty times: where a limit is set,
+#: this part of the steps is enough.
 LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS, LIMITED = 2_000_000, 2_000, 1e8, 0.1
 
 #: The turn in a step, at the mechanism's own rate, for which steps per contact are given: 0.3 degrees.
