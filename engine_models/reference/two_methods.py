@@ -51,7 +51,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
 
     Two runs may be wrong by as much where errors grow far beyond the tolerance: a run by DOP853 a hundred
     times as sharp has to agree with both. DOPRI5 has its errors in common with DOP853 more often than RK4
-    has: it is asked after both have been sharpened, where RK4 still only comes near, or fails.
+    has: it is asked after both have been sharpened, where RK4 only comes near at some step, or fails.
 
     Raises:
         UnsupportedScene: the reference cannot run the scene.
