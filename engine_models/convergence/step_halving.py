@@ -22,7 +22,7 @@ FEWEST_SAMPLES = 100
 PART_OF_JUDGE = 0.5
 #: The finest run tried has no more steps than this.
 MOST_STEPS = 2_000_000
-#: Halvings without a new smallest error: more of them will not help.
+#: Halvings without a new smallest error: more of them will not help. Few tolerances are worth a try each.
 STALLED_HALVINGS = 4
 
 
@@ -54,7 +54,7 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
         if step < scene.end_time_s:
             sharpening = f"a step of {run.step_s:.3g} s"
         trouble = f"{sharpening} leaves an error of {errors[-1]:.3g} m"
-        if _stalled(errors):
+        if step < scene.end_time_s and _stalled(errors):
             break
     raise SimulationFailed(f"slider position not converged to {tolerance_m:g} m: {trouble}")
 

@@ -59,7 +59,7 @@ class ReferenceEngine:
     given, down to heights of so many times round-off.
 
     A run fails that would need more than ``max_steps`` at the pace that it has come to, looked at every two
-    million; the default would take hours.
+    million, or with another limit than the default, which would take hours, every 200,000.
     """
 
     method: Literal["rk4", "dop853", "dopri5"] = "rk4"
@@ -111,8 +111,12 @@ class ReferenceEngine:
         return self.method != "rk4"
 
     def controlling_error(self, tolerance: float = LOOSE) -> "ReferenceEngine":
-        """Return the engine with DOP853 and a tolerance, with its events located."""
-        return replace(self, method="dop853", tolerance=tolerance, locate_events=True)
+        """Return the engine with DOP853 and a tolerance, with its events located and all bounces followed.
+
+        Those left out are an error of the order of the square root of their height, which falls too slowly.
+        """
+        lowest = self.lowest_flight or LOWEST_FLIGHT
+        return replace(self, method="dop853", tolerance=tolerance, locate_events=True, lowest_flight=lowest)
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene.

@@ -19,8 +19,9 @@ from reference_solver.mechanism.scales import scales_of
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Steps of contacts, and events on rigid walls, after which their pace is judged: some seconds; and events
-#: that there is no time for.
-LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS = 2_000_000, 2_000, 1e8
+#: that there is no time for. A step in a jam of friction is tried up to sixty times: where a limit is set,
+#: this part of the steps is enough.
+LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS, LIMITED = 2_000_000, 2_000, 1e8, 0.1
 
 #: The turn in a step, at the mechanism's own rate, for which steps per contact are given: 0.3 degrees.
 TURN_OF_STEP_RAD = math.pi / 600
@@ -95,7 +96,8 @@ def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float],
     """Return what tells how far a run has come, and ends one whose steps, or events, have collapsed."""
     if not scene.joints_with_clearance:
         return tell
-    steps, events = Pace(scene, LOOK_UP_STEPS, most_steps), Pace(scene, LOOK_UP_EVENTS, MOST_EVENTS)
+    look_up = LOOK_UP_STEPS if most_steps >= MOST_STEPS else int(LIMITED * LOOK_UP_STEPS)
+    steps, events = Pace(scene, look_up, most_steps), Pace(scene, LOOK_UP_EVENTS, MOST_EVENTS)
 
     def watch(t: float) -> None:
         tell(t)

@@ -51,7 +51,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
 
     Two runs may be wrong by as much where errors grow far beyond the tolerance: a run by DOP853 a hundred
     times as sharp has to agree with both. DOPRI5 has its errors in common with DOP853 more often than RK4
-    has: it is asked after both have been sharpened, where RK4 still only comes near, or fails.
+    has: it is asked after both have been sharpened, where RK4 only comes near at some step, or fails.
 
     Raises:
         UnsupportedScene: the reference cannot run the scene.
@@ -68,7 +68,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
         others += [partial(_by_control, "dopri5", scene, samples, LESS_SHARP * sharp)] * (attempt > 0)
         sharper, apart = max(SHARPEST, SHARPER * sharp), list[float]()
         for other in others:
-            if apart and NEAR * tolerance_m < apart[0] < np.inf:
+            if apart and apart[0] < np.inf and min(best, apart[0]) > NEAR * tolerance_m:
                 break
             try:
                 found = Solution(dop853(sharper), (dop853(sharp), other()))

@@ -1,17 +1,26 @@
-"""Hold all random scenes against their truths: ``python -m tests.random_scenes [--engine NAME]``.
+"""Hold random scenes against their truths: ``python -m tests.random_scenes [--engine NAME]``.
 
 It prints what became of them at every tolerance, and who broke a promise or refused one, and why; its exit
-code is 1 if a promise was broken. Every scene compiles kernels of its own the first time.
+code is 1 if a promise was broken. Every scene compiles kernels of its own the first time. With ``--out`` the
+engine's rows of a table are renewed, as in ``docs/reference/random-scenes.csv``.
 """
 
 import argparse
+import random
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import pandas as pd
 
 from engine_models.engines import ENGINES
-from tests.random_scenes.judging import BROKEN, HELD, REFUSED, WARNED, Verdict, verdicts
-from tests.random_scenes.truths import Truth, truths
+from tests.random_scenes.judging import BROKEN, HELD, REFUSED, WARNED, Verdict, is_judged, verdicts
+from tests.random_scenes.truths import Kind, Truth, truths
+
+KINDS: tuple[Kind, ...] = ("compliant", "rigid")
+#: What tells the rows of a run in the table.
+RUN = ["engine", "walls"]
 
 
 def main() -> int:
@@ -19,11 +28,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.random_scenes", description=__doc__)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help="compliant, rigid; both")
     parser.add_argument("--engine", choices=ENGINES, default="reference")
-    parser.add_argument("--first", type=int, help="how many scenes of a kind; all")
+    parser.add_argument("--draw", type=int, help="how many scenes of a kind, drawn by a seeded lot; all")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, help="the table (CSV) to renew")
     asked, broken = parser.parse_args(), 0
-    for kind in asked.kinds or ("compliant", "rigid"):
-        scenes, found = truths(kind)[: asked.first], list[Verdict]()
+    for kind in asked.kinds or KINDS:
+        scenes = _drawn([truth for truth in truths(kind) if is_judged(truth, asked.engine)], asked.draw)
+        found = list[Verdict]()
         with ProcessPoolExecutor(asked.jobs) as pool:
             runs = [pool.submit(_listed, asked.engine, scene) for scene in scenes]
             for number, run in enumerate(as_completed(runs), 1):
@@ -35,21 +46,40 @@ def main() -> int:
                 if sys.stderr.isatty():
                     print(f"\r{kind}: {number} of {len(scenes)}", end="", file=sys.stderr)
         broken += sum(one.outcome == BROKEN for one in found)
-        print(_table(kind, found))
+        table = _table(asked.engine, kind, found)
+        print(table.to_string(index=False))
+        if asked.out and found:
+            _renew(asked.out, table)
     return int(broken > 0)
+
+
+def _drawn(scenes: list[Truth], count: int | None) -> list[Truth]:
+    """Return so many scenes, or all, the same ones every time."""
+    return scenes if count is None else random.Random(1).sample(scenes, min(count, len(scenes)))
 
 
 def _listed(engine: str, truth: Truth) -> list[Verdict]:
     return list(verdicts(truth, engine))
 
 
-def _table(kind: str, found: list[Verdict]) -> str:
-    outcomes = (HELD, BROKEN, WARNED, REFUSED)
-    lines = [f"| {kind} | " + " | ".join(outcomes) + " |", "|---" * 5 + "|"]
-    for tolerance in dict.fromkeys(one.tolerance for one in found):
+def _table(engine: str, kind: str, found: list[Verdict]) -> pd.DataFrame:
+    """Return a row for each tolerance, with how many scenes were judged at it and what became of them."""
+    rows = []
+    for tolerance in sorted({one.tolerance for one in found}, key=lambda at: (isinstance(at, str), str(at))):
         counts = Counter(one.outcome for one in found if one.tolerance == tolerance)
-        lines.append(f"| {tolerance} | " + " | ".join(str(counts[name]) for name in outcomes) + " |")
-    return "\n".join(lines)
+        outcomes = {name: counts[name] for name in (HELD, BROKEN, WARNED, REFUSED)}
+        run = dict(zip(RUN, (engine, kind), strict=True))
+        rows.append(run | {"asked for": tolerance, "scenes": counts.total()} | outcomes)
+    return pd.DataFrame(rows)
+
+
+def _renew(path: Path, table: pd.DataFrame) -> None:
+    """Put a run's rows in the place of those that the file has of it."""
+    if path.exists():
+        old = pd.read_csv(path, dtype=str)
+        mine = old[RUN].apply(tuple, axis=1).isin([tuple(table[RUN].iloc[0])])
+        table = pd.concat([old[~mine], table]).sort_values(RUN, kind="stable")
+    table.to_csv(path, index=False)
 
 
 if __name__ == "__main__":

@@ -33,16 +33,16 @@ class Verdict:
     reason: str
 
 
-def verdicts(truth: Truth, engine: str) -> Iterator[Verdict]:
-    """Yield a scene's verdicts at every tolerance for which its truth is certain enough, and on bounds.
-
-    There are none of an engine that has a law of its own in the scene's contacts.
-    """
+def is_judged(truth: Truth, engine: str) -> bool:
+    """Return whether an engine solves the scene itself: not where its contacts have laws of their own."""
     try:
-        if make_engine(engine).twin(truth.scene) != truth.scene:
-            return
+        return make_engine(engine).twin(truth.scene) == truth.scene
     except UnsupportedScene:
-        return
+        return False
+
+
+def verdicts(truth: Truth, engine: str) -> Iterator[Verdict]:
+    """Yield a judged scene's verdicts at tolerances for which its truth is certain enough, and on bounds."""
     judgements = dict(truth.judgements)
     if DEFAULT in judgements:
         judgements[BOUND] = judgements[DEFAULT]
