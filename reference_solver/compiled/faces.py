@@ -189,9 +189,9 @@ def loop_of(topology: Topology) -> Any:
     """Return the module of the loop for a topology."""
     if not topology.method.embedded:
         return contact_loop
-    from reference_solver.contact import adaptive_loop
+    from reference_solver.contact import adaptive_loop, smooth_loop
 
-    return adaptive_loop
+    return adaptive_loop if topology.mechanism.contacts else smooth_loop
 
 
 def with_fields(part: Any) -> Any:

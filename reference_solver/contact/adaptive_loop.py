@@ -379,7 +379,12 @@ def land(run, step, end, event, taken):
 
 @register_jitable(**INNER)
 def within(run, step):
-    """Write the samples before the end of a step by the method's own interpolant: of order 7 in s, or 4."""
+    """Write the samples before the end of a step by the method's own interpolant: of order 7 in s, or 4.
+
+    Return whether it could. A step without samples takes none of the interpolant's slopes.
+    """
+    if run.clock[0].taken == len(run.records.time) or run.records.time[run.clock[0].taken] >= step.end:
+        return True
     y, new_y, at_y, slopes, method = run.old.y, run.new.y, run.at.y, run.slopes, run.method
     stages, rows = len(method.weights), 3 + len(method.dense)
     now, times, ok, (course, H, end) = run.clock[0], run.records.time, True, step
@@ -424,12 +429,19 @@ def chosen(run):
     contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
     h = loop.in_flight(contacts, gaps, loop.to_knot(run, min(control.step, now.longest), 1.0), FLIGHT_PART)
     course, H, releasing = course_of(contacts, gaps, now.time, h, control.rejected != 0)
+    step = no_further(now, course, H)
+    return step, releasing if step.end < now.end else -1
+
+
+@register_jitable(**INNER)
+def no_further(now, course, H):
+    """Return a step of H in s, or the one to the end of the run if that ends beyond it or just before."""
     end, _ = time_at(course, course.begin + H)
     if end >= now.end - 1e-9 * (now.end - now.time):
-        end, releasing = now.end, -1
+        end = now.end
         H = place_at(course, end) - course.begin
     now.tried = end - now.time
-    return Step(course, H, end), releasing
+    return Step(course, H, end)
 
 
 @register_jitable(**INNER)
@@ -562,7 +574,7 @@ def begin(run):
 
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
-    now, control, times = run.clock[0], run.control[0], run.records.time
+    now, control = run.clock[0], run.control[0]
     status = GO if now.watched == RESUMED else begin(run)
     while status == GO:
         if not loop.write_due(run):
@@ -582,7 +594,7 @@ def advance(run):
             continue
         now.steps += 1
         if event < 0 or place > 0.0:
-            if now.taken < len(times) and times[now.taken] < step.end and not within(run, step):
+            if not within(run, step):
                 return FAILED
             accept(run, step, event, error, factor)
         if event >= 0:
