@@ -9,8 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.file import to_toml
@@ -25,7 +23,7 @@ from studies.comparison.question import Question, asked, require_truth
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
 from studies.running.case import Case
 from studies.running.execution import CaseEnded
-from studies.running.failures import BadInput, Failed
+from studies.running.failures import BadInput, Failed, progress_console
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
 from studies.running.runner import run_study
@@ -133,7 +131,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
 def _question(scene: Scene, pool: Processes) -> Question:
     try:
         require_truth(scene)  # a process would take seconds to say so
-        with Console(stderr=True).status(f"the truth of {scene.name}"):
+        with progress_console().status(f"the truth of {scene.name}"):
             return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
     except UnsupportedScene as reason:
         expected = "one whose true motion can be found"

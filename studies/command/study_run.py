@@ -9,7 +9,7 @@ from engine_models.reference.kernels import FolderRefused, writable_folder
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.options import read_engine, read_scene
-from studies.running.failures import BadInput, say, terminated_as_interrupted, writing
+from studies.running.failures import BadInput, note, terminated_as_interrupted, writing
 from studies.running.finished_cases import DamagedRows
 from studies.running.folder_lock import FolderHeld
 from studies.running.given_scenes import cases_of, require_names
@@ -57,7 +57,7 @@ def studies_of(scenes: Sequence[Scene], full: bool) -> list[str]:
         try:
             cases_of(name, load_study(name), full, scenes)
         except BadInput as reason:
-            say(f"note: without {name}: {reason}")
+            note(f"without {name}: {reason}")
         else:
             names.append(name)
     return names

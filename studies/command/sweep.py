@@ -120,9 +120,7 @@ def asked(
     return Sweep(task, changes, tuple(ranges))
 
 
-def swept(
-    sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None = None, quiet: bool = False
-) -> Swept:
+def swept(sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None = None) -> Swept:
     """Run a sweep into a file, or what its parts lack, on local cores or a Dask cluster.
 
     Raises:
@@ -141,10 +139,10 @@ def swept(
     try:
         with writing("--out", path), writable_folder(), terminated_as_interrupted():
             if scheduler is None:
-                run_sweep(sweep, path, made_by, options.jobs, None, options.hours, quiet)
+                run_sweep(sweep, path, made_by, options.jobs, None, options.hours)
             else:
                 with cluster(scheduler) as executors:
-                    run_sweep(sweep, path, made_by, options.jobs, executors, options.hours, quiet)
+                    run_sweep(sweep, path, made_by, options.jobs, executors, options.hours)
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None
     return Swept(path, f"{task.scene.name}, {task.engine_name}")

@@ -10,13 +10,13 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models import engines
 from engine_models.scene.scene import Scene
 from studies.running.case import ROOMY, Case, Curves, Row
 from studies.running.execution import NO_RESULT, NOT_BEGUN, LimitedExecutor, RunBroken
+from studies.running.failures import progress_console
 from studies.running.finished_cases import Rows, opened
 from studies.running.given_scenes import cases_of, contents
 from studies.running.outcome import load_study, outcome, run_case
@@ -111,7 +111,7 @@ def _run_study(
     wanted = {case.key(_fingerprint(case)): case for case in cases}
     pending = {key: case for key, case in wanted.items() if rows.lacks(key, retry_failed)}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
-    progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
+    progress = Progress(*columns, console=progress_console(), disable=not pending)
     with progress:
         bar = progress.add_task(name, total=len(wanted), completed=len(wanted) - len(pending))
 
