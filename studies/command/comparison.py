@@ -3,7 +3,6 @@
 import os
 import re
 from collections.abc import Collection
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +25,7 @@ from studies.running.execution import CaseEnded
 from studies.running.failures import BadInput, Failed, progress_console
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
-from studies.running.runner import run_study
+from studies.running.runner import lent, run_study
 from studies.running.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -115,8 +114,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
     with pool:
         try:
             found = {_key(case): case for case in cases(scene, _question(scene, pool), engines)}
-            here = lambda: nullcontext(pool)  # noqa: E731
-            run_study(NAME, list(found.values()), folder / ROWS, here, here)
+            run_study(NAME, list(found.values()), folder / ROWS, lent(pool), lent(pool))
             results = _of(read_study(folder / ROWS), found)
             standings = Standings.of(results.rows)
             _require_a_run(standings)

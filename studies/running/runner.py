@@ -29,11 +29,17 @@ from studies.running.worker import LIMITS_MEMORY
 Executors = Callable[[], AbstractContextManager[Executor]]
 Result = Future[tuple[Row, Curves]]
 
+
 #: How often a run looks whether its code has changed, in s; and how many cases in succession whose process
 #: cannot begin break it.
 LOOK_S, HOPELESS = 1.0, 3
 #: Of the files that changed, how many are named.
 SHOWN_FILES = 3
+
+
+def lent(pool: Executor) -> Executors:
+    """Return what lends an executor that lives longer."""
+    return lambda: nullcontext(pool)
 
 
 def run_studies(
@@ -64,7 +70,7 @@ def run_studies(
         folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
         pool = stack.enter_context(Processes(jobs))
-        local: Executors = lambda: nullcontext(pool)  # noqa: E731
+        local = lent(pool)
         for name, rows in folders.items():
             asked = [case for case in cases[name] if not only or case.engine in only]
             _run_study(name, asked, rows, executor or local, local, retry_failed)
