@@ -215,16 +215,13 @@ def sweep(
     strings |= {"transient": transient, "revolutions": revolutions, "hours": hours}
     chosen = sweeps.options_of({**strings, "jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     endings.ending_of("--out", out, (".parquet",))
-    if plot is not None:
-        endings.ending_of("--plot", plot, endings.PICTURES)
     physics = options.changed(options.read_scene(scene), changes or [], None)
     ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
     settings = options.assigned("--set", "KEY=VALUE", assignments or [])
     wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
     with failures.quietly(quiet):
-        result = sweeps.swept(wanted, out, chosen, scheduler)
-        if plot is not None:
-            sweeps.write_plot(result, plot, show)
+        with sweeps.opened_plot(plot, show) as draw:
+            draw(sweeps.swept(wanted, out, chosen, scheduler))
         failures.note(f"{len(wanted.members)} rows are in {out}")
 
 
@@ -348,7 +345,10 @@ def conform(
     from studies.command.options import read_engine
     from studies.conformance.verdicts import count, summary, verdicts
 
-    of = read_engine(engine, {})
+    try:
+        of = read_engine(engine, {})
+    except failures.BadInput as reason:
+        raise failures.BadInput(str(reason).replace("--engine", "ENGINE", 1)) from None
     with failures.quietly(quiet):
         console = failures.progress_console()
         lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))

@@ -1,7 +1,8 @@
 """What commands that run cases take and check: studies, engines, scenes, and a place for results."""
 
+import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from engine_models.engines import join
@@ -72,6 +73,8 @@ def running_in(out: Path) -> Iterator[None]:
     """
     try:
         with writable_folder(), writing("--out", out), terminated_as_interrupted():
+            with suppress(FileNotFoundError):
+                os.stat(out / "rows")  # what is no folder is refused before any work is done
             yield
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None

@@ -1,7 +1,8 @@
 """What ``crankslider sweep`` is asked for, checked before anything runs, and what it gives a user."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -148,13 +149,27 @@ def swept(sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None
     return Swept(path, f"{task.scene.name}, {task.engine_name}")
 
 
-def write_plot(result: Swept, path: Path, show: str | None) -> None:
-    """Write the picture of a sweep to a .png, .svg or .pdf file."""
-    from reports.run.picture import picture_bytes
+@contextmanager
+def opened_plot(path: Path | None, show: str | None) -> Iterator[Callable[[Swept], None]]:
+    """Open the file of a sweep's picture, if there is to be one, and yield what draws into it.
 
-    content = picture_bytes(result.plot(show), ending_of("--plot", path, PICTURES))
+    Raises:
+        BadInput: it cannot be written, or a column is named and no file.
+    """
+    if path is None:
+        if show is not None:
+            raise BadInput(f"--show: expected nothing without --plot, got {show}")
+        yield lambda _: None
+        return
+    ending = ending_of("--plot", path, PICTURES)
     with writing("--plot", path), whole_file(path) as file:
-        file.buffer.write(content)
+
+        def draw(result: Swept) -> None:
+            from reports.run.picture import picture_bytes
+
+            file.buffer.write(picture_bytes(result.plot(show), ending))
+
+        yield draw
 
 
 def options_of(values: Mapping[str, object]) -> SweepOptions:
