@@ -79,6 +79,8 @@ SCIPY_DOP853_MINIMAL = Arm(
 )
 LSODA_MINIMAL = Arm("scipy", "LSODA minimal", {"method": "LSODA", "coordinates": "minimal"}, ("rtol", "atol"))
 HEYOKA = Arm("heyoka", "Taylor", {}, ("tolerance",))
+#: Arms whose solve gives the motion alone: forces are computed afterwards, at the samples.
+MOTION_ALONE = (SCIPY_DOP853_MINIMAL, LSODA_MINIMAL, HEYOKA)
 
 #: Engines that the catalogue knows. Any other takes part in all studies as it comes.
 NAMED = ("reference", "exudyn", "pymunk", "scipy", "heyoka")

@@ -69,7 +69,9 @@ def shown(value: object) -> str:
         return "a list"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 2**63:
         return "a huge integer"
-    return shortened(json.dumps(value) if isinstance(value, (str, bool)) else str(value))
+    if isinstance(value, str | bool):
+        return shortened(json.dumps(value, ensure_ascii=not str(value).isprintable()))
+    return shortened(str(value))
 
 
 def shortened(text: str, longest: int = LONGEST) -> str:

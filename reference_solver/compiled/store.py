@@ -44,7 +44,7 @@ def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F
         if compiled is function:  # NUMBA_DISABLE_JIT is set
             return function
         if cache:
-            compiled._cache = KeptCode(function)
+            compiled._cache = KeptCode(function, options.get("_nrt", True))
         if signature:
             compiled.compile(*signature)
             compiled.disable_compile()
@@ -54,9 +54,13 @@ def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F
 
 
 class KeptCode(_Cache):
-    """The machine code of one function, as Numba asks for it, of each signature in a file."""
+    """The machine code of one function, as Numba asks for it, of each signature in a file.
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    ``allocates`` tells whether the code is linked to Numba's own runtime.
+    """
+
+    def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
+        self._allocates = allocates
         module = sys.modules[function.__module__]
         self._name = f"{module.__name__}.{function.__qualname__}"
         texts = [inspect.getsource(of) for of in (module, *getattr(module, "COMPILED_WITH", ()))]
@@ -69,7 +73,8 @@ class KeptCode(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """Return the code for a signature, None if there is none that can be trusted."""
-        target_context.refresh()
+        if self._allocates:  # other code needs nothing of what takes a third of a second here
+            target_context.refresh()
         code = read_checked(self._file(sig, target_context.codegen()))
         return None if code is None else CompileResult._rebuild(target_context, *pickle.loads(code))
 

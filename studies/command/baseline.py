@@ -3,7 +3,6 @@
 import os
 from collections.abc import Mapping, Sequence
 
-from rich.console import Console
 from rich.progress import Progress
 
 from studies.conformance.baselines.accept import Numbers, accepted, measure_all
@@ -11,7 +10,7 @@ from studies.conformance.baselines.measured import Key, NotMeasured
 from studies.conformance.baselines.subjects import Subject, subjects, without_wheel
 from studies.conformance.baselines.table import FOLDER, Baseline, DamagedTable, read_tables, write_tables
 from studies.conformance.baselines.verdicts import verdicts
-from studies.running.failures import BadInput, Failed, say, writing
+from studies.running.failures import BadInput, Failed, note, progress_console, writing
 
 Baselines = dict[Key, Baseline]
 
@@ -39,7 +38,7 @@ def _hold() -> None:
     if lines:
         print("\n".join(lines))
         raise Failed(f"{len(lines)} numbers are not what their baselines say")
-    say(f"note: {len(baselines)} numbers are within their bands")
+    note(f"{len(baselines)} numbers are within their bands")
 
 
 def _accept(why: str) -> None:
@@ -49,7 +48,7 @@ def _accept(why: str) -> None:
     with writing("baselines", FOLDER):
         write_tables(after | absent)
     changed = sum(after.get(key) != before.get(key) for key in after.keys() | before.keys())
-    say(f"note: {changed} of {len(after)} baselines are new, in {FOLDER}")
+    note(f"{changed} of {len(after)} baselines are new, in {FOLDER}")
 
 
 def _read() -> tuple[Baselines, Baselines]:
@@ -59,14 +58,14 @@ def _read() -> tuple[Baselines, Baselines]:
     except DamagedTable as reason:
         raise BadInput(str(reason)) from None
     for label, why in without_wheel().items():
-        say(f"note: {label} is left out: {why}")
+        note(f"{label} is left out: {why}")
     absent = {key: baseline for key, baseline in every.items() if key.arm in without_wheel()}
     return {key: every[key] for key in every.keys() - absent.keys()}, absent
 
 
 def _measured(some: Sequence[Subject], processor: Mapping[str, str]) -> Numbers:
     """Return the numbers of subjects, as a processor of a kind would find them, and show how far it is."""
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with Progress(console=progress_console(), transient=True) as progress:
         task = progress.add_task(
             f"on {processor['NUMBA_CPU_NAME']}" if processor else "here", total=len(some)
         )

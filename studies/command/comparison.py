@@ -3,13 +3,10 @@
 import os
 import re
 from collections.abc import Collection
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from rich.console import Console
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
@@ -25,10 +22,10 @@ from studies.comparison.question import Question, asked, require_truth
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
 from studies.running.case import Case
 from studies.running.execution import CaseEnded
-from studies.running.failures import BadInput, Failed
+from studies.running.failures import BadInput, Failed, progress_console
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
-from studies.running.runner import run_study
+from studies.running.runner import lent, run_study
 from studies.running.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -117,8 +114,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
     with pool:
         try:
             found = {_key(case): case for case in cases(scene, _question(scene, pool), engines)}
-            here = lambda: nullcontext(pool)  # noqa: E731
-            run_study(NAME, list(found.values()), folder / ROWS, here, here)
+            run_study(NAME, list(found.values()), folder / ROWS, lent(pool), lent(pool))
             results = _of(read_study(folder / ROWS), found)
             standings = Standings.of(results.rows)
             _require_a_run(standings)
@@ -133,7 +129,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
 def _question(scene: Scene, pool: Processes) -> Question:
     try:
         require_truth(scene)  # a process would take seconds to say so
-        with Console(stderr=True).status(f"the truth of {scene.name}"):
+        with progress_console().status(f"the truth of {scene.name}"):
             return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
     except UnsupportedScene as reason:
         expected = "one whose true motion can be found"

@@ -48,6 +48,7 @@ Text = str | None
 SceneName = Annotated[
     str, Argument(metavar="SCENE", help="A library scene or a TOML file.", autocompletion=_scenes)
 ]
+Quiet = Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")]
 
 
 @app.callback()
@@ -129,7 +130,7 @@ def simulate(
     exaggerate: Annotated[
         Text, Option(metavar="TIMES", help="How many times as large the film shows clearances; 1.")
     ] = None,
-    quiet: Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run one scene and write motion, forces and energy as a table; on request impacts, a figure, a film."""
     from studies.command import options, outputs
@@ -151,18 +152,18 @@ def simulate(
     elif exaggerate is not None:
         raise failures.BadInput(f"--exaggerate: expected nothing without --animate, got {exaggerate}")
     outputs.require_places(files, scene)
-    progress = nullcontext() if quiet else shown_progress(physics.end_time_s)
-    with ExitStack() as stack:
-        opened = [stack.enter_context(file.opened()) for file in files]
-        with progress:
-            result = simulated(physics, engine, chosen, numbers)
-            contents = [file.content(result) for file in files]
-        for write, content in zip(opened, contents, strict=True):
-            write(content)
-    for warning in result.warnings:
-        failures.say(f"warning: {warning}")
-    for note in [] if quiet else result.notes():
-        failures.say(f"note: {note}")
+    with failures.quietly(quiet):
+        with ExitStack() as stack:
+            opened = [stack.enter_context(file.opened()) for file in files]
+            with shown_progress(physics.end_time_s):
+                result = simulated(physics, engine, chosen, numbers)
+                contents = [file.content(result) for file in files]
+            for write, content in zip(opened, contents, strict=True):
+                write(content)
+        for warning in result.warnings:
+            failures.say(f"warning: {warning}")
+        for note in result.notes():
+            failures.note(note)
 
 
 @app.command()
@@ -204,7 +205,7 @@ def sweep(
     out: Annotated[Path, Option(metavar="FILE", help="The rows, as .parquet.")] = Path("sweep.parquet"),
     plot: Annotated[Path | None, Option(metavar="FILE", help="A picture, as .png, .svg or .pdf.")] = None,
     show: Annotated[Text, Option(metavar="COLUMN", help="What the picture is of.")] = None,
-    quiet: Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scene with many values in its fields, a row for each; what is finished is kept, and resumed."""
     from studies.command import endings, options
@@ -214,17 +215,14 @@ def sweep(
     strings |= {"transient": transient, "revolutions": revolutions, "hours": hours}
     chosen = sweeps.options_of({**strings, "jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     endings.ending_of("--out", out, (".parquet",))
-    if plot is not None:
-        endings.ending_of("--plot", plot, endings.PICTURES)
     physics = options.changed(options.read_scene(scene), changes or [], None)
     ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
     settings = options.assigned("--set", "KEY=VALUE", assignments or [])
     wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
-    result = sweeps.swept(wanted, out, chosen, scheduler, quiet)
-    if plot is not None:
-        sweeps.write_plot(result, plot, show)
-    if not quiet:
-        failures.say(f"note: {len(wanted.members)} rows are in {out}")
+    with failures.quietly(quiet):
+        with sweeps.opened_plot(plot, show) as draw:
+            draw(sweeps.swept(wanted, out, chosen, scheduler))
+        failures.note(f"{len(wanted.members)} rows are in {out}")
 
 
 @app.command()
@@ -251,6 +249,7 @@ def run(
     retry_failed: Annotated[
         bool, Option("--retry-failed", help="Also run again what neither finished nor was refused.")
     ] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run studies; finished cases are kept and skipped the next time."""
     from studies.command.options import RunOptions, checked
@@ -262,11 +261,12 @@ def run(
     joined(engines or [])
     given = given_scenes(scenes or [])
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    names = list(dict.fromkeys(studies or studies_of(given, full)))
     executors = nullcontext() if scheduler is None else cluster(scheduler)
-    with executors as executor, running_in(out):
-        run_studies(names, full, options.jobs, out, executor, retry_failed, engines or (), given)
-    failures.say(f"note: the results are in {out}")
+    with failures.quietly(quiet):
+        names = list(dict.fromkeys(studies or studies_of(given, full)))
+        with executors as executor, running_in(out):
+            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or (), given)
+        failures.note(f"the results are in {out}")
 
 
 @app.command()
@@ -279,6 +279,7 @@ def compare(
     out: Annotated[
         Path | None, Option(metavar="DIR", help="Where page and rows are kept; comparison/NAME.")
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Compare engines on a scene: which to take, at which setting, what it costs; a page says why."""
     from studies.command.options import read_scene
@@ -291,12 +292,13 @@ def compare(
     from studies.command.comparison import comparison, default_folder  # takes seconds
 
     folder = out or default_folder(physics)
-    with running_in(folder):
-        found = comparison(physics, scene, engines or (), folder)
-        found.save(folder)
-    Console().print(found.table())
-    print(found.recommendation)
-    failures.say(f"note: the page is {folder / 'index.html'}")
+    with failures.quietly(quiet):
+        with running_in(folder):
+            found = comparison(physics, scene, engines or (), folder)
+            found.save(folder)
+        Console().print(found.table())
+        print(found.recommendation)
+        failures.note(f"the page is {folder / 'index.html'}")
 
 
 @app.command()
@@ -306,6 +308,7 @@ def search(
     out: Annotated[Path, Option(metavar="DIR", help="Where results and the record are kept.")] = Path(
         "search"
     ),
+    quiet: Quiet = False,
 ) -> None:
     """Turn every knob of every engine, in error and time, and record what beats the studies' ladders."""
     from rich.console import Console
@@ -318,15 +321,15 @@ def search(
     from studies.work_precision import settings_search
 
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    with running_in(out):
+    with failures.quietly(quiet), running_in(out):
         run_studies([settings_search.__name__], full, options.jobs, out)
         record = found(out / settings_search.__name__)
         record.to_csv(out / "record.csv", index=False, float_format="%.3g")
+        failures.note(f"the record is {out / 'record.csv'}")
     table = Table("scene", "signal", "error", "ladder", "search", "part of its time")
     for row in beaten(record).itertuples():
         table.add_row(row.scene, row.signal, f"{row.error:g}", row.ladder, row.search, f"{row.part:.2f}")
     Console().print(table if table.row_count else "No ladder is beaten by more than a quarter.")
-    failures.say(f"note: the record is {out / 'record.csv'}")
 
 
 @app.command()
@@ -334,17 +337,21 @@ def conform(
     engine: Annotated[
         str, Argument(metavar="ENGINE", help="An engine, or one of yours: my_module:MyEngine.")
     ],
+    quiet: Quiet = False,
 ) -> None:
     """Hold an engine to what every engine owes, claim by claim; exit code 1 where one does not hold."""
-    from rich.console import Console
     from rich.progress import track
 
     from studies.command.options import read_engine
     from studies.conformance.verdicts import count, summary, verdicts
 
-    of = read_engine(engine, {})
-    console = Console(stderr=True)
-    lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
+    try:
+        of = read_engine(engine, {})
+    except failures.BadInput as reason:
+        raise failures.BadInput(str(reason).replace("--engine", "ENGINE", 1)) from None
+    with failures.quietly(quiet):
+        console = failures.progress_console()
+        lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
     print("\n".join(lines))
     if not holds:
         raise failures.Failed(f"{engine} does not hold to all claims")
@@ -354,11 +361,13 @@ def conform(
 def baseline(
     accept: Annotated[bool, Option("--accept", help="Write down what left its band, with --why.")] = False,
     why: Annotated[Text, Option(metavar="TEXT", help="Why the numbers are others now.")] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Hold engines and arms to their accuracy as accepted; exit code 1 where a number left its band."""
     from studies.command.baseline import held_or_accepted
 
-    held_or_accepted(accept, why)
+    with failures.quietly(quiet):
+        held_or_accepted(accept, why)
 
 
 @app.command()
@@ -368,6 +377,7 @@ def report(
     against: Annotated[
         Path | None, Option(metavar="DIR", help="Another report; print what moved between the two.")
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Make tables, figures and the HTML page from results, and print the answer."""
     from reports.page import claims_of, moved, write_report
@@ -385,10 +395,11 @@ def report(
         raise failures.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
         raise failures.Failed(str(reason)) from None
-    for note in made.notes:
-        failures.say(f"note: {note}")
-    print("\n".join(made.answer if before is None else moved(before, made.claims)))
-    failures.say(f"note: the report is {out / 'index.html'}")
+    with failures.quietly(quiet):
+        for note in made.notes:
+            failures.note(note)
+        print("\n".join(made.answer if before is None else moved(before, made.claims)))
+        failures.note(f"the report is {out / 'index.html'}")
 
 
 def main() -> None:

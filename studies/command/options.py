@@ -179,5 +179,6 @@ def longest_step_s(options: SimulateOptions, end_time_s: float, engine: Engine) 
     shortest = SHORTEST_STEP_PART * end_time_s
     if options.tolerance is None and not shortest <= step <= end_time_s:
         expected = f"a number from {shortest:g} to the end time {end_time_s:g}"
-        raise BadInput(f"--step: expected {expected}, got {step:g}")
+        came = f"{step:g}" if options.step else f"none, which is {step:g}"
+        raise BadInput(f"--step: expected {expected}, got {came}")
     return step

@@ -1,7 +1,8 @@
 """What commands that run cases take and check: studies, engines, scenes, and a place for results."""
 
+import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from engine_models.engines import join
@@ -9,7 +10,7 @@ from engine_models.reference.kernels import FolderRefused, writable_folder
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.options import read_engine, read_scene
-from studies.running.failures import BadInput, say, terminated_as_interrupted, writing
+from studies.running.failures import BadInput, note, terminated_as_interrupted, writing
 from studies.running.finished_cases import DamagedRows
 from studies.running.folder_lock import FolderHeld
 from studies.running.given_scenes import cases_of, require_names
@@ -57,7 +58,7 @@ def studies_of(scenes: Sequence[Scene], full: bool) -> list[str]:
         try:
             cases_of(name, load_study(name), full, scenes)
         except BadInput as reason:
-            say(f"note: without {name}: {reason}")
+            note(f"without {name}: {reason}")
         else:
             names.append(name)
     return names
@@ -72,6 +73,8 @@ def running_in(out: Path) -> Iterator[None]:
     """
     try:
         with writable_folder(), writing("--out", out), terminated_as_interrupted():
+            with suppress(FileNotFoundError):
+                os.stat(out / "rows")  # what is no folder is refused before any work is done
             yield
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None

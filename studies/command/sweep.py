@@ -1,7 +1,8 @@
 """What ``crankslider sweep`` is asked for, checked before anything runs, and what it gives a user."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -120,9 +121,7 @@ def asked(
     return Sweep(task, changes, tuple(ranges))
 
 
-def swept(
-    sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None = None, quiet: bool = False
-) -> Swept:
+def swept(sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None = None) -> Swept:
     """Run a sweep into a file, or what its parts lack, on local cores or a Dask cluster.
 
     Raises:
@@ -141,22 +140,36 @@ def swept(
     try:
         with writing("--out", path), writable_folder(), terminated_as_interrupted():
             if scheduler is None:
-                run_sweep(sweep, path, made_by, options.jobs, None, options.hours, quiet)
+                run_sweep(sweep, path, made_by, options.jobs, None, options.hours)
             else:
                 with cluster(scheduler) as executors:
-                    run_sweep(sweep, path, made_by, options.jobs, executors, options.hours, quiet)
+                    run_sweep(sweep, path, made_by, options.jobs, executors, options.hours)
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None
     return Swept(path, f"{task.scene.name}, {task.engine_name}")
 
 
-def write_plot(result: Swept, path: Path, show: str | None) -> None:
-    """Write the picture of a sweep to a .png, .svg or .pdf file."""
-    from reports.run.picture import picture_bytes
+@contextmanager
+def opened_plot(path: Path | None, show: str | None) -> Iterator[Callable[[Swept], None]]:
+    """Open the file of a sweep's picture, if there is to be one, and yield what draws into it.
 
-    content = picture_bytes(result.plot(show), ending_of("--plot", path, PICTURES))
+    Raises:
+        BadInput: it cannot be written, or a column is named and no file.
+    """
+    if path is None:
+        if show is not None:
+            raise BadInput(f"--show: expected nothing without --plot, got {show}")
+        yield lambda _: None
+        return
+    ending = ending_of("--plot", path, PICTURES)
     with writing("--plot", path), whole_file(path) as file:
-        file.buffer.write(content)
+
+        def draw(result: Swept) -> None:
+            from reports.run.picture import picture_bytes
+
+            file.buffer.write(picture_bytes(result.plot(show), ending))
+
+        yield draw
 
 
 def options_of(values: Mapping[str, object]) -> SweepOptions:

@@ -54,7 +54,7 @@ def _rungs(scene: Scene) -> list[Rung]:
 def _case(scene: Scene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
     judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
-    columns = {**judged, **timed}
+    columns = {**judged, "motion_alone": rung.arm in arms.MOTION_ALONE, **timed}
     return Case(NAME, scene, rung.arm, run, rung.added, timed=bool(timed), limits=LIMITS, columns=columns)
 
 

@@ -1,4 +1,4 @@
-"""How a command fails: one line on stderr that begins with ``error:``, an exit code, never a traceback."""
+"""What a command says on stderr: notes, and how it failed, in one line, an exit code, never a traceback."""
 
 import logging
 import os
@@ -8,15 +8,23 @@ import threading
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from engine_models.scene.bad_input import BadInput as BadInput  # exit code 2
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 INTERRUPTED = 130
 #: After this time an interrupt comes again that got lost.
 AGAIN_S = 0.01
+
+#: Whether nothing but warnings and errors is wanted.
+_quiet = ContextVar("quiet", default=False)
 
 
 class Failed(Exception):
@@ -28,12 +36,40 @@ def say(message: str) -> None:
     print(" ".join(message.split()), file=sys.stderr)
 
 
+@contextmanager
+def quietly(wanted: bool) -> Iterator[None]:
+    """Say nothing in the block but warnings and errors, if that is ``wanted``."""
+    before = _quiet.set(wanted)
+    try:
+        yield
+    finally:
+        _quiet.reset(before)
+
+
+def is_quiet() -> bool:
+    """Return whether notes and progress are not wanted."""
+    return _quiet.get()
+
+
+def note(message: str) -> None:
+    """Print one line on stderr that a user can do without."""
+    if not is_quiet():
+        say(f"note: {message}")
+
+
+def progress_console() -> "Console":
+    """Return the console on which progress is shown."""
+    from rich.console import Console  # which most runs are over without
+
+    return Console(stderr=True, quiet=is_quiet())
+
+
 class Notes(logging.Handler):
     """Prints what is logged as notes on stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record."""
-        say(f"note: {record.getMessage()}")
+        note(record.getMessage())
 
 
 @contextmanager

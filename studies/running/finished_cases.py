@@ -19,7 +19,7 @@ import numpy as np
 
 from studies.running.case import Curves, Row, Value
 from studies.running.execution import NO_RESULT
-from studies.running.failures import say
+from studies.running.failures import note
 from studies.running.folder_lock import held
 from studies.running.given_scenes import CONTENT
 from studies.running.whole_file import UNFINISHED, write_through, write_whole
@@ -151,7 +151,7 @@ def _read(path: Path) -> tuple[dict[str, Row], bool]:
         if rows.setdefault(str(row["case"]), row)["checksum"] != row["checksum"]:
             raise _damaged(f"{path}:{n}", "another result of a case that is there already")
     if doubles := len(lines) - len(rows):
-        say(f"note: {path}: {doubles} rows are there twice and count once")
+        note(f"{path}: {doubles} rows are there twice and count once")
     return rows, not (torn or doubles)
 
 

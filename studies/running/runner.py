@@ -10,13 +10,13 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models import engines
 from engine_models.scene.scene import Scene
 from studies.running.case import ROOMY, Case, Curves, Row
 from studies.running.execution import NO_RESULT, NOT_BEGUN, LimitedExecutor, RunBroken
+from studies.running.failures import progress_console
 from studies.running.finished_cases import Rows, opened
 from studies.running.given_scenes import cases_of, contents
 from studies.running.outcome import load_study, outcome, run_case
@@ -29,11 +29,17 @@ from studies.running.worker import LIMITS_MEMORY
 Executors = Callable[[], AbstractContextManager[Executor]]
 Result = Future[tuple[Row, Curves]]
 
+
 #: How often a run looks whether its code has changed, in s; and how many cases in succession whose process
 #: cannot begin break it.
 LOOK_S, HOPELESS = 1.0, 3
 #: Of the files that changed, how many are named.
 SHOWN_FILES = 3
+
+
+def lent(pool: Executor) -> Executors:
+    """Return what lends an executor that lives longer."""
+    return lambda: nullcontext(pool)
 
 
 def run_studies(
@@ -64,7 +70,7 @@ def run_studies(
         folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
         pool = stack.enter_context(Processes(jobs))
-        local: Executors = lambda: nullcontext(pool)  # noqa: E731
+        local = lent(pool)
         for name, rows in folders.items():
             asked = [case for case in cases[name] if not only or case.engine in only]
             _run_study(name, asked, rows, executor or local, local, retry_failed)
@@ -111,7 +117,7 @@ def _run_study(
     wanted = {case.key(_fingerprint(case)): case for case in cases}
     pending = {key: case for key, case in wanted.items() if rows.lacks(key, retry_failed)}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
-    progress = Progress(*columns, console=Console(stderr=True), disable=not pending)
+    progress = Progress(*columns, console=progress_console(), disable=not pending)
     with progress:
         bar = progress.add_task(name, total=len(wanted), completed=len(wanted) - len(pending))
 

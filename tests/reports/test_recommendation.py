@@ -74,7 +74,32 @@ def test_times_are_compared_at_equal_error() -> None:
     found = standings(rows("exudyn", FAST), rows("reference", SLOW))
     assert [each.time_s for each in found.there] == pytest.approx([FAST_M_S, SLOW_M_S])
     text = "\n".join(sentences(found))
-    assert f"reference (arm), which takes {SLOW_M_S / FAST_M_S:.0f} times as long at equal error" in text
+    other = "Without exudyn, take reference (arm) at a tolerance of 1e-06"
+    assert f"{other}: it takes {SLOW_M_S / FAST_M_S:.0f} times as long at equal error." in text
+
+
+def test_motion_alone_is_recommended_as_such_with_what_gives_forces_too() -> None:
+    text = said(rows("heyoka", FAST, motion_alone=True), rows("reference", SLOW))
+    assert "For the motion alone take heyoka (arm) at a tolerance of 1e-08." in text
+    assert "For forces in the solve, or without heyoka, take reference (arm) at a tolerance of 1e-06" in text
+    both = said(rows("heyoka", FAST, motion_alone=True), rows("scipy", FAST, motion_alone=True))
+    assert "Nothing that gives forces in its solve gets to that error." in both
+
+
+def test_forces_and_the_next_engine_are_two_things_where_that_gives_motion_alone_too() -> None:
+    slowest = tuple((error, 10 * time) for error, time in SLOW)
+    alone = {"motion_alone": True}
+    text = said(rows("heyoka", FAST, **alone), rows("scipy", SLOW, **alone), rows("reference", slowest))
+    assert "For forces in the solve, take reference (arm)" in text
+    assert "Without heyoka, take scipy (arm)" in text
+
+
+def test_an_error_below_what_is_known_of_the_truth_has_no_digits() -> None:
+    known = {"slider_position_uncertainty_m": 2e-7, "joint_O_force_uncertainty_N": 0.5}
+    text = said(rows("exudyn", FAST, **known))
+    assert "Its slider position error is less than the 2.0×10⁻⁷ m to which the truth is known" in text
+    assert "Its joint forces are off by less than the 0.5 N to which the truth is known" in text
+    assert "1.0×10⁻⁷" not in text
 
 
 def test_the_form_of_the_model_counts_as_error() -> None:
@@ -117,6 +142,7 @@ def test_of_nothing_but_refusals_nothing_is_recommended() -> None:
 
 def test_no_sentence_has_more_than_two_numbers() -> None:
     impacts = {"impacts_matched": 9, "impacts_missed": 3, "impacts_unmatched": 1, "impact_time_error_s": 1e-6}
+    impacts |= {"motion_alone": True}
     for text in said(rows("exudyn", FAST, compared_until_s=0.25, **impacts), rows("scipy", SLOW)).split("\n"):
         assert len(re.findall(r"(?<![\w×⁻.-])\d[\d.]*(e-\d+)?", text.replace("×10", ""))) <= 2, text
 

@@ -6,6 +6,7 @@ from typing import Any
 import pandas as pd
 
 from reports.chapters.comparison.standing import Standings
+from reports.equal_error import Arrival
 from reports.quantities import finished
 from reports.shared_tables import SHORT_OF, quality_failures, speakers
 from reports.style import words
@@ -24,7 +25,7 @@ def sentences(standings: Standings) -> Iterator[str]:
         yield "Nothing can be recommended: no run finished and passed the check of energy and gaps."
     else:
         yield from _choice(standings, chosen)
-        yield from _rivals(standings)
+        yield from _others(standings, chosen)
         yield from _trust(standings, chosen)
     yield from _horizon(standings)
     yield from refusals(standings)
@@ -40,6 +41,11 @@ def size(value: float) -> str:
     return plain(value) if 0.01 <= value < 1000 else in_text(value)
 
 
+def below(uncertainty: float, unit: str) -> str:
+    """Return in words an error that the truth is not known well enough to tell."""
+    return f"less than the {size(uncertainty)} {unit} to which the truth is known"
+
+
 def duration(time_s: float) -> str:
     """Return a time in ms, or in s if it is long."""
     ms = 1e3 * time_s
@@ -50,8 +56,11 @@ def _choice(standings: Standings, chosen: Any) -> Iterator[str]:
     what, unit = words(standings.column)
     wanted = f"{size(standings.wanted)} {unit}"
     if standings.there:
-        yield f"Take {chosen.label} at {setting(chosen)}."
-        yield f"Its {what} is {size(chosen.error)} {unit} at most; {wanted} is what is asked for."
+        alone = standings.motion_alone[chosen.Index]
+        yield f"{'For the motion alone take' if alone else 'Take'} {chosen.label} at {setting(chosen)}."
+        above = chosen.error > standings.floor
+        error = f"{size(chosen.error)} {unit} at most" if above else below(standings.floor, unit)
+        yield f"Its {what} is {error}; {wanted} is what is asked for."
     else:
         yield f"No engine gets to the {what} of {wanted} that is asked for."
         yield f"The nearest is {chosen.label} at {setting(chosen)}, with {size(chosen.error)} {unit}."
@@ -62,17 +71,26 @@ def _choice(standings: Standings, chosen: Any) -> Iterator[str]:
     yield f"Its solve takes {duration(chosen.time_s)}{besides}."
 
 
-def _rivals(standings: Standings) -> Iterator[str]:
+def _others(standings: Standings, chosen: Any) -> Iterator[str]:
+    """Yield what to take for forces, without the engine chosen, with building, and for less error."""
+    there, forces = standings.there, standings.with_forces
+    reasons: dict[str, list[str]] = {}
+    if there and standings.motion_alone[chosen.Index]:
+        yield "Its solve gives no forces; they are computed afterwards, at the samples."
+        if forces:
+            reasons[forces[0].label] = ["for forces in the solve"]
+        else:
+            yield "Nothing that gives forces in its solve gets to that error."
+    if len(there) > 1:
+        reasons.setdefault(there[1].label, []).append(f"without {chosen.engine}")
+    arrived = {each.label: each for each in (*forces, *there)}
+    for label, when in reasons.items():
+        other = arrived[label]
+        take = f"take {label} at {setting(standings.rung(other))}"
+        yield f"{', or '.join(when).capitalize()}, {take}: {_cost(standings, other)}."
     if len(set(finished(standings.recorded)["engine"])) == 1:
         yield "No other engine ran, so there is nothing to compare it with."
-    elif len(standings.there) > 1:
-        other = standings.there[1]
-        share = standings.share(other)
-        if share and share.decided:
-            yield f"Next is {other.label}, which takes {plain(share.median)} times as long at equal error."
-        else:
-            yield f"The rounds do not tell whether {other.label} takes longer at equal error."
-    elif standings.there:
+    elif len(there) == 1:
         yield "No other engine gets to that error."
     whole = standings.whole().there
     if whole and whole[0].engine != standings.there[0].engine:
@@ -81,14 +99,23 @@ def _rivals(standings: Standings) -> Iterator[str]:
     nearest = standings.nearest
     if standings.there and nearest.Index != standings.chosen.Index:
         _, unit = words(standings.column)
-        best = f"{size(nearest.error)} {unit} in {duration(nearest.time_s)}"
-        yield f"The most accurate is {nearest.label}: {best}."
+        above = nearest.error > standings.floor
+        best = f"{size(nearest.error)} {unit}" if above else below(standings.floor, unit)
+        yield f"The most accurate is {nearest.label}: {best}, in {duration(nearest.time_s)}."
+
+
+def _cost(standings: Standings, other: Arrival) -> str:
+    share = standings.share(other)
+    if share and share.decided:
+        return f"it takes {plain(share.median)} times as long at equal error"
+    return "the rounds do not tell whether it takes longer at equal error"
 
 
 def _trust(standings: Standings, chosen: Any) -> Iterator[str]:
     row = standings.rows.loc[chosen.Index]
-    forces = row.filter(regex=r"^joint_\w_force_error_N$").dropna()
-    yield f"Its joint forces are off by up to {size(float(forces.max()))} N at the samples compared."
+    error, known = standings.force_error_N(chosen.Index)
+    off = below(known, "N") if error <= known else f"up to {size(error)} N"
+    yield f"Its joint forces are off by {off} at the samples compared."
     yield from _impacts(row)
     if row["unaccounted_energy_part"] >= WORTH_A_WORD:
         yield f"No physics accounts for {size(row['unaccounted_energy_part'])} of the energy in play."
@@ -107,8 +134,9 @@ def _impacts(row: pd.Series) -> Iterator[str]:
         if unmatched:
             yield f"{unmatched} of its impacts are none of the truth's."
     else:
-        error = size(row["impact_time_error_s"])
-        yield f"It finds every impact, {matched} of them, at times that are off by {error} s at most."
+        error, known = row["impact_time_error_s"], row.get("impact_time_uncertainty_s", 0.0)
+        off = f"{size(error)} s at most" if error > known else below(known, "s")
+        yield f"It finds every impact, {matched} of them, at times that are off by {off}."
 
 
 def _next_coarser(standings: Standings, row: pd.Series) -> str:

@@ -17,7 +17,6 @@ from reports.style import axis_label, words
 from reports.tables import ABSENT, number, plain
 
 NAME = "comparison"
-FORCES = r"^joint_\w_force_error_N$"
 
 
 def sections(results: Results, pictures: Mapping[str, Drawing]) -> list[Section]:
@@ -74,10 +73,16 @@ def _line(standings: Standings, engine: str) -> tuple[str, ...]:
         return (engine, status, *[ABSENT] * 4)
     arrival = next((each for each in standings.there if each.engine == engine), None)
     rung = standings.rung(arrival) if arrival else next(own.sort_values(["error", "time_s"]).itertuples())
-    force = standings.rows.loc[rung.Index].filter(regex=FORCES).max()
+    error = _told(rung.error, standings.floor)
+    force = _told(*standings.force_error_N(rung.Index))
     time = plain(1e3 * arrival.time_s) if arrival else ABSENT
     share = standings.share(arrival) if arrival and arrival is not standings.there[0] else None
-    return rung.label, at_rung(rung).setting, time, str(share or ABSENT), number(rung.error), number(force)
+    return rung.label, at_rung(rung).setting, time, str(share or ABSENT), error, force
+
+
+def _told(error: float, known: float) -> str:
+    """Return an error, as a bound where the truth is not known well enough to tell."""
+    return f"< {number(known)}" if error <= known else number(error)
 
 
 def _what_an_error_is(standings: Standings) -> str:

@@ -1,5 +1,6 @@
 """Where every engine stands on one scene: the cheapest way to the error wanted, and the most accurate one."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,8 +12,17 @@ from reports.quantities import finished, value
 from reports.results import with_columns
 from reports.shared_tables import quality_failures
 
+FORCES = r"^joint_\w_force_error_N$"
 #: Columns that not every scene has.
-OPTIONAL = ("round", "compiled_anew", "compared_until_s", "solve_time_s", "build_time_s", "compile_time_s")
+OPTIONAL = (
+    "round",
+    "compiled_anew",
+    "compared_until_s",
+    "solve_time_s",
+    "build_time_s",
+    "compile_time_s",
+    "motion_alone",
+)
 
 
 @dataclass(frozen=True)
@@ -69,6 +79,25 @@ class Standings:
     def there(self) -> list[Arrival]:
         """How each engine that gets to that error does so, the cheapest first."""
         return [] if self.rungs.empty else arrivals(self.rungs, self.level)
+
+    @property
+    def motion_alone(self) -> pd.Series:
+        """Of each row whether its solve leaves the forces for later."""
+        return self.rows["motion_alone"].isin([True])
+
+    def force_error_N(self, row: object) -> tuple[float, float]:
+        """Return the largest error of a run's joint forces, and to what the truth knows that force."""
+        errors = self.rows.loc[row].filter(regex=FORCES).dropna().astype(float)
+        if errors.empty:
+            return math.nan, 0.0
+        known = self.rows.loc[row].get(errors.idxmax().replace("_error_", "_uncertainty_"), 0.0)
+        return float(errors.max()), float(known)
+
+    @cached_property
+    def with_forces(self) -> list[Arrival]:
+        """The same of what gives forces in its solve, and does not leave them for later."""
+        alone = self.motion_alone[self.rungs.index]
+        return [] if alone.all() else arrivals(self.rungs[~alone], self.level)
 
     def rung(self, arrival: Arrival) -> Any:
         """Return the cheapest rung that was run and is as good, of the arm that arrives."""

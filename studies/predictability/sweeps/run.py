@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models.engine import FloatArray
@@ -22,7 +21,7 @@ from studies.predictability.sweeps.kept import IDENTITY, Kept, is_whole, opened
 from studies.predictability.sweeps.task import Task
 from studies.running.case import ROOMY
 from studies.running.execution import NO_RESULT, CaseEnded, LimitedExecutor, RunBroken
-from studies.running.failures import BadInput, say
+from studies.running.failures import BadInput, note, progress_console
 from studies.running.processes import Processes
 from studies.running.provenance import engine_fingerprint
 
@@ -75,7 +74,6 @@ def run_sweep(
     jobs: int,
     cluster: Executors | None,
     hours: float,
-    quiet: bool,
 ) -> None:
     """Run the members that ``path`` and its parts lack, and write the file once it has all.
 
@@ -88,7 +86,7 @@ def run_sweep(
     """
     identity, members = sweep.identity(), sweep.members
     if is_whole(path, identity):
-        say(f"note: {path} has all {len(members)} members already")
+        note(f"{path} has all {len(members)} members already")
         return
     with opened(path, identity, len(members)) as kept, (cluster or (lambda: Processes(jobs)))() as pool:
         try:
@@ -100,7 +98,7 @@ def run_sweep(
                 _announce(trial, left, jobs, path, cluster is not None, hours)
                 size = int(np.clip(CHUNK_S / trial.member_s, 1, MOST_IN_CHUNK))
             chunks = list(_chunks(members, missing, min(size, max(1, -(-left // jobs)))))
-            _run(sweep.task, chunks, pool, kept, len(members) - left, quiet)
+            _run(sweep.task, chunks, pool, kept, len(members) - left)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -124,8 +122,8 @@ def _announce(trial: Trial, left: int, jobs: int, path: Path, elsewhere: bool, h
     seconds, disk = left * trial.member_s, 2 * left * trial.row_bytes  # in parts, then in one file
     where = "on the cluster" if elsewhere else f"on {jobs} cores: about {_duration(seconds / jobs)}"
     memory = 0 if elsewhere else jobs * trial.process_bytes
-    say(
-        f"note: {left} members of {1e3 * trial.member_s:.3g} ms each, {_duration(seconds)} of processor time "
+    note(
+        f"{left} members of {1e3 * trial.member_s:.3g} ms each, {_duration(seconds)} of processor time "
         f"{where}; up to {disk / 1e6:.3g} MB of disk, {memory / 1e9:.2g} GB of memory"
     )
     if seconds > 3600 * hours:
@@ -144,10 +142,10 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def _run(task: Task, chunks: list[Chunk], pool: LimitedExecutor, kept: Kept, done: int, quiet: bool) -> None:
+def _run(task: Task, chunks: list[Chunk], pool: LimitedExecutor, kept: Kept, done: int) -> None:
     """Run chunks and keep each as soon as it is finished."""
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=quiet or not chunks) as progress:
+    with Progress(*columns, console=progress_console(), disable=not chunks) as progress:
         bar = progress.add_task("members", total=done + sum(map(len, chunks)), completed=done)
         futures = {_submitted(pool, task, chunk): chunk for chunk in chunks}
         while futures:

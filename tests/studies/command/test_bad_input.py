@@ -100,7 +100,8 @@ def test_a_bad_scene_file_is_refused_in_one_line(case: str, scene_text: str, tmp
     assert sorted(tmp_path.iterdir()) == [file, out]
 
 
-SIMULATE = ("simulate", "ideal-free")
+SIMULATE, LOOSE = ("simulate", "ideal-free"), "clearance-driven-0.5mm"
+SWEEP = ("sweep", LOOSE, "--vary")
 ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "no command": ((), ("COMMAND: expected scenes", "Missing command")),
     "unknown command": (("simulat",), ("COMMAND: expected scenes", "report", "'simulat'")),
@@ -194,6 +195,88 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     ),
     "unknown study": (("run", "astrology"), ("STUDY: expected agreement", 'got "astrology"')),
     "no jobs": (("run", "--jobs", 0), ("--jobs: expected an integer >= 1", 'got "0"')),
+    "too many jobs": (("run", "--jobs", 10**5), ("--jobs: expected an integer >= 1 and <= 1000",)),
+    "study of no name": (("run", ""), ("STUDY: expected agreement", 'got ""')),
+    "study on no cluster": (
+        ("run", "energy", "--scheduler", "x"),
+        ("--scheduler: expected the address", "x"),
+    ),
+    "end too late for the step": (
+        (*SIMULATE, "--end", 1e308),
+        ("--step: expected a number from 1e+296", "got none, which is 1e-05"),
+    ),
+    "end with a comma": ((*SIMULATE, "--end", "1,5"), ("--end: expected a finite number > 0", '"1,5"')),
+    "samples as a power": ((*SIMULATE, "--samples", "1e3"), ("--samples: expected an integer", '"1e3"')),
+    "samples without end": ((*SIMULATE, "--samples", "\u221e"), ("--samples: expected an integer", "\u221e")),
+    "setting without a name": ((*SIMULATE, "--set", "=1"), ("--set: expected KEY=VALUE", '"=1"')),
+    "setting without its value": ((*SIMULATE, "--set", "method="), ("--set method: expected", 'got ""')),
+    "setting beyond doubles": (
+        (*SIMULATE, "--set", "tolerance=1e400"),
+        ("--set tolerance: expected a finite number >= 1e-14 and < 1", "1e400"),
+    ),
+    "section as a number": ((*SIMULATE, "--with", "crank=1"), ("--with crank: expected a section, got 1",)),
+    "list that does not end": (
+        (*SIMULATE, "--with", "crank.mass_kg=[1"),
+        ("--with crank.mass_kg: expected a finite number > 0", '"[1"'),
+    ),
+    "table without rows": (
+        (*SIMULATE, "--with", "drive.kind=table"),
+        ("--with drive.time_s: expected a list of numbers, got nothing",),
+    ),
+    "engine of no name": ((*SIMULATE, "--engine", ""), ("--engine: expected reference, exudyn", 'got ""')),
+    "engine of no module": (
+        (*SIMULATE, "--engine", "nomod:E"),
+        ("--engine nomod:E: expected a class", "nomod"),
+    ),
+    "engine that is none": ((*SIMULATE, "--engine", "os.path:join"), ("expected the methods check, twin",)),
+    "film to stdout": ((*SIMULATE, "--animate", "-"), ("--animate: expected a file that ends in .html",)),
+    "device": (("show", "/dev/null"), ("/dev/null: expected a file that can be read, got a device",)),
+    "sweep of an ideal scene": (("sweep", "ideal-free"), ("SCENE: expected a crank-slider with clearance",)),
+    "sweep of nothing": (("sweep", LOOSE), ("--vary: expected FIELD=VALUES, or --members and --jitter",)),
+    "sweep of a field that is none": (
+        ("sweep", LOOSE, "--vary", "crank.mas_kg=1,2"),
+        ("--vary crank.mas_kg: expected the key", "(did you mean mass_kg?)"),
+    ),
+    "sweep that falls": ((*SWEEP, "crank.mass_kg=2:1:log"), ("expected a range that rises, got 2 to 1",)),
+    "sweep by logarithms from nought": (
+        (*SWEEP, "crank.mass_kg=0:1:log:3"),
+        ("expected numbers > 0", "got 0"),
+    ),
+    "sweep over words": ((*SWEEP, "crank.mass_kg=a,b"), ("--vary crank.mass_kg: expected LOW:HIGH", '"a"')),
+    "sweep over kinds": ((*SWEEP, "drive.kind=1,2"), ("--vary drive.kind: expected", "got 1")),
+    "sweep without end": ((*SWEEP, "crank.mass_kg=1:2:1000000000000"), ("expected 1 to 10000000 members",)),
+    "sweep to a table": (
+        (*SWEEP, "crank.mass_kg=1,2", "--out", "x.csv"),
+        ("--out: expected a file that ends in .parquet",),
+    ),
+    "sweep to no picture": (
+        (*SWEEP, "crank.mass_kg=1,2", "--plot", "x.txt"),
+        ("--plot: expected a file that ends in .png, .svg or .pdf",),
+    ),
+    "sweep to a picture nowhere": (
+        (*SWEEP, "crank.mass_kg=1,2", "--plot", "no/x.png"),
+        ("--plot: expected a place that can be written, got no/x.png",),
+    ),
+    "column of no picture": (
+        (*SWEEP, "crank.mass_kg=1,2", "--show", "strobe_m"),
+        ("--show: expected nothing without --plot, got strobe_m",),
+    ),
+    "draws of no number": (
+        (*SWEEP, "crank.mass_kg=1:2", "--sample", "sobol"),
+        ("--sample: expected --members N beside sobol",),
+    ),
+    "comparison into a file": (
+        ("compare", LOOSE, "--out", __file__),
+        ("--out: expected a place that can be written", "Not a directory"),
+    ),
+    "search into a file": (("search", "--out", __file__), ("--out: expected a place", "Not a directory")),
+    "study into a file": (("run", "energy", "--out", __file__), ("--out: expected a", "Not a directory")),
+    "search with a study": (("search", "energy"), ("search: expected --full", "energy")),
+    "conformance of nothing": (("conform",), ("ENGINE: expected a value, got nothing",)),
+    "conformance of a slip": (("conform", "exudin"), ("ENGINE: expected", "(did you mean exudyn?)")),
+    "reason for nothing": (("baseline", "--why", "x"), ("--why: expected a reason with --accept",)),
+    "no reason": (("baseline", "--accept"), ("--why: expected a reason with --accept, got none",)),
+    "against no report": (("report", "--against", "nope"), ("--against: expected the folder of a report",)),
     "no results": (("report", "--results", "nowhere"), ("--results: expected", "nowhere")),
     "two lines in an argument": (("show", "a\nb"), ("SCENE: expected", r"a\nb")),
     "scene with a slip": (("show", "ideal-fre"), ('got "ideal-fre" (did you mean ideal-free?)',)),

@@ -8,8 +8,13 @@ import pytest
 
 from engine_models.engines import ENGINES, engine_class
 from engine_models.scene.plain_words import fields
+from studies.command.main import app
+from studies.running import failures
 from studies.running.registry import STUDIES
 from tests.helpers.command import crankslider
+
+#: The names of all commands.
+COMMANDS = [function.__name__ for command in app.registered_commands if (function := command.callback)]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -32,10 +37,24 @@ def test_an_engine_in_full_has_its_whole_documentation() -> None:
     assert "exudyn" not in said
 
 
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("scenes", "engines", "show")])
+def test_what_says_how_far_it_is_can_be_quiet(command: str) -> None:
+    assert "--quiet" in crankslider(command, "--help").stdout
+
+
+def test_in_quiet_there_are_warnings_and_no_more(capsys: pytest.CaptureFixture[str]) -> None:
+    with failures.quietly(True):
+        failures.note("so many cases")
+        failures.progress_console().print("half of them")
+        failures.say("warning: one is wrong")
+    failures.note("afterwards")
+    assert capsys.readouterr().err == "warning: one is wrong\nnote: afterwards\n"
+
+
 @pytest.mark.parametrize("help_", ["-h", "--help"])
 def test_help_is_there_for_every_command(help_: str) -> None:
     assert "simulate" in crankslider(help_).stdout
-    for command in ("scenes", "engines", "show", "simulate", "run", "report"):
+    for command in COMMANDS:
         done = crankslider(command, help_)
         assert (done.code, done.stderr) == (0, "")
         assert f"crankslider {command}" in done.stdout

@@ -149,6 +149,6 @@ def test_a_cluster_gives_the_rows_of_a_sweep_that_processes_give(local: LocalClu
     task = Task(SCENES["clearance-driven-0.5mm"](), "pymunk", {}, 1e-5, Watch(0.0, 0.02))
     sweep = Sweep(task, {field: np.geomspace(1e-5, 1e-3, 40)}, (field,))
     with cluster(local.scheduler_address) as executors:
-        run_sweep(sweep, tmp_path / "cluster.parquet", {}, 1, executors, 1.0, quiet=True)
-    run_sweep(sweep, tmp_path / "here.parquet", {}, 2, None, 1.0, quiet=True)
+        run_sweep(sweep, tmp_path / "cluster.parquet", {}, 1, executors, 1.0)
+    run_sweep(sweep, tmp_path / "here.parquet", {}, 2, None, 1.0)
     assert read_table(tmp_path / "cluster.parquet").equals(read_table(tmp_path / "here.parquet"))

@@ -65,7 +65,7 @@ def sweep(engine: str = "pymunk", revolutions: float = 0.02) -> Sweep:
 def swept(folder: Path, pool: Callable[[], Here] = Here, hours: float = 1.0) -> pd.DataFrame:
     """Return the rows of a sweep, run here."""
     folder.mkdir(exist_ok=True)
-    run_sweep(sweep(), folder / "rows.parquet", {}, 2, pool, hours, quiet=True)
+    run_sweep(sweep(), folder / "rows.parquet", {}, 2, pool, hours)
     return pd.read_parquet(folder / "rows.parquet")
 
 
