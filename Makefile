@@ -41,9 +41,10 @@ lint: .venv/.ready
 types: .venv/.ready
 	$(BIN)/mypy
 
-# Time per step of the compiled kernels beside hand-written C, as ratios.
+# Time per step of the compiled kernels beside hand-written C, and of the ladders beside scripts, as ratios.
 benchmark: .venv/.ready
 	$(BIN)/python -m tests.benchmarks.kernel
+	$(BIN)/python -m tests.benchmarks.rivals.race
 
 # Renew reports/published from the committed code; a test recomputes what it says.
 publish: .venv/.rivals

@@ -15,8 +15,8 @@ class Arm:
 
     ``settings`` are what makes the arm; the rest has the engine's defaults. Where it has ``tolerances``, the
     names of settings, its method chooses its steps, and the run's step is only the longest. What a study adds
-    resolves more or less and changes no meaning: the step, the tolerances, ``steps_per_contact``, and
-    Exudyn's build without range checks, ``fast``.
+    resolves more or less and changes no meaning: the step, the tolerances, ``steps_per_contact``, what
+    Pymunk's sweeps leave, and Exudyn's build without range checks, ``fast``.
     """
 
     engine: str
@@ -33,13 +33,14 @@ class Arm:
 #: The name of an engine as it comes, with nothing set.
 AS_IT_COMES = "default"
 
-#: The reference as it comes; with its constraints kept in three ways; with contacts' events located or not;
-#: the paper's, one step for all and nothing corrected; and by error control.
+#: The reference as it comes; with its constraints kept in three ways; with contacts' events located, also
+#: with nothing else done, or not; the paper's, one step for all and nothing corrected; and by error control.
 REFERENCE = Arm("reference", AS_IT_COMES)
 PROJECTION = Arm("reference", "projection", {"stabilisation": "projection"})
 BAUMGARTE = Arm("reference", "Baumgarte", {"stabilisation": "baumgarte"})
 NO_STABILISATION = Arm("reference", "none", {"stabilisation": "none"})
 LOCATED = Arm("reference", "located", {"locate_events": True})
+LOCATED_ALONE = Arm("reference", "located, none", {"locate_events": True, "stabilisation": "none"})
 PLAIN = Arm("reference", "plain", {"locate_events": False})
 PLAIN_RK4 = Arm("reference", "plain RK4", {"locate_events": False, "stabilisation": "none"})
 REFERENCE_DOP853 = Arm("reference", "DOP853", {"method": "dop853"}, ("tolerance",))
@@ -72,12 +73,16 @@ NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
 SCIPY = Arm("scipy", AS_IT_COMES)
 SCIPY_DOP853 = Arm("scipy", "DOP853", {"method": "DOP853"}, ("rtol", "atol"))
 LSODA = Arm("scipy", "LSODA", {"method": "LSODA"}, ("rtol", "atol"))
+ODEINT = Arm("scipy", "odeint", {"method": "odeint"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: The same on minimal coordinates, and heyoka, which has no others.
 SCIPY_DOP853_MINIMAL = Arm(
     "scipy", "DOP853 minimal", {"method": "DOP853", "coordinates": "minimal"}, ("rtol", "atol")
 )
 LSODA_MINIMAL = Arm("scipy", "LSODA minimal", {"method": "LSODA", "coordinates": "minimal"}, ("rtol", "atol"))
+ODEINT_MINIMAL = Arm(
+    "scipy", "odeint minimal", {"method": "odeint", "coordinates": "minimal"}, ("rtol", "atol")
+)
 HEYOKA = Arm("heyoka", "Taylor", {}, ("tolerance",))
 #: Arms whose solve gives the motion alone: forces are computed afterwards, at the samples.
 MOTION_ALONE = (SCIPY_DOP853_MINIMAL, LSODA_MINIMAL, HEYOKA)

@@ -10,6 +10,11 @@ from engine_models.arms import Arm, Setting
 from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.scene.scene import Scene
 
+#: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts. The search's fewest
+#: sweeps that cost no accuracy leave so much; its rungs are steps that resolve contacts, where the engine's
+#: own bounds are for any.
+LEFT_IDEAL, LEFT_LOOSE = 0.42, 1 / 8
+
 
 @dataclass(frozen=True)
 class Rung:
@@ -41,13 +46,13 @@ def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
         *by_tolerance(arms.REFERENCE_DOP853, whole, range(4, 14, every)),
         *by_step(arms.TRAPEZOIDAL, longest, 5 + more, fast=True),
         *by_step(arms.GENERALIZED_ALPHA, longest, 5 + more, fast=True),
-        *by_step(arms.TUNED, longest / 4, 5 + more),
+        *by_step(arms.TUNED, longest / 4, 5 + more, sweeps_leave=LEFT_IDEAL),
         *by_step(arms.OUT_OF_THE_BOX, longest / 4, 5 + more),
         *by_tolerance(arms.SCIPY_DOP853, whole, range(5, 14, every)),
-        *by_tolerance(arms.LSODA, whole, range(5, 14, every)),
+        *by_tolerance(arms.ODEINT, whole, range(5, 14, every)),
         *by_tolerance(arms.RADAU, whole, range(5, 12, every)),
         *by_tolerance(arms.SCIPY_DOP853_MINIMAL, whole, range(5, 14, every)),
-        *by_tolerance(arms.LSODA_MINIMAL, whole, range(5, 14, every)),
+        *by_tolerance(arms.ODEINT_MINIMAL, whole, range(5, 14, every)),
         *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]
 
@@ -89,12 +94,13 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
     return [
         *others,
         *by_step(arms.LOCATED, flight, 7 + more, steps_per_contact=50.0),
+        *by_step(arms.LOCATED_ALONE, flight, 7 + more, steps_per_contact=50.0),
         *by_step(arms.PLAIN, contact, 4 + more),
         *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, every)),
         *by_tolerance(arms.DOPRI5, longest, range(4, 12, every), **build),
         *by_step(arms.TRAPEZOIDAL, contact, 3 + more, **build),
         *by_step(arms.AS_THE_SCENE, contact / 2, 5 + more),
-        *by_step(arms.SHORTER_IN_CONTACT, 2 * contact, 5 + more),
+        *by_step(arms.SHORTER_IN_CONTACT, 2 * contact, 5 + more, sweeps_leave=LEFT_LOOSE),
         *by_step(arms.NATIVE_CONTACT, contact / 2, 3 + more),
         *by_tolerance(arms.SCIPY_DOP853, whole, range(6, 13, every)),
         *by_tolerance(arms.LSODA, whole, range(5, 13, every)),

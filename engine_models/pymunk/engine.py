@@ -37,7 +37,8 @@ class PymunkEngine:
     """Settings of the Pymunk model; the defaults are its best practice, ``out_of_the_box`` is Pymunk's own.
 
     ``iterations`` is the number of Gauss-Seidel sweeps over the joints in a step; without one, a scene gets
-    as many as its joints need (see ``sweeps``). ``error_bias`` is the fraction of a joint's position error
+    as many as leave at most ``sweeps_leave`` of an open joint (see ``sweeps``, which has its default).
+    ``error_bias`` is the fraction of a joint's position error
     left after a second: 0 takes all of it back in every step, which needs enough sweeps to be stable (the
     library's scenes six, one with a slider 100 times as heavy over fifty).
 
@@ -90,6 +91,7 @@ class PymunkEngine:
     """
 
     iterations: Count | None = None
+    sweeps_leave: Annotated[float, Field(gt=0, lt=0.45)] | None = None
     shorter_in_contact: Annotated[float, Field(ge=1, le=16)] = 1.0
     error_bias: Annotated[float, Field(ge=0, lt=1)] = 0.0
     half_kick_start: bool = True
@@ -160,7 +162,7 @@ class PymunkEngine:
             return unwound(scene, pymunk_run(model, settings, self.half_kick_start, self.shorter_in_contact))
 
     def _model(self, scene: Scene, step_s: float) -> Model:
-        sweeps = self.iterations or needed_sweeps(scene)
+        sweeps = self.iterations or needed_sweeps(scene, self.sweeps_leave)
         space, bodies = build(scene, sweeps, self.error_bias)
         add_loads(scene, space, bodies, step_s if self.half_kick_start else None)
         space.collision_bias, space.collision_slop = self.collision_bias, self.collision_slop_m

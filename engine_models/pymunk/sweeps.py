@@ -30,13 +30,14 @@ FEWEST_WITH_DAMPERS = 10
 ANGLES = 9
 
 
-def needed_sweeps(scene: Scene) -> int:
-    """Return the number of sweeps that a scene needs wherever its crank is."""
+def needed_sweeps(scene: Scene, left: float | None = None) -> int:
+    """Return the number of sweeps that leave no more than a part of an open joint, wherever the crank is."""
     rate = float(np.max([_rate(scene, angle) for angle in np.linspace(0.0, np.pi, ANGLES).tolist()]))
     load = scene.load.slider
     damped = scene.drive.kind == "motor" or (load is not None and bool(load.viscous_N_s_m))
     fewest = FEWEST_WITH_DAMPERS if damped else FEWEST
-    left = LEFT_OVER_WITH_CONTACTS if scene.joints_with_clearance else LEFT_OVER
+    if left is None:
+        left = LEFT_OVER_WITH_CONTACTS if scene.joints_with_clearance else LEFT_OVER
     if not rate < 1:  # NaN among them
         return MOST
     needed = math.ceil(math.log(left) / math.log(rate)) if rate > 0 else 0

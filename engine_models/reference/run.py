@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.crank_motion import require_followed
@@ -16,12 +17,17 @@ from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, Stalled
 from reference_solver.mechanism.scales import scales_of
+from reference_solver.methods import RK4
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Steps of contacts, and events on rigid walls, after which their pace is judged: some seconds; and events
 #: that there is no time for. A step in a jam of friction is tried up to sixty times: where a limit is set,
 #: this part of the steps is enough.
 LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS, LIMITED = 2_000_000, 2_000, 1e8, 0.1
+
+#: Of a rod this much longer than its crank no position comes so near to a singular one that steps are taken
+#: in parts there: conditions grow by less than 6, and parts begin at 100.
+LONG_ROD = 1.1
 
 #: The turn in a step, at the mechanism's own rate, for which steps per contact are given: 0.3 degrees.
 TURN_OF_STEP_RAD = math.pi / 600
@@ -71,7 +77,15 @@ def reference_run(
     except FrictionTooStiff as stiff:
         raise too_slow(scene, f"steps of {stiff.needed_s:.3g} s") from stiff
     stabilised = stabilisation != "none"
-    return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
+    run = trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
+    return replace(run, evaluations=len(RK4.weights) * run.steps) if _steps_whole(scene, choice) else run
+
+
+def _steps_whole(scene: Scene, choice: StepChoice | ErrorControl) -> bool:
+    """Return whether every step tried is taken whole, so that steps tell evaluations: those by RK4 are."""
+    crank, rod = scene.crank, scene.rod
+    clear = rod is None or rod.length_m > LONG_ROD * crank.length_m
+    return clear and isinstance(choice, StepChoice) and not scene.joints_with_clearance
 
 
 def taken(

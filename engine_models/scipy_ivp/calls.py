@@ -1,4 +1,4 @@
-"""Calls of ``solve_ivp`` on a scene's equations: counted, silent, bounded, and failures told as such."""
+"""Calls of SciPy on a scene's equations: counted, silent, bounded, and failures told as such."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint, solve_ivp
 from scipy.optimize import OptimizeResult
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
@@ -19,6 +19,8 @@ from engine_models.scipy_ivp.model import Derivative
 #: Absolute tolerance of the sums in y, which takes them out of the error control. It is finite because Radau
 #: differences the right-hand side by steps of a part of it.
 UNCONTROLLED = 1e30
+#: The method that is no one of ``solve_ivp``: LSODA by a call of its own, whose loop over steps is compiled.
+ODEINT = "odeint"
 #: Of t and y.
 OfTime = Callable[[float, FloatArray], float]
 #: The status of a solution that an event has ended.
@@ -29,7 +31,7 @@ PAUSE, OUTLASTING = 10_000, 300_000
 
 @dataclass(frozen=True)
 class Choice:
-    """How ``solve_ivp`` is called; a run fails that takes more than ``max_evaluations``."""
+    """How SciPy is called; a run fails that takes more than ``max_evaluations``."""
 
     method: str
     rtol: float
@@ -73,7 +75,8 @@ class Calls:
         #: Calls of the right-hand side so far, and at which to look up again.
         self._called, self._pause = 0, 0
         self._pace = Pace(scene, OUTLASTING)
-        solve_ivp(lambda _, y: -y, (0.0, 1.0), [1.0], choice.method)  # loads the method, out of any timing
+        if choice.method != ODEINT:
+            solve_ivp(lambda _, y: -y, (0.0, 1.0), [1.0], choice.method)  # loads it, out of any timing
 
     def memory_at(self, t: float) -> FloatArray:
         """Return the memory (K,) that was valid in the step that t is in."""
@@ -88,6 +91,8 @@ class Calls:
             SimulationFailed: too many evaluations, a singular configuration, steps too short to go on, or
                 anything that SciPy warns of.
         """
+        if self._choice.method == ODEINT:
+            return self._by_odeint(t, y, times[-1:] if self._bare else times), []
         if self._bare:
             solution = self._solution(self._derivative.right, t, y, float(times[-1]), None, watched)
             states = [] if solution.status == STOPPED else [solution.y[:, -1].copy()]
@@ -98,6 +103,30 @@ class Calls:
         found = zip(watched, solution.t_events or [], solution.y_events or [], strict=False)
         roots = [Root(of, float(t), y) for of, at, there in found for t, y in zip(at, there, strict=True)]
         return states, roots
+
+    def _by_odeint(self, t: float, y: FloatArray, times: FloatArray) -> list[FloatArray]:
+        """Return y at the times by ``odeint``, which knows no events and is heard of at its end alone."""
+        choice = self._choice
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("error")
+                states, told = odeint(
+                    self._derivative.right,
+                    y,
+                    np.append(t, times),
+                    rtol=choice.rtol,
+                    atol=self._atol,
+                    hmax=choice.longest_step_s,
+                    mxstep=choice.max_evaluations,
+                    tfirst=True,
+                    full_output=True,
+                )
+        except Warning as trouble:
+            raise self._failure(str(trouble)) from trouble
+        self.steps += int(told["nst"][-1])
+        self.evaluations += int(told["nfe"][-1])
+        self._last_time_s = float(told["tcur"][-1])
+        return list(states[1:])
 
     def _watched_solution(
         self, t: float, y: FloatArray, times: FloatArray, watched: Sequence[Watch]

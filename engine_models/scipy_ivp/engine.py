@@ -1,4 +1,4 @@
-"""SciPy's ``solve_ivp`` on the reference's own equations: the pick of a user without an engine."""
+"""SciPy's integrators on the reference's own equations: the pick of a user without an engine."""
 
 import time
 from dataclasses import replace
@@ -17,7 +17,7 @@ from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Scene
-from engine_models.scipy_ivp.calls import Calls, Choice
+from engine_models.scipy_ivp.calls import ODEINT, Calls, Choice
 from engine_models.scipy_ivp.model import Derivative
 from engine_models.scipy_ivp.run import LocatedRun, switching_run
 
@@ -44,7 +44,8 @@ class ScipyEngine:
     motion alone; joint forces follow after the solve from the multiplier equations at the samples.
 
     Steps are chosen by the method, up to the run's longest, as if there were no samples: these come from the
-    method's own interpolant, which is as good as the steps but for Radau's, of order 3.
+    method's own interpolant, which is as good as the steps but for Radau's, of order 3. (The first step of
+    ``odeint`` alone knows the first sample.)
 
     Contacts. With ``locate_events`` touch, release and the clipping of a force are terminal events, located
     on the interpolant, and the integration begins anew from there. Without it there is one integration over
@@ -53,11 +54,13 @@ class ScipyEngine:
     and no tolerance bounds what that costs.
 
     LSODA can come to a standstill where ``atol`` is far below ``rtol`` times a typical value (ideal-driven
-    with 1e-12 and 1e-6). A run fails that takes more than ``max_evaluations`` of the right-hand side; the
-    default takes about a minute.
+    with 1e-12 and 1e-6). ``odeint`` is the same method by an older call, which has no events and so is for
+    ideal joints alone; its loop over steps is compiled, and takes an eighth of ``solve_ivp``'s time. A run
+    fails that takes more than ``max_evaluations`` of the right-hand side (more steps between two samples, by
+    ``odeint``); the default takes about a minute.
     """
 
-    method: Literal["DOP853", "RK45", "LSODA", "Radau"] = "DOP853"
+    method: Literal["DOP853", "RK45", "LSODA", "Radau", "odeint"] = "DOP853"
     coordinates: Literal["absolute", "minimal"] = "absolute"
     rtol: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-10
     atol: Annotated[float, Field(gt=0)] = 1e-12
@@ -75,6 +78,10 @@ class ScipyEngine:
             raise UnsupportedScene(
                 "scipy integrates smooth right-hand sides: it has no impacts and no rows that come and go "
                 f"(law = 'rigid' at {', '.join(joints)})"
+            )
+        if self.method == ODEINT and scene.joints_with_clearance:
+            raise UnsupportedScene(
+                "scipy's odeint has no events, and contacts need them: method = DOP853 or LSODA has"
             )
         if self.coordinates == "minimal":
             require_coordinates("scipy", scene)

@@ -27,6 +27,11 @@ SLIDER, MODEL_FORM = "slider_position_error_m", "slider_position_model_differenc
 CROSS_CHECK = "slider_position_cross_check_m"
 LOCAL, CONTACT_FORCE = "local_position_error_m", "largest_contact_force_error_N"
 _GUIDES = "Both axes are logarithmic. Grey lines have the slope of the order written at their fine end"
+#: What the count of missed impacts counts too.
+DYING_BOUNCES = (
+    " Bounces that die away come ever faster, on rigid walls without end (Zeno): every engine stops at some "
+    "height, and those below it, which are next to nothing, count as missed too."
+)
 #: The numbers of impacts of a run, and the errors of those that have a partner, with their headings.
 IMPACT_COUNTS = ("impacts_matched", "impacts_unmatched", "impacts_missed")
 IMPACT_ERRORS = {
@@ -136,12 +141,13 @@ def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
 def impacts(rows: pd.DataFrame) -> Table:
     """Return how the impacts of each arm's finest finished run match its twin's."""
     rows = finest(rows).dropna(subset="impacts_matched")
+    bounces = DYING_BOUNCES if (rows["impacts_missed"] > 0).any() else ""
     return Table.of(
         "clearance-impacts",
         "Impacts matched one to one",
         "The arm's most accurate run against its model twin: impacts of both that are nearest to each other, "
         "those of the engine without a partner (unmatched), those of the twin without (missed); and the "
-        "largest errors of the matched ones, relative to the largest value.",
+        "largest errors of the matched ones, relative to the largest value." + bounces,
         {
             **shared_tables.head(rows, *shared_tables.CASE, "step_s"),
             **{name.removeprefix("impacts_"): rows[name].map("{:.0f}".format) for name in IMPACT_COUNTS},

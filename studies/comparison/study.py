@@ -22,6 +22,7 @@ ROUNDS = 3
 #: Arms that show how an engine is not to be used, and methods that lose to others of the same engine.
 LEFT_OUT = (
     arms.NO_STABILISATION,
+    arms.LOCATED_ALONE,
     arms.PLAIN,
     arms.OUT_OF_THE_BOX,
     arms.RADAU,

@@ -31,7 +31,8 @@ SAMPLES = 24
 ROUNDS, FULL_ROUNDS = 3, 10
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.03, 100
-#: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows.
+#: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows, these
+#: alone with finer ladders, which take most of the time.
 QUICK_IDEAL = ("ideal-free", "ideal-driven")
 QUICK_CLEARANCE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 #: Scenes for which kernels are compiled anew, quick and what the full set adds.
@@ -51,7 +52,8 @@ def cases(full: bool) -> list[Case]:
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
-    return _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full)
+    finer = QUICK_IDEAL + QUICK_CLEARANCE if full else ()
+    return _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full, finer)
 
 
 def cases_on(scene: Scene, full: bool) -> list[Case]:
@@ -61,11 +63,14 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
         BadInput: it has no truth.
     """
     require("work-precision", has_truth(scene), "clearance, or a rod no shorter than the crank", scene)
-    return _cases_on([scene], (scene.name,), full)
+    return _cases_on([scene], (scene.name,), full, (scene.name,) if full else ())
 
 
-def _cases_on(scenes: Sequence[Scene], compiled: Sequence[str], full: bool) -> list[Case]:
-    rungs = [(scene, rung) for scene in scenes for rung in ladder(scene, full)]
+def _cases_on(
+    scenes: Sequence[Scene], compiled: Sequence[str], full: bool, finer: Sequence[str]
+) -> list[Case]:
+    """Return the cases on scenes, those named in ``finer`` with ladders of more and finer rungs."""
+    rungs = [(scene, rung) for scene in scenes for rung in ladder(scene, scene.name in finer)]
     out = [case_of(NAME, scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
         shuffled = Random(k).sample(rungs, len(rungs))

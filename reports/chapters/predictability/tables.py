@@ -9,6 +9,7 @@ from reports.chapters.predictability import data
 from reports.chapters.predictability.statistics import CONFIDENCE, student_interval
 from reports.parts import Table
 from reports.results import FloatArray
+from reports.shared_tables import speakers
 from reports.tables import ABSENT
 
 _PERCENT = f"{100 * CONFIDENCE:.0f} %"
@@ -94,10 +95,9 @@ def _interval(values: FloatArray) -> str:
 
 def failures(rows: pd.DataFrame) -> Table | None:
     """Return the runs that did not finish, a line for each reason."""
-    reasons = ["scene", "label", "status", "reason"]
-    counts = (
-        rows[rows["status"] != "ok"].astype({"label": str}).groupby(reasons).size().reset_index(name="runs")
-    )
+    failed = rows[rows["status"] != "ok"].astype({"label": str})
+    reasons = ["scene", "label", "status", "said", "reason"]
+    counts = failed.assign(said=speakers(failed)).groupby(reasons).size().reset_index(name="runs")
     if counts.empty:
         return None
     return Table.of(
@@ -108,6 +108,7 @@ def failures(rows: pd.DataFrame) -> Table | None:
             "scene": counts["scene"],
             "engine": counts["label"],
             "outcome": counts["status"],
+            "said by": counts["said"],
             "reason": counts["reason"],
             "runs": counts["runs"].map(str),
         },

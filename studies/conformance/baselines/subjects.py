@@ -42,9 +42,11 @@ BY_TOLERANCE = (
     arms.SCIPY,
     arms.SCIPY_DOP853,
     arms.LSODA,
+    arms.ODEINT,
     arms.RADAU,
     arms.SCIPY_DOP853_MINIMAL,
     arms.LSODA_MINIMAL,
+    arms.ODEINT_MINIMAL,
     arms.HEYOKA,
 )
 TOLERANCES, LONGEST_PART = (1e-6, 1e-9), 40

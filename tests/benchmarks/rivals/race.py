@@ -1,0 +1,172 @@
+"""The study's ladders beside scripts of engines on their own: ``python -m tests.benchmarks.rivals.race``.
+
+All take turns in one process, in a new order every round. A ratio is what a ladder takes, at the error that
+a script has, in times of the script's: below 1 the ladder is ahead.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from random import Random
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from engine_models.arms import Arm
+from engine_models.exudyn.fast_build import load_build
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Scene
+from reports.equal_error import Judged, arrival, at_rung, ratio
+from reports.results import with_columns
+from studies import clearance
+from studies.judges.converged_truth import converged
+from studies.running.case import Case, Row
+from studies.running.outcome import run_case
+from studies.work_precision.study import NAME, SAMPLES, case_of, ladder
+from tests.benchmarks.rivals.problem import Answer, FloatArray
+
+ROUNDS = 10
+#: What every script's arm is called, and how often it runs in a turn; the least counts, as of short runs.
+ALONE, REPEATS = "alone", 3
+#: A ladder that surely takes more than so many times of a script's is beaten.
+BEATEN = 1.25
+POSITION, TORQUE = "slider_position_error_m", "driver_torque_error_N_m"
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A script on a scene, judged by the errors of a column, at tolerances or at numbers of steps."""
+
+    module: str
+    scene: str
+    column: str
+    settings: tuple[float, ...]
+
+    @property
+    def engine(self) -> str:
+        """The engine's name."""
+        return self.module.partition("_")[0]
+
+    def solve(self, setting: float, samples: int) -> Answer:
+        """Run the script."""
+        module = import_module(f"tests.benchmarks.rivals.{self.module}")
+        run: Callable[[float, int], Answer] = getattr(module, self.scene.partition("-0")[0].replace("-", "_"))
+        return run(setting, samples)
+
+    def error(self, setting: float) -> float:
+        """Return the largest error at a setting over the samples."""
+        return float(np.abs(self.solve(setting, SAMPLES).signal - true(self.scene, self.column)).max())
+
+
+IDEAL, DRIVEN, LOOSE = "ideal-free", "ideal-driven", "clearance-free-0.5mm"
+TOLERANCES, LOOSE_TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12), (1e-8, 1e-10, 1e-12)
+RIVALS = (
+    Rival("exudyn_alone", IDEAL, POSITION, (24 * 42, 24 * 168)),
+    Rival("exudyn_alone", DRIVEN, TORQUE, (24 * 20, 24 * 80)),
+    Rival("exudyn_alone", LOOSE, POSITION, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)),
+    Rival("pymunk_alone", IDEAL, POSITION, (24 * 168, 24 * 672)),
+    Rival("pymunk_alone", DRIVEN, POSITION, (24 * 10, 24 * 40)),
+    Rival("scipy_minimal", IDEAL, POSITION, TOLERANCES),
+    Rival("scipy_minimal", LOOSE, POSITION, LOOSE_TOLERANCES),
+    Rival("heyoka_minimal", IDEAL, POSITION, TOLERANCES),
+    Rival("heyoka_minimal", LOOSE, POSITION, LOOSE_TOLERANCES),
+)
+
+
+@cache
+def physics(scene: str) -> Scene:
+    """Return a scene, cut to the time for which it is followed."""
+    made = SCENES[scene]()
+    return made.model_copy(update={"end_time_s": clearance.END_S.get(scene, made.end_time_s)})
+
+
+@cache
+def true(scene: str, column: str) -> FloatArray:
+    """Return the true values at the samples of what a column has the errors of."""
+    truth, _ = converged(physics(scene), SAMPLES)
+    values = truth.slider_position_m if column == POSITION else truth.driver_torque_N_m
+    assert values is not None
+    return values
+
+
+Turn = Callable[[], Row]
+
+
+def scripts(rival: Rival) -> Iterator[tuple[Row, Turn]]:
+    """Yield the recorded row of a script at each setting, and what times it there."""
+    for setting in rival.settings:
+        arm = Arm(rival.engine, ALONE)
+        row: Row = {
+            "scene": rival.scene,
+            "engine": rival.engine,
+            "arm": ALONE,
+            "label": arm.label,
+            "status": "ok",
+            "step_s": physics(rival.scene).end_time_s / max(setting, 1.0),
+            "setting_tolerance": min(setting, 1.0),
+        }
+
+        def turn(row: Row = row, setting: float = setting) -> Row:
+            times = [rival.solve(setting, 1).seconds for _ in range(REPEATS)]
+            return {**row, "solve_time_s": min(times)}
+
+        yield {**row, rival.column: rival.error(setting)}, turn
+
+
+def ladders(rival: Rival) -> Iterator[tuple[Row, Turn]]:
+    """Yield the recorded row of each rung that the study has of the engine, and what times it."""
+    scene = physics(rival.scene)
+    for rung in ladder(scene, full=False):
+        if rung.arm.engine == rival.engine:
+            row, _ = run_case(case_of(NAME, scene, rung, SAMPLES))
+            timed = case_of(NAME, scene, rung, 1, timed=True)
+
+            def turn(timed: Case = timed) -> Row:
+                row, _ = run_case(timed)
+                return {**row, "solve_time_s": row.get("least_solve_time_s", np.nan)}
+
+            if row["status"] == "ok":
+                yield row, turn
+
+
+def raced(rivals: Sequence[Rival], rounds: int) -> pd.DataFrame:
+    """Return the recorded rows of scripts and ladders, and those of rounds in which all are timed."""
+    entries = [(rival, *entry) for rival in rivals for entry in (*scripts(rival), *ladders(rival))]
+    rows = [row for _, row, _ in entries]
+    for k in track(range(rounds), "rounds"):
+        rows += [{**turn(), "round": k} for _, _, turn in Random(k).sample(entries, len(entries))]
+    return pd.DataFrame(rows)
+
+
+def verdicts(rival: Rival, rows: pd.DataFrame) -> Iterator[tuple[str, ...]]:
+    """Yield for each setting of a script its error, the ladder's way there, and the ratio of times."""
+    own = rows[(rows["scene"] == rival.scene) & (rows["engine"] == rival.engine)]
+    for rungs, _ in Judged("race", with_columns(own, "compiled_anew"), rival.column).ladders.values():
+        alone = rungs["label"] == Arm(rival.engine, ALONE).label
+        for script in rungs[alone].itertuples():
+            ours, theirs = arrival(rungs[~alone], script.error), at_rung(script)
+            share = ratio(ours, theirs) if ours else None
+            way = f"{ours.label}, {ours.setting}" if ours else "does not arrive"
+            beaten = "BEATEN" if share and share.low > BEATEN else ""
+            yield rival.scene, theirs.label, f"{script.error:.1e}", way, str(share or ""), beaten
+
+
+def main() -> None:
+    """Measure and print; heyoka's scripts where it is installed."""
+    load_build(fast=True)
+    rivals = [rival for rival in RIVALS if rival.engine != "heyoka" or find_spec("heyoka")]
+    rows = raced(rivals, ROUNDS)
+    table = Table("scene", "script", "error", "ladder", "its time in times of the script's", "")
+    for rival in rivals:
+        for line in verdicts(rival, rows):
+            table.add_row(*line)
+    Console(width=160).print(table)
+
+
+if __name__ == "__main__":
+    main()
