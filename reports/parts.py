@@ -50,6 +50,7 @@ class Figure:
     """A figure. ``name`` is its file's, ``reading`` says how to read it, ``alt`` what is on it.
 
     A ``dense`` one has letters in coloured cells: a page shows it wide, and on paper in the dark as well.
+    A ``card`` is small and says what it shows: a page has several of them in a row.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Figure:
     alt: str
     drawing: Drawing
     dense: bool = False
+    card: bool = False
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,7 @@ RC: Any = {
     "figure.constrained_layout.use": True,
     "figure.constrained_layout.h_pad": 0.08,
     "savefig.dpi": 200,
+    "path.simplify_threshold": 0.25,  # of a pixel, which nobody sees; curves are a third as large
     "svg.hashsalt": "crankslider",
     "svg.fonttype": "path",
 }

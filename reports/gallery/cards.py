@@ -48,7 +48,7 @@ class Card:
         """Return the card as a figure whose words hold all of it."""
         facts = "; ".join(f"{name}: {value}" for name, value in self.facts)
         words = f"{self.text} {facts}. {self.hard} {self.figure.reading}"
-        return replace(self.figure, title=self.name, reading=words)
+        return replace(self.figure, title=self.name, reading=words, card=True)
 
 
 def scene_cards(results: Results) -> list[Card]:

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
+from reports.page.formats import set_plainly, write_pdf, write_png, write_svg
 from reports.page.inline import NAMED, Inline, inline
 from reports.parts import Figure
 from reports.plots.series import Series, marked
@@ -17,12 +18,8 @@ from reports.style import COLUMN_IN, RC, legend_entries
 
 #: Text stays text, which is found, read aloud and quick to draw; in PDF it is embedded, as publishers ask.
 TEXT: Any = {"svg.fonttype": "none", "pdf.fonttype": 42}
-#: What a figure is written as, by the end of its files' names; dates would make equal figures differ.
-UNDATED: dict[str, dict[str, Any]] = {
-    ".svg": {"metadata": {"Date": None}},
-    ".png": {},
-    ".pdf": {"metadata": {"CreationDate": None}},
-}
+#: What a figure is written as, by the ends of its files' names.
+FILES = (".svg", ".png", ".pdf")
 #: The same figure for one column of a paper, and with how many panels it still is a figure there.
 COLUMN, MOST_PANELS = "-column.pdf", 4
 #: Of a curve no more points than these tell their values.
@@ -46,21 +43,27 @@ def save(figure: Figure, folder: Path) -> Picture:
     drawing, series = figure.drawing, marked(figure.drawing)
     for place, each in enumerate(series):
         each.artist.set_gid(f"series-{place}")
+    set_plainly(drawing)
     with mpl.rc_context({**RC, **TEXT}):
-        if engine := drawing.get_layout_engine():
-            engine.execute(drawing)
-        drawing.set_layout_engine("none")
-        for ending, how in UNDATED.items():
-            drawing.savefig(folder / f"{figure.name}{ending}", **how)
-        svg = (folder / f"{figure.name}.svg").read_text(encoding="utf-8")
+        _lay_out(drawing)
+        svg = write_svg(drawing, folder / f"{figure.name}.svg")
+        write_png(drawing, folder / f"{figure.name}.png")
+        write_pdf(drawing, folder / f"{figure.name}.pdf")
         values = json.dumps(_values(drawing, series), separators=(",", ":")).replace("<", "\\u003c")
-        files = tuple(UNDATED)
+        files: tuple[str, ...] = FILES
         if not figure.dense and len(drawing.axes) <= MOST_PANELS:
             _reflow(drawing)
-            drawing.savefig(folder / f"{figure.name}{COLUMN}", **UNDATED[".pdf"])
-            files = (*files, COLUMN)
+            write_pdf(drawing, folder / f"{figure.name}{COLUMN}")
+            files = (*FILES, COLUMN)
     alt = f"alt-{figure.name}"
     return Picture(inline(svg, figure.name, alt, recoloured=not figure.dense), values, files)
+
+
+def _lay_out(drawing: Drawing) -> None:
+    """Place the panels once for all formats."""
+    if engine := drawing.get_layout_engine():
+        engine.execute(drawing)
+    drawing.set_layout_engine("none")
 
 
 def _reflow(drawing: Drawing) -> None:
@@ -77,6 +80,7 @@ def _reflow(drawing: Drawing) -> None:
         legend.remove()
         drawing.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=2.4)
     drawing.set_layout_engine("constrained")
+    _lay_out(drawing)
 
 
 def _values(drawing: Drawing, series: list[Series]) -> dict[str, Any]:

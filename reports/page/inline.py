@@ -17,7 +17,6 @@ NAMED = {
 }
 #: How Matplotlib names the fonts that stand in for its own; a page has one list for all.
 _FONTS = re.compile(r"font-family: [^;\"]*|font: ([\d.]+px) '[^;\"]*")
-_COORDINATES = re.compile(r' (d|x|y|transform)="([^"]*)"')
 _NAME, _BARE = re.compile(r' id="([^"]*)"'), re.compile(r"<g>\s*(<(?:use|path)[^>]*/>)\s*</g>")
 
 
@@ -44,7 +43,6 @@ def inline(svg: str, name: str, alt_id: str, *, recoloured: bool) -> Inline:
     used = set(re.findall(r"(?:href=\"#|url\(#)([^\")]*)", svg))
     svg = _NAME.sub(lambda m: m[0] if m[1] in used or m[1].startswith("series-") else "", svg)
     svg = re.sub(r'(id="|href="#|url\(#)', rf"\1{prefix}", svg)
-    svg = _COORDINATES.sub(lambda m: f' {m[1]}="{_rounded(m[2])}"', svg)
     svg = _FONTS.sub(lambda m: f"font-size: {m[1]}" if m[1] else "", svg)
     if recoloured:
         svg = re.sub(r"#[0-9a-f]{6}\b", lambda m: f"var(--{NAMED[m[0]]})" if m[0] in NAMED else m[0], svg)
@@ -65,8 +63,3 @@ def _worn(style: str, styles: dict[str, str]) -> str:
 
 def _short(text: str) -> str:
     return f"{crc32(text.encode()):x}"
-
-
-def _rounded(numbers: str) -> str:
-    """Return coordinates to a hundredth of a point."""
-    return re.sub(r"(-?\d+\.\d\d)\d+", r"\1", numbers.replace("\n", " "))

@@ -26,6 +26,7 @@ class ShownFigure:
     reading: str
     alt: str
     dense: bool
+    card: bool
     picture: Picture
     files: tuple[str, ...]
 
@@ -90,5 +91,12 @@ def show(section: Section, folder: Path) -> ShownSection:
 def _shown(figure: Figure, folder: Path) -> ShownFigure:
     picture = save(figure, folder)
     return ShownFigure(
-        figure.name, figure.title, figure.reading, figure.alt, figure.dense, picture, picture.files
+        figure.name,
+        figure.title,
+        figure.reading,
+        figure.alt,
+        figure.dense,
+        figure.card,
+        picture,
+        picture.files,
     )

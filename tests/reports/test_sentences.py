@@ -1,20 +1,22 @@
 """Sentences of the report: each follows from the rows, so that other rows change it, and has few numbers."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from types import ModuleType
 
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from reports.chapters import agreement, clearance, work_precision
+from reports.chapters import agreement, answer, clearance, extremes, stability, work_precision
 from reports.chapters.agreement import findings
+from reports.chapters.headlines import HEADLINES
 from reports.parts import Contradiction
 from reports.quantities import with_largest
-from reports.results import Results, read_results
+from reports.results import Results, read_results, read_study
 from reports.shared_tables import failures_section
 
 PUBLISHED = Path(__file__).parents[2] / "reports/published/results"
@@ -106,6 +108,9 @@ def texts(study: str, change: Change = lambda rows: rows) -> set[str]:
 def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clearance, "against_step", lambda *_: Figure())
     monkeypatch.setattr(work_precision.figures, "drawing", lambda *_: Figure())
+    monkeypatch.setattr(answer, "figure", lambda *_: None)
+    monkeypatch.setattr(extremes, "verdict_matrix", lambda *_: Figure())
+    monkeypatch.setattr(stability, "verdict_map", lambda *_: Figure())
 
 
 @pytest.mark.parametrize("study", CHAPTERS)
@@ -119,8 +124,36 @@ def test_every_sentence_changes_with_some_rows_or_contradicts_them(study: str) -
     assert not same, "sentences that no change of the rows changes"
 
 
-@pytest.mark.parametrize("study", CHAPTERS)
-def test_no_sentence_has_more_numbers_than_one_can_read(study: str) -> None:
-    for text in texts(study):
+def whole(study: str) -> Results:
+    return read_study(PUBLISHED / study)
+
+
+def headline(study: str) -> Iterable[str]:
+    return HEADLINES[study](whole(study))
+
+
+def of_sections(chapter: ModuleType) -> list[str]:
+    return [text for section in chapter.sections(whole(chapter.STUDY)) for text in section.text]
+
+
+def the_answer() -> Iterable[str]:
+    said = answer.answer({study: whole(study) for study in HEADLINES})
+    return (*said.text, *said.doubts)
+
+
+#: The sentences of every place of the page whose rows are published; those of curves are not.
+PLACES: dict[str, Callable[[], Iterable[str]]] = {
+    "answer": the_answer,
+    **{f"headline of {study}": partial(headline, study) for study in HEADLINES},
+    **{study: partial(texts, study) for study in CHAPTERS},
+    **{chapter.STUDY: partial(of_sections, chapter) for chapter in (extremes, stability)},
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_no_sentence_has_more_numbers_than_one_can_read(place: str) -> None:
+    found = list(PLACES[place]())
+    assert found
+    for text in found:
         for sentence in re.split(r"[.:;] ", text):
             assert len(NUMBER.findall(sentence)) <= MOST_NUMBERS, sentence

@@ -24,7 +24,7 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
         if taken and of and _as_sharp(taken[0], of):
             yield Finding(f"The same setting has {within} as well.", f"take-{column}")
         elif settings:
-            yield from _taken(settings, column, of)
+            yield from _taken(settings, column)
             taken = taken or settings
         absent = sorted(
             {engine for race in of for engine in race.absent} - {each.engine for each in settings}
@@ -39,24 +39,23 @@ def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
     return all(at in {(way.label, way.setting) for way in race.within} for race in races)
 
 
-def _taken(settings: Sequence[Setting], column: str, races: Sequence[Race]) -> Iterator[Finding]:
+def _taken(settings: Sequence[Setting], column: str) -> Iterator[Finding]:
     """Yield the cheapest of the settings, the next one, and how far the others are."""
     first, *others = settings
     times = [1e3 * time for time in first.times_s]
     yield Finding(
-        f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}: {_between(times)} ms a "
-        f"run on the {len(races)} scenes timed.",
+        f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}. "
+        f"A run takes {_between(times)} ms on the scenes timed.",
         f"take-{column}",
         [Number(time, "ms") for time in times],
     )
     if others:
         next_one, *rest = others
         text = (
-            f"Without it take {next_one.label} at {next_one.setting}, {_between(next_one.ratios)} times as "
+            f"Without it take {next_one.label} at {next_one.setting}: {_between(next_one.ratios)} times as "
             "long as the cheapest on each scene"
         )
-        if rest:
-            text += "; " + listed(f"{each.label} takes {_between(each.ratios)} times" for each in rest)
+        text += "".join(f"; {each.label} takes {_between(each.ratios)} times" for each in rest)
         ratios = [Number(value, "times") for each in others for value in each.ratios]
         yield Finding(f"{text}.", f"next-{column}", ratios)
 
@@ -77,7 +76,7 @@ def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
         ]
         text = (
             f"For {WITHIN[race.column]} on {race.scene} {first.way.label} at {first.way.setting} is the "
-            f"cheapest, {plain(1e3 * first.way.time_s)} ms"
+            f"cheapest; it takes {plain(1e3 * first.way.time_s)} ms"
         )
         if others and (times := race.ratios.get(others[0].way.label)):
             text += f"; next is {others[0].way.label}, {_slower(times)}"
@@ -117,11 +116,11 @@ def what_not_to_trust(studies: Mapping[str, Results], horizons: Mapping[str, flo
     """Yield from when on nobody's motion means anything, and who reports success where it is wrong."""
     if horizons:
         scene, turns = next(iter(horizons.items()))
-        others = f", at the latest after {plain(max(horizons.values()))}" if len(horizons) > 1 else ""
+        others = f"; on {len(horizons) - 1} more at the latest after {plain(max(horizons.values()))}"
         yield Finding(
             f"Trust no single motion for long: on {scene} a start moved by a hair has the slider off by "
             f"{LOST_IN_WORDS} after {plain(turns)} revolutions"
-            + (f", and on {len(horizons) - 1} other scenes{others}" if others else "")
+            + (others if len(horizons) > 1 else "")
             + "; past that only averages can be right.",
             "horizon",
             [Number(count, "revolutions") for count in horizons.values()],

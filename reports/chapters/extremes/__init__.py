@@ -109,12 +109,10 @@ def _outcomes(answered: pd.DataFrame) -> Iterator[str]:
 
 
 def _reference(answered: pd.DataFrame) -> Iterator[str]:
-    """Yield where the reference stops, for want of a motion or of a step short enough."""
+    """Yield where the reference stops, for want of a motion or of a step; the table has its reasons."""
     stopped = answered[(answered["label"] == REFERENCE) & (answered["verdict"] == Verdict.FAILED)]
     if len(stopped):
-        reasons = stopped["reason"].str.split(":").str[0].str.split(", q =").str[0]
-        stops = stopped["scene"] + " (" + reasons + ")"
-        yield f"The reference stops with a reason in: {'; '.join(stops)}."
+        yield f"The reference stops with a reason in: {'; '.join(stopped['scene'])}."
 
 
 def counts(answers: pd.DataFrame) -> Table:
