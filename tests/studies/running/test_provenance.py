@@ -106,6 +106,7 @@ def is_part(file: str, study: str, engine: str) -> bool:
         ("reference_solver/compiled/__init__.py", of_what_is_compiled),
         ("reference_solver/methods.py", of_the_reference),
         ("studies/judges/local_error.py", lambda study, _: study in ("clearance", "work-precision")),
+        ("studies/judges/horizon.py", lambda study, _: study in (*BY_THE_REFERENCE, "predictability")),
         ("studies/stability/verdict.py", lambda study, _: study == "stability"),
         ("studies/predictability/study.py", lambda study, _: study == "predictability"),
         ("studies/running/worker.py", lambda _study, _engine: True),
