@@ -9,7 +9,7 @@ study: .venv/.ready
 	$(BIN)/crankslider report
 
 test: .venv/.ready
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # Every number that has a baseline, of all engines, heyoka's among them.
 accuracy: .venv/.rivals

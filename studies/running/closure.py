@@ -134,8 +134,13 @@ def _canonical(part: object) -> str:
     return f"{type(part).__name__}({','.join(shown)})"
 
 
-def _imports(name: str, path: Path) -> Iterator[str]:
-    """Yield what a module imports: modules, and names that stand in one or are one."""
+@cache
+def _imports(name: str, path: Path) -> tuple[str, ...]:
+    """Return what a module imports: modules, and names that stand in one or are one."""
+    return tuple(_imported(name, path))
+
+
+def _imported(name: str, path: Path) -> Iterator[str]:
     if path.suffix != ".py":
         return
     package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]

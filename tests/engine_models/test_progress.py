@@ -65,7 +65,7 @@ def test_a_long_run_is_not_silent_where_there_is_no_terminal(capsys: pytest.Capt
 @pytest.mark.parametrize(
     ("engine", "scene", "field"),
     [
-        ("reference", ("clearance-driven-0.1mm", {"radial_clearance_m": 1e-310}), "radial_clearance_m"),
+        ("reference", ("clearance-driven-0.1mm", {"radial_clearance_m": 1e-200}), "radial_clearance_m"),
         (
             "reference",
             ("clearance-driven-0.1mm", {"friction": friction(1e-14)}),
@@ -86,8 +86,8 @@ def test_a_long_run_is_not_silent_where_there_is_no_terminal(capsys: pytest.Capt
 def test_a_run_whose_steps_collapse_says_which_field_forces_it(
     engine: str, scene: tuple[str, dict[str, object]], field: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scipy_calls, "OUTLASTING", 30_000)
-    monkeypatch.setattr(reference_runs, "LOOK_UP_STEPS", 400_000)
+    monkeypatch.setattr(scipy_calls, "OUTLASTING", 5_000)
+    monkeypatch.setattr(reference_runs, "LOOK_UP_STEPS", 20_000)
     name, changes = scene
     with pytest.raises(SimulationFailed, match=rf"^clearance\.B\.{field}: expected"):
         make_engine(engine).simulate(scene_with(name, **changes), RunSettings(1e-5, 10))

@@ -38,7 +38,7 @@ def test_parts_that_do_not_touch_move_as_each_does_alone() -> None:
 
     def moved(mechanism: Mechanism, v: list[float]) -> Solution:
         # Few steps: what kernels would save, compiling them takes.
-        return run(mechanism, v, 0.02, StepChoice(2e-5, 100), compiled=False)
+        return run(mechanism, v, 0.02, StepChoice(1e-4, 40), compiled=False)
 
     contacts = bearing(0, (0.0, 0.0), HERTZ), bearing(1, (0.0, 0.0), WALL)
     joint = RevoluteJoint(GROUND, hinge, 2, hinge)

@@ -7,13 +7,16 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from engine_models.engines import ENGINES
+from engine_models.engines import ENGINES, engine_module
 from studies.running.closure import NOT_COUNTED, NUMERICAL_CODE, ROOT, closure
-from studies.running.registry import STUDIES
+from studies.running.provenance import ROW_MAKERS
+from studies.running.registry import STUDIES, study_module
 from tests.helpers.running import add_line, copied
 
 #: Prints all fingerprints by study and engine, and each study's digest; nothing of an engine is imported.
@@ -27,17 +30,37 @@ hashes |= {study: code_digest(study, engines.ENGINES) for study in STUDIES}
 assert not {"exudyn", "heyoka", "pymunk", "numba", "newcomer"} & set(sys.modules)
 print(json.dumps(hashes))
 """
+#: Prints the files of an engine from outside.
+FILES_OF_NEWCOMER = """
+import json
+from studies.running.closure import closure
+print(json.dumps([*map(str, closure("newcomer.engine").files.values())]))
+"""
 #: Studies that compare with the converged solution, which is the reference's.
 BY_THE_REFERENCE = ("clearance", "work-precision", "stability", "extremes", "motions")
+
+#: Files that decide no number.
+OF_NOTHING = (
+    "studies/running/finished_cases.py",
+    "studies/ladders.py",
+    "studies/running/failures.py",
+    "studies/command/main.py",
+    "engine_models/arms.py",
+)
 
 
 def fingerprints(folder: Path, *also: Path) -> dict[str, str]:
     """Return what the code in a folder has, with other folders on Python's path."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, also))}
-    command = [sys.executable, "-W", "error", "-c", CODE]
-    done = subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE, text=True)
-    hashes: dict[str, str] = json.loads(done.stdout)
+    hashes: dict[str, str] = printed(CODE, folder, *also)
     return hashes
+
+
+def printed(code: str, folder: Path, *also: Path) -> Any:
+    """Return the JSON that code prints in a new process, in a folder and with others on Python's path."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, also))}
+    command = [sys.executable, "-W", "error", "-c", code]
+    done = subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    return json.loads(done.stdout)
 
 
 def changed(before: dict[str, str], after: dict[str, str]) -> set[str]:
@@ -68,6 +91,12 @@ def of_what_is_compiled(study: str, engine: str) -> bool | None:
     return engine == "pymunk" or of_the_reference(study, engine)
 
 
+def is_part(file: str, study: str, engine: str) -> bool:
+    """Return whether a file is one of those that a study with an engine is made of."""
+    roots = (study_module(study), engine_module(engine), *ROW_MAKERS)
+    return any(ROOT / file in closure(root).files.values() for root in roots)
+
+
 @pytest.mark.parametrize(
     ("file", "decides"),
     [
@@ -77,25 +106,36 @@ def of_what_is_compiled(study: str, engine: str) -> bool | None:
         ("reference_solver/compiled/__init__.py", of_what_is_compiled),
         ("reference_solver/methods.py", of_the_reference),
         ("studies/judges/local_error.py", lambda study, _: study in ("clearance", "work-precision")),
+        ("studies/judges/horizon.py", lambda study, _: study in (*BY_THE_REFERENCE, "predictability")),
         ("studies/stability/verdict.py", lambda study, _: study == "stability"),
         ("studies/predictability/study.py", lambda study, _: study == "predictability"),
         ("studies/running/worker.py", lambda _study, _engine: True),
-        ("studies/running/finished_cases.py", lambda _study, _engine: False),
-        ("studies/ladders.py", lambda _study, _engine: False),
-        ("studies/running/failures.py", lambda _study, _engine: False),
-        ("studies/command/main.py", lambda _study, _engine: False),
-        ("engine_models/arms.py", lambda _study, _engine: False),
+        *((file, lambda _study, _engine: False) for file in OF_NOTHING),
     ],
 )
-def test_an_edit_counts_for_those_that_it_decides_and_no_others(
-    code: Path, untouched: dict[str, str], file: str, decides: Callable[[str, str], bool | None]
+def test_a_file_is_part_of_what_it_decides_and_of_nothing_else(
+    file: str, decides: Callable[[str, str], bool | None]
+) -> None:
+    for study, engine in product(STUDIES, ENGINES):
+        assert decides(study, engine) in (None, is_part(file, study, engine)), (study, engine)
+
+
+@pytest.mark.parametrize("file", ["engine_models/exudyn/kinematic_tree.py", "studies/running/worker.py"])
+def test_an_edit_counts_for_those_that_a_file_is_part_of_and_no_others(
+    code: Path, untouched: dict[str, str], file: str
 ) -> None:
     add_line(code / file, "AND_MORE = 1")
-    names = changed(untouched, fingerprints(code))
-    for study in STUDIES:
-        for engine in ENGINES:
-            assert decides(study, engine) in (None, f"{study} {engine}" in names), (study, engine)
-        assert (study in names) == any(f"{study} {engine}" in names for engine in ENGINES)
+    pairs = [(study, engine) for study, engine in product(STUDIES, ENGINES) if is_part(file, study, engine)]
+    expected = {f"{study} {engine}" for study, engine in pairs} | {study for study, _ in pairs}
+    assert changed(untouched, fingerprints(code)) == expected
+
+
+def test_an_edit_of_what_is_no_part_of_anything_counts_for_nobody(
+    code: Path, untouched: dict[str, str]
+) -> None:
+    for file in OF_NOTHING:
+        add_line(code / file, "AND_MORE = 1")
+    assert changed(untouched, fingerprints(code)) == set()
 
 
 def test_comments_docstrings_and_help_count_for_nobody(code: Path, untouched: dict[str, str]) -> None:
@@ -160,15 +200,15 @@ def test_an_engine_from_outside_counts_by_content_and_version_and_for_no_other(
     seen = [without_distribution, of_newcomer()]
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.1\n")
     seen.append(of_newcomer())
-    own = ("rule.py", "__init__.py", "laws/hertz.py")
-    files = (*(engine / name for name in own), outside / "helping.py", outside / "library.py")
+    own = ("rule.py", "__init__.py", "laws/hertz.py", "engine.py")
+    files = [*(engine / name for name in own), outside / "helping.py", outside / "library.py"]
     for file in files:
         add_line(file, "# A comment.")
     assert of_newcomer() == seen[-1]
-    for file in files:
-        add_line(file, "AND_MORE = 1")
-        seen.append(of_newcomer())
-    assert len(set(seen)) == 8
+    add_line(engine / "laws/hertz.py", "AND_MORE = 1")
+    seen.append(of_newcomer())
+    assert len(set(seen)) == 4
+    assert {Path(path) for path in printed(FILES_OF_NEWCOMER, code, outside)} >= {*files}
 
 
 def test_nobody_names_an_engine_or_a_module_where_it_would_not_count() -> None:

@@ -131,7 +131,7 @@ def test_a_free_scene_has_no_driver_torque_and_the_full_set_contains_the_quick_o
 @pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")
 def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
     code = "from studies.command.main import main; main()"
-    command = [sys.executable, "-c", code, "run", "--jobs", "1", "--out", str(tmp_path)]
+    command = [sys.executable, "-c", code, "run", "agreement", "--jobs", "1", "--out", str(tmp_path)]
     run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
     file = tmp_path / "agreement" / "rows.jsonl"
     deadline = time.monotonic() + 120
