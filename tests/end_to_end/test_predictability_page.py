@@ -11,7 +11,7 @@ from reports.parts import Figure, Section, Table
 from tests.end_to_end.student import student_quantile
 from tests.end_to_end.written_rows import results_of, row
 
-#: A start's exponents per revolution, of which the second half of the run gives a quarter more.
+#: Exponents per revolution of four starts, and the parts of them that half and a quarter of the run give.
 EXPONENTS, HALF, QUARTER = (3.0, 3.5, 4.0, 4.5), 0.9, 0.5
 END_S = {"scene-a": 0.03, "scene-b": 0.02, "scene-c": 0.5}
 
