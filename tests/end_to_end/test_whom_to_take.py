@@ -32,7 +32,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> list[Race]:
     for scene in ("ideal-a", *SCENES):
         for (engine, arm, tolerance), of_scenes in ARMS.items():
             error_m, time_ms = of_scenes[SCENES.index(scene)] if scene in SCENES else (1e-9, 7.0)
-            head: Any = (scene, engine, arm, 0.01)
+            head: tuple[str, str, str, float] = (scene, engine, arm, 0.01)
             setting: dict[str, Any] = {"setting_tolerance": tolerance, "end_time_s": 0.05}
             columns: dict[str, Any] = {
                 "steps": 100,
@@ -46,11 +46,11 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> list[Race]:
             columns["slider_position_uncertainty_m"] = 1e-12
             if scene in SCENES:
                 columns["clearance_B_error_m"] = error_m
-            rows.append(row(len(rows), *head, **setting, **columns))
+            rows.append(row(len(rows), *head, **{**setting, **columns}))
             for n, part in enumerate(ROUNDS):
                 timed: dict[str, Any] = {"timed": True, "round": n, "build_time_s": 0.5}
                 timed["solve_time_s"] = 1e-3 * part * time_ms
-                rows.append(row(len(rows), *head, **setting, **timed))
+                rows.append(row(len(rows), *head, **{**setting, **timed}))
     return races(results_of(tmp_path_factory.mktemp("results") / "work-precision", rows, {}))
 
 
