@@ -97,6 +97,8 @@ def cells() -> list[dict[str, Any]]:
                     columns |= {f"severity_if_{name}": severity for name in CHANGES}
                     if letter == "I":
                         columns["severity_if_position_doubled"] = 0
+                    if letter == "·" and arm == "trapezoidal":
+                        columns["severity_if_position_halved"] = 1
                     if letter == "G" and engine == "pymunk":
                         columns["severity_if_energy_doubled"] = 1
                 rows.append(row(len(rows), f"{column}-{value}", engine, arm, STEPS_S[k], **columns))
@@ -237,7 +239,12 @@ def test_verdicts_that_hang_on_a_bound_are_counted_by_arm(sections: dict[str, Se
     for (engine, arm), (_, lines) in ARMS.items():
         letters = "".join(lines)
         growing = letters.count("G") if engine == "pymunk" else 0
-        of_change = {"position doubled": letters.count("I"), "energy doubled": growing}
+        close = letters.count("·") if arm == "trapezoidal" else 0
+        of_change = {
+            "position halved": close,
+            "position doubled": letters.count("I"),
+            "energy doubled": growing,
+        }
         numbers = [of_change.get(name.replace("_", " "), 0) for name in CHANGES]
         expected.append((engine, arm, *map(str, (20, letters.count("·"), *numbers))))
     assert list(shown.rows) == expected
