@@ -3,8 +3,8 @@
 A band is wide enough for another processor and narrow enough for another result: a part of the number, or so
 many times what processors move it by, whichever is more. The lowest supported versions of all libraries
 were held to these bands, too: of ten thousand numbers they move a hundred further, most of LSODA's, whose
-bands are wider by the same rule, as the tables say of each. What is made of round-off alone has no more to keep
-than its size, which is that of the truth's uncertainty, or of ``ROUND_OFF``.
+bands are wider by the same rule, as the tables say of each. What is made of round-off alone has no more to
+keep than its size, which is that of the truth's uncertainty, or of ``ROUND_OFF``.
 """
 
 from collections.abc import Sequence
