@@ -214,3 +214,9 @@ def test_the_standard_case_is_the_literatures() -> None:
     assert scene.clearance.B is not None
     assert scene.clearance.B.radial_clearance_m == 5e-4
     assert scene.clearance.B.restitution == 0.9
+
+
+def test_a_step_that_fits_but_for_round_off_is_not_halved() -> None:
+    """1.1 over 0.1 is 11.000000000000002 in floating point."""
+    assert RunSettings(0.1, 1).steps_per_sample(1.1) == 11
+    assert RunSettings(0.0999, 1).steps_per_sample(1.1) == 12
