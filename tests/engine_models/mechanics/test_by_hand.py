@@ -217,6 +217,6 @@ def test_the_standard_case_is_the_literatures() -> None:
 
 
 def test_a_step_that_fits_but_for_round_off_is_not_halved() -> None:
-    """1.1 over 0.1 is 11.000000000000002 in floating point."""
-    assert RunSettings(0.1, 1).steps_per_sample(1.1) == 11
-    assert RunSettings(0.0999, 1).steps_per_sample(1.1) == 12
+    """2.1 over 0.7 is 3.0000000000000004 in floating point."""
+    assert RunSettings(0.7, 1).steps_per_sample(2.1) == 3
+    assert RunSettings(0.6999, 1).steps_per_sample(2.1) == 4
