@@ -218,7 +218,9 @@ class Engine(Protocol):
     Where ``controls_error`` is true, the step is but a limit; ``controlling_error()`` returns such an engine.
 
     An attribute ``order`` states at which order the error of smooth motion falls with the step, None where a
-    tolerance of the engine's own chooses the steps: ``crankslider conform`` holds the engine to it.
+    tolerance of the engine's own chooses the steps; one ``accuracy_m``, if there is one, the error of the
+    slider's position in m that smooth motion has at most in steps of 0.2 ms, or at that tolerance.
+    ``crankslider conform`` holds the engine to both.
     """
 
     def check(self, scene: Scene) -> None:

@@ -337,24 +337,41 @@ def conform(
     engine: Annotated[
         str, Argument(metavar="ENGINE", help="An engine, or one of yours: my_module:MyEngine.")
     ],
+    baselines: Annotated[
+        Path | None, Option(metavar="DIR", help="Also hold its numbers to tables of your own in there.")
+    ] = None,
+    accept: Annotated[bool, Option("--accept", help="Write down what left its band there.")] = False,
+    why: Annotated[Text, Option(metavar="TEXT", help="Why the numbers are others now.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Hold an engine to what every engine owes, claim by claim; exit code 1 where one does not hold."""
     from rich.progress import track
 
+    from engine_models.engines import join
+    from studies.command.baseline import Gate, require_reason
     from studies.command.options import read_engine
+    from studies.conformance.baselines.subjects import subjects
     from studies.conformance.verdicts import count, summary, verdicts
 
     try:
         of = read_engine(engine, {})
     except failures.BadInput as reason:
         raise failures.BadInput(str(reason).replace("--engine", "ENGINE", 1)) from None
+    require_reason(accept, why)
+    if accept and baselines is None:
+        raise failures.BadInput("--accept: expected a folder with --baselines to write to, got none")
+    join(engine)
+    gate = None if baselines is None else Gate(subjects([engine]), baselines)
+    if gate and not accept:
+        gate.require_tables()
     with failures.quietly(quiet):
         console = failures.progress_console()
         lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
-    print("\n".join(lines))
-    if not holds:
-        raise failures.Failed(f"{engine} does not hold to all claims")
+        print("\n".join(lines))
+        if not holds:
+            raise failures.Failed(f"{engine} does not hold to all claims")
+        if gate:
+            gate.hold_or_accept(why)
 
 
 @app.command()
@@ -364,10 +381,13 @@ def baseline(
     quiet: Quiet = False,
 ) -> None:
     """Hold engines and arms to their accuracy as accepted; exit code 1 where a number left its band."""
-    from studies.command.baseline import held_or_accepted
+    from studies.command.baseline import Gate, require_reason
+    from studies.conformance.baselines.subjects import subjects
+    from studies.conformance.baselines.table import FOLDER
 
+    require_reason(accept, why)
     with failures.quietly(quiet):
-        held_or_accepted(accept, why)
+        Gate(subjects(), FOLDER).hold_or_accept(why)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""The order that an engine states, and the error that a sharper tolerance leaves, held to the truth."""
+"""What an engine states of itself, its order and its accuracy, held to the truth of smooth motion."""
 
 import numpy as np
 
@@ -21,15 +21,38 @@ SHARPENINGS, GAIN = 3, 100.0
 
 def states_its_order(engine: Engine) -> Finding:
     """The slider's error falls with the step by the order that the engine states, or with its tolerance."""
-    scene = SCENES[SMOOTH]().model_copy(update={"end_time_s": END_S})
-    try:
-        engine.check(scene)
-    except UnsupportedScene as reason:
-        return Finding(True, f"not measured, since {SMOOTH} is refused: {reason}")
+    scene = _smooth()
+    if refused := _refused(engine, scene):
+        return refused
     if not hasattr(engine, "order"):
         return Finding(False, "no attribute 'order': a number, or None where a tolerance chooses the steps")
     order: float | None = engine.order
     return _falls_with_tolerance(engine, scene) if order is None else _falls_with_step(engine, scene, order)
+
+
+def states_its_accuracy(engine: Engine) -> Finding:
+    """The slider's error on smooth motion is no more than the engine states, if it does."""
+    scene = _smooth()
+    if refused := _refused(engine, scene):
+        return refused
+    stated: float | None = getattr(engine, "accuracy_m", None)
+    if stated is None:
+        return Finding(True, "no accuracy_m is stated")
+    off, step_s = _error(engine, scene, LONGEST_S)
+    return Finding(off <= stated, f"{off:.1e} m at a step of {step_s:.1e} s, and {stated:.1e} m is stated")
+
+
+def _smooth() -> Scene:
+    return SCENES[SMOOTH]().model_copy(update={"end_time_s": END_S})
+
+
+def _refused(engine: Engine, scene: Scene) -> Finding | None:
+    """Return that nothing is measured where an engine has no model of smooth motion, else None."""
+    try:
+        engine.check(scene)
+    except UnsupportedScene as reason:
+        return Finding(True, f"not measured, since {SMOOTH} is refused: {reason}")
+    return None
 
 
 def _falls_with_step(engine: Engine, scene: Scene, stated: float) -> Finding:

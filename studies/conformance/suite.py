@@ -8,8 +8,7 @@ from engine_models.engine import UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from studies.conformance.claims import CLAIMS, Trial
-from studies.conformance.orders import states_its_order
-from studies.conformance.verdicts import tried
+from studies.conformance.verdicts import OF_ENGINE, tried
 
 
 @pytest.fixture(scope="session")
@@ -36,7 +35,8 @@ def test_claim(engine_name: str, scene: str, claim: str) -> None:
     assert holds, measured
 
 
-def test_order(engine_name: str) -> None:
-    """Hold the engine to the order that it states."""
-    holds, measured = tried(states_its_order, make_engine(engine_name))
+@pytest.mark.parametrize("claim", OF_ENGINE)
+def test_of_engine(engine_name: str, claim: str) -> None:
+    """Hold the engine to the order and the accuracy that it states."""
+    holds, measured = tried(OF_ENGINE[claim], make_engine(engine_name))
     assert holds, measured

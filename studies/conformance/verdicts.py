@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeVar
 from engine_models.engine import Engine, UnsupportedScene
 from engine_models.scene.library import SCENES
 from studies.conformance.claims import CLAIMS, Finding, Trial
-from studies.conformance.orders import states_its_order
+from studies.conformance.orders import states_its_accuracy, states_its_order
 
 Subject = TypeVar("Subject")
 
@@ -19,8 +19,10 @@ class Verdict(NamedTuple):
     finding: Finding
 
 
-#: The claim about an engine, by its sentence.
-OF_ENGINE = str(states_its_order.__doc__).rstrip(".")
+#: The claims about an engine, by their sentences.
+OF_ENGINE: dict[str, Callable[[Engine], Finding]] = {
+    str(claim.__doc__).rstrip("."): claim for claim in (states_its_order, states_its_accuracy)
+}
 
 
 def scenes_of(engine: Engine) -> tuple[list[str], dict[str, str]]:
@@ -38,12 +40,13 @@ def scenes_of(engine: Engine) -> tuple[list[str], dict[str, str]]:
 
 def count(engine: Engine) -> int:
     """Return how many verdicts there are on an engine."""
-    return 1 + len(CLAIMS) * len(scenes_of(engine)[0])
+    return len(OF_ENGINE) + len(CLAIMS) * len(scenes_of(engine)[0])
 
 
 def verdicts(engine: Engine) -> Iterator[Verdict]:
     """Yield the verdicts on an engine, scene by scene."""
-    yield Verdict(OF_ENGINE, "", tried(states_its_order, engine))
+    for claim, holds_of in OF_ENGINE.items():
+        yield Verdict(claim, "", tried(holds_of, engine))
     for scene in scenes_of(engine)[0]:
         trial = Trial(engine, SCENES[scene]())
         for claim, holds in CLAIMS.items():

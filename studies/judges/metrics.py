@@ -10,15 +10,8 @@ from engine_models.mechanics.energy import energy_balance_residual_J as energy_b
 from engine_models.mechanics.energy import kinetic_energy_J as kinetic_energy_J
 from engine_models.mechanics.energy import numerical_gain_J as numerical_gain_J
 from engine_models.mechanics.energy import potential_energy_J as potential_energy_J
-from engine_models.mechanics.joints import gaps
 from engine_models.mechanics.quality import constraint_violation_m as constraint_violation_m
 from engine_models.scene.scene import Scene
-
-
-def pin_gap_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the distance between the two sides of each joint, (n, joints) over O, A, B."""
-    sides = gaps(scene, trajectory.position).values()
-    return np.stack([np.hypot(*gap.T) for gap in sides], axis=-1)
 
 
 def in_flight(*runs: Trajectory) -> NDArray[np.bool_]:

@@ -60,6 +60,7 @@ def test_a_number_without_a_baseline_and_a_baseline_without_its_number_fail() ->
         ("impacts_missed", Number(0, "1", "", count=True), [0], (1,), (0,)),
         ("slider_position_order", Number(4.0, "1", ""), [4.0], (4.11, 3.89), (4.09, 3.91)),
         ("slider_position_uncertainty_m", Number(1e-9, "m", ""), [2e-9], (2.1e-8, 9e-11, 0.0), (1e-8, 2e-10)),
+        ("slider_position_cross_check_m", Number(1e-9, "m", ""), [2e-9], (2.1e-8, 9e-11, 0.0), (1e-8, 2e-10)),
     ],
 )
 def test_a_band_shows_another_result_and_not_another_processor(

@@ -1,21 +1,31 @@
 """An engine from outside takes part without a change to any file: it is named by its module and class."""
 
+import re
 import subprocess
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 import pytest
 
 from engine_models import engines
+from engine_models.engines import make_engine
+from engine_models.scene.library import IDEAL_SCENES
+from studies.conformance.baselines.accept import accepted
+from studies.conformance.baselines.measured import measured
+from studies.conformance.baselines.subjects import subjects
+from studies.conformance.baselines.table import write_tables
+from studies.conformance.orders import states_its_accuracy
 from tests.helpers.command import crankslider
 from tests.helpers.row_files import read_rows
 
-#: Exudyn's ideal scenes in other clothes; ``off_m`` moves the slider that it reports.
+#: Exudyn in other clothes, ``on`` ideal scenes; ``off_m`` moves its slider, ``stronger`` are its forces.
 ENGINE = '''
 from dataclasses import dataclass, replace
 
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import make_engine
+from engine_models.scene.library import IDEAL_SCENES
 
 
 @dataclass(frozen=True)
@@ -23,10 +33,12 @@ class MyEngine:
     """Exudyn for ideal joints alone."""
 
     off_m: float = {off_m}
+    stronger: float = {stronger}
     order = {order}
+    accuracy_m = {accuracy_m}
 
     def check(self, scene):
-        if scene.joints_with_clearance:
+        if scene.joints_with_clearance or not scene.name.startswith(tuple({on})):
             raise UnsupportedScene("no clearance")
 
     def twin(self, scene):
@@ -41,7 +53,7 @@ class MyEngine:
         run = make_engine("exudyn").simulate(scene, settings)
         position = run.position.copy()
         position[1:, -1, 0] += self.off_m
-        return replace(run, position=position)
+        return replace(run, position=position, joint_force_N=self.stronger * run.joint_force_N)
 
 
 class Nothing:
@@ -62,15 +74,34 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def write(folder: Path, off_m: float = 0.0, order: object = 2) -> None:
-    (folder / "my_module.py").write_text(ENGINE.format(off_m=off_m, order=order), encoding="utf-8")
+def write(
+    folder: Path,
+    off_m: float = 0.0,
+    order: object = 2,
+    accuracy_m: float | None = None,
+    on: Collection[str] = IDEAL_SCENES,
+    stronger: float = 1.0,
+) -> None:
+    text = ENGINE.format(off_m=off_m, order=order, accuracy_m=accuracy_m, on=[*on], stronger=stronger)
+    (folder / "my_module.py").write_text(text, encoding="utf-8")
 
 
 @pytest.mark.usefixtures("written")
 def test_an_engine_that_keeps_its_claims_conforms() -> None:
     done = crankslider("conform", NAME)
     assert done.code == 0, done.stdout
-    assert done.stdout.count("holds") == 8
+    assert done.stdout.count("holds") == 9
+
+
+@pytest.mark.parametrize(("stated_m", "holds"), [(2e-5, True), (1e-5, False)])
+def test_an_engine_is_held_to_the_accuracy_that_it_states(
+    written: Path, stated_m: float, holds: bool
+) -> None:
+    """The trapezoidal rule errs by 15 micrometres in steps of 0.2 ms."""
+    write(written, accuracy_m=stated_m)
+    found = states_its_accuracy(make_engine(NAME))
+    assert found.holds == holds, found.measured
+    assert f"{stated_m:.1e} m is stated" in found.measured
 
 
 @pytest.mark.parametrize(
@@ -90,6 +121,45 @@ def test_one_that_does_not_fails_and_is_told_where(
     assert done.code == 1
     failing = "\n".join(line for line in done.stdout.splitlines() if line.startswith("FAILS"))
     assert broken in failing, done.stdout
+
+
+def test_its_numbers_are_held_to_tables_of_its_own_by_the_rules_of_ours(written: Path) -> None:
+    """forces that are off by a hundredth are within all claims, and out of their bands."""
+    write(written, on=["ideal-free"])
+    engines.join(NAME)
+    (subject,) = subjects([NAME])
+    same = accepted(measured(subject), {}, [subject], "as it is", lambda some, _: measured(some[0]))
+    assert {key.arm for key in same} == {f"{NAME} (default)"}
+    assert {"slider_position_error_m", "slider_position_order", "steps"} <= {key.quantity for key in same}
+    write_tables(same, written / "tables")
+    write(written, stronger=1.01, on=["ideal-free"])
+    done = crankslider("conform", NAME, "--baselines", written / "tables")
+    assert done.code == 1
+    assert "FAILS" not in done.stdout
+    where = re.escape(f"of {NAME} (default) on ideal-free, step ")
+    assert re.search(f"joint_A_force_error_N {where}.* is worse", done.stdout), done.stdout
+    assert "got no" not in done.stdout
+
+
+@pytest.mark.usefixtures("written")
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ["--baselines", "tables"],
+            "--baselines: expected a folder with tables, got 'tables': --accept --why",
+        ),
+        (["--accept", "--why", "so"], "--accept: expected a folder with --baselines to write to, got none"),
+        (["--baselines", "tables", "--accept"], "--why: expected a reason with --accept, got none"),
+    ],
+)
+def test_tables_that_are_not_there_and_a_reason_that_is_missing_are_refused_at_once(
+    arguments: list[str], said: str
+) -> None:
+    done = crankslider("conform", NAME, *arguments)
+    assert (done.code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"error: {said}")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.usefixtures("written")

@@ -11,7 +11,7 @@ from random import Random, randrange
 
 from tests.planted_bugs import table
 from tests.planted_bugs.catalogue import Bug, bugs
-from tests.planted_bugs.planting import copied, outcomes
+from tests.planted_bugs.planting import copies
 
 
 def main() -> int:
@@ -36,16 +36,16 @@ def main() -> int:
 def planted(chosen: Sequence[Bug], jobs: int, keep: bool) -> list[str]:
     """Plant bugs, ``keep`` what is found of each in the table, and return in a line each what is wrong."""
     wrong, catching = list[str](), set[str]()
-    for number, one in enumerate(outcomes(chosen, jobs), 1):
-        catching.add(one.caught_by)
-        if keep:
-            table.keep(one)
-        if not one.caught_by:
-            wrong.append(f"{one.bug.name}: caught by nobody ({one.said or 'all passed'})")
-        who = one.caught_by or "NOBODY"
-        print(f"{number}/{len(chosen)} {one.bug.name}: {who}, {one.took_s:.0f} s: {one.said}", flush=True)
-    with copied() as untouched:
-        anyway = untouched.failing(sorted(catching - {""}))
+    with copies(jobs) as places:
+        for number, one in enumerate(places.outcomes(chosen), 1):
+            catching.add(one.caught_by)
+            if keep:
+                table.keep(one)
+            if not one.caught_by:
+                wrong.append(f"{one.bug.name}: caught by nobody ({one.said or 'all passed'})")
+            who = one.caught_by or "NOBODY"
+            print(f"{number}/{len(chosen)} {one.bug.name}: {who}, {one.took_s:.0f} s: {one.said}", flush=True)
+        anyway = places.failing(catching - {""})
     return wrong + [f"fails without a bug: {name}" for name in anyway]
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from random import Random, randrange
 
 from tests.planted_bugs.catalogue import ROOT, Inapplicable
-from tests.planted_bugs.planting import outcomes
+from tests.planted_bugs.planting import copies
 
 JUDGES = "tests/studies/judges"
 BY_HAND = "tests/reports/test_by_hand.py"
@@ -158,12 +158,13 @@ def main() -> int:
         print(f"seed {asked.seed}", flush=True)
         chosen = Random(asked.seed).sample(chosen, min(asked.sample, len(chosen)))
     survived = list[str]()
-    for number, one in enumerate(outcomes(chosen, asked.jobs), 1):
-        if sys.stderr.isatty():
-            print(f"\r{number} of {len(chosen)}", end="", file=sys.stderr)
-        if not one.caught_by:
-            survived.append(one.bug.name)
-            print(f"{one.bug.name}: {EXPLAINED.get(one.bug.name, one.said or 'survived')}", flush=True)
+    with copies(asked.jobs) as places:
+        for number, one in enumerate(places.outcomes(chosen), 1):
+            if sys.stderr.isatty():
+                print(f"\r{number} of {len(chosen)}", end="", file=sys.stderr)
+            if not one.caught_by:
+                survived.append(one.bug.name)
+                print(f"{one.bug.name}: {EXPLAINED.get(one.bug.name, one.said or 'survived')}", flush=True)
     print(f"{len(chosen)} mutants, {len(survived)} survived")
     return int(any(name not in EXPLAINED for name in survived))
 

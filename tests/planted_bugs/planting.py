@@ -7,18 +7,22 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from queue import Queue
 from tempfile import TemporaryDirectory
-from typing import Protocol
+from typing import Protocol, TypeVar
 from xml.etree import ElementTree
 
 from tests.planted_bugs.catalogue import ROOT, Inapplicable
 
+#: What is done in a copy, and what comes of it.
+Asked = TypeVar("Asked")
+Found = TypeVar("Found")
 #: Longer than any of the tests takes; a bug that makes one hang has not been told of.
 LIMIT_S = 300.0
 #: How pytest ends where tests have failed.
@@ -112,24 +116,44 @@ class Copy:
         return dict(_told(ElementTree.parse(report))), ""
 
 
-def outcomes(bugs: Sequence[Planted], jobs: int) -> Iterator[Outcome]:
-    """Yield the outcome of each bug as soon as it is known, bugs being planted in so many copies at once."""
-    with ExitStack() as stack:
-        copies: Queue[Copy] = Queue()
-        for _ in range(jobs):
-            copies.put(stack.enter_context(copied()))
+@dataclass(frozen=True)
+class Copies:
+    """Copies that are ``free``, and threads that work in as many at once."""
 
-        def in_some(bug: Planted) -> Outcome:
-            place = copies.get()
+    free: "Queue[Copy]"
+    threads: ThreadPoolExecutor
+
+    def outcomes(self, bugs: Sequence[Planted]) -> Iterator[Outcome]:
+        """Yield the outcome of each bug as soon as it is known."""
+        return self._each(Copy.outcome, bugs)
+
+    def failing(self, tests: Iterable[str]) -> list[str]:
+        """Return which of some tests fail without any bug, each file of tests in a run of its own."""
+        files = [list(of) for _, of in groupby(sorted(tests), key=lambda test: test.partition("::")[0])]
+        return [name for names in self._each(Copy.failing, files) for name in names]
+
+    def _each(self, run: Callable[[Copy, Asked], Found], asked: Sequence[Asked]) -> Iterator[Found]:
+        def in_some(one: Asked) -> Found:
+            place = self.free.get()
             try:
-                return place.outcome(bug)
+                return run(place, one)
             finally:
-                copies.put(place)
+                self.free.put(place)
 
-        pool = stack.enter_context(ThreadPoolExecutor(jobs))
-        stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-        for run in as_completed([pool.submit(in_some, bug) for bug in bugs]):
-            yield run.result()
+        for done in as_completed([self.threads.submit(in_some, one) for one in asked]):
+            yield done.result()
+
+
+@contextmanager
+def copies(jobs: int) -> Iterator[Copies]:
+    """Make so many copies."""
+    with ExitStack() as stack:
+        free: Queue[Copy] = Queue()
+        for _ in range(jobs):
+            free.put(stack.enter_context(copied()))
+        threads = stack.enter_context(ThreadPoolExecutor(jobs))
+        stack.callback(threads.shutdown, wait=True, cancel_futures=True)
+        yield Copies(free, threads)
 
 
 @contextmanager

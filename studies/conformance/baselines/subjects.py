@@ -4,7 +4,7 @@ The numbers are those of the studies' own rows, so a band holds the whole way fr
 """
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -79,9 +79,13 @@ class Subject:
         return first.study, first.scene.name, first.arm.label
 
 
-def subjects() -> list[Subject]:
-    """Return all subjects that the engines support here, in the order of the tables."""
-    every = sorted(_cases(), key=lambda case: Subject((case,)).key)
+def subjects(engines: Collection[str] = arms.NAMED) -> list[Subject]:
+    """Return all subjects that some engines support here, in the order of the tables.
+
+    An engine that the catalogue does not know has joined (see ``engine_models.engines``), and is measured as
+    it comes.
+    """
+    every = sorted(_cases(engines), key=lambda case: Subject((case,)).key)
     grouped = (tuple(cases) for _, cases in groupby(every, key=lambda case: Subject((case,)).key))
     return [Subject(cases) for cases in grouped]
 
@@ -93,21 +97,28 @@ def without_wheel() -> dict[str, str]:
     return {arms.HEYOKA.label: "heyoka has wheels for Linux and Python 3.11 or newer alone"}
 
 
-def _cases() -> Iterator[Case]:
+def _cases(engines: Collection[str]) -> Iterator[Case]:
+    others = [arm for arm in arms.newcomers() if arm.engine in engines]
+    stepping = [arm for arm in others if getattr(make_engine(arm.engine), "order", None) is not None]
+    by_step = [arm for arm in (*BY_STEP, *stepping) if arm.engine in engines]
+    choosing = [arm for arm in others if arm not in stepping]
+    by_tolerance = [arm for arm in (*BY_TOLERANCE, *choosing) if arm.engine in engines]
     for name in IDEAL_SCENES:
         scene = IDEAL_SCENES[name]()
-        for arm in _supporting(BY_STEP, scene):
+        for arm in _supporting(by_step, scene):
             steps = (scene.end_time_s / (agreement.SAMPLES * count) for count in STEPS_PER_SAMPLE)
             yield from (Case("agreement", scene, arm, RunSettings(h, agreement.SAMPLES)) for h in steps)
-        for arm in _supporting(BY_TOLERANCE, scene):
+        for arm in _supporting(by_tolerance, scene):
             run = RunSettings(scene.end_time_s / LONGEST_PART, work_precision.SAMPLES)
             added = [dict.fromkeys(arm.tolerances, at) for at in TOLERANCES] if arm.tolerances else [{}]
             yield from (Case("work-precision", scene, arm, run, each) for each in added)
     for name, end_s in CLEARANCE_END_S.items():
-        yield from _with_clearance(SCENES[name]().model_copy(update={"end_time_s": end_s}))
+        of_scene = _with_clearance(SCENES[name]().model_copy(update={"end_time_s": end_s}))
+        yield from (case for case in of_scene if case.engine in engines)
     ledgers = (case for case in energy.cases(full=True) if case.columns["rung"] == LEDGER_RUNG)
     for case in ledgers:
-        if case.scene.name in LEDGERS and _supporting([case.arm], case.scene):
+        wanted = case.scene.name in LEDGERS and case.engine in engines
+        if wanted and _supporting([case.arm], case.scene):
             yield case
 
 

@@ -11,7 +11,7 @@ from studies.conformance.baselines.table import Baseline
 
 #: Words of the columns in which less is better; in others, as works and counts, neither side is.
 LESS_IS_BETTER = ("error", "residual", "unaccounted", "gap_part", "violation", "missed", "unmatched")
-ACCEPT = 'where that is meant, crankslider baseline --accept --why "..."'
+ACCEPT = 'where that is meant, accept it by --accept --why "..."'
 
 
 def verdicts(numbers: Mapping[Key, Number], baselines: Mapping[Key, Baseline]) -> list[str]:

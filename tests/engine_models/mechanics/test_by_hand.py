@@ -214,3 +214,9 @@ def test_the_standard_case_is_the_literatures() -> None:
     assert scene.clearance.B is not None
     assert scene.clearance.B.radial_clearance_m == 5e-4
     assert scene.clearance.B.restitution == 0.9
+
+
+def test_a_step_that_fits_but_for_round_off_is_not_halved() -> None:
+    """2.1 over 0.7 is 3.0000000000000004 in floating point."""
+    assert RunSettings(0.7, 1).steps_per_sample(2.1) == 3
+    assert RunSettings(0.6999, 1).steps_per_sample(2.1) == 4

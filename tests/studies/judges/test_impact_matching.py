@@ -51,3 +51,12 @@ def test_errors_are_those_of_the_matched_pairs_relative_to_the_largest() -> None
     assert row["impact_impulse_relative_error"] == pytest.approx(0.02)
     assert row["impact_speed_relative_error"] == 0
     assert row["impacts_matched"] == 4
+
+
+def test_the_shorter_flight_beside_an_impact_decides_how_far_off_it_may_be() -> None:
+    """A flight of 0.1 s and one of 3.9 s: 0.1 s late is another impact, 0.02 s the same."""
+    true = np.array([1.0, 1.1, 5.0])
+    late = match(np.array([1.0, 1.2, 5.0]), true, 6.0)
+    assert (len(late.run), late.unmatched, late.missed) == (2, 1, 1)
+    same = match(np.array([1.0, 1.12, 5.0]), true, 6.0)
+    assert (len(same.run), same.unmatched, same.missed) == (3, 0, 0)

@@ -1,0 +1,99 @@
+"""Whom the answer takes, on rows with round numbers: every pick, its time and its ratios worked out here.
+
+Exudyn is cheapest on the first scene by its trapezoidal rule, and within a micrometre on both by DOPRI5.
+The reference is dear on the first scene and cheapest on the second, Pymunk is within nothing.
+"""
+
+from typing import Any
+
+import pytest
+
+from reports.chapters.answer.picks import FORCE, POSITION, Race, asked, one_for_all, races
+from tests.end_to_end.written_rows import results_of, row
+
+#: Arms with their tolerance, and errors in m and times in ms on the two scenes with clearance.
+ARMS: dict[tuple[str, str, float], tuple[tuple[float, float], tuple[float, float]]] = {
+    ("reference", "DOP853", 1e-6): ((5e-7, 8.0), (5e-6, 1.0)),
+    ("reference", "DOP853", 1e-8): ((5e-9, 12.0), (5e-7, 2.0)),
+    ("exudyn", "trapezoidal", 1e-6): ((1e-6, 2.0), (1.1e-6, 3.0)),
+    ("exudyn", "DOPRI5", 1e-6): ((2e-7, 4.0), (9e-7, 5.0)),
+    ("exudyn", "DOPRI5", 1e-8): ((2e-9, 6.0), (9e-9, 5.5)),
+    ("pymunk", "tuned", 1e-6): ((1e-4, 0.5), (1e-4, 0.5)),
+}
+#: Rounds take so many times as long: the median is the time itself, the mean is a third more.
+ROUNDS = (1.0, 0.9, 2.1)
+FORCE_PER_M = (2e5, 8e5, 4e5)
+SCENES = ("clearance-a", "clearance-b")
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[Race]:
+    rows: list[dict[str, Any]] = []
+    for scene in ("ideal-a", *SCENES):
+        for (engine, arm, tolerance), of_scenes in ARMS.items():
+            error_m, time_ms = of_scenes[SCENES.index(scene)] if scene in SCENES else (1e-9, 7.0)
+            head: tuple[str, str, str, float] = (scene, engine, arm, 0.01)
+            setting: dict[str, Any] = {"setting_tolerance": tolerance, "end_time_s": 0.05}
+            columns: dict[str, Any] = {
+                "steps": 100,
+                "compared_until_s": 0.05,
+                "slider_position_error_m": error_m,
+            }
+            columns |= {
+                f"joint_{joint}_force_error_N": per_m * error_m
+                for joint, per_m in zip("OAB", FORCE_PER_M, strict=True)
+            }
+            columns["slider_position_uncertainty_m"] = 1e-12
+            if scene in SCENES:
+                columns["clearance_B_error_m"] = error_m
+            rows.append(row(len(rows), *head, **{**setting, **columns}))
+            for n, part in enumerate(ROUNDS):
+                timed: dict[str, Any] = {"timed": True, "round": n, "build_time_s": 0.5}
+                timed["solve_time_s"] = 1e-3 * part * time_ms
+                rows.append(row(len(rows), *head, **{**setting, **timed}))
+    return races(results_of(tmp_path_factory.mktemp("results") / "work-precision", rows, {}))
+
+
+def told(race: Race) -> list[tuple[str, str, float]]:
+    return [(pick.way.label, pick.way.setting, 1e3 * pick.way.time_s) for pick in race.picks]
+
+
+def test_each_engines_cheapest_run_within_the_target_is_picked_the_cheapest_first(found: list[Race]) -> None:
+    first, second = asked(found, POSITION, loose=True)
+    assert (first.scene, second.scene) == SCENES
+    assert (first.target, first.absent, first.end_s) == (1e-6, ("pymunk",), 0.05)
+    by_hand = [
+        [("exudyn (trapezoidal)", 2.0), ("reference (DOP853)", 8.0)],
+        [("reference (DOP853)", 2.0), ("exudyn (DOPRI5)", 5.0)],
+    ]
+    for race, expected in zip((first, second), by_hand, strict=True):
+        assert [(label, round(time, 9)) for label, _, time in told(race)] == expected
+    assert [setting for _, setting, _ in told(second)] == ["tolerance 1.0e-08", "tolerance 1.0e-06"]
+    assert first.ratios["reference (DOP853)"].median == pytest.approx(4.0)
+    assert second.ratios["exudyn (DOPRI5)"].median == pytest.approx(2.5)
+
+
+def test_forces_are_the_largest_of_all_joints(found: list[Race]) -> None:
+    """At joint A there are 8e5 N to a metre, so that 1 N is 1.25 µm: the trapezoidal rule is within it."""
+    first, second = asked(found, FORCE, loose=True)
+    assert [pick.way.label for pick in first.picks] == ["exudyn (trapezoidal)", "reference (DOP853)"]
+    assert first.picks[0].error == pytest.approx(0.8)
+    assert [pick.way.label for pick in second.picks] == ["reference (DOP853)", "exudyn (trapezoidal)"]
+    assert second.picks[1].error == pytest.approx(0.88)
+
+
+def test_one_setting_for_all_scenes_is_the_one_that_is_least_bad_at_its_worst(found: list[Race]) -> None:
+    settings = one_for_all(asked(found, POSITION, loose=True))
+    # DOPRI5 at 1e-6 takes 2 and 2.5 times the cheapest, at 1e-8 3 and 2.75; the reference 6 times and once.
+    assert [(each.label, each.setting) for each in settings] == [
+        ("exudyn (DOPRI5)", "tolerance 1.0e-06"),
+        ("reference (DOP853)", "tolerance 1.0e-08"),
+    ]
+    assert settings[0].ratios == pytest.approx((2.0, 2.5))
+    assert settings[1].ratios == pytest.approx((6.0, 1.0))
+    assert settings[1].times_s == pytest.approx((0.012, 0.002))
+
+
+def test_ideal_scenes_race_by_themselves(found: list[Race]) -> None:
+    (race,) = asked(found, POSITION, loose=False)
+    assert (race.scene, race.absent, len(race.picks)) == ("ideal-a", (), 3)
