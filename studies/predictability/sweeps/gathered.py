@@ -43,8 +43,8 @@ def gathered(task: Task, scene: Scene, run: Trajectory) -> Row:
     An impact is a touch; one that still lasts at the end has no impulse yet. The deviation is the slider's
     from where ideal joints would put it at the crank's angle, and is positive along +x.
     """
-    turn_s = scene.end_time_s / task.turns
-    first = round((len(run.time_s) - 1) * task.watch.transient / task.turns)
+    turn_s = scene.end_time_s / task.watch.turns
+    first = round((len(run.time_s) - 1) * task.watch.transient / task.watch.turns)
     touch_s, impulse = _touches(run, run.time_s[first])
     deviation = run.slider_position_m - slider_position_m(scene, run.position[:, 0, 2])
     once = turn_s * (task.watch.transient + np.arange(1, math.floor(task.watch.revolutions) + 1))
@@ -98,7 +98,7 @@ def _exponent_1_s(task: Task, scene: Scene) -> float:
 
     Of the reference it is measured with RK4: where a tolerance chooses the steps, two runs differ by theirs.
     """
-    turn_s = scene.end_time_s / task.turns
+    turn_s = scene.end_time_s / task.watch.turns
     samples = STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2
     engine, step_s = task.engine, task.step_s or turn_s / TURN_STEPS
     if isinstance(engine, ReferenceEngine):
