@@ -7,7 +7,7 @@ way (see ``observer``), and no more is kept.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from threading import Event, Lock
 from typing import cast
@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.start_check import wound
 from engine_models.mechanics.watch import Watch
@@ -45,6 +45,8 @@ NUMBERS = (
 LISTS = ("strobe_m", "impact_phase_rad")
 
 Row = dict[str, object]
+#: Positions and velocities of the bodies at the end of a run, each (3, 3).
+End = tuple[FloatArray, FloatArray]
 
 
 def supports(engine: ReferenceEngine, scene: Scene, fields: Sequence[str]) -> bool:
@@ -148,6 +150,19 @@ class Members:
             for own, done in self.run(begins):
                 rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
         return [rows[number] for number in numbers]
+
+    def followed(self, values: Mapping[str, float]) -> tuple[Row, End | None]:
+        """Return the row of one member with these values, and where it ended; nothing of one that failed."""
+        alone = replace(self, changes={path: [value] for path, value in values.items()})
+        end = None
+        with np.errstate(all="ignore"):
+            begins, rows = alone.begun([0])
+            for _, done in alone.run(begins):
+                rows[0] = alone._row(0, done, 0)
+                if rows[0]["status"] == "ok":
+                    q, v = done.members.y[0, :18].reshape(2, 3, 3)
+                    end = q, v
+        return rows[0], end
 
     def begun(self, numbers: Sequence[int]) -> tuple[dict[int, Begin], dict[int, Row]]:
         """Return how members begin, by their numbers, and the rows of those that cannot."""

@@ -195,6 +195,9 @@ def sweep(
     step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
     transient: Annotated[str, Option(metavar="R", help="Turns of the crank that are not watched.")] = "0",
     revolutions: Annotated[str, Option(metavar="R", help="Turns that are watched.")] = "2",
+    chain: Annotated[
+        Text, Option(metavar="WAY", help="up, down or both: members go on from one to the next.")
+    ] = None,
     exponent: Annotated[
         bool, Option("--exponent", help="Also measure how fast neighbouring motions part.")
     ] = False,
@@ -211,7 +214,7 @@ def sweep(
     from studies.command import sweep as sweeps
 
     strings = {"sample": sample, "members": members, "jitter": jitter, "seed": seed, "step": step}
-    strings |= {"transient": transient, "revolutions": revolutions, "hours": hours}
+    strings |= {"transient": transient, "revolutions": revolutions, "hours": hours, "chain": chain}
     chosen = sweeps.options_of({**strings, "jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     endings.ending_of("--out", out, (".parquet",))
     if plot is not None:
@@ -224,7 +227,7 @@ def sweep(
     if plot is not None:
         sweeps.write_plot(result, plot, show)
     if not quiet:
-        failures.say(f"note: {len(wanted.members)} rows are in {out}")
+        failures.say(f"note: {len(wanted)} rows are in {out}")
 
 
 @app.command()
