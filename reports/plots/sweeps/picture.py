@@ -13,7 +13,7 @@ from reports.style import RC
 
 EXPONENT, STROBE, PHASE, FORCE = "exponent_1_s", "strobe_m", "impact_phase_rad", "largest_contact_force_N"
 #: Columns that say which member it is and how it ended.
-HEAD = ("member", "status", "reason")
+HEAD = ("member", "direction", "status", "reason")
 
 
 class NoPicture(ValueError):
@@ -24,7 +24,8 @@ def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: 
     """Return the picture of a sweep's rows: of a column to ``show``, or of what is looked at first.
 
     Of one field that is the slider's deviation once a turn, with the exponent if there is one; of two a map
-    of the exponent, or of the peak force; without any the impacts by crank angle.
+    of the exponent, or of the peak force; without any the impacts by crank angle. Chains up and down are told
+    apart by their colours.
 
     Raises:
         NoPicture: more fields were varied, or the column is none that can be drawn.

@@ -2,7 +2,8 @@
 
 A chain up and a chain down stay each in the motion that they have come from, and where they differ there is
 hysteresis. From member to member pins keep their places as parts of their clearances, so that one at the wall
-is at the wall where the clearance shrinks, and their speeds as parts of clearance times crank speed.
+is at the wall where the clearance shrinks, and their speeds as parts of clearance times crank speed. One that
+is in its wall is put just before it: the law's damping depends on how fast a pin touches.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +22,8 @@ from studies.predictability.sweeps.task import Task
 
 #: Where pins are in their clearances, and how fast, by joint: four numbers, as parts.
 Places = Mapping[str, Sequence[float]]
+#: As far out as a pin may be at a start, as a part of its clearance.
+FARTHEST = 1 - 1e-6
 #: Returns the row of a member with these values, and where it ended.
 Follow = Callable[[Mapping[str, float]], tuple[Row, End | None]]
 
@@ -76,6 +79,7 @@ def _places(scene: Scene, end: End) -> dict[str, list[float]]:
     for joint, room in clearances(scene).items():
         gap = joint_gap(scene, joint, position, velocity)
         parts = np.concatenate([gap.gap_m, gap.rate_m_s]) / _units(room.radial_clearance_m, scene)
+        parts[0] *= min(1.0, FARTHEST / np.hypot(*parts[0])) if parts[0].any() else 1.0
         found[joint] = parts.ravel().tolist()
     return found
 
