@@ -14,6 +14,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene
+from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.watch import SPEED, Watch
 from engine_models.reference.kernels import FolderRefused, writable_folder
 from engine_models.scene.data import NonNegative, Positive, SceneError
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 #: Members of a chain go on from where the one before them ended.
 Chain = Literal["up", "down", "both"]
+#: Fields of the start of single bodies.
+STATES = ("start.crank.", "start.rod.", "start.slider.")
 #: Of the corners of all ranges together, and of the values of a field, so many are looked at before a sweep.
 MOST_LOOKS = 1024
 
@@ -110,6 +113,8 @@ def asked(
     if exponent and engine_name != "reference" and getattr(engine, "order", None) is None:
         expected = "the reference, or an engine whose steps no tolerance chooses"
         raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
+    if any(field.startswith(STATES) for field in vary) and not scene.start.states:
+        scene = started_from(scene, *start_state(scene))  # each body has a start of its own then
     watch = Watch(options.transient, options.revolutions, exponent)
     task = Task(scene, engine_name, dict(vars(engine)), step_s, watch)
     ranges = {field: values_of(field, given) for field, given in vary.items()}

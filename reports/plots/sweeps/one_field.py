@@ -29,7 +29,7 @@ def draw_over_field(rows: pd.DataFrame, field: str, columns: Sequence[str]) -> P
             ax.plot(
                 across.drawn(own[field]),
                 up.drawn(own[column] / own[field] if _is_part(field, column) else own[column]),
-                label=f"members {way}wards",
+                label=f"members {way}wards" if way else "members",
                 linestyle="",
                 marker=".",
                 markersize=size * (2.5 if len(points) <= OPAQUE else 1.2),
