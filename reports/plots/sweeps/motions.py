@@ -29,23 +29,22 @@ def periods(strobe_m: FloatArray) -> NDArray[np.int_]:
 def motions(rows: pd.DataFrame) -> pd.Series:
     """Return in words what motion each of some members, which did not fail, is in: of the last half of turns.
 
-    Motions of one kind are told apart by their mean, and lettered from the least on.
+    Those that repeat are told apart by their mean, and lettered from the least on. At the wall a pin's swing
+    dies out slowly: that is one motion.
     """
     turns = rows["strobe_m"].map(len).min()
     strobe = np.array([list(own)[-(turns // 2) :] for own in rows["strobe_m"]])
     period, size = periods(strobe), np.abs(strobe).max()
     settled = rows["impacts_per_revolution"].to_numpy() == 0
-    found = pd.Series("no motion that repeats", rows.index)
-    for wall in (True, False):
-        for turn in range(1, LONGEST_PERIOD + 1):
-            which = (period == turn) & (settled == wall)
-            kinds = [*_apart(strobe[which, -turn:].mean(axis=1), ALIKE * size)]
-            for k, own in enumerate(kinds):
-                letter = f", {chr(ord('a') + k % 26)}" if len(kinds) > 1 else ""
-                words = "every turn" if turn == 1 else f"every {turn} turns"
-                with_words = "at the wall" if wall else "with impacts"
-                found[rows.index[np.flatnonzero(which)[own]]] = f"{words}, {with_words}{letter}"
-    found[(period == 0) & settled] = "at the wall, not repeating"
+    found = pd.Series("impacts, not repeating", rows.index)
+    found[settled] = "at the wall"
+    for turn in range(1, LONGEST_PERIOD + 1):
+        which = (period == turn) & ~settled
+        kinds = [*_apart(strobe[which, -turn:].mean(axis=1), ALIKE * size)]
+        words = "impacts, every turn" if turn == 1 else f"impacts, every {turn} turns"
+        for k, own in enumerate(kinds):
+            letter = f", {chr(ord('a') + k % 26)}" if len(kinds) > 1 else ""
+            found[rows.index[np.flatnonzero(which)[own]]] = words + letter
     return found
 
 
