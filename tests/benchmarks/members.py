@@ -59,7 +59,8 @@ def sweep_s(folder: Path, name: str, options: Sequence[str]) -> float:
     """Run a sweep as a user does; return the wall time in s."""
     low, high = ENDS[CLEARANCE]
     vary = f"{CLEARANCE}={low}:{high}:log:{MANY}"
-    command = [sys.executable, "-m", "studies.command.main", "sweep", SCENE, "--vary", vary, "--quiet"]
+    call = "from studies.command.main import main; main()"
+    command = [sys.executable, "-c", call, "sweep", SCENE, "--vary", vary, "--quiet"]
     begin = time.perf_counter()
     run([*command, *options, "--out", str(folder / f"{name}.parquet")], check=True, capture_output=True)
     return time.perf_counter() - begin
