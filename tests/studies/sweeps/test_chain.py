@@ -17,7 +17,7 @@ from studies.predictability.sweeps.chunk import Chunk, Direction, run_chunk
 from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task
 from studies.running.failures import BadInput
-from tests.studies.sweeps.test_run import Here
+from tests.helpers.running import Here
 
 SPEEDS = np.linspace(300.0, 400.0, 5)
 CLEARANCE, TURNS = "clearance.B.radial_clearance_m", Watch(1.0, 1.0)
