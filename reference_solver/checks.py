@@ -65,9 +65,12 @@ def require_vector(field: str, value: object, size: int) -> FloatArray:
 
 def require_finite(field: str, data: object) -> None:
     """Raise ValueError unless all numbers in dataclasses and tuples are finite; the field is of the first."""
-    if isinstance(data, tuple):
+    if isinstance(data, float):
+        if not math.isfinite(data):
+            require(field, data, False, FINITE)
+    elif isinstance(data, tuple):
         numbers = all(isinstance(part, float) for part in data)
-        if not (numbers and np.isfinite(data).all()):  # tables are long
+        if not (numbers and all(map(math.isfinite, data))):  # tables are long
             for k, part in enumerate(data):
                 require_finite(f"{field}[{k}]", part)
     elif is_dataclass(data):

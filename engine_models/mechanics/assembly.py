@@ -1,5 +1,7 @@
 """Where the bodies are, and how fast, when the ideal joints hold at a given crank angle and speed."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from engine_models.engine import BODIES, FloatArray
@@ -59,6 +61,28 @@ def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[Float
         state[:, ROD, :2] = pin + _along(rod.centre_of_mass_m, phi, phi_rate)
         state[:, ROD, 2] = phi, phi_rate
         state[:, SLIDER, 0] = (pin + _along(length, phi, phi_rate))[:, 0]
+    return state[0], state[1]
+
+
+def assembled_apart(
+    scene: Scene, angle_rad: float, speed_rad_s: float, gaps: Mapping[str, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the state of a crank-slider, as ``assembled`` does, whose joints O, A, B are some of them apart.
+
+    ``gaps`` (2, 2) are a joint's gap from bearing to pin in m and its rate in m/s; it is none in others.
+    """
+    crank, rod, _ = scene.crank_slider()
+    at_O, at_A, at_B = (gaps.get(joint, np.zeros((2, 2))) for joint in scene.joints)
+    state = np.zeros((2, 3, 3))
+    state[:, CRANK, :2] = at_O + _along(crank.centre_of_mass_m, angle_rad, speed_rad_s)
+    state[:, CRANK, 2] = angle_rad, speed_rad_s
+    pin = at_O + _along(crank.length_m, angle_rad, speed_rad_s) + at_A
+    height, rise = pin[:, 1] + at_B[:, 1]
+    phi = np.arcsin(-height / rod.length_m)
+    phi_rate = -rise / (rod.length_m * np.cos(phi))
+    state[:, ROD, :2] = pin + _along(rod.centre_of_mass_m, phi, phi_rate)
+    state[:, ROD, 2] = phi, phi_rate
+    state[:, SLIDER, 0] = (pin + _along(rod.length_m, phi, phi_rate) + at_B)[:, 0]
     return state[0], state[1]
 
 

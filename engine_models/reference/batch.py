@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +87,7 @@ class Done:
             Guard(run, scales, float(clock["longest"]), tolerance).check_energy()
         return run
 
-    @property
+    @cached_property
     def failed(self) -> NDArray[np.bool_]:
         """Whose run did not come to its end, or not in finite numbers, (m,)."""
         finite = np.isfinite(self.members.samples).all(axis=(1, 2))

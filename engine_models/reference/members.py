@@ -5,10 +5,10 @@ way (see ``observer``), and no more is kept.
 """
 
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from dataclasses import dataclass, field
-from functools import reduce
+from dataclasses import dataclass, field, replace
+from functools import cached_property, reduce
 from threading import Event, Lock
 from typing import cast
 
@@ -16,27 +16,22 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.mechanics.joints import clearances
-from engine_models.mechanics.start_check import checked_start, wound
+from engine_models.mechanics.start_check import wound
 from engine_models.mechanics.watch import Watch
 from engine_models.pace import Pace
 from engine_models.reference.batch import Begin, Done, Group, Judge
+from engine_models.reference.building import Builder
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.model import mechanism_of
 from engine_models.reference.run import LOOK_UP_STEPS, TURN_OF_STEP_RAD, taken
 from engine_models.scene.data import SceneError
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Topology
-from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
-from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.methods import RK4
-from reference_solver.solver import METHODS
 
 #: Members of a batch.
 BATCH = 32
-SPEED = "start.crank_speed_rad_s"
 #: Numbers of a row, NaN in one that failed; and lists, empty there.
 NUMBERS = (
     "impacts_per_revolution",
@@ -50,9 +45,8 @@ NUMBERS = (
 LISTS = ("strobe_m", "impact_phase_rad")
 
 Row = dict[str, object]
-#: A mechanism, its marked topology and its numbers; and of how many they are kept.
-Built = tuple[Mechanism, Topology, tuple[list[float], list[float]]]
-KEPT = 256
+#: Positions and velocities of the bodies at the end of a run, each (3, 3).
+End = tuple[FloatArray, FloatArray]
 
 
 def supports(engine: ReferenceEngine, scene: Scene, fields: Sequence[str]) -> bool:
@@ -108,50 +102,46 @@ class Members:
     watch: Watch
     step_s: float | None
     groups: dict[Topology, Group] = field(default_factory=dict)
-    built: dict[Hashable, Built] = field(default_factory=dict)
     lock: Lock = field(default_factory=Lock)
     ended: Event = field(default_factory=Event)
 
-    @property
-    def turns(self) -> float:
-        """Turns of the crank in a run."""
-        return self.watch.transient + self.watch.revolutions
+    @cached_property
+    def builder(self) -> Builder:
+        """Who builds them."""
+        return Builder.of(self.engine, self.changes)
+
+    def values(self, number: int) -> dict[str, float]:
+        """Return the values of the fields that change, by their paths, of a member."""
+        return {path: values[number] for path, values in self.changes.items()}
 
     def member(self, number: int) -> Scene:
-        """Return the scene of a member.
-
-        Raises:
-            SceneError: with its values it is none.
-        """
-        values = {path: values[number] for path, values in self.changes.items()}
-        speed = values.get(SPEED, self.scene.start.crank_speed_rad_s)
-        if speed == 0:
-            raise SceneError(f"{SPEED}: expected a number other than 0, by which turns are measured, got 0")
-        return self.scene.replace({**values, "end_time_s": self.turns * 2 * math.pi / abs(speed)})
+        """Return the scene of a member (see ``Watch.member``)."""
+        return self.watch.member(self.scene, self.values(number))
 
     def settings(self, scene: Scene) -> RunSettings:
         """Return the settings with which a member's scene is run alone."""
-        turn_s = scene.end_time_s / self.turns
+        turn_s = scene.end_time_s / self.watch.turns
         longest = turn_s * TURN_OF_STEP_RAD / (2 * math.pi) if self.engine.method == "rk4" else math.inf
         return RunSettings(min(self.step_s or longest, scene.end_time_s), 1)
 
-    def begin(self, scene: Scene) -> Begin:
+    def begin(self, number: int) -> Begin:
         """Return how a member begins.
 
         Raises:
+            SceneError: with its values it is no scene.
             SimulationFailed, SolverError: it cannot.
         """
-        scene, settings = wound(scene), self.settings(scene)
+        scene = wound(self.member(number))
+        settings, values = self.settings(scene), self.values(number)
         choice = taken(self.engine.step_choice(scene, settings), scene, settings)
-        # What the solver checks of a start this has checked: its pins are in no rigid bearing.
-        q, v = (part.ravel() for part in checked_start(scene))
+        built, start = self.builder.mechanism(scene, values), self.builder.start(scene, values)
         end, watch = scene.end_time_s, self.watch
-        turn_s = end / self.turns
+        turn_s = end / watch.turns
         once = turn_s * (watch.transient + np.arange(math.floor(watch.revolutions) + 1))
         times = np.array([0.0, *np.minimum(once, end), end])
         crank, rod, _ = scene.crank_slider()
         lengths = crank.length_m, rod.length_m
-        return Begin(*self._built(scene), q, v, choice, times, float(times[1]), lengths)
+        return Begin(*built, *start, choice, times, float(times[1]), lengths)
 
     def rows(self, numbers: Sequence[int]) -> list[Row]:
         """Return the rows of some members."""
@@ -161,12 +151,25 @@ class Members:
                 rows |= {number: self._row(number, done, k) for k, number in enumerate(own)}
         return [rows[number] for number in numbers]
 
+    def followed(self, values: Mapping[str, float]) -> tuple[Row, End | None]:
+        """Return the row of one member with these values, and where it ended; nothing of one that failed."""
+        alone = replace(self, changes={path: [value] for path, value in values.items()})
+        end = None
+        with np.errstate(all="ignore"):
+            begins, rows = alone.begun([0])
+            for _, done in alone.run(begins):
+                rows[0] = alone._row(0, done, 0)
+                if rows[0]["status"] == "ok":
+                    q, v = done.members.y[0, :18].reshape(2, 3, 3)
+                    end = q, v
+        return rows[0], end
+
     def begun(self, numbers: Sequence[int]) -> tuple[dict[int, Begin], dict[int, Row]]:
         """Return how members begin, by their numbers, and the rows of those that cannot."""
         begins, rows = dict[int, Begin](), dict[int, Row]()
         for number in numbers:
             try:
-                begins[number] = self.begin(self.member(number))
+                begins[number] = self.begin(number)
             except (SceneError, SimulationFailed, UnsupportedScene, SolverError) as failure:
                 rows[number] = failed(str(failure))
             except OverflowError:  # Python's own numbers raise where NumPy's become infinite
@@ -182,28 +185,10 @@ class Members:
             own = [begins[number] for number in numbers]
             yield numbers, self._group(marked, own[0]).run(own, self._judge_of(numbers), self.watch.exponent)
 
-    def _built(self, scene: Scene) -> Built:
-        """Return a member's mechanism, its topology and its numbers: those of another that is built alike."""
-        start = scene.start.crank_speed_rad_s, scene.start.time_s
-        key = (*scene.bodies, scene.gravity_m_s2, scene.drive, scene.load, scene.clearance, *start)
-        if (built := self.built.get(key)) is None:  # threads share it
-            if len(self.built) >= KEPT:
-                self.built.clear()
-            mechanism = mechanism_of(scene)
-            topology = self._topology(mechanism)
-            built = self.built[key] = mechanism, topology.marked(), topology.numbers()
-        return built
-
-    def _topology(self, mechanism: Mechanism) -> Topology:
-        stabiliser, method = self.engine.stabiliser, self.engine.method
-        baumgarte = stabiliser if isinstance(stabiliser, Baumgarte) else None
-        projected = stabiliser == "projection"
-        return Topology(mechanism, baumgarte, projected, method=RK4 if method == "rk4" else METHODS[method]())
-
     def _group(self, marked: Topology, begin: Begin) -> Group:
         with self.lock:
             if marked not in self.groups:
-                self.groups[marked] = Group(self._topology(begin.mechanism), begin.q)
+                self.groups[marked] = Group(self.builder.topology(begin.mechanism), begin.q)
             return self.groups[marked]
 
     def _judge_of(self, numbers: Sequence[int]) -> Judge:

@@ -196,6 +196,9 @@ def sweep(
     step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
     transient: Annotated[str, Option(metavar="R", help="Turns of the crank that are not watched.")] = "0",
     revolutions: Annotated[str, Option(metavar="R", help="Turns that are watched.")] = "2",
+    chain: Annotated[
+        Text, Option(metavar="WAY", help="up, down or both: members go on from one to the next.")
+    ] = None,
     exponent: Annotated[
         bool, Option("--exponent", help="Also measure how fast neighbouring motions part.")
     ] = False,
@@ -212,7 +215,7 @@ def sweep(
     from studies.command import sweep as sweeps
 
     strings = {"sample": sample, "members": members, "jitter": jitter, "seed": seed, "step": step}
-    strings |= {"transient": transient, "revolutions": revolutions, "hours": hours}
+    strings |= {"transient": transient, "revolutions": revolutions, "hours": hours, "chain": chain}
     chosen = sweeps.options_of({**strings, "jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     endings.ending_of("--out", out, (".parquet",))
     physics = options.changed(options.read_scene(scene), changes or [], None)
@@ -222,7 +225,7 @@ def sweep(
     with failures.quietly(quiet):
         with sweeps.opened_plot(plot, show) as draw:
             draw(sweeps.swept(wanted, out, chosen, scheduler))
-        failures.note(f"{len(wanted.members)} rows are in {out}")
+        failures.note(f"{len(wanted)} rows are in {out}")
 
 
 @app.command()

@@ -8,20 +8,22 @@ from functools import cached_property
 from importlib.metadata import version
 from itertools import islice, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene
-from engine_models.mechanics.watch import Watch
+from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.mechanics.watch import SPEED, Watch
 from engine_models.reference.kernels import FolderRefused, writable_folder
 from engine_models.scene.data import NonNegative, Positive, SceneError
 from engine_models.scene.file import to_toml
 from engine_models.scene.scene import Scene
 from studies.command.endings import PICTURES, ending_of
 from studies.command.options import DEFAULT_STEP_S, checked, read_engine
+from studies.predictability.sweeps.chunk import Direction
 from studies.predictability.sweeps.draws import Draw, Sample, drawn
 from studies.predictability.sweeps.ranges import values_of
 from studies.predictability.sweeps.run import Sweep, run_sweep
@@ -34,6 +36,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+#: Members of a chain go on from where the one before them ended.
+Chain = Literal["up", "down", "both"]
+#: Fields of the start of single bodies.
+STATES = ("start.crank.", "start.rod.", "start.slider.")
 #: Of the corners of all ranges together, and of the values of a field, so many are looked at before a sweep.
 MOST_LOOKS = 1024
 
@@ -51,6 +57,7 @@ class SweepOptions:
     step: Positive | None = None
     jobs: Annotated[int, Field(ge=1, le=1000)] = 1
     hours: Positive = 10.0
+    chain: Chain | None = None
 
 
 @dataclass(frozen=True)
@@ -107,6 +114,8 @@ def asked(
     if exponent and engine_name != "reference" and getattr(engine, "order", None) is None:
         expected = "the reference, or an engine whose steps no tolerance chooses"
         raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
+    if any(field.startswith(STATES) for field in vary) and not scene.start.states:
+        scene = started_from(scene, *start_state(scene))  # each body has a start of its own then
     watch = Watch(options.transient, options.revolutions, exponent)
     task = Task(scene, engine_name, dict(vars(engine)), step_s, watch)
     ranges = {field: values_of(field, given) for field, given in vary.items()}
@@ -118,7 +127,27 @@ def asked(
     draw = Draw(options.sample, options.members, options.jitter, options.seed)
     changes = drawn(scene, ranges, draw)
     _require_scenes(task, changes)
-    return Sweep(task, changes, tuple(ranges))
+    return Sweep(task, changes, tuple(ranges), _directions(task, changes, options))
+
+
+def _directions(
+    task: Task, changes: Mapping[str, FloatArray], options: SweepOptions
+) -> tuple[Direction, ...]:
+    """Return the ways in which chains run; refuse what is no chain."""
+    if options.chain is None:
+        return ()
+    if task.scene.drive.kind != "constant-speed":
+        expected = "a crank at constant speed, whose motions go on from member to member"
+        raise BadInput(f"--chain: expected {expected}, got the drive '{task.scene.drive.kind}'")
+    field, *others = changes
+    values = changes[field]
+    if others or options.sample != "grid" or (field.startswith("start.") and field != SPEED):
+        raise BadInput("--chain: expected one field with --vary, other than of the start but for its speed")
+    if len(values) < 2 or not (np.diff(values) > 0).all():
+        raise BadInput(f"--chain: expected values of {field} that rise, got others")
+    if not (options.transient.is_integer() and options.revolutions.is_integer()):
+        raise BadInput("--chain: expected whole turns with --transient and --revolutions, got parts of one")
+    return ("up", "down") if options.chain == "both" else (options.chain,)
 
 
 def swept(sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None = None) -> Swept:

@@ -6,10 +6,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
+from studies.running.case import Limits
 from studies.running.closure import NUMERICAL_CODE, ROOT
+from studies.running.execution import LimitedExecutor
 from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
@@ -69,3 +73,28 @@ def gone(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except FileNotFoundError:
         return True
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Here(LimitedExecutor):
+    """Runs calls when they are submitted; ``calls`` tells how many, and before each ``first`` is called."""
+
+    def __init__(self, first: Callable[[int], None] = lambda _: None) -> None:
+        self.calls, self._first = 0, first
+
+    def submit_within(
+        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+    ) -> "Future[T]":
+        """Run a call within the limits; the future has what it returns or raises."""
+        assert limits is not None
+        future: Future[T] = Future()
+        try:
+            self.calls += 1
+            self._first(self.calls)
+            future.set_result(call(*args, **kwargs))
+        except BaseException as error:
+            future.set_exception(error)
+        return future

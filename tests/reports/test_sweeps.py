@@ -6,6 +6,7 @@ import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.patches import Rectangle
 
+from reports.plots.sweeps.motions import motions
 from reports.plots.sweeps.picture import NoPicture, sweep_picture
 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
@@ -86,3 +87,47 @@ def test_what_cannot_be_drawn_is_refused(
 ) -> None:
     with pytest.raises(NoPicture, match=pieces):
         sweep_picture(grid, varied, "scene", show)
+
+
+def ended(impacts: float, strobe_mm: list[float]) -> dict[str, object]:
+    return {"impacts_per_revolution": impacts, "strobe_m": [1e-3 * each for each in strobe_mm * 12][:12]}
+
+
+#: Members that end in five motions, two of them in the same.
+ENDED = [
+    ended(0.0, [0.5]),
+    ended(2.0, [0.3]),
+    ended(2.0, [0.4]),
+    ended(1.0, [0.1, 0.4]),
+    ended(3.0, [*np.random.default_rng(1).random(12)]),
+    ended(2.0, [0.3001]),
+]
+
+
+def test_members_are_told_apart_by_the_motion_that_they_end_in() -> None:
+    assert motions(pd.DataFrame(ENDED)).tolist() == [
+        "at the wall",
+        "impacts, every turn, a",
+        "impacts, every turn, b",
+        "impacts, every 2 turns",
+        "impacts, not repeating",
+        "impacts, every turn, a",
+    ]
+
+
+def test_over_the_start_basins_are_drawn_with_the_number_of_members_in_each() -> None:
+    places = {"start.slider.x_m": [0.0, 0.0, 0.0, 1.0, 1.0, 1.0], "start.rod.x_m": [1.0, 2.0, 3.0] * 2}
+    rows = pd.DataFrame(ENDED).assign(**places, status="ok", exponent_1_s=np.nan)
+    picture = sweep_picture(rows, [*places], "scene")
+    (legend,) = picture.legends
+    assert legend.get_texts()[0].get_text() == "impacts, every turn, a: 2 members"
+    assert len(legend.get_texts()) == 5
+    assert picture.axes[0].get_xlabel() == "slider's x at the start [m]"
+
+
+def test_chains_up_and_down_have_a_colour_each(grid: pd.DataFrame) -> None:
+    rows = grid.assign(exponent_1_s=np.nan, direction=["up"] * 6 + ["down"] * 6)
+    picture = sweep_picture(rows, [SPEED], "scene")
+    down, up = picture.axes[0].get_lines()
+    assert down.get_color() != up.get_color()
+    assert len(np.asarray(up.get_xdata())) == 12

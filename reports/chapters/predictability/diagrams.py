@@ -9,6 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
 from reports.parts import Figure
+from reports.plots.sweeps.motions import periods
 from reports.plots.sweeps.one_field import draw_over_field
 from reports.plots.sweeps.two_fields import draw_map
 from reports.quantities import finished
@@ -20,8 +21,6 @@ CLEARANCES, SPEEDS, MAP = "diagram over clearance", "diagram over crank speed", 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
 FIELDS = {CLEARANCES: CLEARANCE, SPEEDS: SPEED, MAP: CLEARANCE}
 EXPONENT, HALF = "exponent_per_revolution", "exponent_half_per_revolution"
-#: A motion repeats after so many turns at most if it is then back within this part of the largest deviation.
-LONGEST_PERIOD, BACK = 4, 1e-3
 #: An exponent has converged if half of the revolutions give it within this part. Chaos is claimed from this
 #: one in a revolution on: less, of a motion that oscillates at the wall, may be what its start has left.
 CONVERGED, NEAR_ZERO = 0.2, 1.0
@@ -47,11 +46,7 @@ class Diagram:
     @property
     def periods(self) -> NDArray[np.int_]:
         """After how many turns each column's motion repeats, (n,); 0 where it does not within a few."""
-        size, found = np.abs(self.strobe_m).max(axis=1), np.zeros(len(self.at), int)
-        for period in range(LONGEST_PERIOD, 0, -1):
-            back = np.abs(self.strobe_m[:, period:] - self.strobe_m[:, :-period]).max(axis=1)
-            found[back <= BACK * size] = period
-        return found
+        return periods(self.strobe_m)
 
 
 def diagram(results: Results, rows: pd.DataFrame, part: str) -> Diagram | None:

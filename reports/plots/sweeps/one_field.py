@@ -2,49 +2,59 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 
 from reports.plots.sweeps.scales import Scale, scale_of
-from reports.results import FloatArray
 from reports.run.picture import Picture
-from reports.style import BLACK, VERMILLION
+from reports.style import BLACK, BLUE, VERMILLION
 
 #: Height of a panel in inches; so many points on it are opaque, of more each is fainter.
 PANEL_IN, OPAQUE = 2.6, 3000
+#: Colours and sizes of the points of chains, so that one shows below the other, and of members without one.
+WAYS = {None: (BLACK, 1.0), "up": (BLUE, 1.0), "down": (VERMILLION, 2.0)}
 
 
 def draw_over_field(rows: pd.DataFrame, field: str, columns: Sequence[str]) -> Picture:
-    """Return a panel of points for each column, one below the other."""
+    """Return a panel of points for each column, one below the other; chains up and down in two colours."""
     picture = Picture(PANEL_IN * len(columns) + 0.6)
     axes = picture.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     across = scale_of(field, rows[field])
+    ways = dict(iter(rows.groupby("direction"))) if "direction" in rows else {None: rows}
     for ax, column in zip(axes, columns, strict=True):
         points = rows[[field, column]].explode(column).dropna()
-        up, heights = _upwards(points, field, column)
-        ax.plot(
-            across.drawn(points[field]),
-            heights,
-            linestyle="",
-            marker=".",
-            markersize=2.5 if len(points) <= OPAQUE else 1.2,
-            markeredgewidth=0,
-            color=BLACK,
-            alpha=max(0.25, min(1.0, (OPAQUE / max(len(points), 1)) ** 0.5)),
-            rasterized=len(points) > OPAQUE,
-        )
+        up = _upwards(points, field, column)
+        for way, members in ways.items():
+            own = members[[field, column]].explode(column).dropna()
+            colour, size = WAYS[way]
+            ax.plot(
+                across.drawn(own[field]),
+                up.drawn(own[column] / own[field] if _is_part(field, column) else own[column]),
+                label=f"members {way}wards" if way else "members",
+                linestyle="",
+                marker=".",
+                markersize=size * (2.5 if len(points) <= OPAQUE else 1.2),
+                markeredgewidth=0,
+                color=colour,
+                alpha=max(0.25, min(1.0, (OPAQUE / max(len(points), 1)) ** 0.5)),
+                rasterized=len(points) > OPAQUE,
+            )
         ax.set(ylabel=up.label, yscale=up.kind)
         if column.startswith("exponent"):
             ax.axhline(0.0, color=VERMILLION, linewidth=0.8, linestyle="--")
     axes[-1].set(xlabel=across.label, xscale=across.kind)
+    if None not in ways:
+        lines = [line for line in axes[0].get_lines() if line.get_linestyle() == "None"]
+        picture.legend(handles=lines, loc="outside lower center", ncols=2, markerscale=4)
     return picture
 
 
-def _upwards(points: pd.DataFrame, field: str, column: str) -> tuple[Scale, FloatArray]:
-    """Return how a column is drawn, and where its points are: lengths over a clearance as its parts."""
-    if column.endswith("_m") and field.endswith("radial_clearance_m"):
-        parts = points[column].astype(float) / points[field]
-        name = scale_of(column, parts).label.partition(" [")[0]
-        return Scale(1.0, f"{name} / clearance", log=False), np.asarray(parts)
-    scale = scale_of(column, points[column])
-    return scale, scale.drawn(points[column])
+def _upwards(points: pd.DataFrame, field: str, column: str) -> Scale:
+    """Return how a column is drawn: lengths over a clearance as its parts."""
+    if _is_part(field, column):
+        name = scale_of(column, points[column] / points[field]).label.partition(" [")[0]
+        return Scale(1.0, f"{name} / clearance", log=False)
+    return scale_of(column, points[column])
+
+
+def _is_part(field: str, column: str) -> bool:
+    return column.endswith("_m") and field.endswith("radial_clearance_m")

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import pandas as pd
 
+from reports.plots.sweeps.basins import draw_basins
 from reports.plots.sweeps.histogram import draw_histogram
 from reports.plots.sweeps.one_field import draw_over_field
 from reports.plots.sweeps.two_fields import draw_map
@@ -12,8 +13,11 @@ from reports.run.picture import Picture
 from reports.style import RC
 
 EXPONENT, STROBE, PHASE, FORCE = "exponent_1_s", "strobe_m", "impact_phase_rad", "largest_contact_force_N"
+#: What is shown over the start: in which motion a member ends, seen in the last half of so many turns.
+MOTION, FEWEST_TURNS = "motion", 10
+SPEED = "start.crank_speed_rad_s"
 #: Columns that say which member it is and how it ended.
-HEAD = ("member", "status", "reason")
+HEAD = ("member", "direction", "status", "reason")
 
 
 class NoPicture(ValueError):
@@ -23,13 +27,15 @@ class NoPicture(ValueError):
 def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: str | None = None) -> Picture:
     """Return the picture of a sweep's rows: of a column to ``show``, or of what is looked at first.
 
-    Of one field that is the slider's deviation once a turn, with the exponent if there is one; of two a map
-    of the exponent, or of the peak force; without any the impacts by crank angle.
+    Of one field that is the slider's deviation once a turn, with the exponent if there is one; of two of the
+    start the basins of attraction, of two others a map of the exponent, or of the peak force; without any the
+    impacts by crank angle. Chains up and down are told apart by their colours.
 
     Raises:
         NoPicture: more fields were varied, or the column is none that can be drawn.
     """
     columns = [column for column in frame if column not in (*HEAD, *varied)]
+    columns += [MOTION] * (len(varied) == 2)
     if show is not None and show not in columns:
         raise NoPicture(f"expected one of {', '.join(columns)}, got {show}")
     if len(varied) > 2:
@@ -37,21 +43,31 @@ def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: 
     done = frame[frame["status"] == "ok"]
     if done.empty:
         raise NoPicture("expected members that did not fail, got none")
-    has_exponent = bool(done[EXPONENT].notna().any())
     with mpl.rc_context(RC):
         if len(varied) == 2:
-            shown = show or (EXPONENT if has_exponent else FORCE)
-            if _is_list(done, shown):
-                raise NoPicture(f"expected a column with one number a member for a map, got {shown}")
-            picture = draw_map(frame, (varied[0], varied[1]), shown)
+            picture = _over_two(frame, (varied[0], varied[1]), show)
         elif len(varied) == 1:
-            first = [STROBE, *([EXPONENT] if has_exponent else [])]
+            first = [STROBE, *([EXPONENT] if done[EXPONENT].notna().any() else [])]
             picture = draw_over_field(done, varied[0], [show] if show else first)
         else:
             picture = draw_histogram(done, show or PHASE)
         failed = len(frame) - len(done)
         picture.suptitle(f"{title}: {len(frame)} members" + (f", {failed} failed" if failed else ""), size=9)
     return picture
+
+
+def _over_two(frame: pd.DataFrame, fields: tuple[str, str], show: str | None) -> Picture:
+    done = frame[frame["status"] == "ok"]
+    if show is None and all(field.startswith("start.") and field != SPEED for field in fields):
+        show = MOTION
+    if show == MOTION:
+        if (turns := done[STROBE].map(len).min()) < FEWEST_TURNS:
+            raise NoPicture(f"expected members of {FEWEST_TURNS} turns for {MOTION}, got {turns}")
+        return draw_basins(frame, fields)
+    shown = show or (EXPONENT if done[EXPONENT].notna().any() else FORCE)
+    if _is_list(done, shown):
+        raise NoPicture(f"expected a column with one number a member for a map, got {shown}")
+    return draw_map(frame, fields, shown)
 
 
 def _is_list(rows: pd.DataFrame, column: str) -> bool:

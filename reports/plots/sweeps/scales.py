@@ -10,6 +10,8 @@ from reports.style import words
 
 #: From this ratio of largest to smallest on an axis is logarithmic.
 DECADES = 30.0
+#: Fields of the start of single bodies.
+BODIES = ("start.crank.", "start.rod.", "start.slider.")
 #: What is said of columns in more words than their names have.
 NAMES = {
     "strobe_m": "slider's deviation once a turn",
@@ -47,6 +49,8 @@ def scale_of(column: str, values: pd.Series) -> Scale:
     name = NAMES.get(column, name)
     if column.startswith("clearance."):
         name = f"{name} at {column.split('.')[1]}"
+    if column.startswith(BODIES):
+        name = f"{column.split('.')[1]}'s {name} at the start"
     factor, unit = _handy(unit, largest)
     positive = bool((np.asarray(values, dtype=float) > 0).all())
     log = positive and largest >= DECADES * float(np.nanmin(numbers))

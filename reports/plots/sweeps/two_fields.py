@@ -3,7 +3,8 @@
 import numpy as np
 import pandas as pd
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize, TwoSlopeNorm
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import Colormap, LogNorm, Normalize, TwoSlopeNorm
 from matplotlib.patches import Patch
 
 from reports.plots.sweeps.scales import Scale, scale_of
@@ -19,29 +20,39 @@ SIZES, SIGNED = "cividis", "PuOr_r"
 
 def draw_map(rows: pd.DataFrame, fields: tuple[str, str], column: str) -> Picture:
     """Return the map of a column; where several members share a place, of their mean."""
+    of = scale_of(column, rows[column].dropna())
+    norm, colours = _norm(of, rows[column])
+    picture, drawn = draw_places(
+        rows.assign(**{column: of.drawn(rows[column])}), fields, column, norm, colours
+    )
+    if rows.groupby(list(fields))[column].mean().isna().any() and isinstance(drawn, QuadMesh):
+        handles = [Patch(color=GREY, label="no number: failed, or not defined")]
+        picture.legend(handles=handles, loc="outside lower center")
+    picture.colorbar(drawn, label=of.label, pad=0.02)
+    return picture
+
+
+def draw_places(
+    rows: pd.DataFrame, fields: tuple[str, str], column: str, norm: Normalize, colours: Colormap | str
+) -> tuple[Picture, ScalarMappable]:
+    """Return a picture of numbers over two fields, and what of it a bar of colours goes by."""
     width, height = SIZE_IN
     picture = Picture(height, width)
     ax = picture.add_subplot()
     points = rows.groupby(list(fields))[column].mean().reset_index()
     across, up = (scale_of(field, rows[field]) for field in fields)
-    of = scale_of(column, points[column].dropna())
-    norm, colours = _norm(of, points[column])
     x, y = (scale.drawn(points[field]) for scale, field in zip((across, up), fields, strict=True))
     drawn: ScalarMappable
     if len(np.unique(x)) * len(np.unique(y)) == len(points):
-        cells = of.drawn(points.pivot_table(column, fields[1], fields[0], dropna=False).to_numpy())
+        cells = points.pivot_table(column, fields[1], fields[0], dropna=False).to_numpy()
         edges = (_edges(np.unique(values), scale.log) for values, scale in ((x, across), (y, up)))
         drawn = ax.pcolormesh(*edges, np.ma.masked_invalid(cells), norm=norm, cmap=colours, rasterized=True)
         ax.set_facecolor(GREY)
         ax.grid(visible=False)
-        if np.isnan(cells).any():
-            handles = [Patch(color=GREY, label="no number: failed, or not defined")]
-            picture.legend(handles=handles, loc="outside lower center")
     else:
-        drawn = ax.scatter(x, y, c=of.drawn(points[column]), norm=norm, cmap=colours, s=9, linewidths=0)
+        drawn = ax.scatter(x, y, c=points[column], norm=norm, cmap=colours, s=9, linewidths=0)
     ax.set(xlabel=across.label, ylabel=up.label, xscale=across.kind, yscale=up.kind)
-    picture.colorbar(drawn, label=of.label, pad=0.02)
-    return picture
+    return picture, drawn
 
 
 def _norm(of: Scale, values: pd.Series) -> tuple[Normalize, str]:

@@ -1,9 +1,11 @@
 """Runs some members of a sweep in one process, and makes a table of their rows."""
 
+import json
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import pandas as pd
 import pyarrow as pa
@@ -11,16 +13,26 @@ import pyarrow as pa
 from engine_models.engine import FloatArray
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import LISTS, NUMBERS, failed, run_members, supports
+from studies.predictability.sweeps.chain import Places, run_chain
 from studies.predictability.sweeps.gathered import row_of
 from studies.predictability.sweeps.task import Task
+
+Direction = Literal["up", "down"]
+#: Where the metadata of a chunk's rows have where its last member has ended.
+PLACES = b"places"
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Members from number ``first`` on, and the values (n,) of every field that changes, by its path."""
+    """Members from number ``first`` on, and the values (n,) of every field that changes, by its path.
+
+    Those of a chain have its ``direction``, and begin where the one before them ended (see ``chain``).
+    """
 
     first: int
     changes: Mapping[str, FloatArray]
+    direction: Direction | None = None
+    places: Places | None = None
 
     def __len__(self) -> int:
         return len(next(iter(self.changes.values())))
@@ -28,7 +40,11 @@ class Chunk:
     def part(self, begin: int, end: int) -> "Chunk":
         """Return the members from place ``begin`` to before ``end`` of this chunk."""
         changes = {field: values[begin:end] for field, values in self.changes.items()}
-        return Chunk(self.first + begin, changes)
+        return replace(self, first=self.first + begin, changes=changes)
+
+    def after(self, before: pa.Schema) -> "Chunk":
+        """Return this chunk of a chain as it goes on from the one before it, whose rows have this schema."""
+        return replace(self, places=json.loads(before.metadata[PLACES]))
 
 
 @dataclass(frozen=True)
@@ -42,6 +58,9 @@ class Trial:
 
 def run_chunk(task: Task, chunk: Chunk) -> pa.Table:
     """Return the rows of a chunk, a member each; the reference runs them together where it can."""
+    if chunk.direction:
+        own, places = run_chain(task, [*_members(chunk)], chunk.places)
+        return table_of(chunk, pd.DataFrame(own), places)
     engine = task.engine
     if isinstance(engine, ReferenceEngine) and supports(engine, task.scene, [*chunk.changes]):
         rows = run_members(engine, task.scene, chunk.changes, task.watch, step_s=task.step_s)
@@ -52,7 +71,7 @@ def run_chunk(task: Task, chunk: Chunk) -> pa.Table:
 
 def failed_chunk(chunk: Chunk, reason: str) -> pa.Table:
     """Return the rows of a chunk all of whose members failed, for one reason."""
-    return table_of(chunk, pd.DataFrame([failed(reason)] * len(chunk)))
+    return table_of(chunk, pd.DataFrame([failed(reason)] * len(chunk)), chunk.places)
 
 
 def try_out(task: Task, chunk: Chunk) -> Trial:
@@ -64,12 +83,13 @@ def try_out(task: Task, chunk: Chunk) -> Trial:
     return Trial(elapsed / len(chunk), table.nbytes / len(chunk), _most_bytes())
 
 
-def schema(fields: Mapping[str, object]) -> pa.Schema:
+def schema(fields: Iterable[str], chained: bool = False) -> pa.Schema:
     """Return names and types of the columns of a sweep in which these fields change."""
     numbers, lists = pa.float64(), pa.list_(pa.float64())
     return pa.schema(
         [
             ("member", pa.int64()),
+            *([("direction", pa.string())] if chained else []),
             *((field, numbers) for field in fields),
             ("status", pa.string()),
             ("reason", pa.string()),
@@ -79,10 +99,14 @@ def schema(fields: Mapping[str, object]) -> pa.Schema:
     )
 
 
-def table_of(chunk: Chunk, rows: pd.DataFrame) -> pa.Table:
+def table_of(chunk: Chunk, rows: pd.DataFrame, places: Places | None = None) -> pa.Table:
     """Return the rows of a chunk with their numbers and values before them; a NaN is nothing."""
-    head = {"member": range(chunk.first, chunk.first + len(chunk)), **chunk.changes}
-    return pa.Table.from_pandas(rows.assign(**head), schema(chunk.changes), preserve_index=False)
+    head: dict[str, object] = {"member": range(chunk.first, chunk.first + len(chunk)), **chunk.changes}
+    if chunk.direction is None:
+        return pa.Table.from_pandas(rows.assign(**head), schema(chunk.changes), preserve_index=False)
+    head["direction"] = chunk.direction
+    columns = schema(chunk.changes, chained=True).with_metadata({PLACES: json.dumps(places)})
+    return pa.Table.from_pandas(rows.assign(**head), columns, preserve_index=False)
 
 
 def _members(chunk: Chunk) -> Iterator[dict[str, float]]:

@@ -12,7 +12,7 @@ import numpy as np
 from engine_models.engine import Contact, FloatArray, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.quality import require_quality
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.members import Row, failed
+from engine_models.reference.members import End, Row, failed
 from engine_models.scene.data import SceneError
 from engine_models.scene.scene import Scene
 from studies.judges import lyapunov
@@ -26,15 +26,21 @@ STRETCH_SAMPLES, TURN_STEPS = 500, 240
 
 def row_of(task: Task, values: Mapping[str, float]) -> Row:
     """Return the row of a member with these values: what it did, or why it failed."""
+    return followed(task, values)[0]
+
+
+def followed(task: Task, values: Mapping[str, float]) -> tuple[Row, End | None]:
+    """Return the row of a member with these values, and where it ended; nothing of one that failed."""
     try:
         scene = task.member(values)
         with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
             run = task.engine.simulate(scene, task.run_settings(scene))
             found = gathered(task, scene, require_quality(scene, run))
             exponent = _exponent_1_s(task, scene) if task.watch.exponent else math.nan
-        return {"status": "ok", "reason": "", **found, "exponent_1_s": exponent}
     except (SceneError, SimulationFailed, UnsupportedScene, MemoryError) as failure:
-        return failed(str(failure) or "no memory left")
+        return failed(str(failure) or "no memory left"), None
+    row = {"status": "ok", "reason": "", **found, "exponent_1_s": exponent}
+    return row, (run.position[-1], run.velocity[-1])
 
 
 def gathered(task: Task, scene: Scene, run: Trajectory) -> Row:
@@ -43,8 +49,8 @@ def gathered(task: Task, scene: Scene, run: Trajectory) -> Row:
     An impact is a touch; one that still lasts at the end has no impulse yet. The deviation is the slider's
     from where ideal joints would put it at the crank's angle, and is positive along +x.
     """
-    turn_s = scene.end_time_s / task.turns
-    first = round((len(run.time_s) - 1) * task.watch.transient / task.turns)
+    turn_s = scene.end_time_s / task.watch.turns
+    first = round((len(run.time_s) - 1) * task.watch.transient / task.watch.turns)
     touch_s, impulse = _touches(run, run.time_s[first])
     deviation = run.slider_position_m - slider_position_m(scene, run.position[:, 0, 2])
     once = turn_s * (task.watch.transient + np.arange(1, math.floor(task.watch.revolutions) + 1))
@@ -98,7 +104,7 @@ def _exponent_1_s(task: Task, scene: Scene) -> float:
 
     Of the reference it is measured with RK4: where a tolerance chooses the steps, two runs differ by theirs.
     """
-    turn_s = scene.end_time_s / task.turns
+    turn_s = scene.end_time_s / task.watch.turns
     samples = STRETCH_SAMPLES * len(scene.joints_with_clearance) ** 2
     engine, step_s = task.engine, task.step_s or turn_s / TURN_STEPS
     if isinstance(engine, ReferenceEngine):

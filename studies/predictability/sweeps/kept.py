@@ -41,6 +41,12 @@ class Kept:
         name = f"{first:09}-{first + len(table) - 1:09}.parquet"
         write_whole(self._folder / name, sink.getvalue().to_pybytes())
 
+    def schema_before(self, first: int) -> pa.Schema | None:
+        """Return the schema of the chunk that ends before a member, None if there is none."""
+        for part in self._folder.glob(f"*-{first - 1:09}.parquet"):
+            return parquet.read_schema(part)
+        return None
+
     def merge(self, path: Path, metadata: Mapping[str, str]) -> None:
         """Write all chunks into one file, in the order of members, one at a time."""
         parts = sorted(self._folder.glob("*.parquet"))

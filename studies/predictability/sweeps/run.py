@@ -3,7 +3,7 @@
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemaining
 from engine_models.engine import FloatArray
 from engine_models.engines import engine_module
 from engine_models.memory import free_bytes
-from studies.predictability.sweeps.chunk import Chunk, Trial, failed_chunk, run_chunk, try_out
+from studies.predictability.sweeps.chunk import Chunk, Direction, Trial, failed_chunk, run_chunk, try_out
 from studies.predictability.sweeps.kept import IDENTITY, Kept, is_whole, opened
 from studies.predictability.sweeps.task import Task
 from studies.running.case import ROOMY
@@ -35,16 +35,28 @@ Executors = Callable[[], AbstractContextManager[LimitedExecutor]]
 
 @dataclass(frozen=True)
 class Sweep:
-    """A task, and the values (n,) of the fields that change, by path; ``varied`` are those to look at."""
+    """A task, and the values (n,) of the fields that change, by path; ``varied`` are those to look at.
+
+    With ``directions`` they are run that way, or both, as chains (see ``chain``).
+    """
 
     task: Task
     changes: Mapping[str, FloatArray]
     varied: tuple[str, ...]
+    directions: tuple[Direction, ...] = ()
 
     @property
-    def members(self) -> Chunk:
-        """All members."""
-        return Chunk(0, self.changes)
+    def members(self) -> list[Chunk]:
+        """All members: each chain by itself."""
+        if not self.directions:
+            return [Chunk(0, self.changes)]
+        down = {field: values[::-1] for field, values in self.changes.items()}
+        ways = {"up": self.changes, "down": down}
+        count = len(next(iter(down.values())))
+        return [Chunk(k * count, ways[way], way) for k, way in enumerate(self.directions)]
+
+    def __len__(self) -> int:
+        return sum(map(len, self.members))
 
     def metadata(self, made_by: Mapping[str, object]) -> dict[str, str]:
         """Return what goes into the file beside the rows."""
@@ -62,7 +74,16 @@ class Sweep:
         ]
         values = {field: hashlib.sha256(of.tobytes()).hexdigest() for field, of in self.changes.items()}
         settings = {name: repr(value) for name, value in task.settings.items()}
-        parts = [code, values, settings, task.engine_name, task.step_s, repr(task.watch), self.varied]
+        parts = [
+            code,
+            values,
+            settings,
+            task.engine_name,
+            task.step_s,
+            repr(task.watch),
+            self.varied,
+            self.directions,
+        ]
         text = json.dumps([*parts, task.scene.model_dump()], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -84,37 +105,49 @@ def run_sweep(
         RunBroken: no member can go on.
         OSError: nothing can be written there.
     """
-    identity, members = sweep.identity(), sweep.members
+    identity, count = sweep.identity(), len(sweep)
     if is_whole(path, identity):
-        note(f"{path} has all {len(members)} members already")
+        note(f"{path} has all {count} members already")
         return
-    with opened(path, identity, len(members)) as kept, (cluster or (lambda: Processes(jobs)))() as pool:
+    at_once = min(jobs, len(sweep.directions) or jobs)
+    with opened(path, identity, count) as kept, (cluster or (lambda: Processes(at_once)))() as pool:
         try:
             missing = kept.missing()
             left = sum(end - begin for begin, end in missing)
             size = MOST_IN_CHUNK
             if left > FEW:
-                trial = pool.submit_within(ROOMY, try_out, sweep.task, _spread(members)).result()
-                _announce(trial, left, jobs, path, cluster is not None, hours)
+                trial = pool.submit_within(ROOMY, try_out, sweep.task, _spread(sweep.changes)).result()
+                _announce(trial, left, at_once, path, cluster is not None, hours)
                 size = int(np.clip(CHUNK_S / trial.member_s, 1, MOST_IN_CHUNK))
-            chunks = list(_chunks(members, missing, min(size, max(1, -(-left // jobs)))))
-            _run(sweep.task, chunks, pool, kept, len(members) - left)
+            rows = [_rows(members, kept, min(size, max(1, -(-left // at_once)))) for members in sweep.members]
+            _run(sweep.task, [row for each in rows for row in each], pool, kept, count - left)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         kept.merge(path, sweep.metadata(made_by))
 
 
-def _spread(members: Chunk) -> Chunk:
+def _spread(changes: Mapping[str, FloatArray]) -> Chunk:
     """Return a few members from all over."""
-    places = np.linspace(0, len(members) - 1, TRIED).round().astype(int)
-    return Chunk(0, {field: values[places] for field, values in members.changes.items()})
+    count = len(next(iter(changes.values())))
+    places = np.linspace(0, count - 1, TRIED).round().astype(int)
+    return Chunk(0, {field: values[places] for field, values in changes.items()})
 
 
-def _chunks(members: Chunk, missing: list[tuple[int, int]], size: int) -> Iterator[Chunk]:
-    for begin, end in missing:
-        for first in range(begin, end, size):
-            yield members.part(first, min(first + size, end))
+def _rows(members: Chunk, kept: Kept, size: int) -> list[list[Chunk]]:
+    """Return what is missing of some members in chunks, those in a row to be run one after another."""
+    end = members.first + len(members)
+    stretches = [(max(begin, members.first), min(last, end)) for begin, last in kept.missing()]
+    chunks = [
+        members.part(first - members.first, min(first + size, last) - members.first)
+        for begin, last in stretches
+        for first in range(begin, last, size)
+    ]
+    if members.direction is None:
+        return [[chunk] for chunk in chunks]
+    if chunks and chunks[0].first > members.first and (before := kept.schema_before(chunks[0].first)):
+        chunks[0] = chunks[0].after(before)
+    return [chunks] if chunks else []
 
 
 def _announce(trial: Trial, left: int, jobs: int, path: Path, elsewhere: bool, hours: float) -> None:
@@ -142,35 +175,38 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def _run(task: Task, chunks: list[Chunk], pool: LimitedExecutor, kept: Kept, done: int) -> None:
-    """Run chunks and keep each as soon as it is finished."""
+def _run(task: Task, rows: list[list[Chunk]], pool: LimitedExecutor, kept: Kept, done: int) -> None:
+    """Run rows of chunks, each of them one after another, and keep each chunk as soon as it is finished."""
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=progress_console(), disable=not chunks) as progress:
-        bar = progress.add_task("members", total=done + sum(map(len, chunks)), completed=done)
-        futures = {_submitted(pool, task, chunk): chunk for chunk in chunks}
+    left = sum(len(chunk) for row in rows for chunk in row)
+    with Progress(*columns, console=progress_console(), disable=not rows) as progress:
+        bar = progress.add_task("members", total=done + left, completed=done)
+        futures = {_submitted(pool, task, row[0]): row for row in rows}
         while futures:
             finished, _ = wait(futures, return_when=FIRST_COMPLETED)
-            for future in sorted(finished, key=lambda each: futures[each].first):
-                chunk = futures.pop(future)
-                kept.keep(chunk.first, _rows(pool, task, chunk, future))
-                progress.advance(bar, len(chunk))
+            for future in sorted(finished, key=lambda each: futures[each][0].first):
+                first, *others = futures.pop(future)
+                table = _table(first, future)
+                if table is None:
+                    others = [first.part(place, place + 1) for place in range(len(first))] + others
+                else:
+                    kept.keep(first.first, table)
+                    progress.advance(bar, len(first))
+                    if others and first.direction:
+                        others[0] = others[0].after(table.schema)
+                if others:
+                    futures[_submitted(pool, task, others[0])] = others
 
 
 def _submitted(pool: LimitedExecutor, task: Task, chunk: Chunk) -> "Future[pa.Table]":
     return pool.submit_within(ROOMY, run_chunk, task, chunk)
 
 
-def _rows(pool: LimitedExecutor, task: Task, chunk: Chunk, future: "Future[pa.Table]") -> pa.Table:
-    """Return the rows of a chunk that is done; of one whose process died, every member runs by itself."""
+def _table(chunk: Chunk, future: "Future[pa.Table]") -> pa.Table | None:
+    """Return the rows of a chunk that is done; None of one whose process died: its members run alone."""
     try:
         return future.result()
     except CaseEnded as end:
         if end.status in NO_RESULT:
             raise RunBroken(f"{end}: what was finished is kept, run it again") from None
-        if len(chunk) == 1:
-            return failed_chunk(chunk, str(end))
-    alone = [chunk.part(place, place + 1) for place in range(len(chunk))]
-    futures = [_submitted(pool, task, one) for one in alone]
-    return pa.concat_tables(
-        [_rows(pool, task, one, its) for one, its in zip(alone, futures, strict=True)]
-    ).combine_chunks()
+        return failed_chunk(chunk, str(end)) if len(chunk) == 1 else None

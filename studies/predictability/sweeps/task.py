@@ -8,10 +8,8 @@ from functools import cached_property
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import make_engine
 from engine_models.mechanics.watch import Watch
-from engine_models.scene.data import SceneError
 from engine_models.scene.scene import Scene
 
-SPEED = "start.crank_speed_rad_s"
 #: Output intervals in a turn, and of a whole run at most: of what lies between them an engine that is run
 #: member by member tells nothing but its impacts.
 TURN_SAMPLES, MOST_SAMPLES = 1000, 100_000
@@ -35,24 +33,12 @@ class Task:
         """The engine."""
         return make_engine(self.engine_name, **self.settings)
 
-    @property
-    def turns(self) -> float:
-        """Turns of the crank in a run."""
-        return self.watch.transient + self.watch.revolutions
-
     def member(self, values: Mapping[str, float]) -> Scene:
-        """Return the scene with these values in its fields, as long as is watched.
-
-        Raises:
-            SceneError: with them it is none.
-        """
-        speed = values.get(SPEED, self.scene.start.crank_speed_rad_s)
-        if speed == 0:
-            raise SceneError(f"{SPEED}: expected a number other than 0, by which turns are measured, got 0")
-        return self.scene.replace({**values, "end_time_s": self.turns * 2 * math.pi / abs(speed)})
+        """Return the scene of a member (see ``Watch.member``)."""
+        return self.watch.member(self.scene, values)
 
     def run_settings(self, scene: Scene) -> RunSettings:
         """Return step and samples of a member's run; a whole number of samples makes a whole turn."""
-        a_turn = max(1, min(TURN_SAMPLES, math.floor(MOST_SAMPLES / self.turns)))
+        a_turn = max(1, min(TURN_SAMPLES, math.floor(MOST_SAMPLES / self.watch.turns)))
         step = scene.end_time_s if self.step_s is None else min(self.step_s, scene.end_time_s)
-        return RunSettings(step, max(1, round(a_turn * self.turns)))
+        return RunSettings(step, max(1, round(a_turn * self.watch.turns)))

@@ -2,9 +2,7 @@
 
 import json
 from collections.abc import Callable
-from concurrent.futures import Future
 from pathlib import Path
-from typing import ParamSpec, TypeVar
 
 import numpy as np
 import pandas as pd  # type: ignore[import-untyped,unused-ignore]
@@ -16,38 +14,13 @@ from engine_models.scene.library import SCENES
 from studies.predictability.sweeps import run as running
 from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task
-from studies.running.case import Limits
-from studies.running.execution import CRASHED, CaseEnded, LimitedExecutor
+from studies.running.execution import CRASHED, CaseEnded
 from studies.running.failures import BadInput
+from tests.helpers.running import Here
 
 FIELD, MEMBERS, CHUNK = "clearance.B.radial_clearance_m", 40, 8
 #: One value of no scene, which the command line refuses and a sweep has a row for.
 NO_SCENE = 17
-
-
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-class Here(LimitedExecutor):
-    """Runs calls when they are submitted; ``calls`` tells how many, and before each ``first`` is called."""
-
-    def __init__(self, first: Callable[[int], None] = lambda _: None) -> None:
-        self.calls, self._first = 0, first
-
-    def submit_within(
-        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
-    ) -> "Future[T]":
-        """Run a call within the limits; the future has what it returns or raises."""
-        assert limits is not None
-        future: Future[T] = Future()
-        try:
-            self.calls += 1
-            self._first(self.calls)
-            future.set_result(call(*args, **kwargs))
-        except BaseException as error:
-            future.set_exception(error)
-        return future
 
 
 @pytest.fixture(autouse=True)
