@@ -28,7 +28,10 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("tests/reports/test_equal_error.py", BY_HAND),
     ),
     "reports/quantities.py": (("finished", "value", "floor", "with_largest"), (BY_HAND,)),
-    "reports/tables.py": (("number", "plain", "error", "listed"), ("tests/reports/test_page.py", BY_HAND)),
+    "reports/tables.py": (
+        ("number", "plain", "error", "listed"),
+        ("tests/reports/test_page.py::test_errors_have_two_digits_and_none_below_the_uncertainty",),
+    ),
     "reports/chapters/predictability/statistics.py": (
         ("above", "below", "sizes", "equivalence_p", "joint_p", "holm"),
         ("tests/studies/test_predictability.py",),

@@ -454,6 +454,7 @@ def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor:
         (9.96e-4, math.nan, "1.0e-03"),
         (4.9e-14, 5.02e-14, "< 5.0e-14"),
         (0.0, 6e-16, "< 6.0e-16"),
+        (6e-16, 6e-16, "6.0e-16"),
         (0.0, math.nan, "0.0e+00"),
         (math.nan, 1e-13, "–"),
     ],
