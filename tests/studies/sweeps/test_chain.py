@@ -34,7 +34,7 @@ def task(engine: str = "reference", settings: dict[str, object] | None = None) -
 def chained(folder: Path, pool: Here, *directions: Direction) -> pd.DataFrame:
     folder.mkdir(exist_ok=True)
     sweep = Sweep(task(), {SPEED: SPEEDS}, (SPEED,), directions)
-    run_sweep(sweep, folder / "rows.parquet", {}, 2, lambda: pool, 1.0, quiet=True)
+    run_sweep(sweep, folder / "rows.parquet", {}, 2, lambda: pool, 1.0)
     return pd.read_parquet(folder / "rows.parquet")
 
 
