@@ -59,6 +59,8 @@ EXPLAINED: dict[str, str] = {
     "size=(DRAWS, len(ratios)))'": "other draws of the same rounds",
     "reports/equal_error.py levels: < to <= at 19 of 'if len(errors) < 2:'": "two rungs have none between",
     "reports/equal_error.py levels: 2 to 3 at 21 of 'if len(errors) < 2:'": "two rungs have none between",
+    "studies/judges/converged_truth.py reach: > to >= at 41 of 'return int(np.argmax(np.append(apart > "
+    "tolerance_m, True)))'": "a distance is the tolerance to the last bit nowhere",
 }
 
 OTHER_OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
