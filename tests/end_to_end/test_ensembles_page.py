@@ -67,7 +67,7 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
     rows.append(
         row(len(rows), SCENE, "scipy", "LSODA", 1e-5, part="scipy (LSODA)", member=0, status="failed")
     )
-    rows[-1]["reason"] = "too slow"
+    rows[-1] |= {"reason": "too slow", "spoken_by": "engine"}
     results = results_of(tmp_path_factory.mktemp("results") / "predictability", rows, curves)
     return {section.name: section for section in predictability.sections(results)}
 
@@ -239,6 +239,6 @@ def test_impacts_are_drawn_by_crank_angle_beside_the_twins(sections: dict[str, S
 
 def test_what_did_not_finish_is_counted_by_its_reason(sections: dict[str, Section]) -> None:
     shown = table(sections, "failures")
-    assert shown.head == ("scene", "engine", "outcome", "reason", "runs")
-    assert shown.rows == ((SCENE, "scipy (LSODA)", "failed", "too slow", "1"),)
+    assert shown.head == ("scene", "engine", "outcome", "said by", "reason", "runs")
+    assert shown.rows == ((SCENE, "scipy (LSODA)", "failed", "the engine", "too slow", "1"),)
     assert sections["failures"].text == ("1 of 145 runs did not finish.",)

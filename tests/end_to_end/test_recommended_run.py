@@ -37,7 +37,7 @@ def test_every_sentence_has_its_numbers() -> None:
         "Take reference (arm) at a step of 0.01 s.",
         "Its slider position error is 2.0×10⁻⁷ m at most; 1.0×10⁻⁶ m is what is asked for.",
         "Its solve takes 3 ms; building the model and reading out take 40 ms more.",
-        "Next is exudyn (arm), which takes 3 times as long at equal error.",
+        "Without reference, take exudyn (arm) at a step of 0.01 s: it takes 3 times as long at equal error.",
         "Its joint forces are off by up to 0.5 N at the samples compared.",
         # Two of nine are missed, and three are none.
         "It has 7 of 9 impacts, bounces that die away included.",
