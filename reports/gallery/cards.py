@@ -19,6 +19,8 @@ from reports.style import BLACK, RC
 from reports.tables import plain
 
 HEIGHT_IN, MS, US, KN = 1.75, 1e3, 1e6, 1e-3
+#: A contact shorter than this part of a run begins and ends within some ten thousand roundings of its time.
+RESOLVED = 1e12
 #: What drives the crank, by the scene's ``drive.kind``; speeds are those of the start in rad/s.
 DRIVES = {
     "free": "none, from {start:.4g} rad/s",
@@ -92,6 +94,8 @@ def _hard(row: pd.Series) -> str:
     if not row["shortest_contact_s"] > 0:
         return f"{count} impacts that take no time, until bounces converge and the pin slides along its wall."
     part = row["end_time_s"] / row["shortest_contact_s"]
+    if part > RESOLVED:
+        return f"{count} contacts that end, the shortest within the round-off of its time."
     return (
         f"{count} contacts that end; the shortest lasts {plain(row['shortest_contact_s'] * US)} µs, "
         f"one part in {plain(part)} of the run."

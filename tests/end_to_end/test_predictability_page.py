@@ -209,11 +209,11 @@ def test_exponents_have_students_interval_over_starts(sections: dict[str, Sectio
 def test_the_diagram_tells_what_settles_repeats_and_is_chaotic(sections: dict[str, Section]) -> None:
     assert sections["diagrams"].text == (
         "Over the clearance, the pin stays at the wall at all values up to 0.01 mm.",
-        "With impacts, the motion repeats every turn at 0.1 mm.",
-        "With impacts, the motion repeats every 2 turns at 0.2 mm.",
-        "Of 2 values at which an exponent was measured, the motion is chaotic at all values from 0.5 mm "
-        "on: there it "
-        "is more than 1 in a revolution, and half of the revolutions give it within 20 %.",
+        "With impacts, the motion repeats every turn: at 0.1 mm.",
+        "With impacts, the motion repeats after 2 turns: at 0.2 mm.",
+        "The motion is chaotic at all values from 0.5 mm on.",
+        "There the exponent is more than 1 in a revolution, and half of the revolutions give it within 20 %. "
+        "It was measured at 2 values.",
     )
     above, below = figure(sections, "diagram-over-clearance").drawing.axes
     assert above.get_ylabel() == "slider's deviation once a turn / clearance"

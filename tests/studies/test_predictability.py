@@ -352,11 +352,12 @@ def test_a_diagram_says_what_settles_what_repeats_and_what_is_chaotic_by_converg
     assert known_diagram().periods.tolist() == [1, 1, 1, 3, 0, 0, 0, 0]
     assert list(diagram_findings(diagrams.CLEARANCES, known_diagram())) == [
         "Over the clearance, the pin stays at the wall at all values up to 0.2 mm.",
-        "With impacts, the motion repeats every turn at 0.3 mm.",
-        "With impacts, the motion repeats every 3 turns at 0.4 mm.",
-        "Of 8 values at which an exponent was measured, the motion is chaotic at all values from 0.8 mm on "
-        "and at 0.6 mm: there it is more than 1 in a revolution, and half of the revolutions give it "
-        "within 20 %.",
+        "With impacts, the motion repeats every turn: at 0.3 mm.",
+        "With impacts, the motion repeats after 3 turns: at 0.4 mm.",
+        "The motion is chaotic at all values from 0.8 mm on.",
+        "The motion is chaotic at 0.6 mm.",
+        "There the exponent is more than 1 in a revolution, and half of the revolutions give it within 20 %. "
+        "It was measured at 8 values.",
         "At 1 the exponent is as large and has not converged: nothing is claimed.",
     ]
 

@@ -97,45 +97,43 @@ def findings(part: str, of: Diagram) -> Iterator[str]:
     """Yield which values settle, which repeat, and which are chaotic by exponents that have converged."""
     factor, unit = (1e3, "mm") if part == CLEARANCES else (1.0, "rad/s")
     at, settled = factor * of.at, of.settled
-    if settled.any():
-        over = "the clearance" if part == CLEARANCES else "the speed of the crank"
-        yield f"Over {over}, the pin stays at the wall {_where(at, settled, unit)}."
+    over = "the clearance" if part == CLEARANCES else "the speed of the crank"
+    yield from _where(f"Over {over}, the pin stays at the wall", at, settled, unit)
     periods = np.where(settled, 0, of.periods)
     for period in sorted({*periods} - {0}):
-        turns = "every turn" if period == 1 else f"every {period} turns"
-        yield f"With impacts, the motion repeats {turns} {_where(at, periods == period, unit)}."
+        turns = "every turn" if period == 1 else f"after {period} turns"
+        yield from _where(f"With impacts, the motion repeats {turns}:", at, periods == period, unit)
     measured = of.exponents.dropna()
     whole, half = measured[EXPONENT], measured[HALF]
     converged = (whole - half).abs() <= CONVERGED * whole.abs()
     chaotic = np.asarray(converged & (whole > NEAR_ZERO))
     if chaotic.any():
+        yield from _where("The motion is chaotic", factor * np.asarray(measured["value"]), chaotic, unit)
         yield (
-            f"Of {len(measured)} values at which an exponent was measured, the motion is chaotic "
-            f"{_where(factor * np.asarray(measured['value']), chaotic, unit)}: there it is more than "
-            f"{NEAR_ZERO:g} in a revolution, and half of the revolutions give it within "
-            f"{100 * CONVERGED:.0f} %."
+            f"There the exponent is more than {NEAR_ZERO:g} in a revolution, and half of the revolutions give "
+            f"it within {100 * CONVERGED:.0f} %. It was measured at {len(measured)} values."
         )
     if open_ := int((~converged & (whole > NEAR_ZERO)).sum()):
         yield f"At {open_} the exponent is as large and has not converged: nothing is claimed."
 
 
-def _where(values: FloatArray, which: NDArray[np.bool_], unit: str) -> str:
-    """Return at which values something holds: at all from one end on, and at others."""
+def _where(what: str, values: FloatArray, which: NDArray[np.bool_], unit: str) -> Iterator[str]:
+    """Yield at which values something holds: at all from one end on, and at others; nothing if at none."""
     rest = which.copy()
-    stretch = ""
-    if which[0] and not which.all():
+    if which.all():
+        yield f"{what} at all {len(which)} values."
+        return
+    if which[0]:
         end = int(np.argmin(which))
-        stretch, rest[:end] = f"at all values up to {values[end - 1]:.3g} {unit}", False
-    elif which[-1] and not which.all():
+        rest[:end] = False
+        yield f"{what} at all values up to {values[end - 1]:.3g} {unit}."
+    elif which[-1]:
         begin = len(which) - int(np.argmin(which[::-1]))
-        stretch, rest[begin:] = f"at all values from {values[begin]:.3g} {unit} on", False
-    elif which.all():
-        return f"at all {len(which)} values"
-    if not rest.any():
-        return stretch
-    low, high = (f"{end:.3g} {unit}" for end in (values[rest].min(), values[rest].max()))
-    others = f"at {int(rest.sum())} values between {low} and {high}" if low != high else f"at {low}"
-    return f"{stretch} and {others}" if stretch else others
+        rest[begin:] = False
+        yield f"{what} at all values from {values[begin]:.3g} {unit} on."
+    if rest.any():
+        low, high = (f"{end:.3g} {unit}" for end in (values[rest].min(), values[rest].max()))
+        yield f"{what} at some values between {low} and {high}." if low != high else f"{what} at {low}."
 
 
 def _drawn(part: str, of: Diagram) -> Drawing:
