@@ -110,8 +110,8 @@ def findings(part: str, of: Diagram) -> Iterator[str]:
     if chaotic.any():
         yield from _where("The motion is chaotic", factor * np.asarray(measured["value"]), chaotic, unit)
         yield (
-            f"There the exponent is more than {NEAR_ZERO:g} in a revolution, and half of the revolutions give "
-            f"it within {100 * CONVERGED:.0f} %. It was measured at {len(measured)} values."
+            f"There the exponent is more than {NEAR_ZERO:g} in a revolution, and half of the revolutions "
+            f"give it within {100 * CONVERGED:.0f} %. It was measured at {len(measured)} values."
         )
     if open_ := int((~converged & (whole > NEAR_ZERO)).sum()):
         yield f"At {open_} the exponent is as large and has not converged: nothing is claimed."
