@@ -139,7 +139,7 @@ def _orbits(results: Results, ax: Any, case: str, joints: list[str]) -> None:
             loc="upper center",
             bbox_to_anchor=(0.5, -0.2),
             ncols=3,
-            fontsize=7,
+            fontsize=8,
             handlelength=1.2,
             columnspacing=0.8,
         )
