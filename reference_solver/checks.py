@@ -1,7 +1,7 @@
 """Refusals of what a user gives, in one line: the field, what was expected, what came."""
 
 import math
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from numbers import Real
 from typing import Any
 
@@ -74,8 +74,8 @@ def require_finite(field: str, data: object) -> None:
             for k, part in enumerate(data):
                 require_finite(f"{field}[{k}]", part)
     elif is_dataclass(data):
-        for part in fields(data):
-            require_finite(f"{field}.{part.name}", getattr(data, part.name))
+        for name, part in vars(data).items():
+            require_finite(f"{field}.{name}", part)
     elif isinstance(data, Real):
         require(field, data, math.isfinite(data), FINITE)
 

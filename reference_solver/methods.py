@@ -102,9 +102,10 @@ def dopri5() -> Method:
 
 
 class Tableau(NamedTuple):
-    """A Runge-Kutta method of s stages with an embedded estimate, as arrays (see ``Method``).
+    """A Runge-Kutta method as arrays, with e slopes: of its stages, at the step's end, and for dense output.
 
-    ``exponent`` is 1 over its order, rows of ``matrix`` (s, s) and ``extra_matrix`` are filled up with zeros.
+    ``exponent`` is 1 over its order, ``nodes`` (e,) and rows of ``matrix`` (e, e) are those of all slopes,
+    filled up with zeros; ``weights`` (s,) and ``estimates`` (2, s) are of stages, ``dense`` (d, e) of all.
     """
 
     exponent: float
@@ -113,27 +114,24 @@ class Tableau(NamedTuple):
     weights: FloatArray
     estimates: FloatArray
     dense: FloatArray
-    extra_nodes: FloatArray
-    extra_matrix: FloatArray
 
 
 def tableau(method: Method) -> Tableau:
     """Return a method as arrays; of one without an estimate, what belongs to that is empty."""
-    stages, embedded = len(method.weights), method.embedded or Embedded((), (), (), ())
+    embedded = method.embedded or Embedded((), (), (), ())
+    nodes = (*method.nodes, 1.0, *embedded.nodes)
+    rows = (*method.matrix, method.weights, *embedded.matrix)
 
-    def table(rows: tuple[Row, ...], width: int = 0) -> FloatArray:
-        width = width or max(map(len, rows), default=0)
+    def table(rows: tuple[Row, ...], width: int) -> FloatArray:
         return np.array([(*row, *[0.0] * (width - len(row))) for row in rows]).reshape(len(rows), width)
 
     return Tableau(
         1.0 / method.order,
-        np.array(method.nodes),
-        table(method.matrix, stages),
+        np.array(nodes),
+        table(rows, len(nodes)),
         np.array(method.weights),
-        table(embedded.estimates),
-        table(embedded.dense),
-        np.array(embedded.nodes),
-        table(embedded.matrix),
+        table(embedded.estimates, len(method.weights)),
+        table(embedded.dense, len(nodes)),
     )
 
 

@@ -1,6 +1,7 @@
 """What a run gives: samples of the motion, forces and sums, and what its contacts did."""
 
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -111,8 +112,9 @@ def columns_of(samples: FloatArray, n: int, names: list[str], contacts: int) -> 
     They are of n coordinates, and of sums by their names.
     """
     pairs = 2 * contacts
-    ends = np.cumsum([n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs])
-    q, v, sums, multipliers, forces, phases = map(np.ascontiguousarray, np.split(samples, ends, axis=1))
+    sizes = n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs, pairs
+    parts = (samples[:, end - size : end] for size, end in zip(sizes, accumulate(sizes), strict=True))
+    q, v, sums, multipliers, forces, phases = map(np.ascontiguousarray, parts)
     return {
         "q": q,
         "v": v,

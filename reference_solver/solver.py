@@ -365,7 +365,7 @@ def set_out(
 
 def set_control(run: types.Run, choice: ErrorControl, scales: Scales) -> None:
     """Set error control by the mechanism's scales at a run's start."""
-    from reference_solver.contact.adaptive_loop import WEIGHT
+    from reference_solver.contact.controlled_step import WEIGHT
 
     n = run.old.n
     tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)

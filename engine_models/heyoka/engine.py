@@ -49,7 +49,9 @@ class HeyokaEngine:
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series."""
         if find_spec("heyoka") is None:
-            raise UnsupportedScene("heyoka is not installed: make rivals")
+            raise UnsupportedScene(
+                "heyoka is not installed: pip install heyoka (Linux, Python 3.11 or later)"
+            )
         require_coordinates("heyoka", scene)
         if scene.drive.kind in ("ramp", "fluctuating", "table"):
             raise UnsupportedScene(

@@ -7,8 +7,9 @@ import numpy as np
 from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
 from engine_models.guards import guarded
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.contact_law import damping_factor_of
 from engine_models.mechanics.crank_motion import crank_motion
-from engine_models.mechanics.joints import CRANK, SLIDER, joint_gap
+from engine_models.mechanics.joints import CRANK, SLIDER, clearances, directions, joint_gap, penetration_m
 from engine_models.scene.scene import Scene
 
 #: An ideal joint may be open by this many metres at the start, and its sides drift apart by so many m/s for
@@ -20,7 +21,8 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return the positions and velocities at t = 0, each (bodies, 3).
 
     Raises:
-        ImpossibleStart: an ideal joint is open, the slider off its guide, or the crank not at its speed.
+        ImpossibleStart: an ideal joint is open, the slider off its guide, the crank not at its speed, or a
+            pin on its way out of a wall whose law takes its damping from the touch.
     """
     position, velocity = start_state(scene)
     if not guarded():
@@ -41,7 +43,30 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
         raise ImpossibleStart(f"start: ideal joints or guide are open by {max(open_by):.3g} m at t = 0 s")
     if not max(drift, default=0.0) <= START_TOLERANCE * (1 + np.abs(velocity).max()):
         raise ImpossibleStart(f"start: joints, guide or driver are off by {max(drift):.3g} m/s at t = 0 s")
+    _require_touches(scene, position, velocity)
     return position, velocity
+
+
+def _require_touches(scene: Scene, position: FloatArray, velocity: FloatArray) -> None:
+    """Require of pins that come out of their walls that no force depends on how fast they went in.
+
+    With the default floor of that speed instead the damping is so large that the pin sticks, in ever so many
+    steps; a floor that the scene states is taken at its word.
+    """
+    slow = START_TOLERANCE * (1 + np.abs(velocity).max())
+    for joint, room in clearances(scene).items():
+        if not damping_factor_of(room) or room.minimum_impact_speed_m_s is not None:
+            continue
+        gap = joint_gap(scene, joint, position[None], velocity[None])
+        depth = float(penetration_m(room, gap.gap_m)[0])
+        out = -float(np.sum(directions(gap.gap_m)[0] * gap.rate_m_s))
+        if depth > START_TOLERANCE and out > slow:
+            raise ImpossibleStart(
+                f"start: expected pin {joint} within its clearance, or on its way into the wall, got it "
+                f"{depth:.3g} m in the wall and leaving at {out:.3g} m/s: law {room.law} needs the speed of "
+                "the touch, which was before; start it there or just before the wall, or state "
+                f"clearance.{joint}.minimum_impact_speed_m_s"
+            )
 
 
 def wound(scene: Scene) -> Scene:
@@ -52,6 +77,8 @@ def wound(scene: Scene) -> Scene:
     """
     start = scene.start
     changed: dict[str, object] = {"crank_angle_rad": math.remainder(start.crank_angle_rad, 2 * math.pi)}
+    if start.crank is None and changed["crank_angle_rad"] == start.crank_angle_rad:
+        return scene
     if start.crank is not None:
         angle = math.remainder(start.crank.angle_rad, 2 * math.pi)
         changed["crank"] = start.crank.model_copy(update={"angle_rad": angle})

@@ -13,8 +13,10 @@ from engine_models.reference.kernels import callback, compiled
 from reference_solver.compiled.faces import CompiledFace, loop_of
 from reference_solver.compiled.kernel import Topology, parameters_of
 from reference_solver.compiled.store import callee
-from reference_solver.contact import adaptive_loop, members, types
+from reference_solver.contact import members, types
 from reference_solver.contact.companion import GROWTH_RECORD, Companion
+from reference_solver.contact.controlled_step import WEIGHT
+from reference_solver.contact.loop import AT_STATE
 from reference_solver.energy import ledger_J
 from reference_solver.equations import Equations
 from reference_solver.guard import WITH_CONTACTS, Guard
@@ -105,7 +107,7 @@ class Group:
         notes = observer.NOTES_RECORD
         self._observe = callback(observer.observe, members.observer_type(notes).signature)
         self._advance_one = callback(loop.advance, loop.ADVANCE)
-        self._set_gaps = callee(self._face.kernel.gaps, adaptive_loop.AT_STATE)
+        self._set_gaps = callee(self._face.kernel.gaps, AT_STATE)
         self._advance = compiled(members.advance, members.advance_type(loop, notes))
 
     def run(self, begins: Sequence[Begin], judge: Judge, beside: bool = False) -> Done:
@@ -198,7 +200,7 @@ class Group:
         set_out(run, begin.mechanism, begin.choice, self._face.kernel, rows.p[k], float(begin.times_s[-1]))
         run.clock["end"] = rows.ends[k, 0]
         if rows.weights.size:
-            rows.weights[k] = run.slopes[adaptive_loop.WEIGHT, : 2 * n]
+            rows.weights[k] = run.slopes[WEIGHT, : 2 * n]
         rows.growth["from_s"][k] = begin.from_s
         notes["from_s"], (notes["crank_m"], notes["rod_m"]) = begin.from_s, begin.lengths_m
 

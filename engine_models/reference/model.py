@@ -20,18 +20,17 @@ if TYPE_CHECKING:
 
 def mechanism_of(scene: Scene) -> mechanism.Mechanism:
     """Return the mechanism; a joint with clearance has no rows, and is a contact."""
+    joints = _joints(scene)
     return mechanism.Mechanism(
         bodies=tuple(mechanism.Body(part.mass_kg, part.inertia_kg_m2) for part in scene.bodies),
         constraints=(
-            *(joint for joint, clearance in _joints(scene) if clearance is None),
+            *(joint for joint, clearance in joints if clearance is None),
             *([mechanism.StraightGuide(SLIDER, (0.0, 0.0), 0.0)] if scene.is_crank_slider else []),
             *_driver(scene),
         ),
         loads=tuple(loads_of(scene).values()),
         gravity_m_s2=scene.gravity_m_s2,
-        contacts=tuple(
-            _contact(joint, clearance) for joint, clearance in _joints(scene) if clearance is not None
-        ),
+        contacts=tuple(_contact(joint, clearance) for joint, clearance in joints if clearance is not None),
     )
 
 

@@ -394,22 +394,22 @@ def places(pattern: str, values: Iterable[Scalar]) -> list[tuple[str, Scalar]]:
 def source_of(topology: Topology) -> str:
     """Return the module of a marked topology: ``slopes``, and what the loop that is to run calls.
 
-    That is ``advance`` without contacts; with them ``step``, ``gaps`` and ``mobilities``, for
-    ``contact.loop``; and with error control what ``adaptive_loop.Kernel`` has.
+    Of RK4 that is ``advance``, or, where it lands on events, ``step`` and ``mobilities``; with error control
+    ``move``; and beside them, of contacts, ``gaps`` and ``mobilities``.
     """
-    kernel = Kernel(topology)
+    kernel, controlled = Kernel(topology), topology.method.embedded is not None
     kernel.answer()
     if topology.projected:
         kernel.projection()
     kernel.slopes()
-    if topology.method.embedded:
+    if controlled:
         kernel.move()
-        kernel.gaps()
-        kernel.mobilities()
     elif topology.by_events:
-        kernel.gaps()
         kernel.contact_step()
-        kernel.mobilities()
     else:
         kernel.advance()
+    if topology.mechanism.contacts:
+        kernel.gaps()
+    if topology.mechanism.contacts or (topology.by_events and not controlled):
+        kernel.mobilities()
     return kernel.source()

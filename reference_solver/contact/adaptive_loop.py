@@ -1,10 +1,9 @@
 """The loop of error control: a method with its embedded estimate, DOP853 or DOPRI5, from event to event.
 
 Numba compiles this module as it stands, once for all mechanisms and methods, and without Numba it runs too,
-as ``contact.loop`` does, which has the events themselves. The methods are in Hairer, Norsett and Wanner
-(1993, II.5 and II.10). A step of DOP853 is as long as ten of RK4's, so an event is first sought on the
-quintic through positions, velocities and accelerations at both ends, which costs no right-hand side; steps
-that end there are then corrected by Newton's method.
+as ``contact.loop`` does, which has the events themselves. A step of DOP853 is as long as ten of RK4's, so an
+event is first sought on the quintic through positions, velocities and accelerations at both ends, which costs
+no right-hand side; steps that end there are then corrected by Newton's method.
 
 Near touch and release forces go with powers of the penetration that are no whole numbers, as delta^1.5, and
 no method keeps its order over them. There the step is one in s, with the time t = t0 + s^2 from a touch on
@@ -16,32 +15,32 @@ from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
-from numba.types import FunctionType, boolean, float64
 from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver import methods
-from reference_solver.contact import loop, types
-from reference_solver.contact.loop import ARRAY, CONTACTS, INNER, MOBILITIES, MOTION, OPTIONS, SLOPES
-from reference_solver.contact.types import END, FAILED, FLIGHT, GO, PAUSED, RESUMED, SETTLE, START
-from reference_solver.methods import dop853
+from reference_solver.contact import controlled_step, loop, types
+from reference_solver.contact.controlled_step import (
+    ROWS,
+    Course,
+    Step,
+    again,
+    changed,
+    finish,
+    move_on,
+    no_further,
+    place_at,
+    set_out,
+    trial,
+    within,
+)
+from reference_solver.contact.loop import AT_STATE, INNER, MOBILITIES, OPTIONS, SLOPES
+from reference_solver.contact.types import FAILED, FLIGHT, GO, PAUSED, RESUMED, SETTLE
 
-__all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "WEIGHT", "Kernel", "advance"]
+__all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "Kernel", "advance"]
 
 #: Modules whose functions and constants the machine code has taken over.
-COMPILED_WITH = (types, loop, methods)
+COMPILED_WITH = (types, loop, methods, controlled_step)
 
-#: Coefficients of dense output, at most: the step's change, its two slopes, and what the method adds.
-DENSE_ROWS = 3 + len(dop853().embedded.dense)
-#: Rows of slopes, at most: of stages, at the step's end, and those that dense output takes beside them; then
-#: 1 over the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
-WEIGHT = dop853().embedded.slopes
-DENSE_ROW = WEIGHT + 1
-ROWS = DENSE_ROW + DENSE_ROWS + 4
-
-#: Step control: safety factor, bounds of what a step changes by, and the weight of the error before.
-SAFETY, LEAST, MOST, BETA = 0.8, 0.2, 8.0, 0.04
-#: Rejections in a row: halved as often, any step is below the round-off of time, or bounces around it.
-MOST_REJECTIONS = 100
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight.
 FLIGHT_PART = 0.5
 #: Part of the distance in time to a release that is left to a step which does not end there.
@@ -53,8 +52,6 @@ LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
 PAST = 1e-10
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
-
-AT_STATE = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION))
 
 
 class Kernel(NamedTuple):
@@ -70,39 +67,7 @@ KERNEL = NumbaTuple((SLOPES, AT_STATE, AT_STATE, MOBILITIES), Kernel)
 ADVANCE = loop.advance_type(KERNEL)
 
 
-class Course(NamedTuple):
-    """How time goes over a step, time = origin + sign s^2, or origin + s with sign 0, and where s begins."""
-
-    origin: float
-    sign: float
-    begin: float
-
-
-class Step(NamedTuple):
-    """A step: how time goes over it, its length in s, and the time at its end."""
-
-    course: Course
-    H: float
-    end: float
-
-
 # ------------------------------------------------------------------------------------------ time
-
-
-@register_jitable(**INNER)
-def time_at(course, s):
-    """Return the time at s, and its rate."""
-    if course.sign == 0.0:
-        return course.origin + s, 1.0
-    return course.origin + course.sign * s * s, 2.0 * course.sign * s
-
-
-@register_jitable(**INNER)
-def place_at(course, time):
-    """Return s at a time."""
-    if course.sign == 0.0:
-        return time - course.origin
-    return np.sqrt(max(course.sign * (time - course.origin), 0.0))
 
 
 @register_jitable(**INNER)
@@ -151,81 +116,6 @@ def course_of(contacts, gaps, t, h, careful):
 
 
 # ---------------------------------------------------------------------------------------- a step
-
-
-@register_jitable(**INNER)
-def add(out, scale, weights, rows, slopes):
-    """Add ``scale`` times the sum of the first rows of slopes by weights."""
-    for j in range(rows):
-        weight = scale * weights[j]
-        if weight != 0.0:
-            for c in range(len(out)):
-                out[c] += weight * slopes[j, c]
-
-
-@register_jitable(**INNER)
-def norm(out, estimate, slopes):
-    """Return the sum of squares of an estimate of the error per unit of s, over the tolerance."""
-    for c in range(len(out)):
-        out[c] = 0.0
-    add(out, 1.0, estimate, len(estimate), slopes)
-    total = 0.0
-    for c in range(len(out)):
-        total += (out[c] * slopes[WEIGHT, c]) ** 2
-    return total
-
-
-@register_jitable(**INNER)
-def trial(run, course, H):
-    """Take a step of H in s; return its error over the tolerance, infinite on failure."""
-    y, new_y, stage, slopes, method, worst = run.old.y, run.new.y, run.at.y, run.slopes, run.method, 1.0
-    least = np.inf
-    _, rate = time_at(course, course.begin)
-    for c in range(len(y)):
-        slopes[0, c], new_y[c] = rate * slopes[START, c], 0.0
-    for i in range(1, len(method.weights)):
-        for c in range(len(y)):
-            stage[c] = y[c]
-        add(stage, H, method.matrix[i], i, slopes)
-        t, rate = time_at(course, course.begin + method.nodes[i] * H)
-        condition = run.kernel.slopes(run.p, run.contacts, t, i, rate, stage, slopes)
-        if not condition < np.inf:
-            return np.inf
-        worst, least = max(worst, condition), min(least, condition)
-    run.control[0].condition, run.control[0].least = worst, least
-    add(new_y, 1.0, method.weights, len(method.weights), slopes)
-    for c in range(len(y)):  # the sum first, then y, for the sake of rounding
-        new_y[c] = y[c] + H * new_y[c]
-    fifth, third = (norm(stage, method.estimates[0], slopes), norm(stage, method.estimates[1], slopes))
-    error = abs(H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * run.old.n + 1e-300)
-    return error if np.isfinite(error + third) else np.inf
-
-
-@register_jitable(**INNER)
-def finish(run, t):
-    """Move the new state onto its constraints, and set its gaps and slope; return whether it could.
-
-    A step is not to end too near to a singular position: the next one would begin with what is amplified.
-    """
-    kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.new
-    if not kernel.move(p, contacts, t, new) or not kernel.gaps(p, contacts, t, new):
-        return False
-    condition = kernel.slopes(p, contacts, t, END, 1.0, new.y, run.slopes)
-    return condition < methods.MOST_APART * run.control[0].least
-
-
-@register_jitable(**INNER)
-def changed(error, before, rejected, exponent):
-    """Return the factor by which a step changes, from its error and the one before (Gustafsson 1991).
-
-    The exponent is 1 over the order of the error.
-    """
-    if error > 1.0:
-        return max(LEAST, SAFETY * error**-exponent) if np.isfinite(error) else LEAST
-    if error == 0.0:
-        return 1.0 if rejected else MOST
-    factor = SAFETY * error ** (0.2 * BETA - exponent) * before**BETA
-    return min(1.0 if rejected else MOST, max(LEAST, factor))
 
 
 # ---------------------------------------------------------------------------------------- events
@@ -358,7 +248,7 @@ def land(run, step, end, event, taken):
                 H = -course.begin
             else:
                 H = place_at(course, end) - course.begin
-            if not trial(run, course, H) < 10.0 or not finish(run, end):
+            if not trial(run, course, H) < 10.0 or not end_step(run, end):
                 break
         if exact:
             more = -gap.g / gap.rate
@@ -377,49 +267,6 @@ def land(run, step, end, event, taken):
 # -------------------------------------------------------------------------------- dense output
 
 
-@register_jitable(**INNER)
-def within(run, step):
-    """Write the samples before the end of a step by the method's own interpolant: of order 7 in s, or 4.
-
-    Return whether it could. A step without samples takes none of the interpolant's slopes.
-    """
-    if run.clock[0].taken == len(run.records.time) or run.records.time[run.clock[0].taken] >= step.end:
-        return True
-    y, new_y, at_y, slopes, method = run.old.y, run.new.y, run.at.y, run.slopes, run.method
-    stages, rows = len(method.weights), 3 + len(method.dense)
-    now, times, ok, (course, H, end) = run.clock[0], run.records.time, True, step
-    _, first = time_at(course, course.begin)
-    _, last = time_at(course, course.begin + H)
-    for c in range(len(y)):
-        slopes[0, c], slopes[stages, c] = first * slopes[START, c], last * slopes[END, c]
-    for e in range(len(method.extra_nodes)):
-        row = stages + 1 + e
-        for c in range(len(y)):
-            at_y[c] = y[c]
-        add(at_y, H, method.extra_matrix[e], row, slopes)
-        t, rate = time_at(course, course.begin + method.extra_nodes[e] * H)
-        ok = run.kernel.slopes(run.p, run.contacts, t, row, rate, at_y, slopes) < np.inf and ok
-    for c in range(len(y)):
-        change, start, stop = new_y[c] - y[c], H * slopes[0, c], H * slopes[stages, c]
-        slopes[DENSE_ROW, c], slopes[DENSE_ROW + 1, c] = change, start - change
-        slopes[DENSE_ROW + 2, c] = 2.0 * change - start - stop
-        for i in range(len(method.dense)):
-            total = 0.0
-            for j in range(method.dense.shape[1]):
-                total += method.dense[i, j] * slopes[j, c]
-            slopes[DENSE_ROW + 3 + i, c] = H * total
-    while now.taken < len(times) and times[now.taken] < end:
-        time = times[now.taken]
-        x = (place_at(course, time) - course.begin) / H
-        for c in range(len(y)):
-            change = 0.0
-            for i in range(rows - 1, -1, -1):
-                change = (change + slopes[DENSE_ROW + i, c]) * (x if i % 2 == 0 else 1.0 - x)
-            at_y[c] = y[c] + change
-        ok = loop.write(run, time, run.at) and ok
-    return ok
-
-
 # -------------------------------------------------------------------------------------- the loop
 
 
@@ -434,14 +281,9 @@ def chosen(run):
 
 
 @register_jitable(**INNER)
-def no_further(now, course, H):
-    """Return a step of H in s, or the one to the end of the run if that ends beyond it or just before."""
-    end, _ = time_at(course, course.begin + H)
-    if end >= now.end - 1e-9 * (now.end - now.time):
-        end = now.end
-        H = place_at(course, end) - course.begin
-    now.tried = end - now.time
-    return Step(course, H, end)
+def end_step(run, t):
+    """Move the new state onto its constraints, and set its slope and its gaps; return whether it could."""
+    return finish(run, t) and run.kernel.gaps(run.p, run.contacts, t, run.new)
 
 
 @register_jitable(**INNER)
@@ -449,11 +291,11 @@ def tried(run, step):
     """Take a step; return its error over the tolerance, and the factor by which it changes."""
     contacts, control, duration = run.contacts, run.control[0], run.clock[0].tried
     error = trial(run, step.course, step.H) / max(1.0, noise(contacts, run.old.gaps, control, duration))
-    if error <= 1.0 and not finish(run, step.end):
+    if error <= 1.0 and not end_step(run, step.end):
         error = np.inf
     if error <= 1.0 and loop.in_flight(contacts, run.new.gaps, duration, FLIGHT_PART) < 0.5 * duration:
         error = np.inf
-    return error, changed(error, control.error, control.rejected != 0, run.method.exponent)
+    return error, changed(error, control, run.method.exponent)
 
 
 @register_jitable(**INNER)
@@ -489,27 +331,16 @@ def cut(run, step, releasing):
 @register_jitable(**INNER)
 def accept(run, step, event, error, factor):
     """Move on to the end of a step, and choose the one after it."""
-    now, control, contacts, old, new = run.clock[0], run.control[0], run.contacts, run.old, run.new
-    for c in range(len(old.y)):
-        old.y[c], run.slopes[START, c] = new.y[c], run.slopes[END, c]
-    for k in range(len(contacts)):
-        old.gaps[k] = new.gaps[k]
+    now, control, contacts = run.clock[0], run.control[0], run.contacts
     loop.settled(now, contacts, step.end > now.time)
-    now.time = step.end
-    now.condition = max(now.condition, control.condition)
-    control.error, control.rejected = max(error, 1e-4), 0
+    move_on(run, step.end, error)
+    for k in range(len(contacts)):
+        run.old.gaps[k] = run.new.gaps[k]
     if event < 0 and step.end < now.end:
         control.step = next_step(step.course, step.H, factor)
         if control.fresh >= 0:
             part = lasting(step.course, step.H * factor) / contacts[control.fresh].duration_s
             control.first_part, control.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
-
-
-@register_jitable(**INNER)
-def again(control, t, h):
-    """Have a step tried again at a length; return GO, or FAILED where there is no length left."""
-    control.step, control.rejected = h, control.rejected + 1
-    return GO if t + h > t and control.rejected < MOST_REJECTIONS else FAILED
 
 
 @register_jitable(**INNER)
@@ -543,14 +374,6 @@ def go_on(run, event):
 
 
 @register_jitable(**INNER)
-def set_out(run):
-    """Set the slope at the start of a step; return GO, or FAILED where there is none."""
-    now = run.clock[0]
-    condition = run.kernel.slopes(run.p, run.contacts, now.time, START, 1.0, run.old.y, run.slopes)
-    return GO if condition < np.inf else FAILED
-
-
-@register_jitable(**INNER)
 def noise(contacts, gaps, control, h):
     """Return what round-off of positions alone makes of a step's error over the tolerance.
 
@@ -565,17 +388,13 @@ def noise(contacts, gaps, control, h):
     return steepest * ROUND_OFF * h / (control.tolerance * control.rate)
 
 
-@register_jitable(**INNER)
-def begin(run):
-    """Set out from where a run begins or goes on; return GO, or FAILED where there is no slope."""
-    loop.close_at_start(run)
-    return set_out(run)
-
-
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
     now, control = run.clock[0], run.control[0]
-    status = GO if now.watched == RESUMED else begin(run)
+    status = GO
+    if now.watched != RESUMED:
+        loop.close_at_start(run)
+        status = set_out(run)
     while status == GO:
         if not loop.write_due(run):
             return FAILED

@@ -30,11 +30,12 @@ CONTACTS, GAPS, EVENTS, CLOCK, CONTROL, KNOTS = (
     for name in ("CONTACT", "GAP", "EVENT", "CLOCK", "CONTROL", "KNOT")
 )
 MOTION = NumbaTuple((int64, ARRAY, GAPS), types.Motion)
-TABLEAU = NumbaTuple((float64, ARRAY, TABLE, ARRAY, TABLE, TABLE, ARRAY, TABLE), methods.Tableau)
+TABLEAU = NumbaTuple((float64, ARRAY, TABLE, ARRAY, TABLE, TABLE), methods.Tableau)
 RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), types.Records)
 STEP = FunctionType(float64(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(float64(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
 MOBILITIES = FunctionType(boolean(ARRAY, ARRAY, int64, TABLE))
+AT_STATE = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION))
 
 
 class Kernel(NamedTuple):

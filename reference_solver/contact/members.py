@@ -13,12 +13,12 @@ from numba.extending import register_jitable
 from numba.types import FunctionType, int64
 from numba.types import NamedTuple as NumbaTuple
 
-from reference_solver.contact import adaptive_loop, companion, loop, types
+from reference_solver.contact import companion, controlled_step, loop, types
 from reference_solver.contact.loop import ARRAY, CLOCK, CONTACTS, EVENTS, INNER, MOTION, TABLE
 from reference_solver.tape import FloatArray, RecordArray
 
 #: Modules whose functions and constants the machine code has taken over.
-COMPILED_WITH = (types, loop, adaptive_loop, companion)
+COMPILED_WITH = (types, loop, controlled_step, companion)
 OPTIONS = {**loop.OPTIONS, "nogil": True}
 
 #: Where a loop over members is: at which one, how its run's last call ended (``NEW`` before the first) and
@@ -102,7 +102,7 @@ def advance_type(of_loop: Any, notes: np.dtype[np.void]) -> Any:
     watching = NumbaTuple((observer_type(notes), PASTS, ARRAY), Watching)
     state = (CONTACTS, ARRAY, gaps, ARRAY, control, CLOCK, TABLE, EVENTS, TABLE, ARRAY, TABLE)
     beside = NumbaTuple((int64, *state), companion.Companion)
-    by_address = FunctionType(single), adaptive_loop.AT_STATE
+    by_address = FunctionType(single), loop.AT_STATE
     return int64(*by_address, run, members, watching, beside, PLACES, int64, int64)
 
 
@@ -137,7 +137,7 @@ def clear(run, weights):
         for c in range(run.slopes.shape[1]):
             run.slopes[row, c] = 0.0
     for c in range(len(weights)):
-        run.slopes[adaptive_loop.WEIGHT, c] = weights[c]
+        run.slopes[controlled_step.WEIGHT, c] = weights[c]
 
 
 @register_jitable(**INNER)

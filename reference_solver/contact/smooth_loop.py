@@ -1,25 +1,41 @@
 """The loop of error control without contacts, where no event ends a step.
 
-Numba compiles this module as it stands, as it does ``contact.adaptive_loop``, whose steps these are: in less
-than half of the time, since nothing is in it that looks for events.
+Numba compiles this module as it stands, as it does ``adaptive_loop``, in less than half of the time: nothing
+is in it that looks for events.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+from numba.types import NamedTuple as NumbaTuple
+
 from reference_solver import methods
-from reference_solver.contact import adaptive_loop, loop, types
-from reference_solver.contact.adaptive_loop import ADVANCE, KERNEL, ROWS, Course, Kernel
-from reference_solver.contact.loop import OPTIONS
+from reference_solver.contact import controlled_step, loop, types
+from reference_solver.contact.controlled_step import ROWS, Course
+from reference_solver.contact.loop import AT_STATE, OPTIONS, SLOPES
 from reference_solver.contact.types import FAILED, GO, PAUSED, RESUMED
 
 __all__ = ["ADVANCE", "COMPILED_WITH", "KERNEL", "OPTIONS", "ROWS", "Kernel", "advance"]
 
 #: Modules whose functions and constants the machine code has taken over.
-COMPILED_WITH = (types, loop, methods, adaptive_loop)
+COMPILED_WITH = (types, loop, methods, controlled_step)
+
+
+class Kernel(NamedTuple):
+    """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
+
+    slopes: object
+    move: object
+
+
+KERNEL = NumbaTuple((SLOPES, AT_STATE), Kernel)
+ADVANCE = loop.advance_type(KERNEL)
 
 
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does, with error control."""
     now, control = run.clock[0], run.control[0]
-    status = GO if now.watched == RESUMED else adaptive_loop.set_out(run)
+    status = GO if now.watched == RESUMED else controlled_step.set_out(run)
     while status == GO:
         if not loop.write_due(run):
             return FAILED
@@ -27,15 +43,20 @@ def advance(run):
         if status != GO:
             return status
         h = loop.to_knot(run, min(control.step, now.longest), 1.0)
-        step = adaptive_loop.no_further(now, Course(now.time, 0.0, 0.0), h)
-        error, factor = adaptive_loop.tried(run, step)
+        step = controlled_step.no_further(now, Course(now.time, 0.0, 0.0), h)
+        error = controlled_step.trial(run, step.course, step.H)
+        if error <= 1.0 and not controlled_step.finish(run, step.end):
+            error = np.inf
+        next_h = step.H * controlled_step.changed(error, control, run.method.exponent)
         if not error <= 1.0:
-            status = adaptive_loop.again(control, now.time, step.H * factor)
+            status = controlled_step.again(control, now.time, next_h)
             continue
         now.steps += 1
-        if not adaptive_loop.within(run, step):
+        if not controlled_step.within(run, step):
             return FAILED
-        adaptive_loop.accept(run, step, -1, error, factor)
+        controlled_step.move_on(run, step.end, error)
+        if now.time < now.end:
+            control.step = next_h
         if now.watched:
             return PAUSED
     return status

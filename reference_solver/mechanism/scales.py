@@ -1,6 +1,7 @@
 """A mechanism's own length and rate, by which errors in positions, angles and velocities are weighed."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,9 +45,13 @@ def _longest_arm(mechanism: Mechanism) -> float:
     ends = (
         (getattr(part, f"body_{s}", GROUND), getattr(part, f"point_{s}", ())) for part in parts for s in "ij"
     )
-    return max(
-        (float(np.hypot(*point)) for body, point in ends if body != GROUND and len(point)), default=0.0
-    )
+    return max((_arm(*point) for body, point in ends if body != GROUND and len(point)), default=0.0)
+
+
+@lru_cache
+def _arm(x: float, y: float) -> float:
+    """Return the length of an arm, which members of a sweep ask for again and again."""
+    return float(np.hypot(x, y))
 
 
 def _push(load: Load, mechanism: Mechanism) -> float:

@@ -64,7 +64,7 @@ function values(figure, svg, { panels, lines }) {
     box.hidden = !found;
     if (!found) return;
     const [title, across, up] = found.panel, [, , x, y, note] = found.point;
-    const said = [found.label, title, `${up}: ${y}`, `${across}: ${x}`, note].filter(Boolean);
+    const said = [found.label, title, up && `${up}: ${y}`, across && `${across}: ${x}`, note].filter(Boolean);
     box.replaceChildren(...said.map(text => make("div", {}, text)));
     const frame = figure.getBoundingClientRect();
     const left = Math.min(event.clientX - frame.left + 12, frame.width - box.offsetWidth);
@@ -73,7 +73,8 @@ function values(figure, svg, { panels, lines }) {
   };
   svg.addEventListener("pointermove", show);
   svg.addEventListener("pointerdown", show);
-  svg.addEventListener("pointerleave", () => { box.hidden = true; });
+  // A finger that is lifted leaves, too: what it has tapped stays.
+  svg.addEventListener("pointerleave", event => { box.hidden ||= event.pointerType === "mouse"; });
 }
 
 function zoom(svg, tools) {
@@ -156,7 +157,7 @@ function filterable(figure, table) {
 function unfolded() {
   const opened = [];
   addEventListener("beforeprint", () => {
-    for (const part of document.querySelectorAll("details:not([open])")) { part.open = true; opened.push(part); }
+    for (const part of document.querySelectorAll("details:not([open], .long)")) { part.open = true; opened.push(part); }
   });
   addEventListener("afterprint", () => { for (const part of opened.splice(0)) part.open = false; });
   const reveal = () => {

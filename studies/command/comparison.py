@@ -123,7 +123,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    return Comparison(scene, results, run, _command(case, given) if case else "")
+    return Comparison(scene, results, run, command_of(case, given) if case else "")
 
 
 def _question(scene: Scene, pool: Processes) -> Question:
@@ -174,7 +174,7 @@ def _simulated(engine: Engine, scene: Scene, run: RunSettings) -> Trajectory:
     return engine.simulate(scene, run)
 
 
-def _command(case: Case, given: str) -> str:
+def command_of(case: Case, given: str) -> str:
     """Return the command that makes a rung's run, with what is not the engine's default."""
     usual = make_engine(case.engine)
     settings = {name: value for name, value in case.settings.items() if getattr(usual, name) != value}

@@ -72,15 +72,18 @@ def _explained(setting: str, documentation: str) -> str:
 
 
 def _support(engine: str) -> str:
-    """Return the library scenes that an engine at its defaults runs, and those it refuses with the reason."""
-    runs, refused = [], []
+    """Return the library scenes that an engine at its defaults runs, and what it refuses by its reasons."""
+    runs, refused = list[str](), dict[str, list[str]]()
     for name, make in SCENES.items():
         try:
             make_engine(engine).check(make())
             runs.append(name)
         except UnsupportedScene as reason:
-            refused.append(f"\n  not {name}: {reason}")
-    return f"  runs {', '.join(runs)}" + "".join(refused)
+            refused.setdefault(str(reason), []).append(name)
+    lines = [f"  runs {', '.join(runs) or 'no scene'}"]
+    if not runs and len(refused) == 1:
+        return f"{lines[0]}: {next(iter(refused))}"
+    return "\n".join(lines + [f"  not {', '.join(names)}: {reason}" for reason, names in refused.items()])
 
 
 def _summary(documented: object) -> str:

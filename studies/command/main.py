@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 from typer import Argument, Exit, Option, Typer
@@ -47,6 +48,14 @@ def _engines(begun: str) -> Iterator[str]:
 Text = str | None
 SceneName = Annotated[
     str, Argument(metavar="SCENE", help="A library scene or a TOML file.", autocompletion=_scenes)
+]
+Changes = Annotated[
+    list[str] | None,
+    Option(
+        "--with",
+        metavar="FIELD=VALUE",
+        help="Another value in a field of the scene, as clearance.B.radial_clearance_m=1e-4.",
+    ),
 ]
 Quiet = Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")]
 
@@ -100,14 +109,7 @@ def simulate(
         list[str] | None,
         Option("--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."),
     ] = None,
-    changes: Annotated[
-        list[str] | None,
-        Option(
-            "--with",
-            metavar="FIELD=VALUE",
-            help="Another value in a field of the scene, as clearance.B.radial_clearance_m=1e-4.",
-        ),
-    ] = None,
+    changes: Changes = None,
     step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
     tolerance: Annotated[
         Text, Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
@@ -190,9 +192,7 @@ def sweep(
     assignments: Annotated[
         list[str] | None, Option("--set", metavar="KEY=VALUE", help="A setting of the engine.")
     ] = None,
-    changes: Annotated[
-        list[str] | None, Option("--with", metavar="FIELD=VALUE", help="Another value in a field, for all.")
-    ] = None,
+    changes: Changes = None,
     step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
     transient: Annotated[str, Option(metavar="R", help="Turns of the crank that are not watched.")] = "0",
     revolutions: Annotated[str, Option(metavar="R", help="Turns that are watched.")] = "2",
@@ -223,7 +223,7 @@ def sweep(
     settings = options.assigned("--set", "KEY=VALUE", assignments or [])
     wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
     with failures.quietly(quiet):
-        with sweeps.opened_plot(plot, show) as draw:
+        with sweeps.opened_plot(plot, show, len(ranges)) as draw:
             draw(sweeps.swept(wanted, out, chosen, scheduler))
         failures.note(f"{len(wanted)} rows are in {out}")
 
@@ -279,16 +279,17 @@ def compare(
         list[str] | None,
         Option("--engine", metavar="NAME", help="Only this one, and others named; or my_module:MyEngine."),
     ] = None,
+    changes: Changes = None,
     out: Annotated[
         Path | None, Option(metavar="DIR", help="Where page and rows are kept; comparison/NAME.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Compare engines on a scene: which to take, at which setting, what it costs; a page says why."""
-    from studies.command.options import read_scene
+    from studies.command.options import changed, read_scene
     from studies.command.study_run import joined, running_in
 
-    physics = read_scene(scene)
+    physics = changed(read_scene(scene), changes or [], None)
     joined(engines or [])
     from rich.console import Console
 
@@ -297,7 +298,8 @@ def compare(
     folder = out or default_folder(physics)
     with failures.quietly(quiet):
         with running_in(folder):
-            found = comparison(physics, scene, engines or (), folder)
+            given = " ".join([quote(scene), *(f"--with {quote(change)}" for change in changes or [])])
+            found = comparison(physics, given, engines or (), folder)
             found.save(folder)
         Console().print(found.table())
         print(found.recommendation)

@@ -18,8 +18,10 @@ from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.watch import SPEED, Watch
 from engine_models.reference.kernels import FolderRefused, writable_folder
+from engine_models.reference.members import LISTS, NUMBERS
 from engine_models.scene.data import NonNegative, Positive, SceneError
 from engine_models.scene.file import to_toml
+from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.endings import PICTURES, ending_of
 from studies.command.options import DEFAULT_STEP_S, checked, read_engine
@@ -179,11 +181,12 @@ def swept(sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None
 
 
 @contextmanager
-def opened_plot(path: Path | None, show: str | None) -> Iterator[Callable[[Swept], None]]:
-    """Open the file of a sweep's picture, if there is to be one, and yield what draws into it.
+def opened_plot(path: Path | None, show: str | None, fields: int) -> Iterator[Callable[[Swept], None]]:
+    """Open the file of a picture of a sweep over so many fields, if asked for, and yield what draws into it.
 
     Raises:
-        BadInput: it cannot be written, or a column is named and no file.
+        BadInput: it cannot be written, there is none of so many fields, or no such column, or a column is
+            named and no file.
     """
     if path is None:
         if show is not None:
@@ -191,6 +194,13 @@ def opened_plot(path: Path | None, show: str | None) -> Iterator[Callable[[Swept
         yield lambda _: None
         return
     ending = ending_of("--plot", path, PICTURES)
+    from reports.plots.sweeps.picture import MOST_FIELDS, MOTION  # loads matplotlib
+
+    if fields > MOST_FIELDS:
+        raise BadInput(f"--plot: expected at most {MOST_FIELDS} fields with --vary, got {fields}")
+    columns = [*NUMBERS, *((MOTION,) if fields == MOST_FIELDS else LISTS)]
+    if show is not None and show not in columns:
+        raise BadInput(f"--show: expected {one_of(columns)}, got {shown(show)}{meant(show, columns)}")
     with writing("--plot", path), whole_file(path) as file:
 
         def draw(result: Swept) -> None:

@@ -1,9 +1,10 @@
 """Predictability: how long a scene can be followed, how fast motions part, and what holds past that.
 
-Four parts, told apart by the column ``part``. ``HORIZON``: until when the reference agrees with its own
+Parts are told apart by the column ``part``. ``HORIZON``: until when the reference agrees with its own
 perturbed and step-halved runs. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several
-starts. Those of ``diagrams``: what the mechanism does over its clearance and its speed. All other parts are
-ensembles: a case is a member, and starts differ by a little of the crank angle.
+starts. Those of ``diagrams``: what the mechanism does over its clearance and its speed, and that of
+``chains``: as its speed goes up and down. All others are ensembles: a case is a member, and starts differ by
+a little of the crank angle.
 """
 
 import math
@@ -13,7 +14,7 @@ from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
 from studies.judges.comparison import checked
 from studies.predictability import cases as parts
-from studies.predictability import diagrams
+from studies.predictability import chains, diagrams
 from studies.predictability.ensemble import period_s, statistics
 from studies.running.case import Case, Curves, Row
 
@@ -32,6 +33,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
         return _exponent(case)
     if part in diagrams.FIELDS:
         return diagrams.measure(case)
+    if part == chains.PART:
+        return chains.measure(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
     after_s = parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.conformance.claims import CLAIMS, Trial
+from studies.conformance.claims import CLAIMS, Trial, slider_is_where_it_should_be
+from studies.conformance.orders import states_its_order
 
 Change = Callable[[Trajectory], Trajectory]
 
@@ -20,7 +23,7 @@ class Altered:
     """The reference, with its run altered."""
 
     change: Change
-    order = 4
+    order: ClassVar[int | None] = 4
 
     def check(self, scene: Scene) -> None:
         """It runs all scenes."""
@@ -33,6 +36,10 @@ class Altered:
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         return self.change(make_engine("reference").simulate(scene, settings))
+
+
+def unaltered(run: Trajectory) -> Trajectory:
+    return run
 
 
 def faster(run: Trajectory) -> Trajectory:
@@ -52,6 +59,17 @@ def elsewhere(run: Trajectory) -> Trajectory:
     return replace(run, position=position)
 
 
+RUNS = count()
+
+
+def restless(run: Trajectory) -> Trajectory:
+    """Never the same twice, by less than a femtometre."""
+    return replace(
+        run,
+        position=run.position + 1e-16 * next(RUNS) * np.linspace(0.0, 1.0, len(run.time_s))[:, None, None],
+    )
+
+
 def late(run: Trajectory) -> Trajectory:
     """It begins a thousandth of a radian later."""
     position = run.position.copy()
@@ -62,7 +80,7 @@ def late(run: Trajectory) -> Trajectory:
 @pytest.mark.parametrize(
     ("change", "broken"),
     [
-        (lambda run: run, set()),
+        (unaltered, set()),
         (faster, {"No energy comes or goes that work and losses do not explain"}),
         (stronger, {"Forces are those that the accelerations need"}),
         (
@@ -72,10 +90,63 @@ def late(run: Trajectory) -> Trajectory:
                 "The slider is where the converged solution of the engine's own law has it",
             },
         ),
+        (restless, {"A second run is the same to the last bit"}),
         (late, {"The run begins in the scene's own state", "Ideal joints and the guide stay closed"}),
     ],
-    ids=["nothing", "faster", "stronger", "elsewhere", "late"],
+    ids=["nothing", "faster", "stronger", "elsewhere", "restless", "late"],
 )
 def test_a_claim_fails_of_what_it_is_about(change: Change, broken: set[str]) -> None:
     trial = Trial(Altered(change), SCENES["ideal-free"]())
     assert {sentence for sentence, claim in CLAIMS.items() if not claim(trial).holds} == broken
+
+
+@dataclass(frozen=True)
+class OfItsOwnLaw(Altered):
+    """It solves another clearance than the scene's, five times as tight, and says so."""
+
+    change: Change = unaltered
+
+    def twin(self, scene: Scene) -> Scene:
+        return scene.replace("clearance.B.radial_clearance_m", 1e-4)
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        return super().simulate(self.twin(scene), settings)
+
+
+@dataclass(frozen=True)
+class Hushed(OfItsOwnLaw):
+    """It does so, and does not say it."""
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        return super().simulate(OfItsOwnLaw.twin(self, scene), settings)
+
+    def twin(self, scene: Scene) -> Scene:
+        return scene
+
+
+def test_the_slider_is_held_to_the_law_that_an_engine_says_it_solves() -> None:
+    scene = SCENES["clearance-driven-0.5mm"]()
+    assert slider_is_where_it_should_be(Trial(OfItsOwnLaw(), scene)).holds
+    assert not slider_is_where_it_should_be(Trial(Hushed(), scene)).holds
+
+
+@dataclass(frozen=True)
+class ByTolerance(Altered):
+    """It is off by a length in m, and sharpened by a factor less."""
+
+    off_m: float = 1e-6
+    factor: float = 10.0
+    order: ClassVar[int | None] = None
+
+    def sharper(self) -> "ByTolerance":
+        return replace(self, off_m=self.off_m / self.factor)
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        run = make_engine("reference", method="dop853").simulate(scene, settings)
+        return replace(run, position=run.position + self.off_m)
+
+
+@pytest.mark.parametrize(("factor", "holds"), [(3.0, False), (10.0, True)])
+def test_an_error_that_hardly_falls_with_its_tolerance_is_no_order(factor: float, holds: bool) -> None:
+    """Sharpened three times it has to be a hundredth: three times 3 is 27, and three times 10 is 1000."""
+    assert states_its_order(ByTolerance(unaltered, factor=factor)).holds == holds

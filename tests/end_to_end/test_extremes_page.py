@@ -2,12 +2,15 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.colors import to_hex, to_rgba
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from reports.chapters import extremes
 from reports.parts import Section, Table
+from reports.plots.series import marked
 from tests.end_to_end.written_rows import results_of, row
 
 #: Cases in their places: group, what theory says and asks for, and when the motion ends in s.
@@ -258,3 +261,20 @@ def test_the_matrix_has_every_verdict_in_its_cell_and_a_frame_where_theory_asks_
     assert heads == ["reference\ndefault", "exudyn\nDOPRI5", "pymunk\ntuned"]
     legend = [text.get_text() for text in panel.texts[-2 * len(LOOKS) :]]
     assert legend == [word for name, (symbol, _) in LOOKS.items() for word in (symbol, name)]
+
+
+def test_a_cell_of_the_matrix_tells_whose_run_it_is_and_why_its_verdict_fell(
+    sections: dict[str, Section],
+) -> None:
+    (figure,) = sections["gallery"].figures
+    boxes = [patch for patch in figure.drawing.axes[0].patches if isinstance(patch, Rectangle)]
+    lines = dict(zip(VERDICTS, marked(figure.drawing), strict=True))
+    assert lines["easy"].notes[1] == "easy, exudyn (DOPRI5): inaccurate"
+    assert lines["ending"].notes[2].endswith("failed clearly (guard: joint apart at t = 0.0105 s)")
+    assert lines["endless"].notes[0] == "endless, reference (default): timed out (after 120 s)"
+    for place, cell in enumerate(boxes[:3]):
+        line = lines["easy"].artist
+        assert isinstance(line, Line2D)
+        assert tuple(np.asarray(line.get_data())[:, place]) == pytest.approx(
+            (cell.get_center()[0], cell.get_center()[1])
+        )

@@ -3,6 +3,7 @@
 from typing import Any
 
 from reports.chapters.comparison.recommendation import sentences
+from reports.chapters.comparison.sections import standings_table
 from reports.chapters.comparison.standing import Standings
 from reports.results import frame
 from tests.end_to_end.written_rows import row
@@ -10,8 +11,8 @@ from tests.end_to_end.written_rows import row
 ASKED: dict[str, Any] = {"judged_by": "slider_position_error_m", "wanted_error": 1e-6}
 
 
-def said(**of_reference: Any) -> tuple[str, ...]:
-    """Return the sentences on the reference, 0.2 µm off in 3 ms, and Exudyn, 0.4 µm off in 9 ms."""
+def standings(**of_reference: Any) -> Standings:
+    """Return where they stand: the reference, 0.2 µm off in 3 ms, and Exudyn, 0.4 µm off in 9 ms."""
     rows: list[dict[str, Any]] = []
     for engine, error_m, time_s, columns in (
         ("reference", 2e-7, 0.003, of_reference),
@@ -29,7 +30,21 @@ def said(**of_reference: Any) -> tuple[str, ...]:
         for n, part in enumerate((1.0, 0.9, 1.1)):
             timed = {"timed": True, "round": n, "solve_time_s": part * time_s, "build_time_s": 0.04}
             rows.append(row(len(rows), "mine", engine, "arm", 0.01, **{**common, **timed}))
-    return tuple(sentences(Standings.of(frame(rows))))
+    return Standings.of(frame(rows))
+
+
+def said(**of_reference: Any) -> tuple[str, ...]:
+    """Return the sentences on these."""
+    return tuple(sentences(standings(**of_reference)))
+
+
+def test_every_engine_has_its_numbers_in_the_table_under_their_heads() -> None:
+    table = standings_table(standings())
+    assert table.head == ("engine and arm", "setting", "time [ms]", "ratio", "error [m]", "force error [N]")
+    assert table.rows == (
+        ("reference (arm)", "step 1.0e-02 s", "3", "–", "2.0e-07", "5.0e-01"),
+        ("exudyn (arm)", "step 1.0e-02 s", "9", "3 (3 to 3)", "4.0e-07", "5.0e-01"),
+    )
 
 
 def test_every_sentence_has_its_numbers() -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from io import StringIO
 from unittest.mock import patch
 
-import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pandas as pd
 
 from studies.command import progress_display
 from studies.command.main import main

@@ -37,7 +37,7 @@ def planted(chosen: Sequence[Bug], jobs: int, keep: bool) -> list[str]:
     """Plant bugs, ``keep`` what is found of each in the table, and return in a line each what is wrong."""
     wrong, catching = list[str](), set[str]()
     with copies(jobs) as places:
-        for number, one in enumerate(places.outcomes(chosen), 1):
+        for number, one in enumerate(places.outcomes([table.first(bug) for bug in chosen]), 1):
             catching.add(one.caught_by)
             if keep:
                 table.keep(one)

@@ -53,6 +53,12 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 #: Why nobody sees what survives, by its name.
 EXPLAINED: dict[str, str] = {
+    "reports/convergence.py observed_order: < to <= at 16 of 'if np.all(e < ABOVE_FLOOR * floor):'": (
+        "an error is that many times the floor to the last bit nowhere"
+    ),
+    "reports/convergence.py observed_order: - to + at 11 of 'if end - begin < 2:'": (
+        "a stretch is (0, 0), or has two points and more: difference and sum are below two together"
+    ),
     "reports/equal_error.py _ways: < to <= at 60 of 'between = ((errors[:-1] - error) * (errors[1:] - error) "
     "< 0) & (np.diff(places) == 1)'": "interpolated to a rung itself, a time is the rung's, which is first",
     "reports/equal_error.py ratio: 0 to 1 at 34 of 'drawn = np.random.default_rng(0).integers(len(ratios), "

@@ -1,10 +1,12 @@
 """The published table: which check catches which bug, and at which size of error."""
 
+import ast
 import json
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
-from tests.planted_bugs.catalogue import ROOT, bugs
+from tests.planted_bugs.catalogue import ROOT, Bug, bugs
 from tests.planted_bugs.planting import Outcome
 
 FOLDER = Path(__file__).parent
@@ -25,6 +27,23 @@ def keep(one: Outcome) -> None:
     known = {bug.name: found[bug.name] for bug in bugs() if bug.name in found}
     FOUND.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     TABLE.write_text(text(known), encoding="utf-8")
+
+
+def first(bug: Bug) -> Bug:
+    """Return a bug with the test that caught it the last time, if there still is one, before the others."""
+    found = json.loads(FOUND.read_text(encoding="utf-8")) if FOUND.exists() else {}
+    known = found.get(bug.name, {"caught_by": ""})["caught_by"]
+    return replace(bug, tests=(known.partition("[")[0], *bug.tests)) if exists(known) else bug
+
+
+def exists(test: str) -> bool:
+    """Return whether there is a test of pytest's name, which may have parameters."""
+    file, _, name = test.partition("::")
+    if not (ROOT / file).is_file():
+        return False
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    names = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    return name.partition("[")[0] in names
 
 
 def text(found: dict[str, dict[str, str]]) -> str:

@@ -1,7 +1,7 @@
 """The picture of a sweep by what was varied."""
 
 import numpy as np
-import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pandas as pd
 import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.patches import Rectangle
@@ -131,3 +131,5 @@ def test_chains_up_and_down_have_a_colour_each(grid: pd.DataFrame) -> None:
     down, up = picture.axes[0].get_lines()
     assert down.get_color() != up.get_color()
     assert len(np.asarray(up.get_xdata())) == 12
+    assert [str(line.get_label()) for line in (down, up)] == ["members downwards", "members upwards"]
+    assert set(np.asarray(up.get_xdata())) == set(rows[SPEED][:6])

@@ -5,6 +5,7 @@ import pickle
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from reports.chapters.extremes.matrix import LOOKS
 from reports.chapters.extremes.verdict import Verdict, answers, verdict_on
 from reports.page import write_report
 from reports.results import frame, read_results, read_study
+from studies.extremes import checks
 from studies.extremes import study as extremes
 from studies.extremes.checks import nearly_ideal, settled
 from studies.extremes.scenes import CLEARANCE_M, GRAVITY_M_S2, TURN_S, WHEEL, driven_loose, wheel
 from studies.extremes.truth import dropped_wheel
+from studies.judges.converged_truth import converged
 from studies.running.case import Case, Row
 from studies.running.outcome import run_case
 from studies.running.runner import run_study
@@ -117,7 +120,8 @@ def test_hertzs_contact_lasts_as_long_as_its_closed_form() -> None:
     assert above + CLEARANCE_M == pytest.approx(speed * 1e-4, rel=0.03)
 
 
-def test_a_pin_that_has_settled_is_judged_by_a_revolution_of_its_own() -> None:
+def test_a_pin_that_has_settled_is_judged_by_a_revolution_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, "converged", cache(converged))  # the truth of both is found once
     scene = driven_loose("settled", (40 + 1 / 3) * TURN_S, 2e-5)
     run = make_engine("reference", method="dop853").simulate(scene, RunSettings(scene.end_time_s, 2))
     (error,) = settled(scene, run).values()

@@ -1,5 +1,6 @@
 """Horizons, exponents and ensembles: known exponents, PHYSICS's horizons, and tests that keep their level."""
 
+import html
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +19,7 @@ from engine_models.scene.library import clearance, clearance_driven_002, clearan
 from engine_models.scene.scene import Clearances, Scene
 from reports import page
 from reports.chapters.predictability import comparison, data, findings, statistics
+from reports.chapters.predictability.chains import findings as chain_findings
 from reports.chapters.predictability.data import PER_REVOLUTION
 from reports.chapters.predictability.diagrams import EXPONENT as PER_TURN
 from reports.chapters.predictability.diagrams import HALF, Diagram
@@ -29,7 +31,7 @@ from studies.extremes.scenes import GRAVITY_M_S2, wheel
 from studies.judges.horizon import apart, first_beyond_s, moved
 from studies.judges.ideal_truth import slider_position_m
 from studies.judges.lyapunov import growth
-from studies.predictability import diagrams, study
+from studies.predictability import chains, diagrams, study
 from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MEMBERS, moves_rad
 from studies.predictability.ensemble import period_s
 from studies.predictability.ensemble import statistics as member_statistics
@@ -292,6 +294,11 @@ def few_columns(case: Case) -> Case:
     return replace(case, columns={**case.columns, **few, "exponent_every": 3, "exponent_revolutions": 2})
 
 
+def few_members(case: Case) -> Case:
+    """Return a chain of three members, each followed for a little."""
+    return replace(case, columns={**case.columns, "columns": 3, "transient": 1, "revolutions": 2})
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A little of every part: two horizons, three starts, small ensembles, a few columns of a diagram."""
@@ -312,6 +319,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *some("reference (a tenth less clearance)", "0.5mm", 60),
         *some("pymunk (as the scene)", "0.5mm", 4),
         *(few_columns(case) for case in some(diagrams.CLEARANCES, "0.5 mm", 1)),
+        *(few_members(case) for case in chains.cases(False)),
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
     return folder
@@ -331,7 +339,8 @@ def test_the_chapter_says_what_the_rows_say(results: Path, tmp_path: Path) -> No
     assert "Over the clearance, the pin stays at the wall at all values up to 0.0464 mm." in text
     assert "60 members of the reference itself on clearance-driven-0.5mm are told apart" in text
     assert "pymunk (as the scene) and" not in text, "four members are too few to compare"
-    assert len(list((tmp_path / "report/figures").glob("*.png"))) == 5
+    assert len(list((tmp_path / "report/figures").glob("*.png"))) == 6
+    assert "Chains up and down the crank's speed have 3 speeds in common" in html.unescape(text)
     table = (tmp_path / "report/tables/predictability-horizons.csv").read_text("utf-8")
     assert "clearance-driven-0.02mm,6 revolutions,–,–,–,–,–,–" in table
 
@@ -360,6 +369,21 @@ def test_a_diagram_says_what_settles_what_repeats_and_what_is_chaotic_by_converg
         "It was measured at 8 values.",
         "At 1 the exponent is as large and has not converged: nothing is claimed.",
     ]
+
+
+def test_chains_differ_where_exponents_do_or_where_motions_that_repeat_are_elsewhere() -> None:
+    ways = {"up": (5.0, 5.0, -1.0, -1.0), "down": (5.0, -1.0, -1.0, -1.0)}
+    places = {"up": (1e-4, 1e-4, 1e-4, 1e-4), "down": (9e-5, 9e-5, 9e-5, 1e-4)}
+    members = pd.DataFrame(
+        {diagrams.SPEED: speed, "direction": way, "strobe_m": [place, 0.0], PER_TURN: exponent}
+        for way, of in ways.items()
+        for speed, exponent, place in zip((100.0, 200.0, 300.0, 400.0), of, places[way], strict=True)
+    )
+    said = list(chain_findings(members))
+    assert "4 speeds in common" in said[0]
+    assert "both ways at 1 of them" in said[0]
+    assert said[1] == "It is so one way only at 1 of them, at 200 rad/s."
+    assert said[2].endswith("elsewhere once a turn, at 1 of them, at 300 rad/s.")
 
 
 def test_the_columns_of_all_stretches_are_those_of_the_diagram_in_order() -> None:

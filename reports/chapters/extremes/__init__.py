@@ -46,7 +46,7 @@ def sections(results: Results) -> list[Section]:
         "what the engine does without it. A frame marks what theory asks for: the motion (✓), a refusal "
         "where there is none (⊘), a stop at the time when it is determined no more (F), word that there is "
         "no running with the step or the numbers (✓ F). Numbers are relative errors of what is inaccurate: "
-        "of the motion, of energy (E), of constraints (C).",
+        "of the motion, of energy (E), of constraints (C). A cell that is pointed at, or tapped, tells why.",
         f"Matrix of {answered['scene'].nunique()} named cases against {', '.join(labels(answered))}, a "
         "symbol and a shade per verdict, with theory's expectation beside each case.",
         verdict_matrix(answered),

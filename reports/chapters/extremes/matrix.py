@@ -10,6 +10,7 @@ from matplotlib.layout_engine import PlaceHolderLayoutEngine
 from matplotlib.patches import Rectangle
 
 from reports.chapters.extremes.verdict import CONSTRAINT, ENERGY, Row, Verdict
+from reports.plots.series import mark
 from reports.style import BLACK, WIDTH_IN
 
 #: Symbol and colour of each verdict. Lightness falls from one to the next, so that greyscale keeps the order.
@@ -60,6 +61,7 @@ def verdict_matrix(answers: pd.DataFrame) -> Drawing:
         _text(ax, NAMES - 0.05, top, case, size=6, ha="right")
         for _, answer in of_case.iterrows():
             _cell(ax, lefts[answer["label"]], top, answer)
+        _say(ax, [lefts[label] for label in of_case["label"]], top, of_case)
         _text(ax, theory - 0.2, top, WANTED[words["wanted"]], size=7)
         lines = "\n".join(textwrap.wrap(words["theory"], WRAP))
         _text(ax, theory, top, lines, size=4.9, ha="left")
@@ -92,6 +94,17 @@ def _cell(ax: Axes, left: float, top: float, answer: Row) -> None:
     off = f"{OF_WHAT.get(worst, '')}{answer[worst]:.0e}"
     _text(ax, left + 0.09, top, symbol, size=7, color=ink)
     _text(ax, left + 0.28, top, off, size=4.3, color=ink)
+
+
+def _say(ax: Axes, lefts: list[float], top: float, of_case: pd.DataFrame) -> None:
+    """Let a case's cells tell what came of each run, and why."""
+    columns = [of_case[name] for name in ("scene", "label", "verdict", "told_by", "reason")]
+    notes = [
+        f"{case}, {label}: {verdict.value}" + (f" ({': '.join(filter(None, why))})" if any(why) else "")
+        for case, label, verdict, *why in zip(*columns, strict=True)
+    ]
+    centres = [left + CELL / 2 for left in lefts]
+    mark(ax.plot(centres, [top + ROW / 2] * len(centres), linestyle="none"), "", notes)
 
 
 def _bare(ax: Axes, left: float, top: float, verdict: Verdict) -> None:

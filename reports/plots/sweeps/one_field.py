@@ -10,6 +10,8 @@ from reports.style import BLACK, BLUE, VERMILLION
 
 #: Height of a panel in inches; so many points on it are opaque, of more each is fainter.
 PANEL_IN, OPAQUE = 2.6, 3000
+#: The size of a point where there are up to so many, and where there are more than are opaque.
+SIZES, SMALLEST = {600: 5.0, OPAQUE: 2.5}, 1.2
 #: Colours and sizes of the points of chains, so that one shows below the other, and of members without one.
 WAYS = {None: (BLACK, 1.0), "up": (BLUE, 1.0), "down": (VERMILLION, 2.0)}
 
@@ -32,7 +34,7 @@ def draw_over_field(rows: pd.DataFrame, field: str, columns: Sequence[str]) -> P
                 label=f"members {way}wards" if way else "members",
                 linestyle="",
                 marker=".",
-                markersize=size * (2.5 if len(points) <= OPAQUE else 1.2),
+                markersize=size * next((pt for most, pt in SIZES.items() if len(points) <= most), SMALLEST),
                 markeredgewidth=0,
                 color=colour,
                 alpha=max(0.25, min(1.0, (OPAQUE / max(len(points), 1)) ** 0.5)),
@@ -44,7 +46,7 @@ def draw_over_field(rows: pd.DataFrame, field: str, columns: Sequence[str]) -> P
     axes[-1].set(xlabel=across.label, xscale=across.kind)
     if None not in ways:
         lines = [line for line in axes[0].get_lines() if line.get_linestyle() == "None"]
-        picture.legend(handles=lines, loc="outside lower center", ncols=2, markerscale=4)
+        picture.legend(handles=lines, loc="outside lower center", ncols=2, markerscale=2)
     return picture
 
 

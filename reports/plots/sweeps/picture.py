@@ -15,6 +15,8 @@ from reports.style import RC
 EXPONENT, STROBE, PHASE, FORCE = "exponent_1_s", "strobe_m", "impact_phase_rad", "largest_contact_force_N"
 #: What is shown over the start: in which motion a member ends, seen in the last half of so many turns.
 MOTION, FEWEST_TURNS = "motion", 10
+#: Fields that a picture has axes for.
+MOST_FIELDS = 2
 SPEED = "start.crank_speed_rad_s"
 #: Columns that say which member it is and how it ended.
 HEAD = ("member", "direction", "status", "reason")
@@ -38,7 +40,7 @@ def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: 
     columns += [MOTION] * (len(varied) == 2)
     if show is not None and show not in columns:
         raise NoPicture(f"expected one of {', '.join(columns)}, got {show}")
-    if len(varied) > 2:
+    if len(varied) > MOST_FIELDS:
         raise NoPicture(f"expected one or two fields with --vary for a picture, got {len(varied)}")
     done = frame[frame["status"] == "ok"]
     if done.empty:

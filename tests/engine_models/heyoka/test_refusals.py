@@ -40,5 +40,5 @@ def test_a_scene_without_a_series_is_refused(
 
 def test_without_heyoka_every_scene_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(heyoka_engine, "find_spec", lambda _: None)
-    with pytest.raises(UnsupportedScene, match="heyoka is not installed: make rivals"):
+    with pytest.raises(UnsupportedScene, match="heyoka is not installed: pip install heyoka"):
         HeyokaEngine().simulate(SCENES["ideal-free"](), RunSettings(1.0, 10))

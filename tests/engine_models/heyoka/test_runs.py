@@ -17,7 +17,7 @@ from studies.judges.ideal_truth import exact
 from studies.judges.metrics import energy_balance_residual_J, errors, kinetic_energy_J
 from tests.helpers.crank_sliders import in_minimal_coordinates
 
-pytest.importorskip("heyoka", reason="heyoka is not installed: make rivals")
+pytest.importorskip("heyoka", reason="heyoka is not installed")
 
 SAMPLES = 20
 #: At round-off: 1e-13 m is measured without clearance; with it chaos has 1e-16 grow to 1e-11 m.

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk, lambertw
 
 from reference_solver.compiled.faces import with_fields
-from reference_solver.contact import adaptive_loop
+from reference_solver.contact import adaptive_loop, controlled_step, smooth_loop
 from reference_solver.contact.types import CONTACT_RECORD, new_run
 from reference_solver.failures import SingularConfiguration
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
@@ -142,7 +142,7 @@ def without_root_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Have the readable face step in time alone."""
 
     def plain(_contacts: object, _gaps: object, t: float, h: float, _careful: bool) -> tuple[object, ...]:
-        return adaptive_loop.Course(t, 0.0, 0.0), h, -1
+        return controlled_step.Course(t, 0.0, 0.0), h, -1
 
     with monkeypatch.context() as changed:
         changed.setattr(adaptive_loop, "course_of", plain)
@@ -346,12 +346,12 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
         out[number] = huge if number == row else 0.0
         return 1.0
 
-    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 0, 0), np.zeros(0), adaptive_loop.ROWS, 0)
-    run.slopes[adaptive_loop.WEIGHT] = 1.0
-    kernel = adaptive_loop.Kernel(slopes, None, None, None)
+    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 0, 0), np.zeros(0), controlled_step.ROWS, 0)
+    run.slopes[controlled_step.WEIGHT] = 1.0
+    kernel = smooth_loop.Kernel(slopes, None)
     of = with_fields(run._replace(kernel=kernel, method=method))
     with np.errstate(all="ignore"):
-        assert adaptive_loop.trial(of, adaptive_loop.Course(0.0, 0.0, 0.0), 1.0) == np.inf
+        assert controlled_step.trial(of, controlled_step.Course(0.0, 0.0, 0.0), 1.0) == np.inf
 
 
 def test_redundant_joints_are_named_with_their_time() -> None:

@@ -117,6 +117,10 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("compare", "ideal-free", "--engine", "exodyn"),
         ("--engine: expected reference, exudyn", 'got "exodyn"', "exudyn"),
     ),
+    "comparison of what is no scene with a change": (
+        ("compare", "ideal-free", "--with", "crank.lenght_m=1"),
+        ("--with crank.lenght_m", "(did you mean"),
+    ),
     "study of no scene": (("run", "energy", "--scene", "idle"), ("--scene: expected ideal-free, ", '"idle"')),
     "study of two scenes of one name": (
         ("run", "energy", "--scene", "ideal-free", "--scene", "ideal-free"),
@@ -256,6 +260,10 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "sweep to a picture nowhere": (
         (*SWEEP, "crank.mass_kg=1,2", "--plot", "no/x.png"),
         ("--plot: expected a place that can be written, got no/x.png",),
+    ),
+    "sweep that shows what it has not": (
+        (*SWEEP, "crank.mass_kg=1,2", "--plot", "sweep.png", "--show", "strobe"),
+        ("--show: expected impacts_per_revolution, ", 'got "strobe" (did you mean strobe_m?)'),
     ),
     "column of no picture": (
         (*SWEEP, "crank.mass_kg=1,2", "--show", "strobe_m"),

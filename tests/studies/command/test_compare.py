@@ -7,20 +7,31 @@ import numpy as np
 import pytest
 
 import crankslider as cs
+from engine_models.arms import BAUMGARTE
+from engine_models.engine import RunSettings
+from engine_models.scene.library import SCENES
+from studies.command.comparison import command_of
 from studies.judges.ideal_truth import exact
+from studies.running.case import Case
 from tests.helpers.command import Finished, crankslider
 
 ENGINES = ("reference", "pymunk")
-#: Two turns of a quick crank, in s.
+#: Two turns of a quick crank, in s, and how a user asks for them.
 END_S = 0.02
+SHORT = ("--with", f"end_time_s={END_S}")
 
 
 @pytest.fixture(scope="module")
 def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("scene") / "mine.toml"
     text = crankslider("show", "ideal-free").stdout
-    file.write_text(text.replace("ideal-free", "mine").replace("end_time_s = 1.0", f"end_time_s = {END_S}"))
+    file.write_text(text.replace("ideal-free", "mine"))
     return file
+
+
+@pytest.fixture(scope="module")
+def short(scene_file: Path) -> cs.Scene:
+    return cs.load(scene_file).replace("end_time_s", END_S)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def done(scene_file: Path, folder: Path) -> Finished:
     engines = [word for name in ENGINES for word in ("--engine", name)]
-    return crankslider("compare", scene_file, *engines, "--out", folder)
+    return crankslider("compare", scene_file, *SHORT, *engines, "--out", folder)
 
 
 def test_it_ends_in_a_recommendation_and_says_where_the_page_is(done: Finished, folder: Path) -> None:
@@ -41,8 +52,9 @@ def test_it_ends_in_a_recommendation_and_says_where_the_page_is(done: Finished, 
     assert "time [ms]" in done.stdout
 
 
-def test_the_page_needs_no_other_file(done: Finished, folder: Path) -> None:
+def test_the_page_needs_no_other_file(done: Finished, folder: Path, scene_file: Path) -> None:
     page = (folder / "index.html").read_text("utf-8")
+    assert f"crankslider simulate {scene_file} {' '.join(SHORT)} --engine reference" in page
     assert done.stdout.splitlines()[-1].strip() in page
     sources = [part.split('"')[0] for part in page.split('src="')[1:]]
     assert len(sources) >= 3
@@ -51,24 +63,31 @@ def test_the_page_needs_no_other_file(done: Finished, folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("done")
-def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(scene_file: Path, folder: Path) -> None:
+def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(short: cs.Scene, folder: Path) -> None:
     with (folder / "rows.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["arm"] == "projection" and not row["round"]]
     row = max(rows, key=lambda row: float(row["step_s"]))
     samples = int(float(row["samples"]))
-    run = cs.simulate(scene_file, step=float(row["step_s"]), samples=samples, stabilisation="projection")
-    truth = exact(cs.load(scene_file), samples).slider_position_m
+    run = cs.simulate(short, step=float(row["step_s"]), samples=samples, stabilisation="projection")
+    truth = exact(short, samples).slider_position_m
     error = np.abs(run.frame["slider_position_m"].to_numpy() - truth).max()
     assert float(row["slider_position_error_m"]) == pytest.approx(error, rel=1e-6)
 
 
 @pytest.mark.usefixtures("done")
 def test_a_second_call_from_python_runs_nothing_again(
-    scene_file: Path, folder: Path, capfd: pytest.CaptureFixture[str]
+    short: cs.Scene, folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     before = (folder / "runs/rows.jsonl").read_bytes()
-    found = cs.compare(scene_file, engines=["reference"], folder=folder)
+    found = cs.compare(short, engines=["reference"], folder=folder)
     assert (folder / "runs/rows.jsonl").read_bytes() == before
     assert set(found.frame["engine"]) == {"reference"}
     assert "nothing to compare it with" in found.recommendation
     assert "unsupported" not in capfd.readouterr().err
+
+
+def test_the_command_of_a_rung_has_its_engine_its_step_and_what_it_sets() -> None:
+    scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.01})
+    rung = Case("comparison", scene, BAUMGARTE, RunSettings(2.5e-5, 10))
+    told = "crankslider simulate mine.toml --engine reference --set stabilisation=baumgarte --step 2.5e-05"
+    assert command_of(rung, "mine.toml") == told

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pandas as pd
 import pytest
 
 import crankslider as cs

@@ -1,7 +1,7 @@
 """The reference's members run together have the rows that their own runs give, as far as samples tell."""
 
 import numpy as np
-import pandas as pd  # type: ignore[import-untyped,unused-ignore]
+import pandas as pd
 import pytest
 
 from engine_models.mechanics.watch import Watch

@@ -1,0 +1,53 @@
+"""Chains over the crank's speed, up and down: where they end in other motions there is hysteresis."""
+
+from engine_models.engine import RunSettings
+from engine_models.mechanics.watch import SPEED, Watch
+from studies.predictability.diagrams import ROOM_M, RUNG, SPEEDS
+from studies.predictability.ensemble import period_s
+from studies.predictability.scenes import following, set_r
+from studies.predictability.sweeps.chunk import Chunk, Direction, run_chunk
+from studies.predictability.sweeps.ranges import Range
+from studies.predictability.sweeps.task import Task
+from studies.running.case import Case, Curves, Row
+
+PART = "chain over crank speed"
+DIRECTIONS: tuple[Direction, ...] = ("up", "down")
+#: Ends of the speeds in rad/s: 950 to 7600 rev/min.
+SPEEDS_RAD_S = (100.0, 800.0)
+#: Members of a chain, revolutions left out and shown, quick and full: each of the two takes one core for some
+#: seconds, or, beside other work, for some four minutes.
+SIZES: dict[bool, Row] = {
+    False: {"columns": 24, "transient": 8, "revolutions": 12},
+    True: {"columns": 100, "transient": 30, "revolutions": 30},
+}
+
+
+def cases(full: bool) -> list[Case]:
+    """Return a case for each direction and size; the full set contains the quick one."""
+    sizes = [SIZES[False], *([SIZES[True]] if full else [])]
+    return [_case(size, direction) for size in sizes for direction in DIRECTIONS]
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Run a chain; curves are by speed as it goes, and the strobe's one member after the other."""
+    of = case.columns
+    speeds = Range(*SPEEDS_RAD_S, log=False, count=int(str(of["columns"]))).spaced()
+    direction: Direction = "up" if of["direction"] == "up" else "down"
+    watch = Watch(float(str(of["transient"])), float(str(of["revolutions"])), exponent=True)
+    task = Task(case.scene, case.engine, case.settings, None, watch)
+    chunk = Chunk(0, {SPEED: speeds if direction == "up" else speeds[::-1]}, direction)
+    found = run_chunk(task, chunk).to_pandas()
+    ok = found[found["status"] == "ok"]
+    curves = {name: ok[name].to_numpy() for name in (SPEED, "impacts_per_revolution", "exponent_1_s")}
+    curves["value"] = curves.pop(SPEED)
+    return {"failed_members": len(found) - len(ok)}, curves | {
+        "strobe_m": ok["strobe_m"].explode().to_numpy(float)
+    }
+
+
+def _case(size: Row, direction: Direction) -> Case:
+    turns = int(str(size["transient"])) + int(str(size["revolutions"]))
+    scene = following(set_r(ROOM_M[SPEEDS]), turns)
+    columns: Row = {"part": PART, "direction": direction, **size}
+    run = RunSettings(turns * period_s(scene), 1)
+    return Case("predictability", scene, RUNG.arm, run, RUNG.added, columns=columns)
