@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
 
 import typer
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 #: After this time an interrupt comes again that got lost.
 AGAIN_S = 0.01
+#: Whose functions no exception may leave: LLVM calls them, and goes on with half a result or crashes.
+UNBREAKABLE = "llvmlite."
 
 #: Whether nothing but warnings and errors is wanted.
 _quiet = ContextVar("quiet", default=False)
@@ -82,6 +85,20 @@ def writing(field: str, place: Path) -> Iterator[None]:
         raise BadInput(f"{field}: expected a place that can be written, got {place} ({reason})") from None
 
 
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, unless that would break LLVM: then the signal comes again."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").startswith(UNBREAKABLE):
+            _again(number)
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _again(number: int) -> None:
+    threading.Timer(AGAIN_S, os.kill, (os.getpid(), number)).start()
+
+
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
     """Let SIGTERM end the block as Ctrl-C does, unless whoever started us wants it ignored."""
@@ -89,7 +106,7 @@ def terminated_as_interrupted() -> Iterator[None]:
     if before is not signal.SIG_DFL:
         yield
         return
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _interrupt)
     try:
         yield
     finally:
@@ -108,14 +125,14 @@ def interrupted_in_silence() -> Iterator[None]:
         yield
         return
 
-    def interrupt(*_: object) -> None:
+    def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal heard
         heard = True
-        raise KeyboardInterrupt
+        _interrupt(number, frame)
 
     def say(unraisable: "sys.UnraisableHookArgs") -> None:
         if isinstance(unraisable.exc_value, KeyboardInterrupt):
-            threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+            _again(signal.SIGINT)
         elif not heard:
             hook(unraisable)
 

@@ -295,6 +295,32 @@ def test_an_interrupt_that_strikes_in_another_library_is_said_in_one_line_and_ne
     assert (run.returncode, run.stdout, run.stderr) == (130, "", "error: interrupted\n")
 
 
+#: A command that Ctrl-C strikes in the function by which LLVM hands its machine code over.
+COMPILED = """
+import signal
+from llvmlite.binding.executionengine import ExecutionEngine
+from studies.command import main
+
+find = ExecutionEngine._find_module_ptr
+
+def struck(*arguments):
+    signal.raise_signal(signal.SIGINT)
+    return find(*arguments)
+
+ExecutionEngine._find_module_ptr = struck
+main.main()
+"""
+
+
+def test_an_interrupt_while_a_kernel_is_compiled_is_said_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path))
+    command = [sys.executable, "-c", HEAR + COMPILED, "simulate", "ideal-free", "--engine", "scipy"]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "error: interrupted\n")
+
+
 def test_a_reader_that_has_seen_enough_causes_no_complaint() -> None:
     reading, writing = os.pipe()
     os.close(reading)
