@@ -13,7 +13,7 @@ test: .venv/.ready
 
 # Every number that has a baseline, of all engines, heyoka's among them.
 accuracy: .venv/.rivals
-	$(BIN)/python -m pytest -n 2 -m accuracy
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m accuracy
 
 # Which lines of the four packages no test runs; what may stay so is named in pyproject.toml with the reason.
 coverage: .venv/.ready

@@ -42,6 +42,7 @@ def test_every_engine_runs_some_scene_of_every_kind_it_claims() -> None:
     assert {engine: kinds[engine] for engine in known} == known
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(("engine", "name"), supported())
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_a_claim_holds(engine: str, name: str, claim: str) -> None:
@@ -49,6 +50,7 @@ def test_a_claim_holds(engine: str, name: str, claim: str) -> None:
     assert holds, measured
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("engine", BOTH)
 def test_errors_fall_by_the_order_or_the_tolerance_that_an_engine_states(engine: str) -> None:
     holds, measured = states_its_order(engine_of(engine))
