@@ -11,7 +11,7 @@ study: .venv/.ready
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# Every number that has a baseline, of all engines, heyoka's among them.
+# Every number that has a baseline, of all engines, heyoka's among them, and what they owe on every scene.
 accuracy: .venv/.rivals
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m accuracy
 

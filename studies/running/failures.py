@@ -26,6 +26,9 @@ AGAIN_S = 0.01
 #: Whose functions no exception may leave: LLVM calls them, and goes on with half a result or crashes.
 UNBREAKABLE = "llvmlite."
 
+#: Held while a signal is to come again: once, since a second one would strike as the process ends.
+_coming = threading.Lock()
+
 #: Whether nothing but warnings and errors is wanted.
 _quiet = ContextVar("quiet", default=False)
 
@@ -96,7 +99,13 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _again(number: int) -> None:
-    threading.Timer(AGAIN_S, os.kill, (os.getpid(), number)).start()
+    if _coming.acquire(blocking=False):
+        threading.Timer(AGAIN_S, _come, (number,)).start()
+
+
+def _come(number: int) -> None:
+    _coming.release()
+    os.kill(os.getpid(), number)
 
 
 @contextmanager

@@ -126,6 +126,7 @@ def test_every_signal_and_work_converges_at_order_four_to_minimal_coordinates(
 CONTROLLED = ("fluctuating", "table", "motor", "loads of a driven crank", "gas by a table")
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("name", CONTROLLED)
 def test_error_control_meets_minimal_coordinates(name: str) -> None:
     of, true = CASES[name], exact(CASES[name], SAMPLES)
@@ -221,6 +222,7 @@ JOINT = Clearances(B=clearance(1e-4, "hu-guo", 0.5))
 LOOSE = {n: CASES[n].model_copy(update={"end_time_s": end, "clearance": JOINT}) for n, end in LOOSE_S.items()}
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("name", LOOSE)
 def test_with_clearance_signals_converge_at_order_four_at_least_to_minimal_coordinates(name: str) -> None:
     of, steps = LOOSE[name], LONGEST_S.get(name, 2e-5) / np.array([1.0, 1.5, 2.0])

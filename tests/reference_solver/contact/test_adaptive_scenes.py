@@ -39,6 +39,7 @@ def solved(name: str, end: float, tolerance: float, samples: int = 30) -> Soluti
     return solve(mechanism_of(scene), q, v, end_time_s=end, samples=samples, step=control)
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(
     "name",
     ["clearance-driven-0.5mm", "clearance-driven-damped", "clearance-driven-AB", "clearance-free-0.5mm"],
@@ -154,6 +155,7 @@ def agreed_m(scene: Scene, end: float) -> float:
     return float(np.abs(both[0].q - both[1].q).max())
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("law", [law for law in get_args(ContactLaw) if law != "rigid"])
 def test_every_law_gives_what_it_gives_by_rk4(law: ContactLaw) -> None:
     scene = CLEARANCE_SCENES["clearance-driven-0.5mm"]()
@@ -169,6 +171,7 @@ def test_every_law_gives_what_it_gives_by_rk4(law: ContactLaw) -> None:
     assert apart < 5e-10, f"{apart:.1e}"
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(("restitution", "rubs"), [(0.0, True), (0.3, False), (1.0, True), (1.0, False)])
 def test_rigid_walls_give_what_they_give_by_rk4(restitution: float, rubs: bool) -> None:
     scene = RIGID_SCENES["rigid-free-0.5mm"]()
