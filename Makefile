@@ -55,7 +55,7 @@ publish: .venv/.rivals
 	git diff --quiet HEAD -- reference_solver engine_models studies reports ':!reports/published' || \
 	    { echo "error: commit the code first, so that the published results can name it"; exit 2; }
 	rm -rf results && $(BIN)/crankslider run && $(BIN)/crankslider report
-	rm -rf reports/published && mkdir -p reports/published
+	rm -rf reports/published/report reports/published/results
 	cp -r report reports/published/report
 	for study in results/*/; do mkdir -p reports/published/$$study && \
 	    cp $$study/rows.jsonl $$study/sidecar.json reports/published/$$study; done
