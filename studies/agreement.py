@@ -1,6 +1,7 @@
-"""Agreement: every engine on every ideal scene, at several steps and settings, against the truth."""
+"""Agreement: every engine on every ideal scene, at steps, tolerances and settings, against the truth."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from types import MappingProxyType
 
 from engine_models import arms
 from engine_models.arms import Arm, Setting
@@ -11,6 +12,7 @@ from engine_models.scene.scene import Scene
 from studies.judges.comparison import compared, conserved
 from studies.judges.ideal_truth import exact, exact_repeats
 from studies.judges.kinds import has_ideal_truth, require
+from studies.ladders import by_tolerance
 from studies.running.case import Case, Curves, Row
 
 SAMPLES = 200
@@ -26,16 +28,20 @@ ARMS = (
     arms.OUT_OF_THE_BOX,
     arms.TUNED,
 )
+#: Those that choose their steps, at tolerances 10^-k: quick, then what the full set adds.
+CHOOSING = (arms.REFERENCE_DOP853, arms.SCIPY_DOP853, arms.ODEINT, arms.HEYOKA)
+EXPONENTS, BETWEEN = range(5, 14, 2), range(6, 13, 2)
 #: The reference by DOP853 has a tolerance that leaves its steps as long as they may be, so many intervals
 #: between samples. At order 8 shorter ones are in error by round-off alone; none is a step of the ladder, at
 #: which engines are compared, since one of these is three of RK4's.
 NO_LIMIT, INTERVALS = 0.999, tuple(2 ** (k / 2 + 0.25) for k in range(1, -7, -1))
+NONE: Mapping[str, Setting] = MappingProxyType({})
 #: Pymunk's solver iterations, shown at one step of the ladder.
 ITERATIONS, ITERATIONS_STEPS_PER_SAMPLE = (2, 5, 7, 10, 15, 20, 50, 100), 32
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the ladder of steps for every scene, engine and arm, then Pymunk's sweep of iterations."""
+    """Return for every scene ladders of steps, ladders of tolerances, and Pymunk's sweep of iterations."""
     return [case for make in IDEAL_SCENES.values() for case in _cases_on(make(), full)]
 
 
@@ -53,17 +59,25 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
 def _cases_on(scene: Scene, full: bool) -> list[Case]:
     out = []
     for arm in (*ARMS, *arms.newcomers()):
-        out += [_case(scene, arm, count) for count in LADDER + (FINER if full else ())]
+        out += [_by_step(scene, arm, count) for count in LADDER + (FINER if full else ())]
     for intervals in INTERVALS:
-        case = _case(scene, arms.REFERENCE_DOP853, 1 / intervals, tolerance=NO_LIMIT)
-        out.append(replace(case, columns={"step_s": case.run.step_s}))
+        out.append(_by_step(scene, arms.REFERENCE_DOP853, 1 / intervals, tolerance=NO_LIMIT))
+    for arm in CHOOSING:
+        for exponents in (EXPONENTS, BETWEEN) if full else (EXPONENTS,):
+            rungs = by_tolerance(arm, scene.end_time_s, exponents)
+            out += [_case(scene, arm, rung.step_s, "tolerance", rung.added) for rung in rungs]
     swept = map(arms.with_iterations, ITERATIONS)
-    return out + [_case(scene, arm, ITERATIONS_STEPS_PER_SAMPLE) for arm in swept]
+    step = scene.end_time_s / (SAMPLES * ITERATIONS_STEPS_PER_SAMPLE)
+    return out + [_case(scene, arm, step, "iterations") for arm in swept]
 
 
-def _case(scene: Scene, arm: Arm, steps_per_sample: float, **added: Setting) -> Case:
-    step = scene.end_time_s / (SAMPLES * steps_per_sample)
-    return Case("agreement", scene, arm, RunSettings(step_s=step, samples=SAMPLES), added)
+def _by_step(scene: Scene, arm: Arm, steps_per_sample: float, **added: Setting) -> Case:
+    return _case(scene, arm, scene.end_time_s / (SAMPLES * steps_per_sample), "step", added)
+
+
+def _case(scene: Scene, arm: Arm, step_s: float, varied: str, added: Mapping[str, Setting] = NONE) -> Case:
+    run = RunSettings(step_s=step_s, samples=SAMPLES)
+    return Case("agreement", scene, arm, run, added, columns={"step_s": run.step_s, "varied": varied})
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

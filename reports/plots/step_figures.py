@@ -1,4 +1,4 @@
-"""Errors against the step, log-log: one panel per scene and quantity."""
+"""Errors against the step or the tolerance, log-log: one panel per scene and quantity."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -33,20 +33,32 @@ def panels_of(rows: pd.DataFrame, columns: Sequence[str]) -> list[Panel]:
 
 def against_step(rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[int] = ORDERS) -> Drawing:
     """Return the figure: every label a line, guides of the given orders, the truth's uncertainty shaded."""
+    return _against(rows, panels, orders, "step_s", "mean_step_s")
+
+
+def against_tolerance(rows: pd.DataFrame, panels: Sequence[Panel]) -> Drawing:
+    """Return the same over the tolerance asked for, with a guide of errors in proportion to it."""
+    asked = rows.assign(tolerance=tolerances(rows))
+    return _against(asked, panels, (1,), "tolerance", "tolerance")
+
+
+def _against(
+    rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[int], asked: str, at: str
+) -> Drawing:
+    """Return the figure over the column ``at``; a run that failed has only what it was asked for."""
     drawing, axes = grid(len(panels))
     styles = line_styles(rows)
     failed = rows[~rows["status"].isin(["ok", "unsupported"])]
     missing = {
-        scene: failed[failed["scene"] == scene].groupby("label", observed=True)["step_s"]
-        for scene, _ in panels
+        scene: failed[failed["scene"] == scene].groupby("label", observed=True)[asked] for scene, _ in panels
     }
     rise = ROW_POINTS * max(map(len, missing.values()))
     for ax, (scene, column) in zip(axes, panels, strict=True):
         of_scene = rows[rows["scene"] == scene]
-        ax.set(xlabel=axis_label("step_s"), ylabel=axis_label(column))
+        ax.set(xlabel=axis_label(asked), ylabel=axis_label(column))
         points = of_scene.assign(error=value(of_scene, column)).query("error > 0")
-        for label, line in points.sort_values(["mean_step_s", "error"]).groupby("label", observed=True):
-            drawn = ax.loglog(line["mean_step_s"], line["error"], **styles[label])
+        for label, line in points.sort_values([at, "error"]).groupby("label", observed=True):
+            drawn = ax.loglog(line[at], line["error"], **styles[label])
             mark(drawn, label, settings_in_words(line))
         _finish(ax, floor(of_scene, column), orders)
         ax.set_title(scene, pad=6 + rise)
@@ -65,13 +77,17 @@ def grid(count: int, height_in: float = 2.7) -> tuple[Drawing, list[Axes]]:
     return drawing, [drawing.add_subplot(down, across, place + 1) for place in range(count)]
 
 
+def tolerances(rows: pd.DataFrame) -> pd.Series:
+    """Return the tolerance that each run was set to, NaN where it had none."""
+    settings = with_columns(rows, "setting_rtol", "setting_tolerance")
+    return settings["setting_rtol"].astype(float).fillna(settings["setting_tolerance"].astype(float))
+
+
 def settings_in_words(rows: pd.DataFrame) -> list[str]:
     """Return what each run was set to, as a reader of its point wants it: the step, a tolerance."""
-    tolerances = with_columns(rows, "setting_rtol", "setting_tolerance")
-    tolerance = tolerances["setting_rtol"].astype(float).fillna(tolerances["setting_tolerance"].astype(float))
     return [
         f"step {number(step)} s" if math.isnan(of) else f"tolerance {number(of)}, mean step {number(step)} s"
-        for step, of in zip(rows["mean_step_s"], tolerance, strict=True)
+        for step, of in zip(rows["mean_step_s"], tolerances(rows), strict=True)
     ]
 
 

@@ -31,6 +31,11 @@ SIGNALS = {
 BEST_AT_A_N = 1.2e-5
 RESIDUAL_J = {"reference": 1.6e-6, "exudyn": 3.2e-3, "pymunk": 2.4e-2}
 VIOLATION_M = {"reference": 2e-15, "exudyn": 5e-9, "pymunk": 4e-4}
+#: heyoka's position error in m by the tolerance that it was given; one is below truth's uncertainty.
+BY_TOLERANCE = {
+    "ideal-driven": {1e-6: 4e-7, 1e-8: 2e-9},
+    "ideal-free": {1e-6: 3e-5, 1e-13: 5e-13},
+}
 ENERGY_J = {"ideal-driven": 40.0, "ideal-free": 8.0}
 
 
@@ -59,7 +64,12 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
                 columns["largest_kinetic_energy_J"] = ENERGY_J[scene]
                 columns["energy_balance_residual_J"] = RESIDUAL_J[engine] / 2 ** (order * k)
                 columns["constraint_violation_m"] = VIOLATION_M[engine] * (1 + k)
-                columns |= {"end_time_s": 0.05, "compared_until_s": 0.05, "steps": 100 * 2**k}
+                columns |= {
+                    "varied": "step",
+                    "end_time_s": 0.05,
+                    "compared_until_s": 0.05,
+                    "steps": 100 * 2**k,
+                }
                 rows.append(row(len(rows), scene, engine, arm, step, **columns))
                 position = columns["slider_position_error_m"]
                 curves[rows[-1]["case"]] = {
@@ -68,6 +78,14 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
                     "energy_balance_residual_J": [0.0, -4.0, 8.0, 2.0],
                     "constraint_violation_m": [0.0, 1.0, 3.0, 2.0],
                 }
+    for scene, errors in BY_TOLERANCE.items():
+        for tolerance, position in errors.items():
+            columns = {"varied": "tolerance", "setting_tolerance": tolerance, "steps": 20, "end_time_s": 0.05}
+            columns |= {c: SIGNALS[c][0] * position for c in SIGNALS if has(scene, c)}
+            columns |= {
+                c.replace("_error_", "_uncertainty_"): SIGNALS[c][2] for c in SIGNALS if has(scene, c)
+            }
+            rows.append(row(len(rows), scene, "heyoka", "Taylor", 0.05, compared_until_s=0.05, **columns))
     results = results_of(tmp_path_factory.mktemp("results") / "agreement", rows, curves)
     return {section.name: section for section in agreement.sections(results)}
 
@@ -130,6 +148,29 @@ def test_orders_are_those_of_the_numbers(sections: dict[str, Section]) -> None:
         for (engine, arm), (order, _) in ARMS.items()
         for signal in ("slider position", "largest joint force")
     )
+
+
+def test_errors_by_tolerance_stand_beside_the_tolerance(sections: dict[str, Section]) -> None:
+    shown = table(sections, "agreement-tolerances")
+    assert shown.head == ("scene", "engine", "arm", "tolerance", *(signal[1] for signal in SIGNALS.values()))
+    expected = []
+    for scene, tolerance, position in (
+        ("ideal-driven", "1.0e-06", 4e-7),
+        ("ideal-driven", "1.0e-08", 2e-9),
+        ("ideal-free", "1.0e-06", 3e-5),
+    ):
+        cells = (cell(scene, column, signal[0] * position) for column, signal in SIGNALS.items())
+        expected.append((scene, "heyoka", "Taylor", tolerance, *cells))
+    assert list(shown.rows[:3]) == expected
+    assert shown.rows[3][:5] == ("ideal-free", "heyoka", "Taylor", "1.0e-13", "< 1.0e-12")
+    # 2e-9 of 1e-8 is a fifth, 3e-5 of 1e-6 thirty; the last is not told from truth.
+    assert sections["tolerance"].text == (
+        "heyoka (Taylor) has slider position errors, in m, of 0.2 to 30 times the tolerance asked for.",
+    )
+    panel = figure(sections, "agreement-tolerance-position").drawing.axes[0]
+    assert (panel.get_title(), panel.get_xlabel()) == ("ideal-driven", "tolerance")
+    assert panel.get_ylabel() == "slider position error [m]"
+    assert drawn(panel.lines[0]) == ([1e-8, 1e-6], [2e-9, 4e-7])
 
 
 def test_the_sentences_name_who_errs_least_in_which_signal(sections: dict[str, Section]) -> None:

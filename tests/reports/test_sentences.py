@@ -32,14 +32,13 @@ def agreement_texts(rows: pd.DataFrame) -> Iterator[str]:
     """Yield the chapter's sentences without its figures, whose curves are not published."""
     position, force = agreement.POSITION, agreement.FORCE
     rows = with_largest(rows, force, r"joint_\w_force_error_N")
-    swept = agreement.swept_settings(rows)
-    ladder = rows[swept.isna()]
+    ladder, chosen = (rows[rows["varied"] == what] for what in ("step", "tolerance"))
     at_step = agreement.at_common_steps(ladder)
     yield from findings.orders_found(ladder, (position, force))
     yield from findings.best_at_step(at_step)
     yield from findings.conservation(at_step)
-    for setting, of_setting in rows.groupby(swept):
-        yield from findings.enough(of_setting, setting, position)
+    yield from findings.errors_by_tolerance(chosen, position)
+    yield from findings.enough(rows[rows["varied"] == "iterations"], "iterations", position)
     yield from failures_section(rows, agreement.STUDY).text
     yield from findings.pymunk_arms(ladder, position)
 

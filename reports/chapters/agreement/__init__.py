@@ -3,7 +3,7 @@
 import pandas as pd
 
 from reports.chapters.agreement import findings, tables
-from reports.chapters.agreement.figures import by_step, over_time_at_step, sweep
+from reports.chapters.agreement.figures import by_step, by_tolerance, over_time_at_step, sweep
 from reports.chapters.agreement.findings import ENERGY, LARGEST_ENERGY, VIOLATION
 from reports.parts import Section
 from reports.quantities import with_largest
@@ -24,25 +24,20 @@ INTRODUCTION = (
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    rows = with_largest(
-        with_columns(results.rows, LARGEST_ENERGY, "compared_until_s"), FORCE, r"joint_\w_force_error_N"
-    )
-    swept = swept_settings(rows)
-    ladder = rows[swept.isna()]
+    rows = with_columns(results.rows, LARGEST_ENERGY, "compared_until_s", "varied")
+    rows = with_largest(rows, FORCE, r"joint_\w_force_error_N")
+    rows = rows.assign(varied=rows["varied"].fillna("step"))  # of results older than this column
+    ladder, chosen = (rows[rows["varied"] == what] for what in ("step", "tolerance"))
+    others = rows[~rows["varied"].isin(["step", "tolerance"])]
     at_step = at_common_steps(ladder)
     return [
         _convergence(ladder),
+        *([_by_tolerance(chosen)] if len(chosen) else []),
         _one_step(results, at_step),
         _conservation(results, ladder, at_step),
-        *(_sweep(of_setting, setting) for setting, of_setting in rows.groupby(swept)),
+        *(_sweep(of_setting, setting) for setting, of_setting in others.groupby("varied")),
         failures_section(rows, STUDY),
     ]
-
-
-def swept_settings(rows: pd.DataFrame) -> pd.Series:
-    """Return the setting that each row's arm is one value of, as 20 iterations; None on the ladder."""
-    settings = rows["arm"].str.extract(r"^\d+ (\w+)$", expand=False)
-    return settings.where([f"setting_{setting}" in rows for setting in settings], None)
 
 
 def at_common_steps(rows: pd.DataFrame) -> pd.DataFrame:
@@ -76,6 +71,19 @@ def _convergence(rows: pd.DataFrame) -> Section:
             by_step("velocity-and-torque", "Slider velocity and driver torque error", rows, others, torque),
         ),
         (settings_table(rows, STUDY), tables.orders_table(rows), tables.smallest_table(rows)),
+    )
+
+
+def _by_tolerance(rows: pd.DataFrame) -> Section:
+    return Section.of(
+        "tolerance",
+        "Engines that choose their steps",
+        findings.errors_by_tolerance(rows, POSITION),
+        (
+            by_tolerance("tolerance-position", "Slider position error", rows, POSITION),
+            by_tolerance("tolerance-force", "Joint force error", rows, FORCE),
+        ),
+        [tables.tolerance_table(rows)],
     )
 
 

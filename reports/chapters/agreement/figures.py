@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from reports.parts import Figure
-from reports.plots.step_figures import against_step, panels_of
+from reports.plots.step_figures import against_step, against_tolerance, panels_of
 from reports.plots.sweep_figures import against_setting
 from reports.plots.time_figures import over_time
 from reports.quantities import finished
@@ -33,6 +33,22 @@ def by_step(
         f"end{floor}. {followed(rows) if floor else ''}".strip(),
         f"{len(panels)} log-log panels over the step: {shown}. Lines: {', '.join(labels(rows))}.",
         against_step(rows, panels),
+    )
+
+
+def by_tolerance(name: str, what: str, rows: pd.DataFrame, column: str, reading: str = "") -> Figure | None:
+    """Return a column against the tolerance that engines were asked for, None if no run has it."""
+    panels = panels_of(rows, [column])
+    if not panels:
+        return None
+    shown = ", ".join(f"{axis_label(column)} on {scene}" for scene, column in panels)
+    return Figure(
+        f"agreement-{name}",
+        f"{what} against the tolerance",
+        f"{reading} Both axes are logarithmic. The line marked 1 is of errors in proportion to the "
+        f"tolerance{FLOOR}. {followed(rows)}".strip(),
+        f"{len(panels)} log-log panels over the tolerance: {shown}. Lines: {', '.join(labels(rows))}.",
+        against_tolerance(rows, panels),
     )
 
 

@@ -5,10 +5,11 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from reports.parts import stated
-from reports.quantities import finished, floor, own_scenes, signal_errors, value
+from reports.plots.step_figures import tolerances
+from reports.quantities import finished, floor, own_scenes, signal_errors, uncertainty, value
 from reports.shared_tables import orders, orders_in_text
 from reports.style import labels, words
-from reports.tables import in_text, listed
+from reports.tables import in_text, listed, plain
 
 #: Pymunk's two arms: as the library comes, and as an expert runs it.
 AS_IT_COMES, TUNED = "pymunk (out of the box)", "pymunk (tuned)"
@@ -84,6 +85,16 @@ def _least_and_most(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[
             f" Left out is what failed: {listed(failed['label'].astype(str) + ' on ' + failed['scene'])}."
         )
     yield sentence
+
+
+def errors_by_tolerance(rows: pd.DataFrame, column: str) -> Iterator[str]:
+    """Yield of each arm between how many times its tolerance its errors are, where truth can tell them."""
+    sizes, doubt = value(rows, column), uncertainty(rows, column).fillna(0.0)
+    times = (sizes / tolerances(rows))[sizes > doubt]
+    for label, of_label in times.groupby(rows["label"], observed=True):
+        ends = " to ".join(dict.fromkeys(map(plain, (of_label.min(), of_label.max()))))
+        unit = words(column)[1]
+        yield f"{label} has {_signal(column)} errors, in {unit}, of {ends} times the tolerance asked for."
 
 
 def enough(rows: pd.DataFrame, setting: str, column: str) -> Iterator[str]:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from reports.convergence import RULE
 from reports.parts import Table
+from reports.plots.step_figures import tolerances
 from reports.quantities import floor, signal_errors, uncertainty, value
 from reports.shared_tables import CASE, head, heading, order_cells, smallest_errors
 from reports.style import words
@@ -44,6 +45,21 @@ def errors_table(at_step: pd.DataFrame) -> Table:
         "below the truth's own uncertainty u is shown as “< u”. The step is the middle one of those that "
         "every engine was run at.",
         pd.concat([_errors(at_step, errors), floors]).sort_values("scene", kind="stable"),
+    )
+
+
+def tolerance_table(rows: pd.DataFrame) -> Table:
+    """Return the errors of every signal at every tolerance."""
+    rows = rows.assign(tolerance=tolerances(rows))
+    rows = rows.sort_values(["scene", "label", "tolerance"], ascending=[True, True, False])
+    cells = _errors(rows, signal_errors(rows)).drop(columns="step [s]")
+    cells.insert(3, "tolerance", rows["tolerance"].map(number))
+    return Table.of(
+        "agreement-tolerances",
+        "Largest errors by tolerance",
+        "The tolerance is the number that the engine was given; what it makes of it is its own affair. An "
+        "error below the truth's own uncertainty u is shown as “< u”.",
+        cells,
     )
 
 
