@@ -1,7 +1,6 @@
 """Agreement: every engine on every ideal scene, at steps, tolerances and settings, against the truth."""
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from engine_models import arms
 from engine_models.arms import Arm, Setting
@@ -35,7 +34,6 @@ EXPONENTS, BETWEEN = range(5, 14, 2), range(6, 13, 2)
 #: between samples. At order 8 shorter ones are in error by round-off alone; none is a step of the ladder, at
 #: which engines are compared, since one of these is three of RK4's.
 NO_LIMIT, INTERVALS = 0.999, tuple(2 ** (k / 2 + 0.25) for k in range(1, -7, -1))
-NONE: Mapping[str, Setting] = MappingProxyType({})
 #: Pymunk's solver iterations, shown at one step of the ladder.
 ITERATIONS, ITERATIONS_STEPS_PER_SAMPLE = (2, 5, 7, 10, 15, 20, 50, 100), 32
 
@@ -68,14 +66,14 @@ def _cases_on(scene: Scene, full: bool) -> list[Case]:
             out += [_case(scene, arm, rung.step_s, "tolerance", rung.added) for rung in rungs]
     swept = map(arms.with_iterations, ITERATIONS)
     step = scene.end_time_s / (SAMPLES * ITERATIONS_STEPS_PER_SAMPLE)
-    return out + [_case(scene, arm, step, "iterations") for arm in swept]
+    return out + [_case(scene, arm, step, "iterations", {}) for arm in swept]
 
 
 def _by_step(scene: Scene, arm: Arm, steps_per_sample: float, **added: Setting) -> Case:
     return _case(scene, arm, scene.end_time_s / (SAMPLES * steps_per_sample), "step", added)
 
 
-def _case(scene: Scene, arm: Arm, step_s: float, varied: str, added: Mapping[str, Setting] = NONE) -> Case:
+def _case(scene: Scene, arm: Arm, step_s: float, varied: str, added: Mapping[str, Setting]) -> Case:
     run = RunSettings(step_s=step_s, samples=SAMPLES)
     return Case("agreement", scene, arm, run, added, columns={"step_s": run.step_s, "varied": varied})
 
