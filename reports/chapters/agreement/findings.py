@@ -88,13 +88,12 @@ def _least_and_most(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[
 
 
 def errors_by_tolerance(rows: pd.DataFrame, column: str) -> Iterator[str]:
-    """Yield of each arm between how many times its tolerance its errors are, where truth can tell them."""
+    """Yield of each arm how many times its tolerance its errors are at most, where truth can tell them."""
     sizes, doubt = value(rows, column), uncertainty(rows, column).fillna(0.0)
     times = (sizes / tolerances(rows))[sizes > doubt]
-    for label, of_label in times.groupby(rows["label"], observed=True):
-        ends = " to ".join(dict.fromkeys(map(plain, (of_label.min(), of_label.max()))))
-        unit = words(column)[1]
-        yield f"{label} has {_signal(column)} errors, in {unit}, of {ends} times the tolerance asked for."
+    for label, most in times.groupby(rows["label"], observed=True).max().items():
+        what, unit = _signal(column), words(column)[1]
+        yield f"{label} has {what} errors, in {unit}, of at most {plain(most)} times the tolerance asked for."
 
 
 def enough(rows: pd.DataFrame, setting: str, column: str) -> Iterator[str]:
