@@ -1,4 +1,4 @@
-"""For all tests: what Numba compiles leaves objects by the million, through which the collector would look often."""
+"""For all tests: compiling leaves objects by the million, through which the collector need not look so often."""
 
 import gc
 
