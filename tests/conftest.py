@@ -1,4 +1,4 @@
-"""For all tests: compiling leaves objects by the million, through which the collector need not look so often."""
+"""For all tests: compiling leaves objects by the million, and the collector need not look so often."""
 
 import gc
 
