@@ -19,6 +19,10 @@ from engine_models.scipy_ivp.run import Record
 PAUSE, OUTLASTING = 10_000, 30_000
 #: The end of an independent variable whose end is an event's.
 NEVER = 1e300
+#: A flight begins at the wall but for the error of its release, and heyoka may lose all roots of an event
+#: that begins at zero. So a touch is told past where the pin then is, by this part of the links' lengths: a
+#: few units in the last place of a pin's position.
+PAST = 1e-15
 #: Gauss's quadrature in a step, exact for polynomials of degree 31, beyond any order here.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
@@ -47,6 +51,7 @@ class Flight:
     ) -> None:
         self._derivative, self._systems = derivative, systems
         self._end_s, self._longest_s, self._max_steps = scene.end_time_s, longest_s, max_steps
+        self._past_m = PAST * sum(link.length_m for link in (scene.crank, scene.rod) if link)
         self._pace = Pace(scene, OUTLASTING)
         self.steps = 0
 
@@ -59,7 +64,7 @@ class Flight:
         derivative, t = self._derivative, 0.0
         y, roots = derivative.start[: 2 * derivative.n], dict[int, float]()
         for contact in begun(derivative):
-            roots[contact] = float(np.sqrt(derivative.gaps(y)["depth"][contact]))
+            roots[contact] = self._root(contact, y)
         while t < self._end_s:
             piece, roots = self._piece(t, y, roots, kept)
             yield piece
@@ -75,7 +80,10 @@ class Flight:
                 contact, kind = piece.event
                 derivative.switch(contact, kind, y)
                 if kind == 0 and roots.pop(contact, None) is None:
-                    roots[contact] = 0.0
+                    roots[contact] = self._root(contact, y)
+
+    def _root(self, contact: int, y: FloatArray) -> float:
+        return float(np.sqrt(max(self._derivative.gaps(y)["depth"][contact], 0.0)))
 
     def _piece(
         self, t: float, y: FloatArray, roots: dict[int, float], kept: bool
@@ -86,7 +94,8 @@ class Flight:
         integrator, touching = system.integrator, system.touching
         if integrator.with_events:
             integrator.reset_cooldowns()
-        integrator.pars[:] = [self._end_s, *phases[1::2]][: len(integrator.pars)]
+        past = np.maximum(self._derivative.gaps(y)["g"], 0.0) + self._past_m if len(phases) else ()
+        integrator.pars[:] = [self._end_s, *phases[1::2], *past][: len(integrator.pars)]
         integrator.time = 0.0 if touching else t
         integrator.state[:] = [*y, *[roots[k] for k in touching], *([t] if touching else [])]
         until, longest = (NEVER, np.inf) if touching else (self._end_s, self._longest_s)

@@ -30,6 +30,8 @@ from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import Scalar, Tape, array
 
+#: Parameters of every contact: its a/v0, and how far past the wall it touches, in m.
+OF_CONTACT = ("memory", "past")
 #: The phases of all contacts.
 Phases = tuple[float, ...]
 #: A contact and the kind of its event: 0 of touch or release, 1 of clip or resume.
@@ -41,7 +43,8 @@ class System:
     """An integrator: its state is z, z', then with contacts the w of ``touching``, and the time.
 
     Its parameters are the end of the run in s, which is the last of its terminal events where the time is a
-    variable, and every contact's a/v0, as far as they occur. The other terminal events are ``events``.
+    variable, and all contacts' of each of ``OF_CONTACT``, as far as they occur. The other terminal events are
+    ``events``.
     """
 
     integrator: Any
@@ -76,8 +79,8 @@ class Systems:
         draft = _Draft(self._mechanism, phases)
         flow, events = draft.flow(0.0 if self._driven else None), draft.events()
         inputs = dict(zip(draft.names, hy.make_vars(*draft.names), strict=True))
-        memories = {f"memory{k}": hy.par[k + 1] for k in range(len(phases))}
-        expression = Translation({**inputs, **memories})
+        names = [f"{name}{k}" for name in OF_CONTACT for k in range(len(phases))]
+        expression = Translation({**inputs, **{name: hy.par[k] for k, name in enumerate(names, 1)}})
         terminal = [_event(expression(value), sign) for value, sign in events.values()]
         if draft.touching:
             terminal.append(_event(inputs["time"] - hy.par[0], 1.0))
@@ -106,7 +109,8 @@ class _Draft:
         self._z, self._u = tape.inputs("z", n), tape.inputs("u", n)
         self.touching = tuple(k for k, phase in enumerate(phases) if phase != FLIGHT)
         self._w = {k: tape.input(f"w{k}") for k in self.touching}
-        self._memory = [tape.input(f"memory{k}") for k in range(len(phases))]
+        numbers = range(len(phases))
+        self._memory, self._past = ([tape.input(f"{name}{k}") for k in numbers] for name in OF_CONTACT)
         self._posture = Posture(tree, self._z, self._u)
         q, v = array(self._posture.q), array(self._posture.v)
         self._state = State(q, v)
@@ -139,8 +143,8 @@ class _Draft:
         events: dict[Event, tuple[Scalar, float]] = {}
         for k, (joint, phase) in enumerate(zip(self._joints, self._phases, strict=True)):
             if phase == FLIGHT:
-                d, c = self._gap(k)[0], joint.radial_clearance_m
-                events[k, 0] = d @ d - c * c, 1.0
+                d, reach = self._gap(k)[0], joint.radial_clearance_m + self._past[k]
+                events[k, 0] = d @ d - reach * reach, 1.0
                 continue
             events[k, 0] = self._w[k], -1.0
             if joint.compliance.clipped:

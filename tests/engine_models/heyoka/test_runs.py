@@ -8,7 +8,7 @@ import pytest
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory
 from engine_models.heyoka.engine import HeyokaEngine
 from engine_models.mechanics.assembly import started_from
-from engine_models.mechanics.joints import joint_gap
+from engine_models.mechanics.joints import clearances, joint_gap
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, SCENES
 from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
@@ -69,6 +69,17 @@ def test_loads_and_a_motor_do_the_work_that_the_ledger_asks_for() -> None:
     truth = exact(scene, SAMPLES)
     assert np.abs(trajectory.slider_position_m - truth.slider_position_m).max() < IDEAL_M
     assert residual(scene, trajectory) < LEDGER
+
+
+@pytest.mark.parametrize("name", ["clearance-pendulum", "clearance-driven-0.5mm", "clearance-free-0.5mm"])
+def test_no_touch_is_missed_after_a_release(name: str) -> None:
+    scene = SCENES[name]()
+    scene = scene.model_copy(update={"end_time_s": min(scene.end_time_s, 0.3)})
+    clearance = next(iter(clearances(scene).values())).radial_clearance_m
+    for exponent in np.arange(9, 15.5, 0.5):
+        run = HeyokaEngine(tolerance=10.0**-exponent).simulate(scene, RunSettings(scene.end_time_s, 200))
+        deepest = max(contact.penetration_m.max() for contact in run.contacts.values())
+        assert deepest < clearance, f"a pin passed its wall by {deepest:.1e} m at tolerance 1e-{exponent:g}"
 
 
 @pytest.mark.parametrize("name", HORIZON_S)
