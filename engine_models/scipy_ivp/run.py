@@ -94,6 +94,7 @@ class LocatedRun:
         if missed:  # a step that ends where the pin is nearest to the wall shows its touch
             stop, times = min(missed), times[times < min(missed)]
             states, roots = self._calls.solve(t, y, np.append(times, stop), watched)
+        derivative.close_clipped(y, [*states, *(root.y for root in roots)])
         self.record.sample(states[: len(times)])
         for root in roots:
             if root.watch.event is not None:

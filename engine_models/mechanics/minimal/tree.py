@@ -14,14 +14,18 @@ Without clearance the rod closes a loop: sin(phi) = -(r/L) sin(theta), x = r cos
     phi' = k theta',  k = -(r cos(theta))/(L cos(phi)),  dk/dtheta = tan(phi) (k^2 - 1)
     x' = g theta',    g = L sin(phi) (1 - k)
 
-and w'' = J theta'' + b with J = (1, k, g) leaves one equation, J^T M J theta'' = J^T (Q - h - M b).
+and w'' = J theta'' + b theta'^2 with J = (1, k, g) leaves one equation,
+
+    J^T M J theta'' = J^T Q - (J^T h + (M J)^T b) theta'^2,  h at theta' = 1.
 
 Coordinates are some of q = (x, y, phi) of crank, rod and slider: crank and rod by their angles, what nothing
 carries by the place of its centre of mass, and the slider by its place along the guide. A crank whose motion
 is prescribed is one of them, with its acceleration given.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -31,6 +35,7 @@ from reference_solver.tape import Array, FloatArray, Scalar, arcsin, array, cos,
 
 #: Places in q of the angles of crank and rod, and of the slider along its guide.
 THETA, PHI, SLIDER_X = 2, 5, 6
+ANGLES = (THETA, PHI)
 #: Joints by their pins' bodies.
 O, A, B = range(3)  # noqa: E741  the joints' names
 
@@ -44,6 +49,11 @@ class Carrier:
 
     moved_by: tuple[int, ...]
     arms: dict[int, Scalar]
+
+    @property
+    def reach(self) -> dict[int, Scalar]:
+        """How far each place moves the centre of mass: a translation by itself, an angle by its arm."""
+        return dict.fromkeys(self.moved_by, 1.0) | self.arms
 
     def past(self, arms: dict[int, Scalar], sign: float = 1.0) -> "Carrier":
         """Return what carries a body so much further along the links, or back."""
@@ -66,11 +76,24 @@ class Tree:
         #: From the centre of mass of a joint's bearing's body to that of its pin's.
         self._ways = {joint.body_j: _way(joint) for joint in joints}
         self.carriers = self._carried(loose)
-        angles = [THETA, PHI][: len(self.bodies)]
+        angles = ANGLES[: len(self.bodies)]
         moved = [place for carrier in self.carriers for place in carrier.moved_by]
         #: Places in q of all that moves the bodies, and of the coordinates among them.
         self.places = tuple(sorted({*angles, *moved}))
         self.coordinates = (THETA,) if self.closed else self.places
+
+    @property
+    def masses(self) -> dict[tuple[int, int], Scalar]:
+        """M without the directions in which places move, for all pairs that move a body together."""
+        masses = dict[tuple[int, int], Scalar]()
+        for body, (carrier, part) in enumerate(zip(self.carriers, self.bodies, strict=True)):
+            for (i, a), (j, b) in product(carrier.reach.items(), repeat=2):
+                if i == j or not {i, j} <= set(carrier.moved_by):
+                    masses[i, j] = masses.get((i, j), 0.0) + part.mass_kg * (a * b)
+            angle = 3 * body + 2
+            if angle in self.places:
+                masses[angle, angle] = masses.get((angle, angle), 0.0) + part.inertia_kg_m2
+        return masses
 
     def start(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return z and z' (2n,) of the bodies' q and q', (3b,) each."""
@@ -117,11 +140,14 @@ class Posture:
         self._tree = tree
         self._w = dict(zip(tree.coordinates, z, strict=True))
         self._rate = dict(zip(tree.coordinates, u, strict=True))
-        self._turns = {k: (cos(self._w[k]), sin(self._w[k])) for k in (THETA, PHI) if k in self._w}
-        #: J, and what is left of w'' without z'', of all that moves the bodies.
+        self._turns = {k: (cos(self._w[k]), sin(self._w[k])) for k in ANGLES if k in self._w}
+        #: The direction in which each place moves a centre of mass.
+        self._across = {k: (1.0, 0.0) if k % 3 == 0 else (0.0, 1.0) for k in tree.places if k not in ANGLES}
+        #: J and b of all that moves the bodies.
         self._J, self._b = dict[int, Scalar](), dict[int, Scalar]()
         if tree.closed:
             self._close()
+        self._across |= {k: (-s, c) for k, (c, s) in self._turns.items()}
         self.q, self.v = self._of_bodies()
 
     def _close(self) -> None:
@@ -139,14 +165,12 @@ class Posture:
         self._w |= {PHI: arcsin(sin_phi), SLIDER_X: r * cos_theta + length * cos_phi}
         self._rate |= {PHI: k * rate, SLIDER_X: g * rate}
         self._J = {THETA: 1.0, PHI: k, SLIDER_X: g}
-        self._b = {PHI: dk * rate * rate, SLIDER_X: dg * rate * rate}
+        self._b = {PHI: dk, SLIDER_X: dg}
 
     def _columns(self, body: int) -> dict[int, tuple[Scalar, Scalar]]:
         """Return the columns of a body's J: the velocity of its centre by each rate."""
-        carrier = self._tree.carriers[body]
-        moves = {k: (1.0, 0.0) if k % 3 == 0 else (0.0, 1.0) for k in carrier.moved_by}
-        turns = {k: self._turns[k] for k in carrier.arms}
-        return moves | {k: (-(arm * turns[k][1]), arm * turns[k][0]) for k, arm in carrier.arms.items()}
+        reach = self._tree.carriers[body].reach
+        return {k: (far * self._across[k][0], far * self._across[k][1]) for k, far in reach.items()}
 
     def _of_bodies(self) -> tuple[list[Scalar], list[Scalar]]:
         q, v = list[Scalar](), list[Scalar]()
@@ -167,12 +191,17 @@ class Posture:
         ``driven`` is the crank's angular acceleration where that is prescribed; else it is None, and the
         torque 0.
         """
-        M, right = self._equations(F)
+        M, Q = self._masses(), self._forces(F)
         if self._tree.closed:
-            J, b = self._J, self._b
-            inertia = sum((J[i] * sum(M[i, j] * J[j] for j in J) for i in J), start=0.0)
-            force = sum((J[i] * (right[i] - sum(M[i, j] * b[j] for j in b)) for i in J), start=0.0)
-            return [force / inertia], 0.0
+            J, b, rate = self._J, self._b, self._rate[THETA]
+            h = self._inertial(J)
+            MJ = {i: sum((M[i, j] * J[j] for j in J), start=0.0) for i in J}
+            inertia = sum((J[i] * MJ[i] for i in J), start=0.0)
+            force = sum((J[i] * Q[i] for i in J), start=0.0)
+            bent = sum((J[i] * h[i] for i in J), start=0.0) + sum((MJ[i] * b[i] for i in b), start=0.0)
+            return [(force - bent * rate * rate) / inertia], 0.0
+        h = self._inertial(self._rate)
+        right = {i: Q[i] - h[i] for i in Q}
         given = {} if driven is None else {THETA: driven}
         free = [k for k in self._tree.places if k not in given]
         matrix = array([[M[i, j] for j in free] for i in free])
@@ -181,24 +210,36 @@ class Posture:
         torque = sum((M[THETA, k] * solved[k] for k in solved), start=0.0) - right[THETA] if given else 0.0
         return [solved[k] for k in self._tree.places], torque
 
-    def _equations(self, F: Array) -> tuple[dict[tuple[int, int], Scalar], dict[int, Scalar]]:
-        """Return M and Q - h of M w'' = Q - h, by places."""
-        places = self._tree.places
+    def _masses(self) -> dict[tuple[int, int], Scalar]:
+        """Return M by places."""
+        across, places = self._across, self._tree.places
         M: dict[tuple[int, int], Scalar] = {(i, j): 0.0 for i in places for j in places}
-        right: dict[int, Scalar] = dict.fromkeys(places, 0.0)
-        for body, (carrier, part) in enumerate(zip(self._tree.carriers, self._tree.bodies, strict=True)):
-            columns, m, angle = self._columns(body), part.mass_kg, 3 * body + 2
-            for i, (x, y) in columns.items():
-                right[i] = right[i] + x * F[3 * body] + y * F[3 * body + 1]
-                for k, arm in carrier.arms.items():
-                    if k != i:
-                        c, s = self._turns[k]
-                        right[i] = right[i] + m * arm * (x * c + y * s) * (self._rate[k] * self._rate[k])
-                for j, (x_j, y_j) in columns.items():
-                    # Columns that turn are as long as their arms: no squares of sine and cosine.
-                    dot = x * x_j + y * y_j if i != j else carrier.arms.get(i, 1.0) ** 2
-                    M[i, j] = M[i, j] + m * dot
-            if angle in places:
-                M[angle, angle] = M[angle, angle] + part.inertia_kg_m2
-                right[angle] = right[angle] + F[angle]
-        return M, right
+        for (i, j), mass in self._tree.masses.items():
+            if i <= j:
+                M[i, j] = M[j, i] = mass if i == j else mass * _dot(across[i], across[j])
+        return M
+
+    def _inertial(self, rates: Mapping[int, Scalar]) -> dict[int, Scalar]:
+        """Return h by places, at rates of the angles."""
+        across, h = self._across, dict[int, Scalar](dict.fromkeys(self._tree.places, 0.0))
+        for (i, k), mass in self._tree.masses.items():
+            if i != k and k in self._turns:
+                # Of two angles it is an odd function of their difference, which is written once.
+                swapped = i in self._turns and i > k
+                first, second = (k, i) if swapped else (i, k)
+                pull = mass * _dot(across[first], self._turns[second])
+                h[i] = h[i] + (pull if swapped else -pull) * (rates[k] * rates[k])
+        return h
+
+    def _forces(self, F: Array) -> dict[int, Scalar]:
+        """Return Q of forces F (3b,) on the bodies, by places."""
+        Q = dict[int, Scalar]()
+        for i in self._tree.places:
+            reach = {3 * body: carrier.reach.get(i, 0.0) for body, carrier in enumerate(self._tree.carriers)}
+            sums = [sum((far * F[x + axis] for x, far in reach.items()), start=0.0) for axis in range(2)]
+            Q[i] = _dot(self._across[i], sums) + (F[i] if i in self._turns else 0.0)
+        return Q
+
+
+def _dot(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
+    return one[0] * other[0] + one[1] * other[1]
