@@ -227,8 +227,8 @@ class Derivative:
 
     def _stored_J(self, y: FloatArray) -> FloatArray:
         """Return what every contact's spring stores, (K,)."""
-        power = self._contacts["exponent"] + 1
-        return np.asarray(self._contacts["stiffness"] * np.maximum(self.gaps(y)["depth"], 0.0) ** power / power)
+        depth, power = np.maximum(self.gaps(y)["depth"], 0.0), self._contacts["exponent"] + 1
+        return np.asarray(self._contacts["stiffness"] * depth**power / power)
 
     def gaps(self, y: FloatArray) -> NDArray[np.void]:
         """Return every contact's gap (K,), records of ``GAP_RECORD``."""
