@@ -11,8 +11,9 @@ from reports.results import read_study, with_columns
 
 #: A ladder is beaten by what surely takes less than this part of its time.
 BEATEN = 0.75
-#: Coarser errors, in parts of a scene's largest, are got to by chance: the coarsest rungs go astray.
-HIT = 0.03
+#: A rung has its error by chance, where errors of either sign meet, if that of the next finer one is not below
+#: this part of it.
+FALLS = 0.8
 POSITION, TORQUE, FORCE = (
     "slider_position_error_m",
     "driver_torque_error_N_m",
@@ -55,11 +56,11 @@ def _driven_ideal(rows: pd.DataFrame) -> set[str]:
 
 def _lines(judged: Judged) -> Iterator[dict[str, object]]:
     for scene, (rungs, floor) in judged.ladders.items():
-        for engine, own in rungs.groupby("engine"):
+        finer = rungs.groupby("label", observed=True)["error"].shift(-1)
+        meant = rungs[finer.isna() | (finer < FALLS * rungs["error"])]
+        for engine, own in meant.groupby("engine"):
             of_ladder = own[~own["label"].str.contains(" = ", regex=False)]
             for error in levels(own, floor):
-                if error > HIT * rungs["error"].max():
-                    continue
                 usual, best = arrival(of_ladder, error), arrival(own, error)
                 assert best is not None  # levels lie within the errors of its rungs
                 share = ratio(best, usual) if usual else None
