@@ -54,6 +54,7 @@ GENERALIZED_ALPHA_09 = Arm(
 )
 RK44 = Arm("exudyn", "RK44", {"solver": "RK44"})
 DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("tolerance",))
+ODE23 = Arm("exudyn", "ODE23", {"solver": "ODE23"}, ("tolerance",))
 
 
 def _all_settings(engine: PymunkEngine) -> dict[str, Setting]:

@@ -98,6 +98,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         *by_step(arms.PLAIN, contact, 4 + more),
         *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, every)),
         *by_tolerance(arms.DOPRI5, longest, range(4, 12, every), **build),
+        *by_tolerance(arms.ODE23, longest, range(4, 7, every), **build),
         *by_step(arms.TRAPEZOIDAL, contact, 3 + more, **build),
         *by_step(arms.AS_THE_SCENE, contact / 2, 5 + more),
         *by_step(arms.SHORTER_IN_CONTACT, 2 * contact, 5 + more, sweeps_leave=LEFT_LOOSE),

@@ -11,8 +11,8 @@ from reports.results import read_study, with_columns
 
 #: A ladder is beaten by what surely takes less than this part of its time.
 BEATEN = 0.75
-#: A rung has its error by chance, where errors of either sign meet, if that of the next finer one is not below
-#: this part of it.
+#: A rung has its error by chance, where errors of either sign meet, unless the next finer one's is below this
+#: part of it.
 FALLS = 0.8
 POSITION, TORQUE, FORCE = (
     "slider_position_error_m",
