@@ -25,6 +25,7 @@ from warnings import warn
 if TYPE_CHECKING:
     from studies.command.comparison import Comparison
     from studies.command.sweep import Swept
+    from studies.command.truth import TrueRun
 
 PACKAGES = ("reference_solver", "engine_models", "studies", "reports")
 
@@ -72,7 +73,7 @@ with _home_first():
     )
     from studies.running.failures import BadInput, Failed
 
-__all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep"]
+__all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep", "truth"]
 __version__ = version("crankslider")
 
 #: The library's scenes by name.
@@ -111,6 +112,27 @@ def simulate(
         physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
         chosen = read_engine(engine, {**(settings or {}), **more_settings}, tolerance is not None)
         run = simulated(changed(physics, [], options.end), engine, chosen, options)
+    for doubt in run.warnings:
+        warn(doubt, stacklevel=2)
+    return run
+
+
+def truth(scene: Scene | str | Path, *, end: float | None = None, samples: int = 120) -> "TrueRun":
+    """Return the true motion of a scene, as far as it is certain: what a solver can be held to.
+
+    It is by equations that no engine has a part in. Its samples end where two true solutions part;
+    ``certain_m`` is how well the slider's position is known up to there.
+
+    Raises:
+        BadInput: an argument or the scene is refused.
+        Failed: no solution was found.
+    """
+    from studies.command.truth import true_run
+
+    with as_arguments():
+        options = checked(SimulateOptions, "--", {"end": end, "samples": samples})
+        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
+        run = true_run(changed(physics, [], options.end), options)
     for doubt in run.warnings:
         warn(doubt, stacklevel=2)
     return run

@@ -4,15 +4,18 @@ import logging
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option, Typer
 
 from studies.running import failures
 from studies.running.registry import STUDIES
+
+if TYPE_CHECKING:
+    from studies.command.finished_run import Run
 
 app = Typer(
     rich_markup_mode="markdown",
@@ -136,7 +139,6 @@ def simulate(
 ) -> None:
     """Run one scene and write motion, forces and energy as a table; on request impacts, a figure, a film."""
     from studies.command import options, outputs
-    from studies.command.progress_display import shown_progress
     from studies.command.simulation import simulated
 
     strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
@@ -155,17 +157,43 @@ def simulate(
         raise failures.BadInput(f"--exaggerate: expected nothing without --animate, got {exaggerate}")
     outputs.require_places(files, scene)
     with failures.quietly(quiet):
-        with ExitStack() as stack:
-            opened = [stack.enter_context(file.opened()) for file in files]
-            with shown_progress(physics.end_time_s):
-                result = simulated(physics, engine, chosen, numbers)
-                contents = [file.content(result) for file in files]
-            for write, content in zip(opened, contents, strict=True):
-                write(content)
-        for warning in result.warnings:
-            failures.say(f"warning: {warning}")
-        for note in result.notes():
-            failures.note(note)
+        _say(outputs.write(files, physics, lambda: simulated(physics, engine, chosen, numbers)))
+
+
+def _say(run: "Run") -> None:
+    """Say what there is to say of a run."""
+    for warning in run.warnings:
+        failures.say(f"warning: {warning}")
+    for note in run.notes():
+        failures.note(note)
+
+
+@app.command()
+def truth(
+    scene: SceneName,
+    changes: Changes = None,
+    end: Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")] = None,
+    samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "120",
+    out: Annotated[
+        Path, Option(metavar="FILE", help="Samples as .csv, .json or .parquet; - is stdout, as CSV.")
+    ] = Path("-"),
+    impacts: Annotated[
+        Path | None, Option(metavar="FILE", help="Impacts, a row each, as .csv, .json or .parquet.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a scene's true motion, as far as it is certain, by equations that no engine has a part in."""
+    from studies.command import options, outputs
+    from studies.command.truth import true_run
+
+    numbers = options.checked(options.SimulateOptions, "--", {"end": end, "samples": samples})
+    physics = options.changed(options.read_scene(scene), changes or [], numbers.end)
+    files = [outputs.samples(out)]
+    if impacts is not None:
+        files.append(outputs.impacts(impacts, physics))
+    outputs.require_places(files, scene)
+    with failures.quietly(quiet):
+        _say(outputs.write(files, physics, lambda: true_run(physics, numbers)))
 
 
 @app.command()

@@ -1,10 +1,10 @@
-"""The files that ``crankslider simulate`` writes: tables and pictures of a run, each by its name's ending."""
+"""The files that ``simulate`` and ``truth`` write: tables and pictures, each by its name's ending."""
 
 import csv
 import io
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from engine_models.scene.scene import Scene
 from studies.command.endings import PICTURES, ending_of, film_ending
 from studies.command.finished_run import Run
 from studies.command.options import FilmOptions, checked, is_source
+from studies.command.progress_display import shown_progress
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
 from studies.running.whole_file import whole_file
@@ -47,6 +48,18 @@ class Output:
                     file.flush()
 
             yield write
+
+
+def write(files: Sequence[Output], scene: Scene, result: Callable[[], Run]) -> Run:
+    """Write into all files, or none, what a run of a scene gives, and return it; how far it is is shown."""
+    with ExitStack() as stack:
+        opened = [stack.enter_context(file.opened()) for file in files]
+        with shown_progress(scene.end_time_s):
+            run = result()
+            contents = [file.content(run) for file in files]
+        for write, content in zip(opened, contents, strict=True):
+            write(content)
+    return run
 
 
 def samples(path: Path) -> Output:

@@ -1,0 +1,70 @@
+"""The true motion of a scene as a run that users can hold their own solver to."""
+
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from engine_models.engine import Engine, FloatArray, Impacts, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.mechanics.samples import selected
+from engine_models.reference.kernels import FolderRefused
+from engine_models.scene.scene import Scene
+from studies.command.finished_run import Run
+from studies.command.options import SimulateOptions
+from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, truth_by
+from studies.running.failures import BadInput, Failed
+
+
+@dataclass(frozen=True, repr=False)
+class TrueRun(Run):
+    """A scene's true motion, up to where two solutions part; the slider is certain to ``certain_m``."""
+
+    certain_m: float
+    by: str
+
+    def notes(self) -> list[str]:
+        """Return how well the motion is known, by what, and until when."""
+        end, what = self.trajectory.time_s[-1], "slider" if self.scene.is_crank_slider else "crank's pin"
+        known = f"the {what} is certain to {self.certain_m:.1e} m until t = {end:.6g} s"
+        return [f"{known}, by {'independent equations' if self.by == INDEPENDENT else 'the reference'}"]
+
+
+def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
+    """Return the true motion of a scene.
+
+    Raises:
+        BadInput: the scene is one that nothing follows, not even to its first sample.
+        Failed: no solution was found.
+    """
+    try:
+        truth, repeats = converged(scene, options.samples)
+        count = followed(scene, options.samples)
+        by = truth_by(scene, options.samples)
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None
+    except (UnsupportedScene, SimulationFailed) as reason:
+        raise Failed(f"no truth was found: {reason}") from None
+    apart = max(float(np.abs(_place(scene, one) - _place(scene, truth))[:count].max()) for one in repeats)
+    resolution = float(np.spacing(np.abs(_place(scene, truth)).max()))
+    known, warnings = _until(truth, count), list[str]()
+    if count <= options.samples:
+        warnings.append(f"two true solutions part after t = {known.time_s[-1]:.6g} s, and samples end there")
+    solver, certain = cast(Engine, COLLOCATION), max(apart, resolution)
+    return TrueRun(scene, "truth", solver, None, known, tuple(warnings), certain, by)
+
+
+def _place(scene: Scene, run: Trajectory) -> FloatArray:
+    """Return where the slider is, in m, or how far along its way the end of a pendulum."""
+    return run.slider_position_m if scene.is_crank_slider else scene.crank.length_m * run.position[:, 0, 2]
+
+
+def _until(truth: Trajectory, count: int) -> Trajectory:
+    """Return the first samples, and the impacts that have ended by then."""
+    cut, end = selected(truth, slice(count)), truth.time_s[count - 1]
+    contacts = {}
+    for joint, contact in cut.contacts.items():
+        all_of = vars(contact.impacts)
+        over = all_of["time_s"] + all_of["duration_s"] <= end
+        impacts = Impacts(**{name: values[over] for name, values in all_of.items()})
+        contacts[joint] = replace(contact, impacts=impacts)
+    return replace(cut, contacts=contacts)

@@ -1,0 +1,65 @@
+"""The true motion that users hold their own solvers to: certain as far as it goes, and no further."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import crankslider as cs
+from studies.conformance.truths import write_truths
+from tests.helpers.command import crankslider, table_of
+
+PUBLISHED = Path(__file__).parents[3] / "reports/published/truth"
+
+
+def test_another_method_in_other_coordinates_is_within_the_bound() -> None:
+    scene = "clearance-free-0.5mm"
+    known = cs.truth(scene, end=0.03, samples=60)
+    other = cs.simulate(scene, "scipy", end=0.03, samples=60, step=1e-3, rtol=1e-13, atol=1e-15)
+    off = (known.frame["slider_position_m"] - other.frame["slider_position_m"]).abs().max()
+    assert off <= 10 * known.certain_m, f"{off:.1e} m; the other method errs, too"
+    assert 1e-17 < known.certain_m < 1e-9
+    assert known.impacts["time_s"].to_numpy() == pytest.approx(other.impacts["time_s"].to_numpy(), rel=1e-9)
+
+
+def test_a_table_ends_where_two_solutions_part_and_has_no_impact_past_it(tmp_path: Path) -> None:
+    files = "--out", tmp_path / "t.csv", "--impacts", tmp_path / "i.csv"
+    told = crankslider("truth", "clearance-driven-0.5mm", "--end", 0.06, "--samples", 120, *files)
+    assert told.code == 0
+    table, impacts = pd.read_csv(tmp_path / "t.csv"), pd.read_csv(tmp_path / "i.csv")
+    end = table["time_s"].iloc[-1]
+    assert 0.02 < end < 0.06
+    assert (impacts["time_s"] + impacts["duration_s"]).max() <= end
+    assert f"warning: two true solutions part after t = {end:.6g} s, and samples end there" in told.stderr
+    assert "by independent equations" in told.stderr
+
+
+def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
+    for name in ("ideal-driven", "clearance-pendulum"):
+        short = (name, "--end", 0.004, "--samples", 4, "--quiet")
+        own, simulated = crankslider("truth", *short), crankslider("simulate", *short)
+        assert (own.code, own.stderr) == (0, "")
+        assert list(table_of(own.stdout)) == list(table_of(simulated.stdout))
+    assert crankslider("truth", *short, "--out", tmp_path / "t.json").code == 0
+    assert json.loads((tmp_path / "t.json").read_text())["made_by"]["engine"] == "truth"
+
+
+def test_a_certainty_is_no_smaller_than_the_last_place_of_a_position() -> None:
+    known = cs.truth("ideal-driven", end=0.004, samples=4)
+    assert known.certain_m >= np.spacing(known.frame["slider_position_m"].max())
+
+
+def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
+    names = ["ideal-free", "clearance-driven-damped"]
+    write_truths(tmp_path, names)
+    for name in names:
+        here, there = (pd.read_csv(folder / f"{name}.csv", index_col=0) for folder in (tmp_path, PUBLISHED))
+        pd.testing.assert_frame_equal(here, there, rtol=1e-6, atol=1e-9)
+    certainty = pd.read_csv(PUBLISHED / "certainty.csv").set_index("scene")
+    assert set(certainty.index) == set(cs.scenes)
+    assert set(certainty["solved_by"]) == {"independent"}
+    assert certainty["slider_position_uncertainty_m"].max() < 1e-8
+    for name, row in certainty.iterrows():
+        assert pd.read_csv(PUBLISHED / f"{name}.csv")["time_s"].iloc[-1] == row["certain_until_s"]
