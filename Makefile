@@ -59,7 +59,7 @@ publish: .venv/.rivals
 	cp -r report reports/published/report
 	for study in results/*/; do mkdir -p reports/published/$$study && \
 	    cp $$study/rows.jsonl $$study/sidecar.json reports/published/$$study; done
-	rm -rf reports/published/truth && $(BIN)/python -m studies.conformance.truths reports/published/truth
+	rm -rf reports/published/truth && $(BIN)/python -m studies.command.truth reports/published/truth
 	$(BIN)/python -m studies.conformance.seal reports/published
 
 .venv/.ready: requirements.lock pyproject.toml

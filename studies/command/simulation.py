@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from engine_models.convergence.doubts import doubts
 from engine_models.convergence.step_halving import simulate_to_tolerance
 from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.memory import TooLarge
 from engine_models.reference.kernels import FolderRefused
 from engine_models.scene.scene import Scene
-from studies.command.doubts import doubts
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions, longest_step_s
 from studies.running.failures import BadInput, Failed

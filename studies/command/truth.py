@@ -1,18 +1,30 @@
-"""The true motion of a scene as a run that users can hold their own solver to."""
+"""The true motion of a scene as a run that users can hold their own solver to.
 
+``python -m studies.command.truth FOLDER`` writes that of every library scene: samples are ``SCENE.csv``,
+ended contacts ``SCENE-impacts.csv``, and ``certainty.csv`` has a row for each scene.
+"""
+
+import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import cast
 
 import numpy as np
+import pandas as pd
 
 from engine_models.engine import Engine, FloatArray, Impacts, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.samples import selected
 from engine_models.reference.kernels import FolderRefused
+from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
+from studies import clearance
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions
 from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, truth_by
 from studies.running.failures import BadInput, Failed
+
+#: Samples that are published, and the digits of a double.
+SAMPLES, EXACT = 120, "%.17g"
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,3 +80,29 @@ def _until(truth: Trajectory, count: int) -> Trajectory:
         impacts = Impacts(**{name: values[over] for name, values in all_of.items()})
         contacts[joint] = replace(contact, impacts=impacts)
     return replace(cut, contacts=contacts)
+
+
+def write_truths(folder: Path, names: list[str]) -> None:
+    """Write the true motions of some scenes as far as the studies follow them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for name in names:
+        scene = SCENES[name]()
+        scene = scene.model_copy(update={"end_time_s": clearance.END_S.get(name, scene.end_time_s)})
+        run = true_run(scene, SimulateOptions(samples=SAMPLES))
+        run.frame.to_csv(folder / f"{name}.csv", float_format=EXACT)
+        if run.trajectory.contacts:
+            run.impacts.to_csv(folder / f"{name}-impacts.csv", index=False, float_format=EXACT)
+        rows.append(
+            {
+                "scene": name,
+                "certain_until_s": run.trajectory.time_s[-1],
+                "slider_position_uncertainty_m": f"{run.certain_m:.1e}",
+                "solved_by": run.by,
+            }
+        )
+    pd.DataFrame(rows).to_csv(folder / "certainty.csv", index=False)
+
+
+if __name__ == "__main__":
+    write_truths(Path(sys.argv[1]), list(SCENES))

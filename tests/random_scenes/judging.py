@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine_models.convergence.doubts import doubts
 from engine_models.convergence.own_uncertainty import simulate_with_uncertainty
 from engine_models.convergence.step_halving import simulate_to_tolerance
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.scene import Scene
-from studies.command.doubts import doubts
 from studies.command.options import DEFAULT_STEP_S, read_engine
 from tests.random_scenes.truths import DEFAULT, SAMPLES, Truth, smallest_clearance_m
 

@@ -1,9 +1,9 @@
 """A run of the reference that shorter steps change warns of it, and one held to a tolerance does not."""
 
+from engine_models.convergence.doubts import doubts
 from engine_models.engine import RunSettings
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
-from studies.command.doubts import doubts
 
 #: Through set R's first impacts at steps of three degrees, past which a hundredth of the clearance is lost.
 SCENE = SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": 0.036})

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
-from studies.conformance.truths import write_truths
+from studies.command.truth import write_truths
 from tests.helpers.command import crankslider, table_of
 
 PUBLISHED = Path(__file__).parents[3] / "reports/published/truth"

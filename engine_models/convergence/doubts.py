@@ -1,4 +1,4 @@
-"""What ``crankslider simulate`` warns of: quality that is doubtful, and a slider that is not known well."""
+"""What a run is warned of: quality that is doubtful, and a slider that is not known well."""
 
 from engine_models.convergence.own_uncertainty import DOUBTFUL_PART, doubtful_from_s
 from engine_models.engine import Engine, SimulationFailed, Trajectory
