@@ -39,6 +39,7 @@ STEPS_PER_SAMPLE = (16, 32)
 BY_TOLERANCE = (
     arms.REFERENCE_DOP853,
     arms.DOPRI5,
+    arms.ODE23,
     arms.SCIPY,
     arms.SCIPY_DOP853,
     arms.LSODA,
