@@ -9,6 +9,8 @@ import pandas as pd
 
 #: An error counts when it is this many times a floor: the floor then moves the slope by at most 0.14.
 ABOVE_FLOOR = 10.0
+#: An error above this part of how far the signal itself swings is of a motion that has little to do with it.
+ASTRAY = 0.1
 #: Local order (between neighbouring steps) below which an error has stopped falling.
 FALLING = 0.5
 #: The finest local order below this part of the one before it shows a floor coming.
@@ -22,16 +24,18 @@ STRAIGHT = 1.0
 RULE = (
     "An observed order is the least-squares slope of log(error) over log(step). Used are the finest "
     f"points, at most {MOST}, of the stretch in which the error falls (local order of at least "
-    f"{FALLING:g}), without points below {ABOVE_FLOOR:g} times the truth's uncertainty. Where the error "
+    f"{FALLING:g}), without points above {ASTRAY:g} times the signal's largest distance from its mean, or "
+    f"below {ABOVE_FLOOR:g} times the truth's uncertainty. Where the error "
     f"stops falling before the finest step, or its local order bends to below {BEND:g} of the one before, "
     f"the engine has reached a floor of its own: the bent points and those below {ABOVE_FLOOR:g} times the "
     f"smallest error are left out too. No order is claimed from fewer than {FEWEST} points (“too few "
-    f"points”), where every point is below {ABOVE_FLOOR:g} times the truth's uncertainty (“round-off”), "
-    f"where the error falls nowhere (“flat”), or where the local orders differ by more than {STRAIGHT:g} "
+    f"points”), where every point is below {ABOVE_FLOOR:g} times the truth's uncertainty (“round-off”) or "
+    "above that part of the signal (“astray”), where "
+    f"the error falls nowhere (“flat”), or where the local orders differ by more than {STRAIGHT:g} "
     "(“irregular”)."
 )
 
-Verdict = Literal["order", "round-off", "flat", "too few points", "irregular"]
+Verdict = Literal["order", "round-off", "astray", "flat", "too few points", "irregular"]
 
 
 @dataclass(frozen=True)
@@ -50,14 +54,17 @@ class Order:
         return self.verdict if self.slope is None else f"{self.slope:.2f}"
 
 
-def observed_order(steps: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> Order:
+def observed_order(
+    steps: Sequence[float], errors: Sequence[float], floor: float = 0.0, scale: float = np.inf
+) -> Order:
     """Return the slope of log(error) over log(step), or why none is claimed.
 
-    ``steps`` and ``errors`` are (n,), in any order of steps; ``floor`` is the truth's uncertainty, in the
-    unit of the errors. The rule, in this order:
+    ``steps`` and ``errors`` are (n,), in any order of steps; ``floor`` is the truth's uncertainty, ``scale``
+    the signal's largest distance from its mean, both in the unit of the errors. The rule, in this order:
 
-    1. the stretch of steps in which the error falls: local orders of at least ``FALLING``; of several the one
-       in which it falls the most. This leaves out saturated coarse steps, round-off, and a rising branch;
+    1. of points not above ``ASTRAY`` times the scale the stretch of steps in which the error falls: local
+       orders of at least ``FALLING``; of several the one in which it falls the most. This leaves out
+       saturated coarse steps, round-off, and a rising branch;
     2. without the finest points at which the local order bends to below ``BEND`` of the one before;
     3. without points below ``ABOVE_FLOOR`` times the truth's uncertainty and, where finer points were left
        out in 1 or 2, without points below ``ABOVE_FLOOR`` times the smallest error of the stretch, which is
@@ -69,7 +76,9 @@ def observed_order(steps: Sequence[float], errors: Sequence[float], floor: float
         return Order("too few points")
     if np.all(e < ABOVE_FLOOR * floor):
         return Order("round-off")
-    e = np.maximum(e, np.finfo(float).tiny)
+    h, e = h[e <= ASTRAY * scale], np.maximum(e[e <= ASTRAY * scale], np.finfo(float).tiny)
+    if not len(h):
+        return Order("astray")
     begin, end = _falling_stretch(local_orders(h, e))
     if end - begin < 2:
         return Order("flat" if len(h) >= FEWEST else "too few points")

@@ -29,6 +29,11 @@ def uncertainty(rows: pd.DataFrame, column: str) -> pd.Series:
     return _numbers(rows, column.replace("_error_", "_uncertainty_") if "_error_" in column else "")
 
 
+def scale(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Return how far the signal of a column of errors is from its mean at most, NaN where nobody tells."""
+    return _numbers(rows, column.replace("_error_", "_scale_") if "_error_" in column else "")
+
+
 def floor(rows: pd.DataFrame, column: str) -> float:
     """Return the truth's largest uncertainty of a column, 0 where there is none."""
     largest = uncertainty(rows, column).max()
@@ -45,12 +50,11 @@ def signal_errors(rows: pd.DataFrame) -> list[str]:
 def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
     """Return the rows with a column ``name``: the largest of the signal errors whose columns match a pattern.
 
-    Its uncertainty is the largest of theirs.
+    Its uncertainty is the largest of theirs, and so is its scale.
     """
-    errors = rows.filter(regex=f"^{pattern}$")
-    uncertainties = rows.filter(regex=f"^{pattern.replace('_error_', '_uncertainty_')}$")
-    largest = {name: errors.max(axis=1), name.replace("_error_", "_uncertainty_"): uncertainties.max(axis=1)}
-    return rows.assign(**largest)
+    words = ("_error_", "_uncertainty_", "_scale_")
+    columns = {name.replace("_error_", word): pattern.replace("_error_", word) for word in words}
+    return rows.assign(**{new: rows.filter(regex=f"^{of}$").max(axis=1) for new, of in columns.items()})
 
 
 def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:

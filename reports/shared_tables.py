@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import pandas as pd
 
 from reports.convergence import Order, observed_order
 from reports.parts import Section, Table
-from reports.quantities import uncertainty, value
+from reports.quantities import scale, uncertainty, value
 from reports.results import with_columns
 from reports.style import axis_label, labels
 from reports.tables import ABSENT, error, listed, number
@@ -38,11 +39,13 @@ def heading(column: str) -> str:
 
 def orders(rows: pd.DataFrame, column: str) -> dict[str, dict[str, Order]]:
     """Return the observed order of a column by label and scene, where a finished run has it."""
-    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column))
+    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column), scale=scale(rows, column))
     floors = rows.groupby("scene")["doubt"].max().fillna(0.0)
+    scales = rows.groupby("scene")["scale"].max().fillna(np.inf)
     by_label: dict[str, dict[str, Order]] = {label: {} for label in labels(rows)}
     for (label, scene), points in rows.dropna(subset="error").groupby(["label", "scene"], observed=True):
-        by_label[label][scene] = observed_order(points["mean_step_s"], points["error"], floors[scene])
+        ends = floors[scene], scales[scene]
+        by_label[label][scene] = observed_order(points["mean_step_s"], points["error"], *ends)
     return by_label
 
 

@@ -16,7 +16,7 @@ from studies.running.case import Curves, Row
 def compared(
     scene: Scene, run: Trajectory, truth: Trajectory, repeats: Sequence[Trajectory], until: int | None = None
 ) -> tuple[dict[str, float], Curves]:
-    """Return the largest error of every signal with the truth's uncertainty, and errors as curves.
+    """Return the largest error of every signal with the truth's uncertainty and scale, and errors as curves.
 
     ``scene`` is the one that the engine really solves, ``repeats`` are its truth found otherwise. Samples
     before ``until`` count, up to ``compared_until_s``; ``largest_kinetic_energy_J`` is the truth's.
@@ -27,7 +27,8 @@ def compared(
     row = {"compared_until_s": float(judged.time_s[-1])}
     row |= {name: float(curve.max()) for name, curve in curves.items()}
     row["largest_kinetic_energy_J"] = float(metrics.kinetic_energy_J(scene, judged).max())
-    return row | metrics.uncertainties(scene, judged, [selected(repeat, first) for repeat in repeats]), curves
+    row |= metrics.uncertainties(scene, judged, [selected(repeat, first) for repeat in repeats])
+    return row | metrics.scales(scene, judged), curves
 
 
 def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:

@@ -83,6 +83,18 @@ def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) ->
     }
 
 
+def scales(scene: Scene, truth: Trajectory) -> dict[str, float]:
+    """Return how far each signal is from its mean at most, forces by length: an error as large knows nothing.
+
+    The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
+    """
+    swings = ((name, np.abs(value - value.mean(axis=0))) for name, value in signals(scene, truth))
+    return {
+        with_suffix(name, "scale"): float((np.hypot(*swing.T) if swing.ndim == 2 else swing).max())
+        for name, swing in swings
+    }
+
+
 #: Round-off of a signal relative to its largest value: the closed-form reactions are within 2.2 units in the
 #: last place of their values in extended precision; the margin is 2.
 ROUND_OFF = 4 * float(np.finfo(float).eps)

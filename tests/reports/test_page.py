@@ -394,6 +394,15 @@ def test_a_clean_power_law_gives_its_order_exactly_from_the_finest_four(order: i
     assert found.steps == STEPS[-4:]
 
 
+def test_no_order_is_claimed_of_errors_as_large_as_a_tenth_of_the_signal() -> None:
+    errors = [3.0 * h for h in STEPS]
+    assert observed_order(STEPS, errors, 0.0, scale=10 * errors[-1] * 0.99).verdict == "astray"
+    assert observed_order(STEPS, errors, 0.0, scale=10 * errors[-2] * 1.01).verdict == "too few points"
+    finest = observed_order(STEPS, errors, 0.0, scale=10 * errors[-3] * 1.01)
+    assert finest.slope == pytest.approx(1.0)
+    assert finest.steps == STEPS[-3:]
+
+
 def test_the_order_does_not_depend_on_the_order_of_the_points() -> None:
     errors = [h**2 for h in STEPS]
     assert observed_order(STEPS[::-1], errors[::-1]) == observed_order(STEPS, errors)

@@ -10,7 +10,7 @@ from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from studies.judges.ideal_truth import exact
 from studies.judges.lyapunov import growth
-from studies.judges.metrics import constraint_violation_m, errors, with_suffix
+from studies.judges.metrics import constraint_violation_m, errors, scales, with_suffix
 from studies.running.outcome import load_study
 
 SHIFT = 1e-3
@@ -52,6 +52,16 @@ def test_an_error_is_found_in_its_signal_at_its_time_alone() -> None:
     curves = errors(scene, replace(truth, joint_force_N=force), truth)
     assert curves["joint_A_force_error_N"].tolist() == pytest.approx([0, 0, 0, 5, 0])
     assert all(not e.any() for name, e in curves.items() if name != "joint_A_force_error_N")
+
+
+def test_a_scale_is_the_largest_distance_from_the_mean() -> None:
+    truth = exact(ideal_driven(), 2)
+    position, force = truth.position.copy(), truth.joint_force_N.copy()
+    position[:, 2, 0] = 1.0, 2.0, 6.0  # 3 on average
+    force[:, 1] = (0.0, 0.0), (3.0, 0.0), (0.0, 12.0)  # (1, 4) on average
+    found = scales(ideal_driven(), replace(truth, position=position, joint_force_N=force))
+    assert found["slider_position_scale_m"] == pytest.approx(3.0)
+    assert found["joint_A_force_scale_N"] == pytest.approx(65.0**0.5)
 
 
 def test_a_suffix_goes_before_the_unit() -> None:
