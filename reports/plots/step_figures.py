@@ -27,10 +27,9 @@ ROW_POINTS = 9
 ENTRY_IN, FITTING = 0.17, 4
 
 
-def panels_of(rows: pd.DataFrame, columns: Sequence[str]) -> list[Panel]:
-    """Return a panel for each column and each scene that has it."""
-    scenes = list(rows.groupby("scene"))
-    return [(scene, name) for name in columns for scene, of in scenes if value(of, name).notna().any()]
+def panels_of(rows: pd.DataFrame, column: str) -> list[Panel]:
+    """Return a panel for each scene that has a column."""
+    return [(scene, column) for scene, of in rows.groupby("scene") if value(of, column).notna().any()]
 
 
 def against_step(rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[int] = ORDERS) -> Drawing:
