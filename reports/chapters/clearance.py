@@ -97,7 +97,7 @@ def cross_check_found(rows: pd.DataFrame) -> list[str]:
 
 
 def _figure(rows: pd.DataFrame, name: str, title: str, column: str) -> Figure | None:
-    panels = panels_of(rows, [column])
+    panels = panels_of(rows, column)
     if not panels:
         return None
     return Figure(

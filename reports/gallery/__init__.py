@@ -63,14 +63,14 @@ def _seen(results: Results) -> list[Section]:
             "ideal",
             "One revolution with ideal joints",
             (),
-            [over_time.signal_figure(results, ideal, signal) for signal in signals],
+            [figure for signal in signals for figure in over_time.signal_figures(results, ideal, signal)],
         ),
         Section.of(
             "clearance",
             "One revolution with clearance",
             forces_found(results),
             [
-                over_time.signal_figure(results, runs.drop(ideal.index), over_time.DEVIATION),
+                *over_time.signal_figures(results, runs.drop(ideal.index), over_time.DEVIATION),
                 *over_time.contact_force_figures(results),
             ],
         ),

@@ -49,11 +49,10 @@ def energy_figure(results: Results) -> Figure | None:
             given = top[0] + sum(curve[::EVERY] for curve in work)
             whole.plot(turn, np.broadcast_to(given, turn.shape), color=BLACK, linewidth=1.3, label=GIVEN)
             _stack(part, results, row, IN_CONTACTS)
-            whole.set(ylabel="energy [J]")
             whole.set_title(row["scene"], loc="left")
             part.set_title("contacts alone", loc="left")
             for ax in (whole, part):
-                ax.set(xlabel=TURN)
+                ax.set(xlabel=TURN, ylabel="energy [J]")
                 ax.set_ylim(bottom=0)
         drawing.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return Figure(

@@ -50,8 +50,8 @@ def impact_figures(results: Results) -> list[Figure]:
         )
         error_panel.yaxis.set_major_locator(LogLocator(numticks=7))
         error_panel.yaxis.set_minor_locator(NullLocator())
-        for drawing in (loops, misses):
-            legend(drawing, rows)
+        legend(loops, rows)
+        legend(misses, rows, truth=False)
     named = ", ".join(labels(rows))
     return [
         Figure(

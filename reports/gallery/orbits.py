@@ -16,8 +16,8 @@ from reports.results import FloatArray, Results
 from reports.style import BLACK, RC, labels, line_styles
 
 UM, ACROSS = 1e6, 3
-#: Of a path every so many points are drawn; what is free around the circle, as a part of its radius.
-EVERY, MARGIN = 3, 1.25
+#: Of a path every so many points are drawn.
+EVERY = 3
 
 
 def orbit_figures(results: Results) -> list[Figure]:
@@ -35,8 +35,9 @@ def _orbits(results: Results, scene: str, rows: pd.DataFrame, joint: str) -> Fig
     with mpl.rc_context(RC):
         across = min(ACROSS, len(rows))
         down = -(-len(rows) // across)
-        size = WIDTH_IN / ACROSS
-        drawing = Drawing(figsize=(size * across + 0.2, (size + 0.1) * down + 0.3))
+        size, room = WIDTH_IN / ACROSS, len(rows) % across > 0  # for the legend among the panels
+        height = (size + 0.1) * down + (0.3 if room else 0.9)
+        drawing = Drawing(figsize=(size * across + 0.2, height))
         panels = drawing.subplots(down, across, sharex=True, sharey=True, squeeze=False).ravel()
         for ax, (_, row) in zip(panels, rows.iterrows(), strict=False):
             case, style = row["case"], styles[row["label"]]
@@ -50,7 +51,7 @@ def _orbits(results: Results, scene: str, rows: pd.DataFrame, joint: str) -> Fig
             Line2D([], [], label="clearance circle", color=BLACK, linewidth=0.9),
             Line2D([], [], label="truth", **TRUTH),
         ]
-        if len(rows) % across:
+        if room:
             panels[-1].legend(handles=key, loc="center")
         else:
             drawing.legend(handles=key, loc="outside upper center", ncols=2)
@@ -67,10 +68,9 @@ def _orbits(results: Results, scene: str, rows: pd.DataFrame, joint: str) -> Fig
 
 
 def circle(ax: Axes, radius_m: float) -> None:
-    """Draw the clearance circle, in µm, and make room for it."""
+    """Draw the clearance circle, in µm."""
     ax.add_patch(Circle((0, 0), UM * radius_m, fill=False, edgecolor=BLACK, linewidth=0.9, zorder=3))
-    most = MARGIN * UM * radius_m
-    ax.set(xlim=(-most, most), ylim=(-most, most), aspect="equal")
+    ax.set_aspect("equal")
 
 
 def radius_m(results: Results, case: str, joint: str) -> float:

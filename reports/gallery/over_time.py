@@ -1,11 +1,13 @@
 """Signals over one revolution beside the truth, and how far each engine is from it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
@@ -13,6 +15,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from reports.gallery.data import angle_deg, envelope, extremes, has, joints_with_clearance, of_view
 from reports.gallery.drawing import WIDTH_IN
 from reports.parts import Figure
+from reports.plots.step_figures import grid
 from reports.results import Results
 from reports.style import RC, labels, line_styles
 from reports.tables import listed
@@ -21,6 +24,8 @@ from reports.tables import listed
 TRUTH: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 3.2, "zorder": 1.5}
 TURN = "crank's turn [°]"
 MARKERS, LEGEND_IN = 4, 0.75
+#: Room for an entry of the legend.
+KEY_IN = 2.2
 
 
 @dataclass(frozen=True)
@@ -81,47 +86,69 @@ DEVIATION = Signal(
 )
 
 
-def signal_figure(results: Results, rows: pd.DataFrame, signal: Signal) -> Figure | None:
-    """Return a row of two panels for each scene: the signal, and its error; None where no run has it.
+def signal_figures(results: Results, rows: pd.DataFrame, signal: Signal) -> Iterator[Figure]:
+    """Yield a signal and its error, a panel for each scene; nothing where no run has it.
 
     ``rows`` are finished runs over a revolution.
     """
     rows = rows[[has(row, signal.error) for _, row in rows.iterrows()]]
     if rows.empty:
-        return None
-    styles, scenes = line_styles(rows), list(rows.groupby("scene"))
+        return
+    kind = "clearance" if signal is DEVIATION else "ideal"
+    scenes = f"over the crank's angle: {listed(rows['scene'].unique())}."
     with mpl.rc_context(RC):
-        drawing = Drawing(figsize=(WIDTH_IN, 1.75 * len(scenes) + LEGEND_IN))
-        for (left, right), (scene, of) in zip(
-            drawing.subplots(len(scenes), 2, squeeze=False), scenes, strict=True
-        ):
-            first = of.iloc[0]
-            true = signal.scale * results.curve(first["case"], f"true_{signal.column}")
-            left.plot(*extremes(angle_deg(results, first), true), **TRUTH)
-            for _, row in of.iterrows():
-                turn, style = angle_deg(results, row), _marked(styles, row["label"])
-                value = signal.scale * results.curve(row["case"], signal.column)
-                left.plot(*extremes(turn, value), **style)
-                right.plot(*envelope(turn, np.abs(results.curve(row["case"], signal.error))), **style)
-            right.set_yscale("log")
-            right.yaxis.set_major_locator(LogLocator(numticks=6))
-            right.yaxis.set_minor_locator(NullLocator())
-            left.set(ylabel=signal.axis)
-            right.set(ylabel=f"error [{signal.error_unit}]")
-            left.set_title(scene, loc="left")
-            for ax in (left, right):
-                ax.set(xlabel=TURN)
-                ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 6, 10]))
-        legend(drawing, rows)
-    return Figure(
-        f"motions-{signal.name}-{'clearance' if signal is DEVIATION else 'ideal'}",
+        drawn, errors = _values(results, rows, signal), _errors(results, rows, signal)
+    yield Figure(
+        f"motions-{signal.name}-{kind}",
         f"{signal.title} over one revolution",
-        "Left every engine's run, on the truth as a broad grey line; right its error, the largest "
-        "in each sixtieth of the run, on a logarithmic axis. No step is longer than the distance of two "
-        "samples.",
-        f"{len(scenes)} rows of two panels over the crank's angle: {listed(scene for scene, _ in scenes)}.",
-        drawing,
+        "Every engine's run, on the truth as a broad grey line.",
+        f"Panels of the {signal.title.lower()} {scenes}",
+        drawn,
     )
+    yield Figure(
+        f"motions-{signal.name}-error-{kind}",
+        f"{signal.title} over one revolution: errors",
+        "The largest in each sixtieth of the run, on a logarithmic axis. No step is longer than the "
+        "distance of two samples.",
+        f"Logarithmic panels of errors {scenes}",
+        errors,
+    )
+
+
+def _values(results: Results, rows: pd.DataFrame, signal: Signal) -> Drawing:
+    drawing, panels = _over_turn(rows, signal.axis)
+    for ax, of in panels:
+        first = of.iloc[0]
+        true = signal.scale * results.curve(first["case"], f"true_{signal.column}")
+        ax.plot(*extremes(angle_deg(results, first), true), **TRUTH)
+        for _, row in of.iterrows():
+            value = signal.scale * results.curve(row["case"], signal.column)
+            ax.plot(*extremes(angle_deg(results, row), value), **_marked(rows, row["label"]))
+    legend(drawing, rows)
+    return drawing
+
+
+def _errors(results: Results, rows: pd.DataFrame, signal: Signal) -> Drawing:
+    drawing, panels = _over_turn(rows, f"error [{signal.error_unit}]")
+    for ax, of in panels:
+        for _, row in of.iterrows():
+            size = np.abs(results.curve(row["case"], signal.error))
+            ax.plot(*envelope(angle_deg(results, row), size), **_marked(rows, row["label"]))
+        ax.set_yscale("log")
+        ax.yaxis.set_major_locator(LogLocator(numticks=6))
+        ax.yaxis.set_minor_locator(NullLocator())
+    legend(drawing, rows, truth=False)
+    return drawing
+
+
+def _over_turn(rows: pd.DataFrame, axis: str) -> tuple[Drawing, list[tuple[Axes, pd.DataFrame]]]:
+    """Return a figure with a panel over the crank's turn for each scene, and each with the scene's rows."""
+    scenes = list(rows.groupby("scene"))
+    drawing, axes = grid(len(scenes), height_in=2.0)
+    for ax, (scene, _) in zip(axes, scenes, strict=True):
+        ax.set(title=scene, xlabel=TURN, ylabel=axis)
+        ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 6, 10]))
+    return drawing, [(ax, of) for ax, (_, of) in zip(axes, scenes, strict=True)]
 
 
 def contact_force_figures(results: Results) -> list[Figure]:
@@ -159,17 +186,18 @@ def _contact_force(results: Results, scene: str, rows: pd.DataFrame, joint: str)
     )
 
 
-def legend(drawing: Drawing, rows: pd.DataFrame) -> None:
-    """Put the truth and all labels among rows below a figure, in two columns."""
+def legend(drawing: Drawing, rows: pd.DataFrame, truth: bool = True) -> None:
+    """Put all labels among rows below a figure, and the truth if its line is drawn, in a few columns."""
     styles = line_styles(rows)
-    handles = [Line2D([], [], label="truth", **TRUTH)]
+    handles = [Line2D([], [], label="truth", **TRUTH)] if truth else []
     handles += [Line2D([], [], label=label, **styles[label]) for label in labels(rows)]
-    drawing.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
+    across = int(drawing.get_figwidth() // KEY_IN)
+    drawing.legend(handles=handles, loc="outside lower center", ncols=across, fontsize=8)
 
 
-def _marked(styles: dict[str, Any], label: str) -> dict[str, Any]:
+def _marked(rows: pd.DataFrame, label: str) -> dict[str, Any]:
     """Return a label's style with a few markers on its line, which lie beside those of the other labels."""
-    part = 1 / MARKERS
+    styles, part = line_styles(rows), 1 / MARKERS
     return {
         **styles[label],
         "markevery": (part * list(styles).index(label) / len(styles), part),

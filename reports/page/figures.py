@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from reports.page.formats import set_plainly, write_pdf, write_png, write_svg
+from reports.axes import set_plainly
+from reports.page.formats import write_pdf, write_png, write_svg
 from reports.page.inline import NAMED, Inline, inline
 from reports.parts import Figure
 from reports.plots.series import Series, marked
@@ -64,6 +65,13 @@ def _lay_out(drawing: Drawing) -> None:
     if engine := drawing.get_layout_engine():
         engine.execute(drawing)
     drawing.set_layout_engine("none")
+    wide = drawing.bbox.width
+    for ax in drawing.axes:  # a long title gets smaller letters
+        spec, title, box = ax.get_subplotspec(), ax.title, ax.title.get_window_extent()
+        across, middle = spec.get_gridspec().ncols if spec else 1, (box.x0 + box.x1) / 2
+        room = 0.98 * min(wide / across, 2 * middle, 2 * (wide - middle))
+        if box.width > room:
+            title.set_fontsize(title.get_fontsize() * room / box.width)
 
 
 def _reflow(drawing: Drawing) -> None:

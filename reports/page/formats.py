@@ -7,42 +7,15 @@ import re
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Drawing
-from matplotlib.ticker import LogFormatterSciNotation
 from PIL import Image
 
 #: A figure in pixels: so many to the inch, in so many colours that the edges of letters stay smooth.
 DPI, COLOURS = 200, 128
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _COORDINATES = re.compile(r' (d|x|y|transform|points)="([^"]*)"')
-
-
-class Powers(LogFormatterSciNotation):
-    """Powers of ten as plain letters, which are found as text and need no formula to be set."""
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        """Return the label of a tick, 10⁻³ or 2×10⁻³."""
-        text = re.sub(r"\$|\\mathdefault", "", super().__call__(x, pos)).replace(r"\times", "×")
-        text = re.sub(r"\^\{(-?\d+)\}", lambda m: m[1].translate(_RAISED), text)
-        return re.sub(r"[{}\s]", "", text)
-
-
-def set_plainly(drawing: Drawing) -> None:
-    """Have all logarithmic axes of a drawing write their powers in plain letters."""
-    for axis in (axis for ax in drawing.axes for axis in (ax.xaxis, ax.yaxis)):
-        _plain(axis)
-
-
-def _plain(axis: Axis) -> None:
-    if type(axis.get_major_formatter()) is LogFormatterSciNotation:
-        axis.set_major_formatter(Powers())
-    minor = axis.get_minor_formatter()
-    if type(minor) is LogFormatterSciNotation:
-        axis.set_minor_formatter(Powers(minor_thresholds=minor.minor_thresholds))
 
 
 def write_svg(drawing: Drawing, path: Path) -> str:

@@ -23,12 +23,13 @@ Panel = tuple[str, str]
 ORDERS = (1, 2, 4)
 #: Height of a row of crossed-out markers.
 ROW_POINTS = 9
+#: Height of an entry of the legend, and how many below each other a figure has room for.
+ENTRY_IN, FITTING = 0.17, 4
 
 
-def panels_of(rows: pd.DataFrame, columns: Sequence[str]) -> list[Panel]:
-    """Return a panel for each column and each scene that has it."""
-    scenes = list(rows.groupby("scene"))
-    return [(scene, name) for name in columns for scene, of in scenes if value(of, name).notna().any()]
+def panels_of(rows: pd.DataFrame, column: str) -> list[Panel]:
+    """Return a panel for each scene that has a column."""
+    return [(scene, column) for scene, of in rows.groupby("scene") if value(of, column).notna().any()]
 
 
 def against_step(rows: pd.DataFrame, panels: Sequence[Panel], orders: Sequence[int] = ORDERS) -> Drawing:
@@ -124,12 +125,13 @@ def engine_legend(drawing: Drawing, rows: pd.DataFrame, failures: bool) -> None:
     handles = [handle for column in columns for handle in [*column, *[blank] * (longest - len(column))]]
     if len(columns) > 2:
         drawing.set_figwidth(WIDTH_IN)
-    narrow = {"fontsize": 7, "handlelength": 2.4, "columnspacing": 1.2}
+    drawing.set_figheight(drawing.get_figheight() + ENTRY_IN * max(0, longest - FITTING))
+    narrow = {"fontsize": 7, "handlelength": 2.2, "columnspacing": 0.8}
     drawing.legend(
         handles=handles,
         loc="outside lower center",
         ncols=len(columns),
-        **(narrow if len(columns) > 4 else {"handlelength": 3.2}),
+        **(narrow if len(columns) > 3 else {"handlelength": 3.2}),
     )
 
 
@@ -141,6 +143,7 @@ def _finish(ax: Axes, uncertainty: float, orders: Sequence[int]) -> None:
     h, e = np.concatenate([line.get_xydata() for line in ax.lines]).T
     low, high = min(e.min(), uncertainty or e.min()) / 4, e.max() * 6
     ax.set_ylim(low, high)
+    ax.set_xmargin(0.1)  # room for the guides' numbers
     ax.yaxis.set_minor_locator(NullLocator())
     if uncertainty:
         ax.axhspan(low, uncertainty, color=GREY, alpha=0.3, linewidth=0, zorder=0.5)

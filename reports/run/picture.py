@@ -5,6 +5,7 @@ import io
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from reports.axes import set_plainly
 from reports.style import RC, WIDTH_IN
 
 #: Colours of the curves of one panel, Okabe and Ito's, and their dashes, which tell them apart in greyscale.
@@ -27,6 +28,7 @@ def picture_bytes(figure: Figure, ending: str) -> bytes:
     """Return a figure as the bytes of a file whose name ends in .png, .svg or .pdf."""
     content = io.BytesIO()
     dates = {".png": None, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    set_plainly(figure)
     with mpl.rc_context(RC):
         figure.savefig(content, format=ending[1:], metadata=dates[ending])
     return content.getvalue()

@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 
 from reports.chapters import agreement
 from reports.parts import Figure, Section, Table
-from tests.end_to_end.written_rows import results_of, row
+from tests.end_to_end.written_rows import mixed, results_of, row
 
 #: Steps of each scene in s, and its arms with their order and position error in m at the longest step.
 STEPS = {"ideal-driven": (4e-5, 2e-5, 1e-5), "ideal-free": (4e-4, 2e-4, 1e-4)}
@@ -213,7 +213,8 @@ def test_energy_and_constraints_are_those_at_the_middle_step(sections: dict[str,
     [
         ("slider-position", "slider position error [m]", "slider_position_error_m"),
         ("joint-force", "largest joint force error [N]", ""),
-        ("velocity-and-torque", "slider velocity error [m/s]", "slider_velocity_error_m_s"),
+        ("slider-velocity", "slider velocity error [m/s]", "slider_velocity_error_m_s"),
+        ("driver-torque", "driver torque error [N·m]", "driver_torque_error_N_m"),
     ],
 )
 def test_errors_are_drawn_against_the_step(
@@ -255,3 +256,7 @@ def test_curves_are_drawn_as_the_largest_so_far_over_time(
     (reference,) = (line for line in panel.lines if line.get_color() == "#000000")
     assert drawn(reference)[0] == [0.0, 0.02, 0.03, 0.05]
     assert drawn(reference)[1][1:] == pytest.approx(so_far)
+
+
+def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:
+    assert mixed(sections) == []

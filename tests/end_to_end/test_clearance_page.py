@@ -7,7 +7,7 @@ import pytest
 
 from reports.chapters import clearance
 from reports.parts import Section, Table
-from tests.end_to_end.written_rows import results_of, row
+from tests.end_to_end.written_rows import mixed, results_of, row
 
 #: Until when each scene is compared in s, how much larger its errors are, and how far the reference's sharp
 #: solution is from the truth in m.
@@ -147,3 +147,7 @@ def test_errors_are_drawn_against_the_mean_step_of_each_scene(
 def test_captions_say_until_when_each_scene_is_compared(sections: dict[str, Section]) -> None:
     readings = [one.reading for section in sections.values() for one in section.figures]
     assert all("clearance-b" in reading and "0.02" in reading for reading in readings), readings[0]
+
+
+def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:
+    assert mixed(sections) == []

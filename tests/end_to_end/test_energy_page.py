@@ -1,5 +1,6 @@
 """The energy chapter on rows with round numbers: every cell, sentence and axis worked out here."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from reports.chapters import energy
 from reports.parts import Section, Table
-from tests.end_to_end.written_rows import results_of, row
+from tests.end_to_end.written_rows import mixed, results_of, row
 
 SCENES = ("clearance-x", "ideal-x")
 #: Arms with their order and hidden power in W at the longest of three steps.
@@ -153,14 +154,14 @@ def test_drift_tells_gap_and_speed_with_their_powers_of_time(sections: dict[str,
     ("name", "axes", "abscissae", "factors"),
     [
         ("energy-gain-over-time", ("time [s]", "energy gained or lost\nso far [J]"), [1.0, 2.0], [1, 3]),
-        ("energy-by-step", ("mean step [s]", "largest energy\ngained or lost [J]"), [5e-4, 1e-3, 2e-3], None),
+        ("energy-gain-by-step", ("mean step [s]", "largest energy\ngained or lost [J]"), STEPS_S[::-1], None),
     ],
 )
 def test_gains_are_drawn_over_time_and_against_the_step(
     sections: dict[str, Section],
     name: str,
     axes: tuple[str, str],
-    abscissae: list[float],
+    abscissae: Sequence[float],
     factors: list[float] | None,
 ) -> None:
     figures = {one.name: one for section in sections.values() for one in section.figures}
@@ -174,3 +175,38 @@ def test_gains_are_drawn_over_time_and_against_the_step(
             points = np.asarray(line.get_xydata())[-len(abscissae) :]
             assert points[:, 0] == pytest.approx(abscissae)
             assert points[:, 1] == pytest.approx(expected)
+
+
+def test_hidden_power_against_the_step_is_that_of_scenes_without_clearance(
+    sections: dict[str, Section],
+) -> None:
+    figures = {one.name: one for section in sections.values() for one in section.figures}
+    (panel,) = figures["energy-hidden-power-by-step"].drawing.axes
+    assert (panel.get_title(), panel.get_ylabel()) == ("ideal-x", "hidden power, size [W]")
+    for line, (engine, arm) in zip(panel.lines, ARMS, strict=False):
+        assert np.asarray(line.get_ydata()) == pytest.approx(
+            [abs(power_W(engine, arm, k)) for k in (2, 1, 0)]
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "largest"),
+    [
+        ("energy-gaps-over-time", "largest gap so far [m]", [2e-8, 4e-8]),
+        ("energy-gap-speeds-over-time", "largest gap speed so far [m/s]", [3e-6, 6e-6]),
+    ],
+)
+def test_gaps_and_their_speeds_have_a_figure_each(
+    sections: dict[str, Section], name: str, axis: str, largest: list[float]
+) -> None:
+    figures = {one.name: one for section in sections.values() for one in section.figures}
+    (panel,) = figures[name].drawing.axes
+    assert (panel.get_title(), panel.get_xlabel(), panel.get_ylabel()) == ("ideal-x", "time [s]", axis)
+    for line in panel.lines:
+        assert np.asarray(line.get_xydata()) == pytest.approx(
+            np.array([[1.0, largest[0]], [2.0, largest[1]]])
+        )
+
+
+def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:
+    assert mixed(sections) == []

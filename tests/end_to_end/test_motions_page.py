@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from reports import gallery
 from reports.parts import Figure, Section
 from tests.end_to_end.written_motions import ARMS, IDEAL, LOOSE, SAMPLES, SIGNALS, TURNED_DEG, motions
+from tests.end_to_end.written_rows import mixed
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +42,13 @@ def labels(panel: Axes) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("column", SIGNALS)
-def test_a_signal_is_drawn_over_the_cranks_turn_with_its_error_beside_it(
+def test_a_signal_and_its_error_are_drawn_over_the_cranks_turn(
     sections: dict[str, Section], column: str
 ) -> None:
     size, name, axis, unit, factor = SIGNALS[column]
-    left, right = figure(sections, f"motions-{name}-ideal").drawing.axes
-    assert (left.get_title(loc="left"), right.get_title(loc="left")) == (IDEAL, "")
+    (left,) = figure(sections, f"motions-{name}-ideal").drawing.axes
+    (right,) = figure(sections, f"motions-{name}-error-ideal").drawing.axes
+    assert (left.get_title(), right.get_title()) == (IDEAL, IDEAL)
     assert (labels(left), labels(right)) == (
         ("crank's turn [°]", axis),
         ("crank's turn [°]", f"error [{unit}]"),
@@ -62,8 +64,9 @@ def test_a_signal_is_drawn_over_the_cranks_turn_with_its_error_beside_it(
 
 
 def test_the_deviation_is_drawn_in_micrometres_on_scenes_with_clearance(sections: dict[str, Section]) -> None:
-    left, right = figure(sections, "motions-deviation-clearance").drawing.axes
-    assert (left.get_title(loc="left"), left.get_ylabel()) == (LOOSE, "slider's\ndeviation [µm]")
+    (left,) = figure(sections, "motions-deviation-clearance").drawing.axes
+    (right,) = figure(sections, "motions-deviation-error-clearance").drawing.axes
+    assert (left.get_title(), left.get_ylabel()) == (LOOSE, "slider's\ndeviation [µm]")
     assert right.get_ylabel() == "error [m]"
     assert [points(line)[-1].tolist() for line in left.lines] == [
         pytest.approx([360.0, top]) for top in (120.0, 120.12, 121.2)
@@ -111,6 +114,18 @@ def test_an_impact_is_drawn_from_its_touch_over_time_and_depth(sections: dict[st
     assert [points(line)[-1, 1] for line in panel.lines] == pytest.approx([4.0, 40.0])
 
 
+def test_a_legend_explains_the_truth_where_it_is_drawn(sections: dict[str, Section]) -> None:
+    engines = [f"{engine} ({arm})" for engine, arm in ARMS]
+    for name, truth in (
+        ("impact", ["truth"]),
+        ("impact-error", []),
+        ("slider-position-ideal", ["truth"]),
+        ("slider-position-error-ideal", []),
+    ):
+        (legend,) = figure(sections, f"motions-{name}").drawing.legends
+        assert [text.get_text() for text in legend.get_texts()] == [*truth, *engines]
+
+
 def test_laws_stand_in_the_order_of_their_loss_going_in_and_out(sections: dict[str, Section]) -> None:
     shown = figure(sections, "motions-laws")
     assert "at restitution 0.5" in shown.reading
@@ -140,7 +155,7 @@ def test_the_pin_goes_its_way_in_a_circle_of_the_clearance(sections: dict[str, S
 
 def test_energies_are_stacked_on_what_was_there_and_came_in(sections: dict[str, Section]) -> None:
     whole, part = figure(sections, "motions-energy").drawing.axes
-    assert labels(whole) == ("crank's turn [°]", "energy [J]")
+    assert labels(whole) == labels(part) == ("crank's turn [°]", "energy [J]")
     titles = (whole.get_title(loc="left"), part.get_title(loc="left"))
     assert titles == (LOOSE, "contacts alone")
     names = ["kinetic", "height, above the lowest", "dissipated in contacts", "elastic in contacts"]
@@ -231,3 +246,7 @@ def test_settings_and_what_did_not_finish_are_told(sections: dict[str, Section])
     assert table.head == ("scene", "engine", "arm", "step [s]", "status", "said by", "reason")
     failed = (IDEAL, "pymunk", "tuned", "1.0e-03", "failed", "a check of ours", "not finite at t = 0.003 s")
     assert table.rows == (failed,)
+
+
+def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:
+    assert mixed(sections) == []

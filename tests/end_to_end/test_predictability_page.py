@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
 
 from reports.chapters import predictability
 from reports.parts import Figure, Section, Table
@@ -106,11 +108,30 @@ def diagram(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     return rows, curves
 
 
+def exponents_map(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """A map of 3 speeds and 100 clearances: exponents of 1 in a revolution, but for a -2 and two of 30."""
+    rows: list[dict[str, Any]] = []
+    curves = {}
+    for k, odd in enumerate((-2.0, 30.0, 30.0)):
+        speed_rad_s = 200 * math.pi * (1 + k)  # a turn in 10 ms, 5 ms, ...
+        columns: dict[str, Any] = {"part": "map of exponents", "crank_speed_rad_s": speed_rad_s}
+        columns |= {"exponent_revolutions": 24.0, "end_time_s": 0.1}
+        rows.append(row(first + k, "set R", "reference", "DOP853", 1e-5, **columns))
+        per_s = [100 * (1 + k) * exponent for exponent in (odd, *99 * (1.0,))]
+        clearances = np.geomspace(1e-5, 1e-3, 100).tolist()
+        curves[rows[-1]["case"]] = {
+            "exponent_value": clearances,
+            "exponent_1_s": per_s,
+            "exponent_half_1_s": per_s,
+        }
+    return rows, curves
+
+
 @pytest.fixture(scope="module")
 def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
     rows: list[dict[str, Any]] = []
     curves: dict[str, Any] = {}
-    for part in (horizons, exponents, diagram):
+    for part in (horizons, exponents, diagram, exponents_map):
         more, of_more = part(len(rows))
         rows, curves = rows + more, curves | of_more
     results = results_of(tmp_path_factory.mktemp("results") / "predictability", rows, curves)
@@ -226,3 +247,18 @@ def test_the_diagram_tells_what_settles_repeats_and_is_chaotic(sections: dict[st
     whole, _, half = (np.asarray(line.get_xydata()) for line in below.lines)
     assert whole == pytest.approx(np.array([[100.0, -0.5], [500.0, 2.5]]))
     assert half == pytest.approx(np.array([[100.0, -0.4], [500.0, 2.4]]))
+    (legend,) = figure(sections, "diagram-over-clearance").drawing.legends
+    colours = [to_hex(handle.get_color()) for handle in legend.legend_handles if isinstance(handle, Line2D)]
+    names = [text.get_text() for text in legend.get_texts()]
+    assert dict(zip(names, colours, strict=True)) == {
+        "exponent from all revolutions": "#000000",
+        "from half of them": "#0072b2",
+    }
+
+
+def test_the_caption_of_the_map_says_where_colours_end_and_what_lies_beyond(
+    sections: dict[str, Section],
+) -> None:
+    reading = figure(sections, "map-of-exponents").reading
+    # Of 300 sizes all but one in a hundred are within the third largest, which is that of the -2.
+    assert reading.endswith("after a transient. Colours end at -2 and 2; 2 members lie beyond.")

@@ -11,7 +11,7 @@ from matplotlib.collections import QuadMesh
 
 from reports.chapters import stability
 from reports.parts import Section, Table
-from tests.end_to_end.written_rows import results_of, row
+from tests.end_to_end.written_rows import mixed, results_of, row
 
 STEPS_S = (1e-5, 2e-5, 4e-5, 8e-5)
 #: What varies by its column: its values with ω, its words, its axis and what is written there.
@@ -294,3 +294,7 @@ def test_a_map_has_its_letter_and_colour_at_every_step_and_value(
             assert points[:, 0] == pytest.approx([limit / omega for omega in values.values()])
             assert points[:, 1].tolist() == list(values)
     assert "For reference (located) the axis is a cap" in figure.reading
+
+
+def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:
+    assert mixed(sections) == []

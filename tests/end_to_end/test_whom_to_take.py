@@ -4,11 +4,15 @@ Exudyn is cheapest on the first scene by its trapezoidal rule, and within a micr
 The reference is dear on the first scene and cheapest on the second, Pymunk is within nothing.
 """
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from reports.chapters.answer.figure import figure
 from reports.chapters.answer.picks import FORCE, POSITION, Race, asked, one_for_all, races
+from reports.results import Results
 from tests.end_to_end.written_rows import results_of, row
 
 #: Arms with their tolerance, and errors in m and times in ms on the two scenes with clearance.
@@ -26,12 +30,12 @@ FORCE_PER_M = (2e5, 8e5, 4e5)
 SCENES = ("clearance-a", "clearance-b")
 
 
-@pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> list[Race]:
+def timed_on(folder: Path, scenes: Sequence[str]) -> Results:
+    """Return the study on an ideal scene and on some with clearance, which are like the two in turns."""
     rows: list[dict[str, Any]] = []
-    for scene in ("ideal-a", *SCENES):
+    for scene in ("ideal-a", *scenes):
         for (engine, arm, tolerance), of_scenes in ARMS.items():
-            error_m, time_ms = of_scenes[SCENES.index(scene)] if scene in SCENES else (1e-9, 7.0)
+            error_m, time_ms = of_scenes[scenes.index(scene) % 2] if scene in scenes else (1e-9, 7.0)
             head: tuple[str, str, str, float] = (scene, engine, arm, 0.01)
             setting: dict[str, Any] = {"setting_tolerance": tolerance, "end_time_s": 0.05}
             columns: dict[str, Any] = {
@@ -44,14 +48,19 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> list[Race]:
                 for joint, per_m in zip("OAB", FORCE_PER_M, strict=True)
             }
             columns["slider_position_uncertainty_m"] = 1e-12
-            if scene in SCENES:
+            if scene in scenes:
                 columns["clearance_B_error_m"] = error_m
             rows.append(row(len(rows), *head, **{**setting, **columns}))
             for n, part in enumerate(ROUNDS):
                 timed: dict[str, Any] = {"timed": True, "round": n, "build_time_s": 0.5}
                 timed["solve_time_s"] = 1e-3 * part * time_ms
                 rows.append(row(len(rows), *head, **{**setting, **timed}))
-    return races(results_of(tmp_path_factory.mktemp("results") / "work-precision", rows, {}))
+    return results_of(folder, rows, {})
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[Race]:
+    return races(timed_on(tmp_path_factory.mktemp("results") / "work-precision", SCENES))
 
 
 def told(race: Race) -> list[tuple[str, str, float]]:
@@ -97,3 +106,28 @@ def test_one_setting_for_all_scenes_is_the_one_that_is_least_bad_at_its_worst(fo
 def test_ideal_scenes_race_by_themselves(found: list[Race]) -> None:
     (race,) = asked(found, POSITION, loose=False)
     assert (race.scene, race.absent, len(race.picks)) == ("ideal-a", (), 3)
+
+
+MANY = tuple(f"clearance-{letter}" for letter in "abcdefghijklmno")
+BEST_KNOWN = ("clearance-driven-0.5mm", "clearance-free-0.5mm")
+
+
+@pytest.mark.parametrize(
+    ("scenes", "shown"),
+    [
+        ((*MANY, *BEST_KNOWN), BEST_KNOWN),
+        ((*MANY, BEST_KNOWN[1]), BEST_KNOWN[1:]),
+        (MANY, MANY[:2]),
+        (SCENES, SCENES),
+        (SCENES[:1], SCENES[:1]),
+    ],
+    ids=["both", "one", "neither", "two", "alone"],
+)
+def test_the_figure_has_a_few_panels_however_many_scenes_are_raced_on(
+    tmp_path: Path, scenes: tuple[str, ...], shown: tuple[str, ...]
+) -> None:
+    timed = timed_on(tmp_path / "work-precision", scenes)
+    drawn = figure(timed, asked(races(timed), POSITION, loose=True))
+    assert drawn is not None
+    assert [ax.get_title() for ax in drawn.drawing.axes] == [*shown]
+    assert (f"all {len(scenes)} scenes" in drawn.reading) == (len(scenes) > len(shown))

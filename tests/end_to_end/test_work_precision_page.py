@@ -11,7 +11,7 @@ import pytest
 
 from reports.chapters import work_precision
 from reports.parts import Section, Table
-from tests.end_to_end.written_rows import results_of, row
+from tests.end_to_end.written_rows import mixed, results_of, row
 
 SCENE = "ideal-free"
 ERRORS_M = (1e-4, 1e-6, 1e-8)
@@ -154,7 +154,7 @@ def test_errors_are_drawn_against_times_and_steps(
     sections: dict[str, Section], signal: str, label: str, per_m: float
 ) -> None:
     figures = {one.name: one for section in sections.values() for one in section.figures}
-    for against, axis in (("time", "solve time [s]"), ("steps", "steps")):
+    for against, axis in (("time", "run time [s]"), ("steps", "steps")):
         panel = figures[f"work-precision-ideal-{signal}-{against}"].drawing.axes[0]
         assert (panel.get_title(), panel.get_xlabel(), panel.get_ylabel()) == (SCENE, axis, label)
         for line, (times_s, _) in zip(panel.lines, ARMS.values(), strict=False):
@@ -162,3 +162,7 @@ def test_errors_are_drawn_against_times_and_steps(
             abscissae = times_s if against == "time" else (100, 200, 400)
             assert points[:, 0] == pytest.approx(abscissae)
             assert points[:, 1] == pytest.approx([per_m * error for error in ERRORS_M])
+
+
+def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:
+    assert mixed(sections) == []

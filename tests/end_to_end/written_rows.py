@@ -1,4 +1,4 @@
-"""Rows of results as a study would write them, with round numbers that somebody has chosen."""
+"""Rows of results as a study would write them, with round numbers, and what holds of every chapter."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from reports.parts import Section
 from reports.results import Results, read_study
 from tests.helpers.row_files import write_rows
 
@@ -36,3 +37,11 @@ def results_of(
         arrays: dict[str, Any] = {name: np.array(curve) for name, curve in columns.items()}
         np.savez(folder / "curves" / f"{case}.npz", **arrays)
     return read_study(folder)
+
+
+def mixed(sections: Mapping[str, Section]) -> list[str]:
+    """Return the names of figures whose panels have several labels upwards; cards have what a scene has."""
+    figures = [one for section in sections.values() for one in section.figures if not one.card]
+    assert figures
+    labels = {one.name: {ax.get_ylabel() for ax in one.drawing.axes} - {""} for one in figures}
+    return [name for name, of in labels.items() if len(of) > 1]

@@ -1,6 +1,7 @@
 """Cells, sentences, labels and lines of the report against what was worked out by hand from a few rows."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -300,7 +301,7 @@ def test_a_scene_is_won_by_all_rungs_and_alone_is_below_all_rivals() -> None:
 def test_a_work_precision_figure_has_what_it_costs_below_and_the_error_beside() -> None:
     judged = raced()
     ax = drawing(judged, "time_s").axes[0]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("solve time [s]", "slider position error [m]")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("run time [s]", "slider position error [m]")
     reference, exudyn = map(points_of, ax.lines[:2])
     assert sorted(reference) == [[0.004, 1e-6], [0.004, 1e-4]]
     assert sorted(exudyn) == [[0.010, 1e-6], [0.010, 1e-4]]
@@ -310,6 +311,15 @@ def test_a_work_precision_figure_has_what_it_costs_below_and_the_error_beside() 
 
 
 # Figures
+
+
+def test_a_legend_of_work_and_precision_has_who_is_drawn_and_no_other() -> None:
+    judged = raced()
+    counted = judged.rows["label"].str.startswith("exudyn") & judged.rows["round"].isna()
+    counting = replace(judged, rows=judged.rows.assign(evaluations=np.where(counted, 50.0, np.nan)))
+    for cost, names in (("evaluations", ["exudyn (DOPRI5)"]), ("steps", [*RACE])):
+        (legend,) = drawing(counting, cost).legends
+        assert [text.get_text() for text in legend.get_texts()] == names
 
 
 def test_engines_look_as_they_have_always_looked() -> None:

@@ -75,7 +75,8 @@ def test_samples_of_a_driven_scene_divide_its_turns() -> None:
 def test_the_chapter_has_its_figures_and_a_ledger_for_every_scene(sections: list[Section]) -> None:
     figures = {figure.name for section in sections for figure in section.figures}
     tables = {table.name for section in sections for table in section.tables}
-    assert {"energy-gain-over-time", "energy-by-step", "energy-drift-over-time"} <= figures
+    assert {"energy-gain-over-time", "energy-gain-by-step", "energy-hidden-power-by-step"} <= figures
+    assert {"energy-gaps-over-time", "energy-gap-speeds-over-time"} <= figures
     assert "energy-driver-work-clearance-driven-damped" in figures
     scenes = ("ideal-free", "ideal-driven", "clearance-driven-damped")
     assert {f"energy-ledger-{scene}" for scene in scenes} <= tables

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.collections import PathCollection, QuadMesh
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from reports.plots.sweeps.motions import motions
@@ -50,6 +51,27 @@ def test_over_two_fields_a_grid_is_a_map_of_the_exponent_with_zero_in_the_middle
     assert picture.axes[0].get_xlabel() == "radial clearance at B [mm]"
     assert picture.axes[-1].get_ylabel() == "finite-time exponent [1/s]"
     assert "1 failed" in picture.get_suptitle()
+
+
+@pytest.mark.parametrize(
+    ("far", "extend"), [([], "neither"), ([40.0], "max"), ([-40.0], "min"), ([40.0, -30.0, 38.0], "both")]
+)
+def test_a_few_far_numbers_pale_no_map_and_its_bar_has_ticks_on_both_sides(
+    far: list[float], extend: str
+) -> None:
+    clearance, speed = np.meshgrid(np.geomspace(1e-5, 1e-3, 20), np.linspace(100, 300, 20), indexing="ij")
+    exponents = np.clip(np.linspace(-2, 8, 400), -2, 6)
+    exponents[100 : 100 + len(far)] = far  # at most 3 of 400, which is less than one in a hundred
+    picture = sweep_picture(frame(clearance.ravel(), speed.ravel(), exponents), [CLEARANCE, SPEED], "scene")
+    (mesh,) = (each for each in picture.axes[0].collections if isinstance(each, QuadMesh))
+    low, high = mesh.get_clim()
+    assert (low, high) == (-6.0, 6.0)
+    assert mesh.norm(np.zeros(1)) == 0.5
+    assert mesh.colorbar is not None
+    assert mesh.colorbar.extend == extend
+    picture.draw_without_rendering()
+    ticks = [tick for tick in mesh.colorbar.get_ticks() if low <= tick <= high]
+    assert sum(tick < 0 for tick in ticks) == sum(tick > 0 for tick in ticks) >= 2
 
 
 def test_over_two_fields_draws_are_dots_each_where_it_was_drawn(grid: pd.DataFrame) -> None:
@@ -133,3 +155,15 @@ def test_chains_up_and_down_have_a_colour_each(grid: pd.DataFrame) -> None:
     assert len(np.asarray(up.get_xdata())) == 12
     assert [str(line.get_label()) for line in (down, up)] == ["members downwards", "members upwards"]
     assert set(np.asarray(up.get_xdata())) == set(rows[SPEED][:6])
+
+
+def test_a_legend_of_many_small_points_has_points_to_be_seen() -> None:
+    count = 2000
+    rows = frame(np.full(count, 1e-4), np.linspace(100, 300, count), np.full(count, np.nan))
+    picture = sweep_picture(rows.assign(direction=["up", "down"] * (count // 2)), [SPEED], "scene")
+    sizes = [line.get_markersize() for line in picture.axes[0].get_lines()]
+    (legend,) = picture.legends
+    for handle, size in zip(legend.legend_handles, sizes, strict=True):
+        assert isinstance(handle, Line2D)
+        assert size < 3 < handle.get_markersize()
+        assert handle.get_alpha() == 1.0

@@ -12,6 +12,7 @@ from reports.shared_tables import failures_section, settings_table
 
 STUDY = "agreement"
 POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
+VELOCITY, TORQUE = "slider_velocity_error_m_s", "driver_torque_error_N_m"
 TITLE = "Agreement on ideal joints"
 INTRODUCTION = (
     "Every engine runs every scene without clearance at a ladder of steps and is judged by a truth that "
@@ -60,15 +61,15 @@ def _convergence(rows: pd.DataFrame) -> Section:
         "A driver torque is compared where it is a reaction, under prescribed crank speed, and has no panel "
         "elsewhere."
     )
-    others = ["slider_velocity_error_m_s", "driver_torque_error_N_m"]
     return Section.of(
         "convergence",
         "Convergence",
         (*findings.pymunk_arms(rows, POSITION), *findings.orders_found(rows, (POSITION, FORCE))),
         (
-            by_step("slider-position", "Slider position error", rows, [POSITION]),
-            by_step("joint-force", "Joint force error", rows, [FORCE], force),
-            by_step("velocity-and-torque", "Slider velocity and driver torque error", rows, others, torque),
+            by_step("slider-position", "Slider position error", rows, POSITION),
+            by_step("joint-force", "Joint force error", rows, FORCE, force),
+            by_step("slider-velocity", "Slider velocity error", rows, VELOCITY),
+            by_step("driver-torque", "Driver torque error", rows, TORQUE, torque),
         ),
         (settings_table(rows, STUDY), tables.orders_table(rows), tables.smallest_table(rows)),
     )
@@ -112,7 +113,7 @@ def _conservation(results: Results, rows: pd.DataFrame, at_step: pd.DataFrame) -
     )
     what = "Constraint violation"
     reading = "The largest gap in a joint, or of the slider from its guide."
-    by_steps = by_step("constraint-violation", what, rows, [VIOLATION], reading, floor="")
+    by_steps = by_step("constraint-violation", what, rows, VIOLATION, reading, floor="")
     reading = "The largest gap up to each time: a rising line is drift."
     drift = over_time_at_step(results, at_step, VIOLATION, what, reading)
     text, table = findings.conservation(at_step), tables.conservation_table(at_step, (ENERGY, VIOLATION))
@@ -125,6 +126,6 @@ def _sweep(rows: pd.DataFrame, setting: str) -> Section:
         setting,
         f"{rows['engine'].iloc[0].capitalize()}'s {setting}",
         findings.enough(rows, setting, POSITION),
-        [sweep(rows, setting, columns)],
+        [sweep(rows, setting, column) for column in columns],
         [tables.sweep_table(rows, setting, columns)],
     )

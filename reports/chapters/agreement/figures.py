@@ -1,7 +1,5 @@
 """Figures of the agreement study."""
 
-from collections.abc import Sequence
-
 import pandas as pd
 
 from reports.parts import Figure
@@ -19,10 +17,10 @@ FLOOR = "; the grey area is the truth's own uncertainty, below which no error ca
 
 
 def by_step(
-    name: str, what: str, rows: pd.DataFrame, columns: Sequence[str], reading: str = "", floor: str = FLOOR
+    name: str, what: str, rows: pd.DataFrame, column: str, reading: str = "", floor: str = FLOOR
 ) -> Figure | None:
-    """Return some columns against the step, None if no run has them; ``what`` says what they are."""
-    panels = panels_of(rows, columns)
+    """Return a column against the step, None if no run has it; ``what`` says what it is."""
+    panels = panels_of(rows, column)
     if not panels:
         return None
     shown = ", ".join(f"{axis_label(column)} on {scene}" for scene, column in panels)
@@ -38,7 +36,7 @@ def by_step(
 
 def by_tolerance(name: str, what: str, rows: pd.DataFrame, column: str, reading: str = "") -> Figure | None:
     """Return a column against the tolerance that engines were asked for, None if no run has it."""
-    panels = panels_of(rows, [column])
+    panels = panels_of(rows, column)
     if not panels:
         return None
     shown = ", ".join(f"{axis_label(column)} on {scene}" for scene, column in panels)
@@ -72,18 +70,18 @@ def over_time_at_step(
     )
 
 
-def sweep(rows: pd.DataFrame, setting: str, columns: Sequence[str]) -> Figure | None:
-    """Return the errors of an engine against one of its settings, None if no run finished."""
+def sweep(rows: pd.DataFrame, setting: str, column: str) -> Figure | None:
+    """Return a column of an engine's runs against one of its settings, None if no run finished."""
     if finished(rows).empty:
         return None
-    engine = rows["engine"].iloc[0]
+    engine, (what, _) = rows["engine"].iloc[0], words(column)
     return Figure(
-        f"agreement-{setting}",
-        f"Errors of {engine} against its {setting}",
+        f"agreement-{setting}-{what.replace(' ', '-')}",
+        f"{what.capitalize()} of {engine} against its {setting}",
         f"One line per scene, everything but the {setting} as in the tuned arm, at a step of "
         f"{steps_in_text(rows)}. A crossed-out marker above a panel is a run that failed.",
-        f"{len(columns)} logarithmic panels over {setting}: {', '.join(map(axis_label, columns))}.",
-        against_setting(rows, setting, columns),
+        f"A logarithmic panel of {axis_label(column)} over {setting}.",
+        against_setting(rows, setting, column),
     )
 
 

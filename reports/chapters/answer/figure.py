@@ -13,15 +13,20 @@ from reports.results import Results
 from reports.style import GREY, axis_label, legend_place, variant
 from reports.tables import listed, number
 
+#: The scenes shown, a driven one and a free one, where they were raced on; otherwise the first ones.
+SHOWN = ("clearance-driven-0.5mm", "clearance-free-0.5mm")
+
 
 def figure(timed: Results, races: list[Race]) -> Figure | None:
-    """Return each engine's front of slider error over run time, a panel for each of the races' scenes."""
+    """Return each engine's front of slider error over run time, a panel for each of a few races' scenes."""
     if not races:
         return None
+    shown = [race for race in races if race.scene in SHOWN] or races[: len(SHOWN)]
+    others = f" The table has all {len(races)} scenes." if len(shown) < len(races) else ""
     ladders = Judged("", finished(timed.rows), POSITION).ladders
-    drawing, axes = grid(len(races), height_in=3.1)
+    drawing, axes = grid(len(shown), height_in=3.1)
     engines: list[str] = []
-    for ax, race in zip(axes, races, strict=True):
+    for ax, race in zip(axes, shown, strict=True):
         rungs, _ = ladders[race.scene]
         for engine, of_engine in sorted(rungs.groupby("engine"), key=lambda each: legend_place(each[0], "")):
             _line(ax, engine, front(of_engine))
@@ -32,14 +37,14 @@ def figure(timed: Results, races: list[Race]) -> Figure | None:
         ax.set(
             xscale="log", yscale="log", title=race.scene, xlabel="run time [s]", ylabel=axis_label(POSITION)
         )
-    scenes = listed(race.scene for race in races)
+    scenes = listed(race.scene for race in shown)
     handles = {line.get_label(): line for ax in axes for line in ax.lines if line.get_label() in engines}
     drawing.legend(handles=list(handles.values()), loc="outside lower center", ncols=max(1, len(handles)))
     return Figure(
         "answer",
         "What the slider's position costs",
         "Each line is an engine with its best settings: down and to the left is better. Dashed is the error "
-        "asked for, and the ring is the cheapest run within it.",
+        f"asked for, and the ring is the cheapest run within it.{others}",
         f"Slider position error against run time, log-log, on {scenes}: a line for each of "
         f"{listed(dict.fromkeys(engines))}.",
         drawing,

@@ -39,7 +39,7 @@ def sections(results: Results) -> list[Section]:
             "hidden-power",
             "Hidden power",
             (*hidden_power(at_middle), *lost_as_it_comes(rows, "ideal-free")),
-            (figures.gain_over_time(results, at_middle), figures.by_step(rows)),
+            (figures.gain_over_time(results, at_middle), *figures.by_step(rows)),
             [tables.power_table(at_middle, rows)],
         ),
         Section.of(
@@ -53,7 +53,7 @@ def sections(results: Results) -> list[Section]:
             "drift",
             "Drift of the constraints",
             drift(rows),
-            [figures.growth(results, at_middle)],
+            figures.growth(results, at_middle),
             [tables.drift_table(at_middle, rows)],
         ),
         failures_section(rows, STUDY),

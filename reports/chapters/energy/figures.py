@@ -1,13 +1,13 @@
 """Figures of the energy study."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
 from reports.chapters.energy.rungs import LASTING, LONG, longest, resolution
 from reports.parts import Figure
@@ -30,6 +30,8 @@ WAYS = {
 #: A loss below this part of what is not stored is too thin to draw; an arm that hides more than the other
 #: part of what contacts dissipate has a panel of its own.
 SEEN, MISSING = 1e-3, 1e-2
+#: Panels have one scale if the largest is not so many times the smallest.
+ALIKE = 4.0
 WORK = "driver's work less energy stored"
 
 
@@ -48,67 +50,85 @@ def gain_over_time(results: Results, at_rung: pd.DataFrame) -> Figure | None:
     )
 
 
-def by_step(rows: pd.DataFrame) -> Figure | None:
-    """Return what is gained or lost, and without clearance its rate, against the mean step."""
+def by_step(rows: pd.DataFrame) -> Iterator[Figure]:
+    """Yield what is gained or lost against the mean step, and without clearance its rate."""
     # A run that chooses its steps and did not finish has none to stand at.
     rows = rows[(rows["status"] == "ok") | rows["tolerance"].isna()]
     rows = rows[
         ~(rows["scene"].str.endswith((LONG, LASTING)) & own_scenes(rows))
     ]  # the short have every rung
     rows = rows.assign(hidden_power_W=rows["hidden_power_W"].abs().where(rows["significant"]))
-    panels = [
-        *panels_of(rows, ["largest_numerical_gain_J"]),
-        *panels_of(rows[~rows["has_clearance"]], ["hidden_power_W"]),
-    ]
-    if not panels:
-        return None
-    drawing = against_step(rows, panels, orders=(1, 3, 5))
-    for ax, (_, column) in zip(drawing.axes, panels, strict=True):
-        power = column == "hidden_power_W"
-        ax.set_xlabel("mean step [s]")
-        ax.set_ylabel("hidden power, size [W]" if power else "largest energy\ngained or lost [J]")
-        _few_labels(ax)
-    scenes = ", ".join(rows["scene"].unique())
-    return Figure(
-        "energy-by-step",
-        "Energy gained or lost, and its rate, against the step",
-        "Both axes are logarithmic; the step is the mean one where an engine chooses its own. What a run "
-        "gains or loses at most includes what swings and comes back; hidden power does not. It is shown "
-        "for scenes without clearance, at steps where it is told from zero. Grey lines have the slope of "
-        "the order written at their fine end.",
-        f"{len(panels)} log-log panels over the step on {scenes}. Lines: {', '.join(labels(rows))}.",
-        drawing,
-    )
+    for of, column, name, title, axis, reading in (
+        (
+            rows,
+            "largest_numerical_gain_J",
+            "energy-gain-by-step",
+            "Energy gained or lost against the step",
+            "largest energy\ngained or lost [J]",
+            "The most that a run gains or loses includes what swings and comes back.",
+        ),
+        (
+            rows[~rows["has_clearance"]],
+            "hidden_power_W",
+            "energy-hidden-power-by-step",
+            "Hidden power against the step",
+            "hidden power, size [W]",
+            "Shown are scenes without clearance, at steps where it is told from zero.",
+        ),
+    ):
+        panels = panels_of(of, column)
+        if not panels:
+            continue
+        drawing = against_step(of, panels, orders=(1, 3, 5))
+        for ax in drawing.axes:
+            ax.set(xlabel="mean step [s]", ylabel=axis)
+        yield Figure(
+            name,
+            title,
+            f"{reading} Both axes are logarithmic; the step is the mean one where an engine chooses its own. "
+            "Grey lines have the slope of the order written at their fine end.",
+            f"{len(panels)} log-log panels over the step on {', '.join(of['scene'].unique())}. "
+            f"Lines: {', '.join(labels(of))}.",
+            drawing,
+        )
 
 
-def growth(results: Results, at_rung: pd.DataFrame) -> Figure | None:
-    """Return gap and gap speed of the constraints over time, on scenes without clearance."""
+def growth(results: Results, at_rung: pd.DataFrame) -> Iterator[Figure]:
+    """Yield the gaps of the constraints over time, and their speeds, on scenes without clearance."""
     rows = finished(longest(at_rung[~at_rung["has_clearance"]]))
     if rows.empty or not results.has_curves:
-        return None
-    scenes, styles = rows["scene"].unique().tolist(), line_styles(rows)
-    drawing, axes = grid(2 * len(scenes))
-    curves = {
-        "constraint_violation_so_far_m": "largest gap so far [m]",
-        "constraint_speed_so_far_m_s": "largest gap speed so far [m/s]",
-    }
-    panels = [(scene, curve) for curve in curves for scene in scenes]
-    for ax, (scene, name) in zip(axes, panels, strict=True):
-        ax.set(title=scene, xlabel=axis_label("time_s"), ylabel=curves[name])
-        of_scene = rows[rows["scene"] == scene]
+        return
+    for curve, name, what, axis in (
+        ("constraint_violation_so_far_m", "gaps", "gaps of the constraints", "largest gap so far [m]"),
+        (
+            "constraint_speed_so_far_m_s",
+            "gap-speeds",
+            "speeds at which gaps open",
+            "largest gap speed so far [m/s]",
+        ),
+    ):
+        yield Figure(
+            f"energy-{name}-over-time",
+            f"{what.capitalize()} over time",
+            f"At {_resolutions(rows)}. Both axes are logarithmic, so that a power of time is a straight "
+            "line. Shown is the largest up to each time.",
+            f"Log-log panels over time of {what} on {', '.join(rows['scene'].unique())}. "
+            f"Lines: {', '.join(labels(rows))}.",
+            _growth(results, rows, curve, axis),
+        )
+
+
+def _growth(results: Results, rows: pd.DataFrame, name: str, axis: str) -> Drawing:
+    scenes, styles = list(rows.groupby("scene")), line_styles(rows)
+    drawing, axes = grid(len(scenes))
+    for ax, (scene, of_scene) in zip(axes, scenes, strict=True):
+        ax.set(title=scene, xlabel=axis_label("time_s"), ylabel=axis)
         for case, label in zip(of_scene["case"], of_scene["label"], strict=True):
             time, curve = results.curve(case, "time_s"), results.curve(case, name)
             at = np.unique(np.geomspace(1, len(time) - 1, GROWTH_POINTS).round().astype(int))
             mark(ax.loglog(time[at], np.where(curve[at] > 0, curve[at], np.nan), **styles[label]), label)
     engine_legend(drawing, rows, failures=False)
-    return Figure(
-        "energy-drift-over-time",
-        "Drift of the constraints",
-        f"At {_resolutions(rows)}. Both axes are logarithmic, so "
-        "that a power of time is a straight line: gaps above, the speeds at which they open below.",
-        f"{len(panels)} log-log panels over time on {', '.join(scenes)}. Lines: {', '.join(labels(rows))}.",
-        drawing,
-    )
+    return drawing
 
 
 def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
@@ -137,9 +157,9 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
             base, used = top, [*used, name]
         mark(ax.plot(time, work - stored, color=BLACK, linewidth=1.4), WORK)
         ax.set(title=row["label"], xlabel=axis_label("time_s"), ylabel="energy [J]")
-    highest = max(ax.get_ylim()[1] for ax in axes)
-    for ax in axes:
-        ax.set_ylim(0, highest)
+    tops = [ax.get_ylim()[1] for ax in axes]
+    for ax, own in zip(axes, tops, strict=True):
+        ax.set_ylim(0, max(tops) if max(tops) < ALIKE * min(tops) else own)
     handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, label=WORK)]
     for name in dict.fromkeys(used):
         face, hatch = _look(name)
@@ -153,7 +173,8 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
         f"At {resolution(at_rung)}. Losses are stacked. The line is the work that is not "
         "stored in motion, height or contacts: it ends on the top of the stack if the ledger closes, "
         "above it if the method loses energy, below it if it makes some. Losses below a thousandth of it "
-        "are left out. Shown are the first arm of each engine, and those with more than a hundredth missing.",
+        "are left out. Shown are the first arm of each engine, and those with more than a hundredth missing; "
+        "where they differ much each panel has a scale of its own.",
         f"{len(rows)} panels over time with stacked losses and a line. Panels: {', '.join(labels(rows))}.",
         drawing,
     )
@@ -173,16 +194,6 @@ def _way(name: str) -> str:
 def _look(name: str) -> tuple[str, str]:
     """Return face and hatch of a loss by its column."""
     return WAYS[next(way for way in WAYS if way in name)]
-
-
-def _few_labels(ax: Axes) -> None:
-    """Label so few steps that the numbers do not overlap, but more than one."""
-    low, high = ax.get_xlim()
-    ax.set_xlim(0.75 * low, high)  # room for the guides' numbers
-    digits = (1.0, 2.0, 5.0) if high < 10 * low else (1.0, 3.0) if high < 50 * low else (1.0,)
-    ax.xaxis.set_major_locator(LogLocator(subs=digits))
-    ax.xaxis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
-    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _resolutions(rows: pd.DataFrame) -> str:

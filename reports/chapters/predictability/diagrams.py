@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from reports.parts import Figure
 from reports.plots.sweeps.motions import periods
-from reports.plots.sweeps.one_field import draw_over_field
-from reports.plots.sweeps.two_fields import draw_map
+from reports.plots.sweeps.one_field import draw_over_field, explain
+from reports.plots.sweeps.two_fields import colour_ends, draw_map
 from reports.quantities import finished
 from reports.results import FloatArray, Results
 from reports.style import BLUE
@@ -66,8 +66,8 @@ def figure(part: str, of: Diagram) -> Figure:
         f"What the slider does over {words}",
         "Set R by the reference. Above: how far the slider is from where ideal joints would have it, once a "
         f"turn for {of.strobe_m.shape[1]} turns after a transient, at {len(of.at)} values: points on "
-        "each other are a motion that repeats. Below: the finite-time exponent of a revolution (black), and "
-        "from half of the revolutions (blue rings); above zero neighbouring motions part.",
+        "each other are a motion that repeats. Below: the finite-time exponent of a revolution, also from "
+        "half of the revolutions; above zero neighbouring motions part.",
         f"Two panels over {words}: the slider's deviation once a turn, and exponents.",
         _drawn(part, of),
     )
@@ -82,12 +82,16 @@ def map_figure(results: Results, rows: pd.DataFrame) -> Figure | None:
         _exponents(results, row).assign(**{SPEED: row["crank_speed_rad_s"]}) for _, row in of_map.iterrows()
     ]
     frame = pd.concat(cells).rename(columns={"value": CLEARANCE})
+    measured = frame[EXPONENT].dropna()
+    low, high = colour_ends(measured.to_numpy())
+    beyond = int((~measured.between(low, high)).sum())
+    ends = f" Colours end at {low:.2g} and {high:.2g}; {beyond} members lie beyond." if beyond else ""
     return Figure(
         "predictability-map-of-exponents",
         "Where set R is chaotic",
         "The finite-time exponent of a revolution over clearance and speed of the crank: above zero "
         f"neighbouring motions part. {len(frame)} members, each of "
-        f"{of_map['exponent_revolutions'].iloc[0]:.0f} revolutions after a transient.",
+        f"{of_map['exponent_revolutions'].iloc[0]:.0f} revolutions after a transient.{ends}",
         "A map of exponents in colours over clearance and crank speed.",
         draw_map(frame, (CLEARANCE, SPEED), EXPONENT),
     )
@@ -143,8 +147,13 @@ def _drawn(part: str, of: Diagram) -> Drawing:
     below = picture.axes[1]
     (line,) = (each for each in below.get_lines() if each.get_linestyle() == "None")
     measured = exponents.dropna(subset=[EXPONENT])
-    below.plot(line.get_xdata(), measured[HALF], "o", color=BLUE, fillstyle="none", markersize=4, zorder=1)
+    (half,) = below.plot(
+        line.get_xdata(), measured[HALF], "o", color=BLUE, fillstyle="none", markersize=4, zorder=1
+    )
     line.set_markersize(5)
+    line.set_label("exponent from all revolutions")
+    half.set_label("from half of them")
+    explain(picture, [line, half])
     return picture
 
 

@@ -151,6 +151,7 @@ def phases(results: Results, by_label: data.Ensembles) -> Drawing:
         ax.set_xticks(range(0, 361, 90))
         ax.set_ylim(bottom=0)
         ax.set(xlabel="crank angle at impact [°]", ylabel=f"impacts per revolution in {BIN_DEG}°")
+        ax.set_title(pair[0], fontsize=8)
     engine_legend(drawing, members, failures=False)
     return drawing
 

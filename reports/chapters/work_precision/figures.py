@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
-from matplotlib.ticker import NullFormatter
 
 from reports.equal_error import Judged, front
 from reports.parts import Figure
@@ -21,14 +20,14 @@ from reports.tables import number
 COSTS = {
     "time_s": (
         "run time",
-        axis_label("solve_time_s"),
+        "run time [s]",
         "Down and to the left is better. The grey line is the front: what no engine beats in both error and "
         "time. The band is the truth's own uncertainty. Bars are the range of the rounds.",
     ),
     "steps": ("steps", "steps", "The same errors against the number of steps, whatever a step costs."),
     "evaluations": (
         "evaluations",
-        "evaluations of the right-hand side",
+        "evaluations",
         "The same errors against the number of evaluations of the equations of motion, whatever one costs, "
         "of engines that count them.",
     ),
@@ -55,10 +54,17 @@ def file_name(column: str) -> str:
 
 
 def drawing(judged: Judged, cost: str) -> Drawing:
-    """Return the figure of errors against one of ``COSTS``."""
-    figure, axes = grid(len(judged.ladders), height_in=3.0)
-    styles = line_styles(judged.rows)
-    for ax, (scene, (rungs, floor)) in zip(axes, judged.ladders.items(), strict=True):
+    """Return the figure of errors against one of ``COSTS``, with the scenes and arms that tell it."""
+    drawn = {scene: {*rungs.dropna(subset=cost)["label"]} for scene, (rungs, _) in judged.ladders.items()}
+    told = [
+        (scene, rungs[rungs["label"].isin(drawn[scene])], floor)
+        for scene, (rungs, floor) in judged.ladders.items()
+        if drawn[scene]
+    ]
+    rows = judged.rows[judged.rows["label"].isin(set().union(*drawn.values()))]
+    figure, axes = grid(len(told), height_in=3.0)
+    styles = line_styles(rows)
+    for ax, (scene, rungs, floor) in zip(axes, told, strict=True):
         for label, ladder in rungs.groupby("label", observed=True):
             _line(ax, ladder, cost, label, styles[label])
         if cost == "time_s":
@@ -77,11 +83,8 @@ def drawing(judged: Judged, cost: str) -> Drawing:
             bottom = rungs["error"].min() / 3
             ax.axhspan(bottom, floor, color=GREY, alpha=0.3, linewidth=0)
             ax.set_ylim(bottom=bottom)
-        low, high = ax.get_xlim()
-        if high > 10 * low:  # a decade or more has a label of its own
-            ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set(xlabel=COSTS[cost][1], ylabel=axis_label(judged.column), title=scene)
-    engine_legend(figure, judged.rows, failures=False)
+    engine_legend(figure, rows, failures=False)
     return figure
 
 

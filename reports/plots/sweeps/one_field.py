@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import pandas as pd
+from matplotlib.lines import Line2D
 
 from reports.plots.sweeps.scales import Scale, scale_of
 from reports.run.picture import Picture
@@ -12,13 +13,15 @@ from reports.style import BLACK, BLUE, VERMILLION
 PANEL_IN, OPAQUE = 2.6, 3000
 #: The size of a point where there are up to so many, and where there are more than are opaque.
 SIZES, SMALLEST = {600: 5.0, OPAQUE: 2.5}, 1.2
+#: The size of a point in a legend.
+KEY_PT = 5.0
 #: Colours and sizes of the points of chains, so that one shows below the other, and of members without one.
 WAYS = {None: (BLACK, 1.0), "up": (BLUE, 1.0), "down": (VERMILLION, 2.0)}
 
 
 def draw_over_field(rows: pd.DataFrame, field: str, columns: Sequence[str]) -> Picture:
     """Return a panel of points for each column, one below the other; chains up and down in two colours."""
-    picture = Picture(PANEL_IN * len(columns) + 0.6)
+    picture = Picture(PANEL_IN * len(columns) + 0.9)
     axes = picture.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     across = scale_of(field, rows[field])
     ways = dict(iter(rows.groupby("direction"))) if "direction" in rows else {None: rows}
@@ -46,8 +49,16 @@ def draw_over_field(rows: pd.DataFrame, field: str, columns: Sequence[str]) -> P
     axes[-1].set(xlabel=across.label, xscale=across.kind)
     if None not in ways:
         lines = [line for line in axes[0].get_lines() if line.get_linestyle() == "None"]
-        picture.legend(handles=lines, loc="outside lower center", ncols=2, markerscale=2)
+        explain(picture, lines)
     return picture
+
+
+def explain(picture: Picture, points: Sequence[Line2D]) -> None:
+    """Put a legend of points below a picture, all of a size to be seen however small they are drawn."""
+    legend = picture.legend(handles=points, loc="outside lower center", ncols=len(points))
+    for handle in legend.legend_handles:
+        assert isinstance(handle, Line2D), "points are lines without strokes"
+        handle.set(marker="o", markersize=KEY_PT, alpha=1.0)
 
 
 def _upwards(points: pd.DataFrame, field: str, column: str) -> Scale:

@@ -1,10 +1,12 @@
 """A map of one number over two fields: cells where the members are a grid, dots where they were drawn."""
 
+from typing import Literal
+
 import numpy as np
 import pandas as pd
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import QuadMesh
-from matplotlib.colors import Colormap, LogNorm, Normalize, TwoSlopeNorm
+from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.patches import Patch
 
 from reports.plots.sweeps.scales import Scale, scale_of
@@ -16,6 +18,8 @@ from reports.style import GREY
 SIZE_IN = (6.2, 4.6)
 #: Told apart by the colour-blind: of a size, and of what is on both sides of zero.
 SIZES, SIGNED = "cividis", "PuOr_r"
+#: Colours end at the percentile within which so many of the numbers are, so that a few far ones pale no map.
+MOST = 99
 
 
 def draw_map(rows: pd.DataFrame, fields: tuple[str, str], column: str) -> Picture:
@@ -28,8 +32,23 @@ def draw_map(rows: pd.DataFrame, fields: tuple[str, str], column: str) -> Pictur
     if rows.groupby(list(fields))[column].mean().isna().any() and isinstance(drawn, QuadMesh):
         handles = [Patch(color=GREY, label="no number: failed, or not defined")]
         picture.legend(handles=handles, loc="outside lower center")
-    picture.colorbar(drawn, label=of.label, pad=0.02)
+    picture.colorbar(drawn, label=of.label, pad=0.02, extend=_extend(drawn))
     return picture
+
+
+def colour_ends(numbers: FloatArray) -> tuple[float, float]:
+    """Return the numbers at which colours end: the same on both sides of zero where there are some on both.
+
+    There are ``numbers`` (n,), of which some hundred are needed for any to lie beyond.
+    """
+    if not len(numbers):
+        return 0.0, 1.0
+    if numbers.min() < 0 < numbers.max():
+        sizes = np.abs(numbers)
+        most = float(np.percentile(sizes, MOST, method="higher")) or float(sizes.max())
+        return -most, most
+    low = np.percentile(numbers, 100 - MOST, method="lower")
+    return float(low), float(np.percentile(numbers, MOST, method="higher"))
 
 
 def draw_places(
@@ -57,10 +76,16 @@ def draw_places(
 
 def _norm(of: Scale, values: pd.Series) -> tuple[Normalize, str]:
     """Return how numbers become colours: zero in the middle where there are some on both sides."""
-    numbers = of.drawn(values.dropna())
-    if len(numbers) and numbers.min() < 0 < numbers.max():
-        return TwoSlopeNorm(0.0, numbers.min(), numbers.max()), SIGNED
-    return (LogNorm() if of.log else Normalize()), SIZES
+    low, high = colour_ends(of.drawn(values.dropna()))
+    return (LogNorm if of.log else Normalize)(low, high), SIGNED if low < 0 < high else SIZES
+
+
+def _extend(drawn: ScalarMappable) -> Literal["neither", "min", "max", "both"]:
+    """Return at which ends of its bar of colours numbers lie beyond."""
+    numbers: FloatArray = np.ma.filled(np.ma.asarray(drawn.get_array()), np.nan)
+    low, high = drawn.get_clim()
+    below, above = (numbers < low).any(), (numbers > high).any()
+    return "both" if below and above else "min" if below else "max" if above else "neither"
 
 
 def _edges(middles: FloatArray, log: bool) -> FloatArray:

@@ -116,7 +116,7 @@ def test_the_error_panel_shows_the_largest_error_of_the_row(
     results: Results, figures: dict[str, Figure]
 ) -> None:
     rows = results.rows[results.rows["scene"] == DRIVEN].set_index("engine")
-    _, pymunk = lines(figures["motions-slider-velocity-ideal"].drawing, 1)
+    _, pymunk = lines(figures["motions-slider-velocity-error-ideal"].drawing, 0)
     row = rows.loc["pymunk"]
     assert np.nanmax(pymunk[:, 1]) == pytest.approx(row["slider_velocity_error_m_s"], rel=1e-6)
 
