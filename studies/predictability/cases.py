@@ -12,7 +12,7 @@ from engine_models.scene.scene import Scene
 from studies.judges import horizon
 from studies.judges.kinds import require, turns_steadily
 from studies.ladders import Rung
-from studies.predictability import chains, diagrams
+from studies.predictability import basins, chains, diagrams
 from studies.predictability.ensemble import period_s
 from studies.predictability.scenes import (
     EXPONENTS,
@@ -69,14 +69,14 @@ ENSEMBLES = {
 
 
 def cases(full: bool) -> list[Case]:
-    """Return horizons, exponents, ensembles, diagrams and chains; the full set contains the quick one."""
+    """Return the cases of all parts; the full set contains the quick one."""
     horizons = HORIZONS_S + (MORE_HORIZONS_S if full else ())
     exponents = EXPONENTS + (MORE_EXPONENTS if full else ())
     out = [_horizon(SCENES[name]().model_copy(update={"end_time_s": end})) for name, end in horizons]
     out += [case for name in exponents for case in _exponents(SCENES[name](), full)]
     for name, parts in ENSEMBLES[full]:
         out += _ensembles(following(SCENES[name](), sum(ENSEMBLE_REVOLUTIONS)), parts, ENGINE_MEMBERS[full])
-    return out + diagrams.cases(full) + chains.cases(full)
+    return out + diagrams.cases(full) + chains.cases(full) + basins.cases(full)
 
 
 def cases_on(scene: Scene, full: bool) -> list[Case]:

@@ -2,9 +2,9 @@
 
 Parts are told apart by the column ``part``. ``HORIZON``: until when the reference agrees with its own
 perturbed and step-halved runs. ``EXPONENT``: the finite-time Lyapunov exponent, a case for each of several
-starts. Those of ``diagrams``: what the mechanism does over its clearance and its speed, and that of
-``chains``: as its speed goes up and down. All others are ensembles: a case is a member, and starts differ by
-a little of the crank angle.
+starts. Those of ``diagrams``: what the mechanism does over its clearance and its speed, that of ``chains``:
+as its speed goes up and down, and that of ``basins``: by its start. All others are ensembles: a case is a
+member, and starts differ by a little of the crank angle.
 """
 
 import math
@@ -13,8 +13,8 @@ from statistics import median
 from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
 from studies.judges.comparison import checked
+from studies.predictability import basins, chains, diagrams
 from studies.predictability import cases as parts
-from studies.predictability import chains, diagrams
 from studies.predictability.ensemble import period_s, statistics
 from studies.running.case import Case, Curves, Row
 
@@ -35,6 +35,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
         return diagrams.measure(case)
     if part == chains.PART:
         return chains.measure(case)
+    if part == basins.PART:
+        return basins.measure(case)
     trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
     after_s = parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene)
     row, curves = statistics(case.scene, trajectory, after_s)

@@ -18,6 +18,7 @@ from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import clearance, clearance_driven_002, clearance_driven_05
 from engine_models.scene.scene import Clearances, Scene
 from reports import page
+from reports.chapters.predictability import basins as reported_basins
 from reports.chapters.predictability import comparison, data, findings, statistics
 from reports.chapters.predictability.chains import findings as chain_findings
 from reports.chapters.predictability.data import PER_REVOLUTION
@@ -31,12 +32,12 @@ from studies.extremes.scenes import GRAVITY_M_S2, wheel
 from studies.judges.horizon import apart, first_beyond_s, moved
 from studies.judges.ideal_truth import slider_position_m
 from studies.judges.lyapunov import growth
-from studies.predictability import chains, diagrams, study
+from studies.predictability import basins, chains, diagrams, study
 from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MEMBERS, moves_rad
 from studies.predictability.ensemble import period_s
 from studies.predictability.ensemble import statistics as member_statistics
 from studies.predictability.scenes import clearance_driven_lossy, following, tighter
-from studies.running.case import Case
+from studies.running.case import Case, Row
 from studies.running.outcome import run_case
 from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows, write_rows
@@ -299,6 +300,12 @@ def few_members(case: Case) -> Case:
     return replace(case, columns={**case.columns, "columns": 3, "transient": 1, "revolutions": 2})
 
 
+def few_starts(case: Case) -> Case:
+    """Return four starts, each followed for a little."""
+    few: Row = {"columns": 2, "in_case": 4, "transient": 1, "revolutions": 2}
+    return replace(case, columns={**case.columns, **few})
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A little of every part: two horizons, three starts, small ensembles, a few columns of a diagram."""
@@ -320,6 +327,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *some("pymunk (as the scene)", "0.5mm", 4),
         *(few_columns(case) for case in some(diagrams.CLEARANCES, "0.5 mm", 1)),
         *(few_members(case) for case in chains.cases(False)),
+        *(few_starts(case) for case in basins.cases(False)[:1]),
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
     return folder
@@ -339,8 +347,9 @@ def test_the_chapter_says_what_the_rows_say(results: Path, tmp_path: Path) -> No
     assert "Over the clearance, the pin stays at the wall at all values up to 0.0464 mm." in text
     assert "60 members of the reference itself on clearance-driven-0.5mm are told apart" in text
     assert "pymunk (as the scene) and" not in text, "four members are too few to compare"
-    assert len(list((tmp_path / "report/figures").glob("*.png"))) == 6
+    assert len(list((tmp_path / "report/figures").glob("*.png"))) == 7
     assert "Chains up and down the crank's speed have 3 speeds in common" in html.unescape(text)
+    assert "From 4 starts of its slider" in text or "From all 4 starts of the slider" in text
     table = (tmp_path / "report/tables/predictability-horizons.csv").read_text("utf-8")
     assert "clearance-driven-0.02mm,6 revolutions,–,–,–,–,–,–" in table
 
@@ -384,6 +393,61 @@ def test_chains_differ_where_exponents_do_or_where_motions_that_repeat_are_elsew
     assert "both ways at 1 of them" in said[0]
     assert said[1] == "It is so one way only at 1 of them, at 200 rad/s."
     assert said[2].endswith("elsewhere once a turn, at 1 of them, at 300 rad/s.")
+
+
+def starting(*motions: str) -> pd.DataFrame:
+    """Return members of a square grid of starts, its rows one after the other: W at the wall, K knocking."""
+    size, turns = len(motions), np.arange(8)
+    strobe = {"W": 0 * turns + 1.0, "K": np.random.default_rng(3).uniform(1, 2, 8)}
+    return pd.DataFrame(
+        {
+            reported_basins.PLACE: 0.17 + 1e-5 * x,
+            reported_basins.RATE: 0.1 * v,
+            "strobe_m": strobe[motions[x][v]],
+            "impacts_per_revolution": 0.0 if motions[x][v] == "W" else 5.0,
+            "turns": 8.0,
+            "status": "ok",
+        }
+        for x in range(size)
+        for v in range(size)
+    )
+
+
+def test_basins_have_a_shape_where_neighbours_differ_less_than_starts_drawn_at_random() -> None:
+    strip, board = starting("WKKK", "WKKK", "WKKK", "WKKK"), starting("WKWK", "KWKW", "WKWK", "KWKW")
+    for members, at_wall, beside, drawn, last in (
+        (strip, 25, 17, 38, "So neighbours mostly share their motion, and basins have a shape."),  # 4 of 24
+        (board, 50, 100, 50, "So no basin has a shape at this fineness: the start decides as chance would."),
+    ):
+        said = list(reported_basins.findings(members))
+        assert said[0] == "From 16 starts of its slider set R ends in 2 kinds of motion."
+        assert f"Of these starts {at_wall} % end in this one: at the wall." in said[1:3]
+        assert f"Of these starts {100 - at_wall} % end in this one: impacts, not repeating." in said[1:3]
+        assert said[3:] == [
+            f"Starts beside each other end in different motions in {beside} % of all pairs, starts "
+            f"drawn at random in {drawn} %.",
+            last,
+        ]
+    (alone,) = reported_basins.findings(starting("WW", "WW"))
+    assert alone == "From all 4 starts of the slider set R ends in one motion: at the wall."
+
+
+def test_a_start_in_a_basin_is_the_run_that_a_user_makes_of_it() -> None:
+    case = few_starts(basins.cases(False)[0])
+    row, curves = basins.measure(case)
+    assert row["failed_members"] == 0
+    place, rate = basins.starts_of(case)
+    assert sorted({*place}) == pytest.approx([0.17 - 9e-5, 0.17 + 9e-5])
+    assert sorted({*rate}) == [-0.5, 0.5]
+    slider = case.scene.start.slider
+    assert slider is not None
+    begun = slider.model_copy(update={"x_m": float(place[1]), "velocity_x_m_s": float(rate[1])})
+    scene = case.scene.model_copy(update={"start": case.scene.start.model_copy(update={"slider": begun})})
+    turn_s = 2 * np.pi / basins.SPEED_RAD_S
+    scene = scene.model_copy(update={"end_time_s": 3 * turn_s})
+    run = make_engine("reference", **case.settings).simulate(scene, RunSettings(1.0, 3))
+    apart = run.slider_position_m[2:] - slider_position_m(scene, run.position[2:, 0, 2])
+    assert curves["strobe_m"].reshape(4, 2)[1] == pytest.approx(apart, abs=1e-9)
 
 
 def test_the_columns_of_all_stretches_are_those_of_the_diagram_in_order() -> None:

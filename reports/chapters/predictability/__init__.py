@@ -4,7 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
-from reports.chapters.predictability import chains, comparison, data, diagrams, figures, findings, tables
+from reports.chapters.predictability import (
+    basins,
+    chains,
+    comparison,
+    data,
+    diagrams,
+    figures,
+    findings,
+    tables,
+)
 from reports.parts import Figure, Section
 from reports.quantities import own_scenes
 from reports.results import Results
@@ -132,6 +141,9 @@ def _diagrams(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     if (members := chains.chains(results, rows)) is not None:
         drawn.append(chains.figure(members))
         text += chains.findings(members)
+    if (starts := basins.starts(results, rows)) is not None:
+        drawn.append(basins.figure(starts))
+        text += basins.findings(starts)
     drawn += filter(None, [diagrams.map_figure(results, rows)])
     if drawn:
         yield Section.of("diagrams", "From motions that repeat to chaos", text, drawn)

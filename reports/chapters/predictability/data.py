@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from reports.chapters.predictability import chains, diagrams
+from reports.chapters.predictability import basins, chains, diagrams
 from reports.chapters.predictability.statistics import Margins
 from reports.quantities import finished
 from reports.results import FloatArray, with_columns
@@ -14,7 +14,7 @@ from reports.style import in_legend_order
 
 #: The parts that are no ensembles, as the study names them.
 HORIZON, EXPONENT = "horizon", "Lyapunov exponent"
-NO_ENSEMBLES = (HORIZON, EXPONENT, *diagrams.FIELDS, chains.PART)
+NO_ENSEMBLES = (HORIZON, EXPONENT, *diagrams.FIELDS, chains.PART, basins.PART)
 #: The reference's ensembles of a scene as it is: the one that others are compared with, and another draw.
 OWN = ("reference (DOP853)", "reference (other starts)")
 #: The one that has to differ: from it is seen that the tests are not blind.

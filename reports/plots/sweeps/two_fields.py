@@ -71,6 +71,10 @@ def draw_places(
     else:
         drawn = ax.scatter(x, y, c=points[column], norm=norm, cmap=colours, s=9, linewidths=0)
     ax.set(xlabel=across.label, ylabel=up.label, xscale=across.kind, yscale=up.kind)
+    if not across.log:
+        ax.ticklabel_format(axis="x", useOffset=False)
+    if not up.log:
+        ax.ticklabel_format(axis="y", useOffset=False)
     return picture, drawn
 
 
