@@ -2,7 +2,7 @@
 
 import time
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -165,7 +165,7 @@ class ScipyEngine:
         return Choice(self.method, self.rtol, self.atol, longest_s * (1 + ROOM), self.max_evaluations)
 
 
-@lru_cache(maxsize=1)
+@cache
 def _watched_time_s(engine: ScipyEngine, scene: Scene, settings: RunSettings) -> float:
     """Return the wall time of the watched solve; of the same run again, the same."""
     return engine.simulate(scene, settings).solve_time_s
