@@ -63,7 +63,8 @@ def test_every_picture_is_there(page: Page) -> None:
     unfold(page)
     broken = page.evaluate(
         """[...document.querySelectorAll("svg [href], img")].filter(each => each.tagName === "IMG"
-            ? !each.naturalWidth : !document.getElementById(each.getAttribute("href").slice(1))).length"""
+            ? !each.naturalWidth : each.tagName === "image" ? !each.href.baseVal.startsWith("data:image/")
+            : !document.getElementById(each.getAttribute("href").slice(1))).length"""
     )
     assert broken == 0
 
