@@ -27,7 +27,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("decided", "front", "_ways", "ratio", "levels"),
         ("tests/reports/test_equal_error.py", BY_HAND),
     ),
-    "reports/quantities.py": (("finished", "value", "floor", "with_largest"), (BY_HAND,)),
+    "reports/quantities.py": (("finished", "value", "scale", "floor", "with_largest"), (BY_HAND,)),
     "reports/tables.py": (
         ("number", "plain", "error", "listed"),
         ("tests/reports/test_page.py::test_errors_have_two_digits_and_none_below_the_uncertainty",),
@@ -37,7 +37,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("tests/studies/test_predictability.py",),
     ),
     "studies/judges/metrics.py": (
-        ("in_flight", "errors", "uncertainties", "with_suffix"),
+        ("in_flight", "errors", "uncertainties", "scales", "with_suffix"),
         (f"{JUDGES}/test_metrics.py", f"{JUDGES}/test_by_hand.py"),
     ),
     "studies/judges/energy_rates.py": (
