@@ -60,6 +60,13 @@ Changes = Annotated[
         help="Another value in a field of the scene, as clearance.B.radial_clearance_m=1e-4.",
     ),
 ]
+EndTime = Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")]
+SamplesFile = Annotated[
+    Path, Option(metavar="FILE", help="Samples as .csv, .json or .parquet; - is stdout, as CSV.")
+]
+ImpactsFile = Annotated[
+    Path | None, Option(metavar="FILE", help="Impacts, a row each, as .csv, .json or .parquet.")
+]
 Quiet = Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")]
 
 
@@ -117,14 +124,10 @@ def simulate(
     tolerance: Annotated[
         Text, Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
     ] = None,
-    end: Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")] = None,
+    end: EndTime = None,
     samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "200",
-    out: Annotated[
-        Path, Option(metavar="FILE", help="Samples as .csv, .json or .parquet; - is stdout, as CSV.")
-    ] = Path("-"),
-    impacts: Annotated[
-        Path | None, Option(metavar="FILE", help="Impacts, a row each, as .csv, .json or .parquet.")
-    ] = None,
+    out: SamplesFile = Path("-"),
+    impacts: ImpactsFile = None,
     plot: Annotated[
         Path | None,
         Option(metavar="FILE", help="Figure of motion, forces and energy, as .png, .svg or .pdf."),
@@ -172,14 +175,10 @@ def _say(run: "Run") -> None:
 def truth(
     scene: SceneName,
     changes: Changes = None,
-    end: Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")] = None,
+    end: EndTime = None,
     samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "120",
-    out: Annotated[
-        Path, Option(metavar="FILE", help="Samples as .csv, .json or .parquet; - is stdout, as CSV.")
-    ] = Path("-"),
-    impacts: Annotated[
-        Path | None, Option(metavar="FILE", help="Impacts, a row each, as .csv, .json or .parquet.")
-    ] = None,
+    out: SamplesFile = Path("-"),
+    impacts: ImpactsFile = None,
     quiet: Quiet = False,
 ) -> None:
     """Write a scene's true motion, as far as it is certain, by equations that no engine has a part in."""

@@ -7,7 +7,7 @@ ended contacts ``SCENE-impacts.csv``, and ``certainty.csv`` has a row for each s
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -34,6 +34,11 @@ class TrueRun(Run):
     certain_m: float
     by: str
 
+    @property
+    def made_by(self) -> dict[str, Any]:
+        """What made the motion: that of a run, with its certainty in place of an engine's settings."""
+        return {**super().made_by, "settings": {}, "certain_m": self.certain_m, "by": self.by}
+
     def notes(self) -> list[str]:
         """Return how well the motion is known, by what, and until when."""
         end, what = self.trajectory.time_s[-1], "slider" if self.scene.is_crank_slider else "crank's pin"
@@ -45,8 +50,8 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
     """Return the true motion of a scene.
 
     Raises:
-        BadInput: the scene is one that nothing follows, not even to its first sample.
-        Failed: no solution was found.
+        BadInput: the folder of kept runs is refused.
+        Failed: no solution was found, or none that is certain for even one sample.
     """
     try:
         truth, repeats = converged(scene, options.samples)
@@ -56,6 +61,8 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
         raise BadInput(str(reason)) from None
     except (UnsupportedScene, SimulationFailed) as reason:
         raise Failed(f"no truth was found: {reason}") from None
+    if not count:
+        raise Failed("no truth was found: two true solutions part before the first sample")
     apart = max(float(np.abs(_place(scene, one) - _place(scene, truth))[:count].max()) for one in repeats)
     resolution = float(np.spacing(np.abs(_place(scene, truth)).max()))
     known, warnings = _until(truth, count), list[str]()

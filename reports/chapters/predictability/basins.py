@@ -53,7 +53,7 @@ def findings(members: pd.DataFrame) -> Iterator[str]:
     yield f"From {len(members)} starts of its slider set R ends in {len(shares)} kinds of motion."
     for motion, share in shares[shares >= SHOWN].items():
         yield f"Of these starts {100 * share:.0f} % end in this one: {motion}."
-    grid = members.assign(motion=found).set_index([PLACE, RATE])["motion"].unstack().to_numpy()  # noqa: PD010
+    grid = members.assign(motion=found).pivot_table("motion", PLACE, RATE, aggfunc="first").to_numpy()
     pairs = [(grid[1:], grid[:-1]), (grid[:, 1:], grid[:, :-1])]
     beside = np.concatenate([(one != other).ravel() for one, other in pairs]).mean()
     drawn = 1 - (shares**2).sum()

@@ -43,7 +43,30 @@ def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
         assert (own.code, own.stderr) == (0, "")
         assert list(table_of(own.stdout)) == list(table_of(simulated.stdout))
     assert crankslider("truth", *short, "--out", tmp_path / "t.json").code == 0
-    assert json.loads((tmp_path / "t.json").read_text())["made_by"]["engine"] == "truth"
+    made_by = json.loads((tmp_path / "t.json").read_text())["made_by"]
+    assert (made_by["engine"], made_by["settings"], made_by["by"]) == ("truth", {}, "independent")
+    assert 0 < made_by["certain_m"] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (("no-such",), "no-such"),
+        (("ideal-free", "--samples", 0), "--samples: expected an integer >= 1"),
+        (("ideal-free", "--impacts", "i.csv"), "--impacts: expected a scene with clearance"),
+        (("ideal-free", "--out", "t.xls"), "--out: expected"),
+    ],
+)
+def test_what_is_wrong_is_named_in_a_line(wrong: tuple[object, ...], said: str) -> None:
+    refused = crankslider("truth", *wrong)
+    assert (refused.code, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
+    assert said in refused.stderr
+
+
+def test_a_motion_that_nobody_can_follow_has_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("studies.command.truth.followed", lambda *_: 0)
+    with pytest.raises(cs.Failed, match="no truth was found: two true solutions part before the first"):
+        cs.truth("ideal-driven", end=0.004, samples=4)
 
 
 def test_a_certainty_is_no_smaller_than_the_last_place_of_a_position() -> None:
