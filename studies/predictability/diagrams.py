@@ -1,4 +1,4 @@
-"""Bifurcation diagrams over clearance and speed, and a map of exponents over both, by columns.
+"""Bifurcation diagrams over clearance and speed, and a map of exponents and forces over both, by columns.
 
 A column is a member of a sweep: one value, followed for some revolutions after a transient. Its exponent is
 measured twice, over all of its revolutions and over half of them: where the two agree it has converged.
@@ -90,6 +90,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         "value": columns_of(case),
         "strobe_m": np.concatenate(strobe),
         "impacts_per_revolution": found["impacts_per_revolution"].to_numpy(),
+        "largest_contact_force_N": found["largest_contact_force_N"].to_numpy(),
         "exponent_value": every,
         "exponent_1_s": whole["exponent_1_s"].to_numpy(),
         "exponent_half_1_s": half["exponent_1_s"].to_numpy(),

@@ -108,8 +108,15 @@ def diagram(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     return rows, curves
 
 
+#: Of the map's slowest members.
+FORCE_N = 2000.0
+
+
 def exponents_map(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """A map of 3 speeds and 100 clearances: exponents of 1 in a revolution, but for a -2 and two of 30."""
+    """A map of 3 speeds and 100 clearances: exponents of 1 in a revolution, but for a -2 and two of 30.
+
+    Forces go with the third power of the speed, and are twice as large with the widest clearance.
+    """
     rows: list[dict[str, Any]] = []
     curves = {}
     for k, odd in enumerate((-2.0, 30.0, 30.0)):
@@ -120,6 +127,7 @@ def exponents_map(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         per_s = [100 * (1 + k) * exponent for exponent in (odd, *99 * (1.0,))]
         clearances = np.geomspace(1e-5, 1e-3, 100).tolist()
         curves[rows[-1]["case"]] = {
+            "largest_contact_force_N": [FORCE_N * (1 + k) ** 3 * (1 + (c > 9.9e-4)) for c in clearances],
             "exponent_value": clearances,
             "exponent_1_s": per_s,
             "exponent_half_1_s": per_s,
@@ -235,6 +243,10 @@ def test_the_diagram_tells_what_settles_repeats_and_is_chaotic(sections: dict[st
         "The motion is chaotic at all values from 0.5 mm on.",
         "There the exponent is more than 1 in a revolution, and half of the revolutions give it within 20 %. "
         "It was measured at 2 values.",
+        "Of 300 members over clearance and speed the hardest contact has 108 kN. "
+        "It is found with 1 mm at 1885 rad/s.",
+        "At four of five clearances the largest force grows as the speed to the power of 3.0 to 3.0; in "
+        "ideal joints it would be 2.",
     )
     above, below = figure(sections, "diagram-over-clearance").drawing.axes
     assert above.get_ylabel() == "slider's deviation once a turn / clearance"
@@ -254,6 +266,18 @@ def test_the_diagram_tells_what_settles_repeats_and_is_chaotic(sections: dict[st
         "exponent from all revolutions": "#000000",
         "from half of them": "#0072b2",
     }
+
+
+def test_the_map_of_forces_shows_them_in_kN(sections: dict[str, Section]) -> None:
+    drawing = figure(sections, "map-of-forces").drawing
+    (cells,) = drawing.axes[0].collections
+    shown = np.asarray(cells.get_array(), dtype=float)
+    assert shown[:, 0] == pytest.approx([2.0, 16.0, 54.0])
+    assert shown[:, -1] == pytest.approx([4.0, 32.0, 108.0])
+    assert [axes.get_ylabel() for axes in drawing.axes] == [
+        "crank speed [rad/s]",
+        "largest contact force [kN]",
+    ]
 
 
 def test_the_caption_of_the_map_says_where_colours_end_and_what_lies_beyond(

@@ -12,6 +12,7 @@ from reports.chapters.predictability import (
     diagrams,
     figures,
     findings,
+    maps,
     tables,
 )
 from reports.parts import Figure, Section
@@ -144,7 +145,9 @@ def _diagrams(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
     if (starts := basins.starts(results, rows)) is not None:
         drawn.append(basins.figure(starts))
         text += basins.findings(starts)
-    drawn += filter(None, [diagrams.map_figure(results, rows)])
+    if (of_map := maps.members(results, rows)) is not None:
+        drawn += maps.figures(of_map)
+        text += maps.findings(of_map)
     if drawn:
         yield Section.of("diagrams", "From motions that repeat to chaos", text, drawn)
 

@@ -1,4 +1,4 @@
-"""Bifurcation diagrams over clearance and speed, the map of exponents, and what they show, in sentences."""
+"""Bifurcation diagrams over clearance and speed, and what they show, in sentences."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from reports.parts import Figure
 from reports.plots.sweeps.motions import periods
 from reports.plots.sweeps.one_field import draw_over_field, explain
-from reports.plots.sweeps.two_fields import colour_ends, draw_map
 from reports.quantities import finished
 from reports.results import FloatArray, Results
 from reports.style import BLUE
@@ -70,30 +69,6 @@ def figure(part: str, of: Diagram) -> Figure:
         "half of the revolutions; above zero neighbouring motions part.",
         f"Two panels over {words}: the slider's deviation once a turn, and exponents.",
         _drawn(part, of),
-    )
-
-
-def map_figure(results: Results, rows: pd.DataFrame) -> Figure | None:
-    """Return the map of exponents over clearance and speed, None without one."""
-    of_map = finished(rows[rows["part"] == MAP])
-    if of_map.empty:
-        return None
-    cells = [
-        _exponents(results, row).assign(**{SPEED: row["crank_speed_rad_s"]}) for _, row in of_map.iterrows()
-    ]
-    frame = pd.concat(cells).rename(columns={"value": CLEARANCE})
-    measured = frame[EXPONENT].dropna()
-    low, high = colour_ends(measured.to_numpy())
-    beyond = int((~measured.between(low, high)).sum())
-    ends = f" Colours end at {low:.2g} and {high:.2g}; {beyond} members lie beyond." if beyond else ""
-    return Figure(
-        "predictability-map-of-exponents",
-        "Where set R is chaotic",
-        "The finite-time exponent of a revolution over clearance and speed of the crank: above zero "
-        f"neighbouring motions part. {len(frame)} members, each of "
-        f"{of_map['exponent_revolutions'].iloc[0]:.0f} revolutions after a transient.{ends}",
-        "A map of exponents in colours over clearance and crank speed.",
-        draw_map(frame, (CLEARANCE, SPEED), EXPONENT),
     )
 
 
@@ -163,11 +138,11 @@ def _joined(results: Results, rows: pd.DataFrame, field: str) -> Diagram:
         for name in ("value", "strobe_m", "impacts_per_revolution")
     }
     strobe = curves["strobe_m"].reshape(len(curves["value"]), -1)
-    exponents = [_exponents(results, row, field == SPEED) for _, row in rows.iterrows()]
+    exponents = [exponents_of(results, row, field == SPEED) for _, row in rows.iterrows()]
     return Diagram(curves["value"], strobe, curves["impacts_per_revolution"], pd.concat(exponents))
 
 
-def _exponents(results: Results, row: pd.Series, over_speed: bool = False) -> pd.DataFrame:
+def exponents_of(results: Results, row: pd.Series, over_speed: bool = False) -> pd.DataFrame:
     """Return the exponents of a case, in a revolution, by value."""
     value = results.curve(row["case"], "exponent_value")
     period_s = 2 * np.pi / (value if over_speed else row["crank_speed_rad_s"])

@@ -123,6 +123,7 @@ def test_a_columns_exponent_is_found_from_all_revolutions_and_from_half(
     def rows(_: Case, values: Any, revolutions: float, exponent: bool = False) -> pd.DataFrame:
         strobe = [[0.0] * int(revolutions)] * len(values)
         columns = {"strobe_m": strobe, "impacts_per_revolution": 1.0, "status": "ok"}
+        columns["largest_contact_force_N"] = 1e3 + revolutions
         return pd.DataFrame({**columns, "exponent_1_s": revolutions if exponent else math.nan})
 
     monkeypatch.setattr(diagrams, "_rows", rows)
@@ -130,5 +131,6 @@ def test_a_columns_exponent_is_found_from_all_revolutions_and_from_half(
     _, curves = diagrams.measure(case)
     assert set(curves["exponent_1_s"]) == {24.0}
     assert set(curves["exponent_half_1_s"]) == {12.0}
+    assert set(curves["largest_contact_force_N"]) == {1e3 + int(str(case.columns["revolutions"]))}
     values = curves["value"]
     assert values[1:] / values[:-1] == pytest.approx(100 ** (1 / 99)), "equal ratios, of 100 in all"
