@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test accuracy coverage planted mutants docs rivals soak lint types benchmark publish lock clean
+.PHONY: study test system accuracy coverage planted mutants docs rivals soak lint types benchmark publish lock clean
 
 study: .venv/.ready
 	$(BIN)/crankslider run
@@ -11,13 +11,17 @@ study: .venv/.ready
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
+# The whole as its users have it: the wheel, the page in a browser, clusters, killed runs, the documentation's blocks.
+system: .venv/.ready
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m system
+
 # Every number that has a baseline, of all engines, heyoka's among them, and what they owe on every scene.
 accuracy: .venv/.rivals
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m accuracy
 
 # Which lines of the four packages no test runs; what may stay so is named in pyproject.toml with the reason.
 coverage: .venv/.ready
-	$(BIN)/python -m pytest -n 2 --cov
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not accuracy" --cov
 
 # These pages as a site, to be opened at docs/_build/index.html.
 docs: .venv/.ready

@@ -43,7 +43,7 @@ Chain = Literal["up", "down", "both"]
 #: Fields of the start of single bodies.
 STATES = ("start.crank.", "start.rod.", "start.slider.")
 #: Of the corners of all ranges together, and of the values of a field, so many are looked at before a sweep.
-MOST_LOOKS = 1024
+MOST_LOOKS = 64
 
 
 @checked_dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -228,10 +228,12 @@ def _require_scenes(task: Task, changes: Mapping[str, FloatArray]) -> None:
     ]
     first = {field: float(of[0]) for field, of in changes.items()}
     for field, of in changes.items():
-        looked_at += [{**first, field: value} for value in np.unique(of)[:MOST_LOOKS].tolist()]
-    for values in looked_at:
+        values = np.unique(of)
+        places = np.linspace(0, len(values) - 1, min(len(values), MOST_LOOKS)).round().astype(int)
+        looked_at += [{**first, field: value} for value in values[places].tolist()]
+    for member in looked_at:
         try:
-            task.engine.check(task.member(values))
+            task.engine.check(task.member(member))
         except SceneError as error:
             raise BadInput(f"--vary {error}") from None
         except UnsupportedScene as reason:

@@ -12,6 +12,8 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import fields
 from tests.docs.pages import DOCS
 
+pytestmark = pytest.mark.system
+
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -168,6 +168,7 @@ def _read_toml(block: Block, where: str) -> None:
     assert Scene.checked(data), where
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("page", PAGES)
 @pytest.mark.usefixtures("folder")
 def test_every_block_of_a_page_works(page: str) -> None:

@@ -17,6 +17,7 @@ from tests.helpers.engines import supporting
 #: Library scenes, so that no kernel is compiled for them alone, and what each engine is to be quick with.
 NAMES = ("ideal-free", "ideal-driven", "clearance-driven-0.1mm", "rigid-driven-0.1mm", "rigid-pendulum")
 BOUNDS: dict[str, dict[str, object]] = {
+    "reference": {"max_steps": 300_000},
     "scipy": {"max_evaluations": 3_000},
     "exudyn": {"timeout_s": 0.5},
     "heyoka": {"max_steps": 3_000},

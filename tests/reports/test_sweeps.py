@@ -143,6 +143,7 @@ def test_over_the_start_basins_are_drawn_with_the_number_of_members_in_each() ->
     picture = sweep_picture(rows, [*places], "scene")
     (legend,) = picture.legends
     assert legend.get_texts()[0].get_text() == "impacts, every turn, a: 2 members"
+    assert legend.get_texts()[1].get_text().endswith(": 1 member")
     assert len(legend.get_texts()) == 5
     assert picture.axes[0].get_xlabel() == "slider's x at the start [m]"
 

@@ -24,9 +24,10 @@ def draw_basins(rows: pd.DataFrame, fields: tuple[str, str]) -> Picture:
     norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
     picture, _ = draw_places(rows.assign(motion=numbers), fields, "motion", norm, ListedColormap(colours))
     words = [*shown, *([f"{len(rest)} other motions"] if rest else [])]
+    counts = [int((numbers == k).sum()) for k in range(len(words))]
     handles = [
-        Patch(color=colour, label=f"{word}: {int((numbers == k).sum())} members")
-        for k, (colour, word) in enumerate(zip(colours, words, strict=True))
+        Patch(color=colour, label=f"{word}: {count} member{'s' * (count != 1)}")
+        for colour, word, count in zip(colours, words, counts, strict=True)
     ]
     picture.legend(handles=handles, loc="outside lower center", ncols=2)
     return picture

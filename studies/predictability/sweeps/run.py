@@ -116,10 +116,15 @@ def run_sweep(
             left = sum(end - begin for begin, end in missing)
             size = MOST_IN_CHUNK
             if left > FEW:
-                trial = pool.submit_within(ROOMY, try_out, sweep.task, _spread(sweep.changes)).result()
-                _announce(trial, left, at_once, path, cluster is not None, hours)
-                size = int(np.clip(CHUNK_S / trial.member_s, 1, MOST_IN_CHUNK))
-            rows = [_rows(members, kept, min(size, max(1, -(-left // at_once)))) for members in sweep.members]
+                spread = _spread(sweep.changes)
+                # Every process here tries them: so all have begun, and loaded what they need.
+                tried = range(1 if cluster else at_once)
+                trial, *_ = [pool.submit_within(ROOMY, try_out, sweep.task, spread) for _ in tried]
+                _announce(trial.result(), left, at_once, path, cluster is not None, hours)
+                size = int(np.clip(CHUNK_S / trial.result().member_s, 1, MOST_IN_CHUNK))
+            # As many chunks, of equal size, for each process.
+            chunks = at_once * max(1, -(-left // (at_once * size)))
+            rows = [_rows(members, kept, max(1, -(-left // chunks))) for members in sweep.members]
             _run(sweep.task, [row for each in rows for row in each], pool, kept, count - left)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)

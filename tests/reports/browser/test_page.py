@@ -6,6 +6,8 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
+pytestmark = pytest.mark.system
+
 #: A phone's width, and that of a desk's screen.
 WIDTHS = (390, 1440)
 #: The table in which what is tested of all tables is tried: long enough for a filter, with numbers and names.

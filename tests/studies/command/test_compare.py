@@ -15,6 +15,8 @@ from studies.judges.ideal_truth import exact
 from studies.running.case import Case
 from tests.helpers.command import Finished, crankslider
 
+pytestmark = pytest.mark.system
+
 ENGINES = ("reference", "pymunk")
 #: Two turns of a quick crank, in s, and how a user asks for them.
 END_S = 0.02

@@ -29,6 +29,8 @@ from tests.helpers.mischief import MEGABYTE, NAME, case, steady
 from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import read_rows
 
+pytestmark = pytest.mark.system
+
 
 @pytest.fixture(scope="module")
 def local() -> Iterator[LocalCluster]:

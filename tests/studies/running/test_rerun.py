@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.helpers.mischief import NAME
 from tests.helpers.row_files import read_rows
 from tests.helpers.running import add_line, copied
@@ -41,6 +43,7 @@ def run_again(before: dict[str, dict[str, Any]], after: dict[str, dict[str, Any]
     return {engine for engine in after if after[engine] != before.get(engine)}
 
 
+@pytest.mark.system
 def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> None:
     code = copied(tmp_path)
     first = run(code)

@@ -17,7 +17,10 @@ import pytest
 from tests.helpers.mischief import NAME, steady
 from tests.helpers.running import HEAR, IGNORE, add_line, copied, gone, lines, started, until
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc"),
+]
 
 CASES = 15
 #: A comment in what the study imports, and code that it does not.

@@ -19,6 +19,8 @@ from studies.running.failures import BadInput
 from tests.helpers.running import Here
 
 FIELD, MEMBERS, CHUNK = "clearance.B.radial_clearance_m", 40, 8
+#: As many for each of two processes, so that none waits for the other in the end.
+CHUNKS = 6
 #: One value of no scene, which the command line refuses and a sweep has a row for.
 NO_SCENE = 17
 
@@ -67,13 +69,14 @@ def test_what_was_finished_before_an_interrupt_is_not_run_again(rows: pd.DataFra
     assert not (tmp_path / "rows.parquet").exists()
     again = Here()
     pd.testing.assert_frame_equal(swept(tmp_path, lambda: again), rows, check_exact=True)
-    assert again.calls < 1 + MEMBERS / CHUNK
+    assert again.calls < 1 + CHUNKS
     assert [file.name for file in tmp_path.iterdir()] == ["rows.parquet"]
 
 
 def test_a_sweep_that_is_there_is_not_run_again(tmp_path: Path) -> None:
-    swept(tmp_path)
-    again = Here()
+    first, again = Here(), Here()
+    swept(tmp_path, lambda: first)
+    assert first.calls == 1 + CHUNKS
     swept(tmp_path, lambda: again)
     assert again.calls == 0
 
@@ -81,10 +84,10 @@ def test_a_sweep_that_is_there_is_not_run_again(tmp_path: Path) -> None:
 def test_of_a_chunk_whose_process_dies_one_member_fails_and_the_others_go_on(
     rows: pd.DataFrame, tmp_path: Path
 ) -> None:
-    """The first chunk's process dies, and that of its fourth member alone, the ninth call."""
+    """The first chunk's process dies, and that of its fourth member, which runs alone after all chunks."""
 
     def die(call: int) -> None:
-        if call in (2, 1 + MEMBERS // CHUNK + 4):
+        if call in (2, 1 + CHUNKS + 4):
             raise CaseEnded(CRASHED, "killed by SIGSEGV")
 
     found = swept(tmp_path, lambda: Here(die))
