@@ -34,7 +34,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "reports/chapters/predictability/statistics.py": (
         ("above", "below", "sizes", "equivalence_p", "joint_p", "holm"),
-        ("tests/studies/test_predictability.py",),
+        ("tests/reports/test_statistics.py", "tests/end_to_end/test_ensembles_page.py"),
     ),
     "studies/judges/metrics.py": (
         ("in_flight", "errors", "uncertainties", "scales", "with_suffix"),
