@@ -65,6 +65,13 @@ EXPLAINED: dict[str, str] = {
     "size=(DRAWS, len(ratios)))'": "other draws of the same rounds",
     "reports/equal_error.py levels: < to <= at 19 of 'if len(errors) < 2:'": "two rungs have none between",
     "reports/equal_error.py levels: 2 to 3 at 21 of 'if len(errors) < 2:'": "two rungs have none between",
+    "studies/judges/energy_rates.py blocks_of: < to <= at 13 of 'if whole < fewest:'": (
+        "as many periods as the fewest blocks make as many blocks either way"
+    ),
+    "studies/judges/energy_rates.py growth_exponent: 60 to 61 at 55 of 'late = np.geomspace(LATE * "
+    "time_s[-1], time_s[-1], 60)'": "one time more or less along the same curve",
+    "studies/judges/energy_rates.py growth_exponent: - to + at 69 of 'at = np.unique(np.searchsorted(time_s, "
+    "late).clip(1, len(time_s) - 1))'": "the last of the times is the run's last, to the bit",
     "studies/judges/converged_truth.py reach: > to >= at 41 of 'return int(np.argmax(np.append(apart > "
     "tolerance_m, True)))'": "a distance is the tolerance to the last bit nowhere",
 }

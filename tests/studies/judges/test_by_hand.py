@@ -45,6 +45,14 @@ def test_an_error_has_no_sign(driven: tuple[Scene, Trajectory]) -> None:
     assert errors(scene, shifted(truth, -1e-3), truth)[POSITION].max() == pytest.approx(1e-3)
 
 
+def test_a_truth_at_other_times_is_none(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    later = replace(truth, time_s=truth.time_s * (1 + 1e-6))
+    end_s = f"{scene.end_time_s:g} s"
+    with pytest.raises(ValueError, match=f"expected the run's 9 times up to {end_s}, got 9 up to {end_s}"):
+        errors(scene, truth, later)
+
+
 def test_a_force_is_that_of_its_joint(driven: tuple[Scene, Trajectory]) -> None:
     scene, truth = driven
     for place, joint in enumerate("OAB"):

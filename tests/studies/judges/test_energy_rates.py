@@ -68,9 +68,18 @@ def test_blocks_are_whole_periods_where_there_are_enough(periods: float) -> None
         assert periods % blocks == 0
 
 
-def test_too_few_samples_for_the_blocks_are_refused() -> None:
-    with pytest.raises(ValueError, match="blocks: expected a multiple of 5 below 11, got 15"):
-        drift_rate(TIME[:11], TIME[:11], 15)
+@pytest.mark.parametrize(
+    ("periods", "blocks"), [(9, 10), (12, 10), (99, 95), (100, 100), (132.6, 65), (250, 80)]
+)
+def test_there_are_as_many_blocks_as_say_something_new(periods: float, blocks: int) -> None:
+    """Of 132 periods two go into a block, of 250 three; what does not fill five parts alike is left over."""
+    assert blocks_of(periods) == blocks
+
+
+@pytest.mark.parametrize(("samples", "blocks"), [(11, 15), (10, 10), (401, 12), (401, 5)])
+def test_blocks_that_make_no_five_parts_or_have_no_samples_are_refused(samples: int, blocks: int) -> None:
+    with pytest.raises(ValueError, match=f"blocks: expected a multiple of 5 below {samples}, got {blocks}"):
+        drift_rate(TIME[:samples], TIME[:samples], blocks)
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
@@ -78,6 +87,24 @@ def test_a_power_of_time_is_found_below_its_swing(power: float) -> None:
     swing = np.cos(2 * np.pi * 40 * TIME)
     # The last crest is up to half a period old: 12 % of the time at the beginning of the fit.
     assert growth_exponent(TIME, 3e-9 * TIME**power * swing) == pytest.approx(power, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "value", "power"),
+    [
+        ([0, 1, 2], [0, 1, 2], 1),
+        ([0, 1, 2, 4], [0, 0, 1, 2], 1),  # zeros have no logarithm
+        ([0, 1, 2, 4], [0, 0, 0, 1], 0),  # of one point there is no power
+        ([0, 1, 2, 4], [0, 0, 0, 0], 0),
+        ([0, 1.97, 10, 20, 40], [0, 1, 5, 5, 5], 0),  # what was before 2 s does not count
+        ([0, 10, 20, 40], [0, 1, 1, 4], 1),  # the last sample does: 0, 0 and 2 octaves, one after the other
+    ],
+)
+def test_powers_of_a_few_samples_are_those_worked_out(
+    time_s: list[float], value: list[float], power: float
+) -> None:
+    found = growth_exponent(np.array(time_s, dtype=float), np.array(value, dtype=float))
+    assert found == pytest.approx(power, abs=1e-12)
 
 
 def test_thinning_keeps_both_ends() -> None:
