@@ -87,7 +87,7 @@ def asked(found: Sequence[Race], column: str, *, loose: bool) -> list[Race]:
 
 @dataclass(frozen=True)
 class Setting:
-    """An arm at a setting that is within a target on several scenes.
+    """An arm at a setting that is within a target on some scenes.
 
     ``times_s`` are its run times there, ``ratios`` the same in times of the cheapest engine's.
     """
@@ -99,22 +99,33 @@ class Setting:
     ratios: tuple[float, ...]
 
 
-def one_for_all(races: Sequence[Race]) -> list[Setting]:
-    """Return each engine's setting that is within the target on all scenes, the cheapest engine first.
+def widest(races: Sequence[Race]) -> list[Setting]:
+    """Return each engine's setting that is within the target on most scenes, the best engine first.
 
-    Of an engine's it is the one that takes the least on the scene where it does worst.
+    Of those within it on as many it is the one that takes the least on the scene where it does worst.
     """
     ways: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
     for race in races:
         for way in race.within:
             costs = (way.time_s, way.time_s / race.picks[0].way.time_s)
             ways.setdefault((way.engine, way.label, way.setting), []).append(costs)
-    whole = [
+    settings = [
         Setting(*way, tuple(time for time, _ in costs), tuple(ratio for _, ratio in costs))
         for way, costs in ways.items()
-        if len(costs) == len(races)
     ]
     best: dict[str, Setting] = {}
-    for each in sorted(whole, key=lambda each: max(each.ratios)):
+    for each in sorted(settings, key=lambda each: (-len(each.times_s), max(each.ratios))):
         best.setdefault(each.engine, each)
     return list(best.values())
+
+
+def won_by(races: Sequence[Race], winner: str, loser: str) -> list[Ratio]:
+    """Return the ratio of the loser's cheapest run to the winner's, wherever nobody is surely as cheap."""
+    lost = [
+        (race, pick.way.label)
+        for race in races
+        for pick in race.picks
+        if race.picks[0].way.engine == winner and pick.way.engine == loser
+    ]
+    found = [race.ratios.get(label) for race, label in lost]
+    return [ratio for ratio in found if ratio and ratio.decided]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from reports.chapters.answer.picks import FORCE, POSITION, Race, Setting, asked, one_for_all
+from reports.chapters.answer.picks import FORCE, POSITION, Race, Setting, asked, widest, won_by
 from reports.chapters.answer.trust import HIDDEN_PART, LOST_IN_WORDS, Hidden
 from reports.chapters.extremes.verdict import Verdict, answers
 from reports.equal_error import Ratio
@@ -16,21 +16,25 @@ WITHIN = {POSITION: "the slider within 1 µm", FORCE: "joint forces within 1 N"}
 
 
 def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
-    """Yield which setting of whom is within each target on all scenes with clearance, and what it costs."""
-    taken: list[Setting] = []
-    for column, within in WITHIN.items():
+    """Yield whose setting is within each target on most scenes with clearance, its cost, and the others'."""
+    taken: Setting | None = None
+    for column in WITHIN:
         of = asked(races, column, loose=True)
-        settings = one_for_all(of)
-        if taken and of and _as_sharp(taken[0], of):
-            yield Finding(f"The same setting has {within} as well.", f"take-{column}")
+        settings = widest(of)
+        if taken and of and _as_sharp(taken, of):
+            yield Finding(f"The same setting has {WITHIN[column]} as well.", f"take-{column}")
+            first = taken
         elif settings:
-            yield from _taken(settings, column)
-            taken = taken or settings
-        absent = sorted(
-            {engine for race in of for engine in race.absent} - {each.engine for each in settings}
-        )
+            first = settings[0]
+            taken = taken or first
+            yield _taken(first, column, len(of))
+        for each in (each for each in settings if each.engine != first.engine):
+            won = won_by(of, each.engine, first.engine)
+            if won or column == POSITION:
+                yield _beside(each, first, of, won)
+        absent = {engine for race in of for engine in race.absent} - {each.engine for each in settings}
         if absent:
-            yield Finding(f"No setting of {listed(absent)} has {within} on all of them.", f"absent-{column}")
+            yield Finding(f"No setting of {listed(sorted(absent))} has {WITHIN[column]}.", f"absent-{column}")
 
 
 def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
@@ -39,25 +43,36 @@ def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
     return all(at in {(way.label, way.setting) for way in race.within} for race in races)
 
 
-def _taken(settings: Sequence[Setting], column: str) -> Iterator[Finding]:
-    """Yield the cheapest of the settings, the next one, and how far the others are."""
-    first, *others = settings
+def _taken(first: Setting, column: str, scenes: int) -> Finding:
     times = [1e3 * time for time in first.times_s]
-    yield Finding(
+    text = (
         f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}. "
-        f"A run takes {_between(times)} ms on the scenes timed.",
-        f"take-{column}",
-        [Number(time, "ms") for time in times],
+        f"A run takes {_between(times)} ms on the scenes timed.{_there(first, scenes)}"
     )
-    if others:
-        next_one, *rest = others
-        text = (
-            f"Without it take {next_one.label} at {next_one.setting}: {_between(next_one.ratios)} times as "
-            "long as the cheapest on each scene"
+    return Finding(text, f"take-{column}", [Number(time, "ms") for time in times])
+
+
+def _beside(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[Ratio]) -> Finding:
+    """Return what an engine's setting costs beside the cheapest, and how often and by how much it wins."""
+    text = (
+        f"{each.label} at {each.setting}: {_between(each.ratios)} times as long as the cheapest engine."
+        f"{_there(each, len(races))}"
+    )
+    numbers = [Number(value, "times") for value in each.ratios]
+    if won:
+        worst = max(won, key=lambda times: times.median)
+        text += (
+            f" With a setting for each scene {each.engine} wins on {len(won)}; {first.engine} takes up to "
+            f"{plain(worst.median)} times as long there."
         )
-        text += "".join(f"; {each.label} takes {_between(each.ratios)} times" for each in rest)
-        ratios = [Number(value, "times") for each in others for value in each.ratios]
-        yield Finding(f"{text}.", f"next-{column}", ratios)
+        numbers.append(Number(worst.median, "times", worst.low, worst.high))
+    return Finding(text, f"{each.engine}-{races[0].column}", numbers)
+
+
+def _there(setting: Setting, scenes: int) -> str:
+    """Return on how many scenes a setting is within the target, nothing where it is on all."""
+    count = len(setting.times_s)
+    return f" It gets there on {count} of {scenes} scenes." if count < scenes else ""
 
 
 def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
