@@ -28,10 +28,12 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
             first = settings[0]
             taken = taken or first
             yield _taken(first, column, len(of))
-        for each in (each for each in settings if each.engine != first.engine):
-            won = won_by(of, each.engine, first.engine)
-            if won or column == POSITION:
-                yield _beside(each, first, of, won)
+        others = [(each, won_by(of, each.engine, first.engine)) for each in settings]
+        for each, won in sorted(others, key=lambda pair: -len(pair[1])):
+            if won:
+                yield _winner(each, first, of, won)
+            elif column == POSITION and each.engine != first.engine:
+                yield _beside(each, of)
         absent = {engine for race in of for engine in race.absent} - {each.engine for each in settings}
         if absent:
             yield Finding(f"No setting of {listed(sorted(absent))} has {WITHIN[column]}.", f"absent-{column}")
@@ -46,33 +48,40 @@ def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
 def _taken(first: Setting, column: str, scenes: int) -> Finding:
     times = [1e3 * time for time in first.times_s]
     text = (
-        f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}. "
-        f"A run takes {_between(times)} ms on the scenes timed.{_there(first, scenes)}"
+        f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}{_there(first, scenes)}. "
+        f"A run takes {_between(times)} ms on the scenes timed."
     )
     return Finding(text, f"take-{column}", [Number(time, "ms") for time in times])
 
 
-def _beside(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[Ratio]) -> Finding:
-    """Return what an engine's setting costs beside the cheapest, and how often and by how much it wins."""
+def _winner(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[Ratio]) -> Finding:
+    """Return on how many scenes an engine is faster than the one taken, by how much, and where it stops."""
+    worst = max(won, key=lambda times: times.median)
     text = (
-        f"{each.label} at {each.setting}: {_between(each.ratios)} times as long as the cheapest engine."
-        f"{_there(each, len(races))}"
+        f"In {races[0].what} {each.engine} wins on {len(won)} of {len(races)} scenes; {first.engine} takes up to "
+        f"{plain(worst.median)} times as long there. Its widest setting is {each.label} at {each.setting}"
+        f"{_there(each, len(races))}."
     )
-    numbers = [Number(value, "times") for value in each.ratios]
-    if won:
-        worst = max(won, key=lambda times: times.median)
-        text += (
-            f" With a setting for each scene {each.engine} wins on {len(won)}; {first.engine} takes up to "
-            f"{plain(worst.median)} times as long there."
-        )
-        numbers.append(Number(worst.median, "times", worst.low, worst.high))
-    return Finding(text, f"{each.engine}-{races[0].column}", numbers)
+    return Finding(text, _id(each, races), [Number(worst.median, "times", worst.low, worst.high)])
+
+
+def _beside(each: Setting, races: Sequence[Race]) -> Finding:
+    """Return what an engine's setting costs beside the cheapest engine's."""
+    text = (
+        f"{each.label} at {each.setting}: {_between(each.ratios)} times as long as the cheapest"
+        f"{_there(each, len(races))}."
+    )
+    return Finding(text, _id(each, races), [Number(value, "times") for value in each.ratios])
+
+
+def _id(each: Setting, races: Sequence[Race]) -> str:
+    return f"{each.engine}-{races[0].column}"
 
 
 def _there(setting: Setting, scenes: int) -> str:
     """Return on how many scenes a setting is within the target, nothing where it is on all."""
     count = len(setting.times_s)
-    return f" It gets there on {count} of {scenes} scenes." if count < scenes else ""
+    return f"; it is enough on {count} of {scenes} scenes" if count < scenes else ""
 
 
 def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
