@@ -59,8 +59,8 @@ def _winner(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[
     worst = max(won, key=lambda times: times.median)
     text = (
         f"In {races[0].what} {each.engine} wins on {len(won)} of {len(races)} scenes; {first.engine} takes "
-        f"up to {plain(worst.median)} times as long there. Its widest setting is {each.label} at {each.setting}"
-        f"{_there(each, len(races))}."
+        f"up to {plain(worst.median)} times as long there. Its widest setting is {each.label} at "
+        f"{each.setting}{_there(each, len(races))}."
     )
     return Finding(text, _id(each, races), [Number(worst.median, "times", worst.low, worst.high)])
 
