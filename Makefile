@@ -11,7 +11,7 @@ study: .venv/.ready
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# The whole as its users have it: the wheel, the page in a browser, clusters, killed runs, the documentation's blocks.
+# The whole as its users have it: the wheel, whole pages, own engines, clusters, killed runs, the documentation's blocks.
 system: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m system
 

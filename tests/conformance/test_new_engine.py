@@ -13,6 +13,8 @@ from studies.running.case import Case
 from studies.running.outcome import load_study, run_case
 from studies.running.registry import STUDIES
 
+pytestmark = pytest.mark.system
+
 NAME = "newcomer"
 
 

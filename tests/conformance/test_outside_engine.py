@@ -19,6 +19,8 @@ from studies.conformance.orders import states_its_accuracy
 from tests.helpers.command import crankslider
 from tests.helpers.row_files import read_rows
 
+pytestmark = pytest.mark.system
+
 #: Exudyn in other clothes, ``on`` ideal scenes; ``off_m`` moves its slider, ``stronger`` are its forces.
 ENGINE = '''
 from dataclasses import dataclass, replace

@@ -33,6 +33,8 @@ from studies.running.runner import run_study
 from tests.helpers import row_files
 from tests.helpers.row_files import read_rows
 
+pytestmark = pytest.mark.system
+
 #: Steps per sample interval of the cheap cases: enough for an order, a second or two in all.
 CHEAP = (2, 4, 8)
 STEPS = tuple(1e-3 / 2.0**k for k in range(8))

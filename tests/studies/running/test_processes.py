@@ -23,6 +23,8 @@ from studies.running.worker import _memory_limited
 from tests.helpers.mischief import MEGABYTE, NAME, case
 from tests.helpers.row_files import read_rows
 
+pytestmark = pytest.mark.system
+
 AMPLE = Limits(time_limit_s=60, memory_limit_bytes=200 * MEGABYTE)
 HASTY = Limits(time_limit_s=0.5, memory_limit_bytes=200 * MEGABYTE)
 
