@@ -105,31 +105,31 @@ def run_sweep(
         RunBroken: no member can go on.
         OSError: nothing can be written there.
     """
-    identity, count = sweep.identity(), len(sweep)
-    if is_whole(path, identity):
+    count = len(sweep)
+    if path.exists() and is_whole(path, sweep.identity()):
         note(f"{path} has all {count} members already")
         return
     at_once = min(jobs, len(sweep.directions) or jobs)
-    with opened(path, identity, count) as kept, (cluster or (lambda: Processes(at_once)))() as pool:
+    with (cluster or (lambda: Processes(at_once)))() as pool:
         try:
-            missing = kept.missing()
-            left = sum(end - begin for begin, end in missing)
-            size = MOST_IN_CHUNK
-            if left > FEW:
-                spread = _spread(sweep.changes)
-                # Every process here tries them: so all have begun, and loaded what they need.
-                tried = range(1 if cluster else at_once)
-                trial, *_ = [pool.submit_within(ROOMY, try_out, sweep.task, spread) for _ in tried]
-                _announce(trial.result(), left, at_once, path, cluster is not None, hours)
-                size = int(np.clip(CHUNK_S / trial.result().member_s, 1, MOST_IN_CHUNK))
-            # As many chunks, of equal size, for each process.
-            chunks = at_once * max(1, -(-left // (at_once * size)))
-            rows = [_rows(members, kept, max(1, -(-left // chunks))) for members in sweep.members]
-            _run(sweep.task, [row for each in rows for row in each], pool, kept, count - left)
+            # Every process here tries them: so all begin, and load what they need, while the code is hashed.
+            tried = range((1 if cluster else at_once) if count > FEW else 0)
+            trials = [pool.submit_within(ROOMY, try_out, sweep.task, _spread(sweep.changes)) for _ in tried]
+            with opened(path, sweep.identity(), count) as kept:
+                left = sum(end - begin for begin, end in kept.missing())
+                size = MOST_IN_CHUNK
+                if left > FEW:
+                    trial = trials[0].result()
+                    _announce(trial, left, at_once, path, cluster is not None, hours)
+                    size = int(np.clip(CHUNK_S / trial.member_s, 1, MOST_IN_CHUNK))
+                # As many chunks, of equal size, for each process.
+                chunks = at_once * max(1, -(-left // (at_once * size)))
+                rows = [_rows(members, kept, max(1, -(-left // chunks))) for members in sweep.members]
+                _run(sweep.task, [row for each in rows for row in each], pool, kept, count - left)
+                kept.merge(path, sweep.metadata(made_by))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-        kept.merge(path, sweep.metadata(made_by))
 
 
 def _spread(changes: Mapping[str, FloatArray]) -> Chunk:
