@@ -43,14 +43,17 @@ HEADER = '''"""Generated from a mechanism's topology by reference_solver.compile
 
 from math import copysign, cos, inf, sin, sqrt, tanh
 
+from reference_solver.compiled import straight_line as straight_lines
 from reference_solver.compiled.store import njit
+from reference_solver.compiled.straight_line import straight_line
 
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 ENTRY = {**OPTIONS, "cache": True}
+COMPILED_WITH = (straight_lines,)
 '''
-#: The header's options of what Python calls, kept on disk, and of what only compiled functions call.
-ENTRY, INNER, INLINE = "**ENTRY", "**INNER", "**INNER, forceinline=True"
+#: How what Python calls is compiled, and kept on disk, and what only compiled functions call.
+ENTRY, INNER = "njit(**ENTRY)", "njit(**INNER)"
 #: The text of the look-up in a table, without types, which Numba infers.
 LOOK_UP = re.sub(r"def piece.*:", "def piece(p, place, pieces, period, x):", getsource(piece)).strip()
 
@@ -159,7 +162,7 @@ class Kernel:
         texts = "".join(f"        {text},\n" for text in self._parameters.texts)
         parameters = f"def parameters(r):\n    return [\n{texts}    ]"
         looked_up = any("piece(" in function for function in self._functions)
-        tables = [f"@njit({INNER})\n{LOOK_UP}"] * looked_up
+        tables = [f"@{INNER}\n{LOOK_UP}"] * looked_up
         return "\n\n".join([HEADER, parameters, *tables, *self._functions]) + "\n"
 
     def begin(self) -> Draft:
@@ -172,13 +175,14 @@ class Kernel:
         q, v = tape.inputs("q", self.n), tape.inputs("v", self.n)
         return Draft(tape, self.topology.equations(tape), array(phases), tape.input("t"), q, v)
 
-    def inner(self, name: str, draft: Draft, results: Sequence[Scalar]) -> None:
-        """Write a function that others call (see ``call``)."""
-        writer = self._writer()
+    def inner(self, name: str, draft: Draft, results: Sequence[Scalar], more: Sequence[str] = ()) -> str:
+        """Write a function that others call, of a state and more inputs; return how (see ``call`` as well)."""
+        writer = self._writer(more)
         texts = writer.write(draft.tape, [*results])
         self._reads[name] = self._all_reads(writer)
-        arguments = [*self._reads[name], *self._phases, "t", *self._state]
-        self._define(INLINE, name, arguments, [*writer.lines, f"return {', '.join(texts)}"])
+        arguments = [*self._reads[name], *self._phases, "t", *self._state, *more]
+        self._straight(name, arguments, [*writer.lines, f"return {', '.join(texts)}"])
+        return f"{name}({', '.join(arguments)})"
 
     def call(self, name: str, draft: Draft, t: Scalar, q: Array, v: Array, results: list[str]) -> list[Value]:
         """Return on a tape the results, by their names, of an inner function at a state."""
@@ -199,9 +203,10 @@ class Kernel:
         """
         stores, writer = [*stores], self._writer(arguments)
         *texts, returned = writer.write(draft.tape, [*(value for _, value in stores), result])
-        lines = [*self._reading(writer, arguments), *self.unpack(state), *writer.lines]
+        lines = [*self._reading(self._all_reads(writer), arguments), *self.unpack(state), *writer.lines]
         lines += [f"{place} = {text}" for (place, _), text in zip(stores, texts, strict=True)]
-        self._define(ENTRY, name, arguments, [*lines, f"return {returned}"])
+        self._straight(f"{name}_", arguments, [*lines, f"return {returned}"])
+        self._define(ENTRY, name, arguments, [f"return {name}_({', '.join(arguments)})"])
 
     def unpack(self, state: str) -> list[str]:
         """Return lines that name the coordinates and velocities in a state, an array of this name."""
@@ -210,9 +215,9 @@ class Kernel:
     def _writer(self, names: Iterable[str] = ()) -> Writer:
         return Writer(self._parameters, [*names, "t", *self._phases, *self._state])
 
-    def _reading(self, writer: Writer, arguments: Sequence[str]) -> list[str]:
+    def _reading(self, reads: Sequence[str], arguments: Sequence[str]) -> list[str]:
         """Return the lines that read parameters and phases from their arrays, if these are given."""
-        lines = [f"{name} = p[{name[1:]}]" for name in self._all_reads(writer) if name != "p"]
+        lines = [f"{name} = p[{name[1:]}]" for name in reads if name != "p"]
         phases = self._phases.items() if "contacts" in arguments else ()
         return lines + [f"{name} = {place}" for name, place in phases]
 
@@ -221,8 +226,11 @@ class Kernel:
         reads = [*writer.reads, *(name for inner in writer.calls for name in self._reads[inner])]
         return list(dict.fromkeys(reads))
 
-    def _define(self, options: str, name: str, arguments: Sequence[str], lines: list[str]) -> None:
-        head = f"@njit({options})\ndef {name}({', '.join(arguments)}):"
+    def _straight(self, name: str, arguments: Sequence[str], lines: list[str]) -> None:
+        self._define("straight_line", name, arguments, lines)
+
+    def _define(self, compiled: str, name: str, arguments: Sequence[str], lines: list[str]) -> None:
+        head = f"@{compiled}\ndef {name}({', '.join(arguments)}):"
         self._functions.append("\n    ".join([head, *lines]))
 
     # ------------------------------------------------------------ the equations as functions
@@ -354,23 +362,28 @@ class Kernel:
         own = [f"lost{c}" for c in range(2 * self.n)]
         after = self.step(draft, draft.tape.input("h"), draft.tape.inputs("lost", 2 * self.n))
         sums = [*after.sums.values(), after.removed]
-        added = [f"added{k}" for k in range(len(sums))]
-        arguments, carried = ["p", "y", "h", "first", "count"], [*self._state, *own]
-        writer = self._writer([*arguments, *own, *added, "done", "worst"])
-        state = [*after.q, *after.v, *named("less", after.lost)]
-        ok, condition, *texts = writer.write(draft.tape, [after.ok, after.condition, *state, *sums])
-        inside = ["t = (first + done)*h", *writer.lines, f"if not ({ok}):", "    break"]
-        inside += [f"{name} = {text}" for name, text in zip(carried, texts, strict=False)]
-        inside += [f"{name} += {text}" for name, text in zip(added, texts[len(carried) :], strict=True)]
+        changed = [after.ok, after.condition, *after.q, *after.v, *named("less", after.lost), *sums]
+        stepped = self.inner("stepped", draft, changed, ["h", *own])
+        added, carried = [f"added{k}" for k in range(len(sums))], [*self._state, *own]
+        new = [f"new_{name}" for name in [*carried, *added]]
+        arguments = ["p", "y", "h", "first", "count"]
         lines = [
-            *self._reading(writer, arguments),
+            *self._reading(self._reads["stepped"], arguments),
             *self.unpack("y"),
             *(f"{name} = 0.0" for name in [*own, *added]),
+            "done, worst = 0, 1.0",
+            "while done < count:",
+            "    t = (first + done)*h",
+            f"    ok, condition, {', '.join(new)} = {stepped}",
+            "    if not ok:",
+            "        break",
+            *(f"    {name} = new_{name}" for name in carried),
+            *(f"    {name} += new_{name}" for name in added),
+            "    worst = max(worst, condition)",
+            "    done += 1",
+            *(f"{place} = {name}" for place, name in places("y[{}]", self._state)),
+            *(f"y[{2 * self.n + k}] += {name}" for k, name in enumerate(added)),
         ]
-        inside += [f"worst = max(worst, {condition})", "done += 1"]
-        lines += ["done, worst = 0, 1.0", "while done < count:", *(f"    {line}" for line in inside)]
-        lines += [f"{place} = {name}" for place, name in places("y[{}]", self._state)]
-        lines += [f"y[{2 * self.n + k}] += {name}" for k, name in enumerate(added)]
         self._define(ENTRY, "advance", arguments, [*lines, "return done, worst"])
 
 

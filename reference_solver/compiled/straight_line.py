@@ -1,0 +1,224 @@
+"""Machine code of straight-line functions, in a third of the time that Numba takes for their text.
+
+What a kernel does between reading its arguments and storing its results is a long list of sums and products.
+Numba finds out the type of each, which takes longer than everything else. Here all are float64 or conditions,
+and go from the text to LLVM, as they stand, within a function that Numba compiles.
+"""
+
+import ast
+import inspect
+import math
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing import signature
+from numba.extending import intrinsic
+
+FLOAT, CONDITION, INDEX = types.float64, types.boolean, types.intp
+ARITHMETIC = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
+COMPARISONS = {ast.Gt: ">", ast.Eq: "=="}
+FUNCTIONS = {
+    name: getattr(math, name) for name in ("cos", "sin", "sqrt", "tanh", "copysign", "asin", "pow")
+} | {"abs": math.fabs}
+
+
+def straight_line(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that functions of Numba call, and that is put in their place.
+
+    Its text has assignments, to names, tuples of names and places in arrays and records, branches by ``if``
+    that change names assigned before, and one ``return`` at its end: of what ``tape.Writer`` writes. It calls
+    others of the kind, those of ``FUNCTIONS``, and what Numba has compiled.
+    """
+    if numba.config.DISABLE_JIT:
+        return function
+    text = Text(function)
+
+    def definition(_: Any, *arguments: Any) -> Any:
+        def emit(context: Any, builder: Any, own: Any, values: Sequence[Any]) -> Any:
+            results = Emitter(context, builder, text, list(zip(own.args, values, strict=True))).run()
+            if len(text.results) == 1:
+                return results[0]
+            return context.make_tuple(builder, own.return_type, results)
+
+        kinds = text.results
+        return signature(kinds[0] if len(kinds) == 1 else types.Tuple(kinds), *arguments), emit
+
+    definition.__name__ = function.__name__
+    arguments = [inspect.Parameter("context", inspect.Parameter.POSITIONAL_OR_KEYWORD)]
+    arguments += inspect.signature(function).parameters.values()
+    definition.__signature__ = inspect.Signature(arguments)  # type: ignore[attr-defined]
+    made: Any = intrinsic(definition)
+    made.text = text
+    return made  # type: ignore[no-any-return]
+
+
+class Text:
+    """A function's statements, the names of its arguments, and the types of its ``results``."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        definition: Any = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+        self.arguments = [argument.arg for argument in definition.args.args]
+        *self.statements, last = definition.body
+        self.returned = last.value.elts if isinstance(last.value, ast.Tuple) else [last.value]
+        self.functions = function.__globals__
+        self._kinds: dict[str, types.Type] = {}
+        for statement in self.statements:
+            if isinstance(statement, ast.Assign):
+                self._note(statement.targets[0], statement.value)
+        self.results = [self._kind(value) for value in self.returned]
+
+    def _note(self, target: Any, value: Any) -> None:
+        if isinstance(target, ast.Tuple):
+            kinds = self.functions[value.func.id].text.results
+            self._kinds.update({name.id: kind for name, kind in zip(target.elts, kinds, strict=True)})
+        elif isinstance(target, ast.Name):
+            self._kinds[target.id] = self._kind(value)
+
+    def _kind(self, value: Any) -> types.Type:
+        if isinstance(value, ast.Name):
+            return self._kinds.get(value.id, FLOAT)
+        if isinstance(value, ast.IfExp):
+            return self._kind(value.body)
+        is_bool = isinstance(value, ast.Constant) and isinstance(value.value, bool)
+        is_condition = isinstance(value, ast.Compare) or (
+            isinstance(value, ast.BinOp) and isinstance(value.op, ast.BitAnd)
+        )
+        return CONDITION if is_bool or is_condition else FLOAT
+
+
+class Emitter:
+    """Writes a function's text for LLVM where a builder stands; ``named`` are types and values by names."""
+
+    def __init__(self, context: Any, builder: Any, text: Text, arguments: list[tuple[Any, Any]]) -> None:
+        self.context, self.builder, self.text = context, builder, text
+        self.named: dict[str, tuple[Any, Any]] = dict(zip(text.arguments, arguments, strict=True))
+
+    def run(self) -> list[Any]:
+        """Return the results."""
+        self._run(self.text.statements)
+        return [self._value(value) for value in self.text.returned]
+
+    def _run(self, statements: list[Any]) -> None:
+        for statement in statements:
+            if isinstance(statement, ast.If):
+                self._branch(statement)
+            elif isinstance(statement.targets[0], ast.Tuple):
+                names, kinds = statement.targets[0].elts, self.text.functions[statement.value.func.id].text
+                for name, kind, value in zip(
+                    names, kinds.results, self._call(statement.value), strict=True
+                ):
+                    self.named[name.id] = kind, value
+            elif isinstance(statement.targets[0], ast.Name):
+                value = self._value(statement.value)
+                kind = CONDITION if value.type == ir.IntType(1) else FLOAT
+                self.named[statement.targets[0].id] = kind, value
+            else:
+                kind, place = self._place(statement.targets[0])
+                self._put(kind, place, self._value(statement.value))
+
+    def _branch(self, statement: ast.If) -> None:
+        """Write a branch; what it changes has the new values behind it if it was taken."""
+        before, start = dict(self.named), self.builder.basic_block
+        with self.builder.if_then(self._value(statement.test)):
+            self._run(statement.body)
+            end, inside = self.builder.basic_block, self.named
+        self.named = before
+        for name, (kind, old) in before.items():
+            if inside[name][1] is not old:
+                value = self.builder.phi(old.type)
+                value.add_incoming(old, start)
+                value.add_incoming(inside[name][1], end)
+                self.named[name] = kind, value
+
+    def _value(self, node: Any) -> Any:
+        """Return an expression's value."""
+        builder = self.builder
+        match node:
+            case ast.Constant(value=bool(value)):
+                return ir.Constant(ir.IntType(1), int(value))
+            case ast.Constant(value=value):
+                return ir.Constant(ir.DoubleType(), float(value))
+            case ast.Name(id="inf"):
+                return ir.Constant(ir.DoubleType(), math.inf)
+            case ast.UnaryOp(operand=operand):
+                return builder.fneg(self._value(operand))
+            case ast.BinOp(left=left, op=ast.BitAnd(), right=right):
+                return builder.and_(self._value(left), self._value(right))
+            case ast.BinOp(left=left, op=op, right=right):
+                return getattr(builder, ARITHMETIC[type(op)])(self._value(left), self._value(right))
+            case ast.Compare(left=left, ops=[op], comparators=[right]):
+                return builder.fcmp_ordered(COMPARISONS[type(op)], self._value(left), self._value(right))
+            case ast.IfExp(test=test, body=body, orelse=other):
+                return builder.select(self._value(test), self._value(body), self._value(other))
+            case ast.Call():
+                (value,) = self._call(node)
+                return value
+        return self._got(node)
+
+    def _call(self, node: Any) -> list[Any]:
+        """Return what a call returns."""
+        name, builder = node.func.id, self.builder
+        if name in ("max", "min"):
+            first, second = map(self._value, node.args)
+            sign = ">" if name == "max" else "<"
+            return [builder.select(builder.fcmp_ordered(sign, second, first), second, first)]
+        callee: Any = FUNCTIONS.get(name) or self.text.functions[name]
+        arguments = [self._argument(argument) for argument in node.args]
+        if hasattr(callee, "text"):
+            return Emitter(self.context, builder, callee.text, arguments).run()
+        kinds, values = zip(*arguments, strict=True)
+        own = signature(FLOAT, *kinds)
+        if name not in FUNCTIONS:
+            callee = numba.typeof(callee)
+            own = self.context.typing_context.resolve_function_type(callee, kinds, {})
+        implementation = self.context.get_function(callee, own)
+        self.context.add_linking_libs(getattr(implementation, "libs", ()))
+        return [implementation(builder, values)]
+
+    def _argument(self, node: Any) -> tuple[Any, Any]:
+        """Return type and value of an argument, which may be an array."""
+        if isinstance(node, ast.Name) and node.id in self.named:
+            return self.named[node.id]
+        return FLOAT, self._value(node)
+
+    def _got(self, node: Any) -> Any:
+        """Return the number or condition that a name or a place holds."""
+        kind, value = self._place(node)
+        if not isinstance(node, ast.Name):
+            value = self.context.unpack_value(self.builder, kind, value)
+        return value if kind == CONDITION else self.context.cast(self.builder, value, kind, FLOAT)
+
+    def _put(self, kind: Any, place: Any, value: Any) -> None:
+        given = CONDITION if value.type == ir.IntType(1) else FLOAT
+        self.context.pack_value(self.builder, kind, self.context.cast(self.builder, value, given, kind), place)
+
+    def _place(self, node: Any) -> tuple[Any, Any]:
+        """Return type and value of a name, or type and address of a place in an array or a record."""
+        context, builder = self.context, self.builder
+        match node:
+            case ast.Name(id=name):
+                return self.named[name]
+            case ast.Attribute(value=of, attr=field):
+                kind, value = self._place(of)
+                if isinstance(kind, types.Record):
+                    member = kind.typeof(field)
+                    data = context.get_data_type(member)
+                    return member, cgutils.get_record_member(builder, value, kind.offset(field), data)
+                number = kind.fields.index(field)
+                return kind.types[number], builder.extract_value(value, number)
+            case ast.Subscript(value=of, slice=where):
+                kind, value = self._place(of)
+                at = [self._index(index) for index in getattr(where, "elts", [where])]
+                array = context.make_array(kind)(context, builder, value)
+                return kind.dtype, cgutils.get_item_pointer(context, builder, kind, array, at, True)
+        raise AssertionError(f"no place: {ast.unparse(node)}")
+
+    def _index(self, node: Any) -> Any:
+        if isinstance(node, ast.Constant):
+            return self.context.get_constant(INDEX, node.value)
+        kind, value = self.named[node.id]
+        return self.context.cast(self.builder, value, kind, INDEX)

@@ -1,0 +1,120 @@
+"""Straight-line functions as machine code do what Python does with their text."""
+
+import math
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from reference_solver.compiled.faces import with_fields
+from reference_solver.compiled.store import load_kernel
+from reference_solver.tape import FloatArray, RecordArray
+
+HEAD = """
+from math import asin, copysign, cos, inf, nan, sin, sqrt, tanh
+from reference_solver.compiled.store import njit
+from reference_solver.compiled.straight_line import straight_line
+"""
+#: Of every operation that a kernel has, expressions in x and y.
+ALGEBRA = (
+    *("x + y", "x - y", "x*y", "x/(y*y + 1.0)", "-x", "-(x - y)*2.0", "x - (y - 1.0)", "1.0/(x*x + 1.0)/3.0"),
+    *("abs(x)", "copysign(x, y)", "sqrt(abs(x))", "max(x, y)", "min(x, y)", "max(x, 0.0)", "min(1.0, y)"),
+    *("x if x > y else y", "1.0 if x == y else inf", "x if (x > 0.0) & (y > 0.0) else -y", "x > y", "True"),
+)
+#: Those whose last digit libraries may round otherwise.
+ROUNDED = ("cos(x)", "sin(y)", "tanh(x)", "asin(tanh(y))", "pow(abs(x), 1.7)")
+NUMBERS = (0.0, -0.0, 1.0, -2.5, 3e-9, 7e8)
+
+
+def both_faces(expression: str) -> tuple[Any, Any]:
+    """Return an expression's function of x and y as Python and as machine code."""
+    text = f"{HEAD}\n@straight_line\ndef of(x, y):\n    z = {expression}\n    return z\n\n"
+    module = load_kernel(text + "@njit()\ndef compiled(x, y):\n    return of(x, y)\n")
+    return lambda x, y: eval(expression, vars(module) | {"x": x, "y": y}), module.compiled
+
+
+def same(x: Any, y: Any) -> bool:
+    """Return whether two are the same to the last bit, and of one kind."""
+    return (isinstance(x, bool), np.float64(x).tobytes()) == (isinstance(y, bool), np.float64(y).tobytes())
+
+
+@pytest.mark.parametrize("expression", ALGEBRA)
+def test_an_expression_is_what_it_is_in_python_to_the_last_bit(expression: str) -> None:
+    python, compiled = both_faces(expression)
+    differ = [(x, y) for x, y in product(NUMBERS, NUMBERS) if not same(python(x, y), compiled(x, y))]
+    assert not differ
+
+
+@pytest.mark.parametrize("expression", ROUNDED)
+def test_a_function_of_the_library_is_python_s_to_rounding(expression: str) -> None:
+    python, compiled = both_faces(expression)
+    for x, y in product(NUMBERS, NUMBERS):
+        assert compiled(x, y) == pytest.approx(python(x, y), rel=4e-16, abs=0.0)
+
+
+@pytest.mark.parametrize("expression", ["max(x, y)", "min(x, y)", "x if x > y else y", "1.0 if x == y else 2.0"])
+def test_what_is_no_number_goes_through_as_in_python(expression: str) -> None:
+    """A step that fails has infinities and worse, which are to be found in its condition."""
+    python, compiled = both_faces(expression)
+    for x, y in product((1.0, math.inf, -math.inf, math.nan), repeat=2):
+        assert compiled(x, y) == pytest.approx(python(x, y), nan_ok=True)
+
+
+PLACES = """
+@straight_line
+def inner(x, y, depth):
+    product = x*y
+    return product, product > depth, 0.0
+
+@straight_line
+def outer_(p, contacts, row, state, out):
+    p0 = p[0]
+    p2 = p[2]
+    phase = contacts[1].phase
+    steps = contacts[1].steps
+    first, more, none = inner(p0, p2, state.gaps[0].g)
+    twice = 0.0
+    least = p2
+    if phase > 0.0:
+        own = first*2.0
+        twice = own + steps
+        if more & (phase == 2.0):
+            least = -own
+    state.y[1] = twice + none
+    state.gaps[1].g = least
+    contacts[0].steps = 7.0
+    out[row, 2] = p0 - state.y[0]
+    _, less, other = inner(least, 1.0, twice)
+    return least if less else other + twice
+
+@njit()
+def outer(p, contacts, row, state, out):
+    return outer_(p, contacts, row, state, out)
+"""
+
+
+class State(NamedTuple):
+    """As ``contact.types.Motion``."""
+
+    n: int
+    y: FloatArray
+    gaps: RecordArray
+
+
+@pytest.mark.parametrize("row", [1, -1, -3])
+@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("depth", [-9.0, 9.0])
+def test_arrays_records_branches_and_calls_are_those_of_python(row: int, phase: float, depth: float) -> None:
+    contact = np.dtype([("phase", np.float64), ("steps", np.int64), ("flag", np.int8)])
+    results = []
+    for compiled in (True, False):
+        decorators = "" if compiled else "straight_line = njit = lambda *x: x[0] if x else lambda f: f\n"
+        contacts = np.array([(0.5, 3, 1), (phase, 5, 1)], contact)
+        state = State(2, np.array([0.25, 8.0]), np.array([(depth,), (4.0,)], np.dtype([("g", float)])))
+        p, out = np.array([1.5, 99.0, -2.0]), np.zeros((3, 4))
+        outer = load_kernel(HEAD + decorators + PLACES).outer
+        arguments = (p, contacts, row, state, out)
+        answer = outer(*(arguments if compiled else [with_fields(argument) for argument in arguments]))
+        results.append([answer, *state.y, *state.gaps["g"], *contacts["steps"], *out.ravel()])
+    assert results[0] == results[1]
