@@ -176,7 +176,7 @@ class Kernel:
         return Draft(tape, self.topology.equations(tape), array(phases), tape.input("t"), q, v)
 
     def inner(self, name: str, draft: Draft, results: Sequence[Scalar], more: Sequence[str] = ()) -> str:
-        """Write a function that others call, of a state and more inputs; return how (see ``call`` as well)."""
+        """Write a function that others call, of a state and more inputs; return the text of a call."""
         writer = self._writer(more)
         texts = writer.write(draft.tape, [*results])
         self._reads[name] = self._all_reads(writer)

@@ -14,8 +14,8 @@ from typing import Any
 
 import numba
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.typing import signature
+from numba.core import cgutils, config, types
+from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
 FLOAT, CONDITION, INDEX = types.float64, types.boolean, types.intp
@@ -33,7 +33,7 @@ def straight_line(function: Callable[..., Any]) -> Callable[..., Any]:
     that change names assigned before, and one ``return`` at its end: of what ``tape.Writer`` writes. It calls
     others of the kind, those of ``FUNCTIONS``, and what Numba has compiled.
     """
-    if numba.config.DISABLE_JIT:
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     text = Text(function)
 
@@ -57,7 +57,10 @@ def straight_line(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Text:
-    """A function's statements, the names of its arguments, and the types of its ``results``."""
+    """A function's statements, the names of its arguments, and the types of its ``results``.
+
+    ``functions`` are those of its module by their names.
+    """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         definition: Any = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
@@ -71,10 +74,15 @@ class Text:
                 self._note(statement.targets[0], statement.value)
         self.results = [self._kind(value) for value in self.returned]
 
+    def results_of(self, call: Any, count: int) -> list[types.Type]:
+        """Return the types of so many results of a call; those of a function of Numba are numbers."""
+        text = getattr(self.functions[call.func.id], "text", None)
+        return [FLOAT] * count if text is None else text.results
+
     def _note(self, target: Any, value: Any) -> None:
         if isinstance(target, ast.Tuple):
-            kinds = self.functions[value.func.id].text.results
-            self._kinds.update({name.id: kind for name, kind in zip(target.elts, kinds, strict=True)})
+            kinds = self.results_of(value, len(target.elts))
+            self._kinds.update({name.id: kind for name, kind in zip(target.elts, kinds, strict=True)})  # type: ignore[attr-defined]
         elif isinstance(target, ast.Name):
             self._kinds[target.id] = self._kind(value)
 
@@ -106,19 +114,20 @@ class Emitter:
         for statement in statements:
             if isinstance(statement, ast.If):
                 self._branch(statement)
-            elif isinstance(statement.targets[0], ast.Tuple):
-                names, kinds = statement.targets[0].elts, self.text.functions[statement.value.func.id].text
-                for name, kind, value in zip(
-                    names, kinds.results, self._call(statement.value), strict=True
-                ):
-                    self.named[name.id] = kind, value
-            elif isinstance(statement.targets[0], ast.Name):
-                value = self._value(statement.value)
-                kind = CONDITION if value.type == ir.IntType(1) else FLOAT
-                self.named[statement.targets[0].id] = kind, value
+                continue
+            target, value = statement.targets[0], statement.value
+            if isinstance(target, ast.Tuple):
+                kinds, values = self.text.results_of(value, len(target.elts)), self._call(value)
+                for name, *result in zip(target.elts, kinds, values, strict=True):
+                    self.named[name.id] = tuple(result)  # type: ignore[attr-defined]
+            elif isinstance(target, ast.Name):
+                self.named[target.id] = self._typed(value)
             else:
-                kind, place = self._place(statement.targets[0])
-                self._put(kind, place, self._value(statement.value))
+                kind, place = self._place(target)
+                own, number = self._typed(value)
+                self.context.pack_value(
+                    self.builder, kind, self.context.cast(self.builder, number, own, kind), place
+                )
 
     def _branch(self, statement: ast.If) -> None:
         """Write a branch; what it changes has the new values behind it if it was taken."""
@@ -140,8 +149,8 @@ class Emitter:
         match node:
             case ast.Constant(value=bool(value)):
                 return ir.Constant(ir.IntType(1), int(value))
-            case ast.Constant(value=value):
-                return ir.Constant(ir.DoubleType(), float(value))
+            case ast.Constant(value=float(value)):
+                return ir.Constant(ir.DoubleType(), value)
             case ast.Name(id="inf"):
                 return ir.Constant(ir.DoubleType(), math.inf)
             case ast.UnaryOp(operand=operand):
@@ -159,25 +168,30 @@ class Emitter:
                 return value
         return self._got(node)
 
+    def _typed(self, node: Any) -> tuple[Any, Any]:
+        """Return an expression's type and value."""
+        value = self._value(node)
+        return (CONDITION if value.type == ir.IntType(1) else FLOAT), value
+
     def _call(self, node: Any) -> list[Any]:
         """Return what a call returns."""
-        name, builder = node.func.id, self.builder
+        name, builder, context = node.func.id, self.builder, self.context
         if name in ("max", "min"):
             first, second = map(self._value, node.args)
             sign = ">" if name == "max" else "<"
             return [builder.select(builder.fcmp_ordered(sign, second, first), second, first)]
-        callee: Any = FUNCTIONS.get(name) or self.text.functions[name]
         arguments = [self._argument(argument) for argument in node.args]
-        if hasattr(callee, "text"):
-            return Emitter(self.context, builder, callee.text, arguments).run()
         kinds, values = zip(*arguments, strict=True)
-        own = signature(FLOAT, *kinds)
-        if name not in FUNCTIONS:
-            callee = numba.typeof(callee)
-            own = self.context.typing_context.resolve_function_type(callee, kinds, {})
-        implementation = self.context.get_function(callee, own)
-        self.context.add_linking_libs(getattr(implementation, "libs", ()))
-        return [implementation(builder, values)]
+        if name in FUNCTIONS:
+            return [context.get_function(FUNCTIONS[name], signature(FLOAT, *kinds))(builder, values)]
+        function = self.text.functions[name]
+        if hasattr(function, "text"):
+            return Emitter(context, builder, function.text, arguments).run()
+        callee = numba.typeof(function)
+        own = context.typing_context.resolve_function_type(callee, kinds, {})
+        implementation = context.get_function(callee, own)
+        context.add_linking_libs(implementation.libs)
+        return list(cgutils.unpack_tuple(builder, implementation(builder, values)))
 
     def _argument(self, node: Any) -> tuple[Any, Any]:
         """Return type and value of an argument, which may be an array."""
@@ -191,10 +205,6 @@ class Emitter:
         if not isinstance(node, ast.Name):
             value = self.context.unpack_value(self.builder, kind, value)
         return value if kind == CONDITION else self.context.cast(self.builder, value, kind, FLOAT)
-
-    def _put(self, kind: Any, place: Any, value: Any) -> None:
-        given = CONDITION if value.type == ir.IntType(1) else FLOAT
-        self.context.pack_value(self.builder, kind, self.context.cast(self.builder, value, given, kind), place)
 
     def _place(self, node: Any) -> tuple[Any, Any]:
         """Return type and value of a name, or type and address of a place in an array or a record."""

@@ -53,7 +53,9 @@ def test_a_function_of_the_library_is_python_s_to_rounding(expression: str) -> N
         assert compiled(x, y) == pytest.approx(python(x, y), rel=4e-16, abs=0.0)
 
 
-@pytest.mark.parametrize("expression", ["max(x, y)", "min(x, y)", "x if x > y else y", "1.0 if x == y else 2.0"])
+@pytest.mark.parametrize(
+    "expression", ["max(x, y)", "min(x, y)", "x if x > y else y", "1.0 if x == y else 2.0"]
+)
 def test_what_is_no_number_goes_through_as_in_python(expression: str) -> None:
     """A step that fails has infinities and worse, which are to be found in its condition."""
     python, compiled = both_faces(expression)
