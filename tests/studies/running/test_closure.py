@@ -73,6 +73,7 @@ OF_ALL = [name for name in ENGINES if name != "heyoka"]
 PAIRS += [(study, OF_ALL[n % len(OF_ALL)]) for n, study in enumerate(STUDIES) if study != "clearance"]
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("study", "engine"), PAIRS)
 def test_what_a_run_imports_counts(study: str, engine: str) -> None:
     case = shortest(study, engine)

@@ -158,6 +158,7 @@ def test_a_constant_of_a_judge_counts(code: Path, untouched: dict[str, str]) -> 
     assert "energy pymunk" not in names
 
 
+@pytest.mark.system
 def test_an_engine_from_outside_counts_by_content_and_version_and_for_no_other(
     code: Path, tmp_path_factory: pytest.TempPathFactory, untouched: dict[str, str]
 ) -> None:
