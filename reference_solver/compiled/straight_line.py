@@ -6,6 +6,7 @@ and go from the text to LLVM, as they stand, within a function that Numba compil
 """
 
 import ast
+import builtins
 import inspect
 import math
 import textwrap
@@ -13,7 +14,6 @@ from collections.abc import Callable, Sequence
 from functools import cache, partial
 from typing import Any
 
-import numba
 from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.core.typing.templates import signature
@@ -22,9 +22,6 @@ from numba.extending import intrinsic
 FLOAT, CONDITION, INDEX = types.float64, types.boolean, types.intp
 ARITHMETIC = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 COMPARISONS = {ast.Gt: ">", ast.Eq: "=="}
-FUNCTIONS = {
-    name: getattr(math, name) for name in ("cos", "sin", "sqrt", "tanh", "copysign", "asin", "pow")
-} | {"abs": math.fabs}
 
 
 def straight_line(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -32,7 +29,7 @@ def straight_line(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Its text has assignments, to names, tuples of names and places in arrays and records, branches by ``if``
     that change names assigned before, and one ``return`` at its end: of what ``tape.Writer`` writes. It calls
-    others of the kind, those of ``FUNCTIONS``, and what Numba has compiled.
+    others of the kind, and what Numba knows or has compiled that returns a number or a tuple of them.
     """
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
@@ -182,16 +179,16 @@ class Emitter:
             return [builder.select(builder.fcmp_ordered(sign, second, first), second, first)]
         arguments = [self._argument(argument) for argument in node.args]
         kinds, values = zip(*arguments, strict=True)
-        if name in FUNCTIONS:
-            return [context.get_function(FUNCTIONS[name], signature(FLOAT, *kinds))(builder, values)]
-        function = self.text.functions[name]
+        function = self.text.functions.get(name) or getattr(builtins, name)
         if hasattr(function, "text"):
             return Emitter(context, builder, function.text(), arguments).run()
-        callee = numba.typeof(function)
+        callee = context.typing_context.resolve_value_type(function)
         own = context.typing_context.resolve_function_type(callee, kinds, {})
         implementation = context.get_function(callee, own)
-        context.add_linking_libs(implementation.libs)
-        return list(cgutils.unpack_tuple(builder, implementation(builder, values)))
+        context.add_linking_libs(getattr(implementation, "libs", ()))
+        result = implementation(builder, values)
+        is_tuple = isinstance(own.return_type, types.BaseTuple)
+        return list(cgutils.unpack_tuple(builder, result)) if is_tuple else [result]
 
     def _argument(self, node: Any) -> tuple[Any, Any]:
         """Return type and value of an argument, which may be an array."""
