@@ -3,10 +3,11 @@
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,8 @@ from studies.running.provenance import engine_fingerprint
 
 #: Members that are tried before a sweep of more than so many, and how long a chunk shall take, in s.
 TRIED, FEW, CHUNK_S = 4, 32, 5.0
-#: Members of a chunk at most: what a kill loses, whatever a trial said.
-MOST_IN_CHUNK = 5000
+#: Members of a chunk at most: what a kill loses, whatever a trial said; the last are so much smaller.
+MOST_IN_CHUNK, PARTS_IN_THE_END = 5000, 16
 
 Executors = Callable[[], AbstractContextManager[LimitedExecutor]]
 
@@ -122,9 +123,7 @@ def run_sweep(
                     trial = trials[0].result()
                     _announce(trial, left, at_once, path, cluster is not None, hours)
                     size = int(np.clip(CHUNK_S / trial.member_s, 1, MOST_IN_CHUNK))
-                # As many chunks, of equal size, for each process.
-                chunks = at_once * max(1, -(-left // (at_once * size)))
-                rows = [_rows(members, kept, max(1, -(-left // chunks))) for members in sweep.members]
+                rows = [_rows(members, kept, size, at_once) for members in sweep.members]
                 _run(sweep.task, [row for each in rows for row in each], pool, kept, count - left)
                 kept.merge(path, sweep.metadata(made_by))
         except BaseException:
@@ -139,20 +138,32 @@ def _spread(changes: Mapping[str, FloatArray]) -> Chunk:
     return Chunk(0, {field: values[places] for field, values in changes.items()})
 
 
-def _rows(members: Chunk, kept: Kept, size: int) -> list[list[Chunk]]:
+def _rows(members: Chunk, kept: Kept, size: int, at_once: int) -> list[list[Chunk]]:
     """Return what is missing of some members in chunks, those in a row to be run one after another."""
     end = members.first + len(members)
     stretches = [(max(begin, members.first), min(last, end)) for begin, last in kept.missing()]
-    chunks = [
-        members.part(first - members.first, min(first + size, last) - members.first)
-        for begin, last in stretches
-        for first in range(begin, last, size)
-    ]
+    left = sum(max(0, last - begin) for begin, last in stretches)
+    sizes = repeat(size) if members.direction else _shrinking(left, size, at_once)
+    chunks = []
+    for begin, last in stretches:
+        while begin < last:
+            next_begin = min(begin + next(sizes), last)
+            chunks.append(members.part(begin - members.first, next_begin - members.first))
+            begin = next_begin
     if members.direction is None:
         return [[chunk] for chunk in chunks]
     if chunks and chunks[0].first > members.first and (before := kept.schema_before(chunks[0].first)):
         chunks[0] = chunks[0].after(before)
     return [chunks] if chunks else []
+
+
+def _shrinking(left: int, most: int, at_once: int) -> Iterator[int]:
+    """Yield sizes of chunks that shrink as less is left, so that in the end no process waits for another."""
+    least = max(1, min(left, most) // PARTS_IN_THE_END)
+    while True:
+        size = max(least, min(most, left // (2 * at_once)))
+        yield size
+        left -= size
 
 
 def _announce(trial: Trial, left: int, jobs: int, path: Path, elsewhere: bool, hours: float) -> None:

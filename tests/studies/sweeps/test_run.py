@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
 from engine_models.mechanics.watch import Watch
 from engine_models.scene.library import SCENES
 from studies.predictability.sweeps import run as running
+from studies.predictability.sweeps.chunk import Chunk, run_chunk
 from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task
 from studies.running.execution import CRASHED, CaseEnded
@@ -19,8 +21,8 @@ from studies.running.failures import BadInput
 from tests.helpers.running import Here
 
 FIELD, MEMBERS, CHUNK = "clearance.B.radial_clearance_m", 40, 8
-#: As many for each of two processes, so that none waits for the other in the end.
-CHUNKS = 6
+#: For two processes, in members: a quarter of what is left, 8 at most.
+CHUNKS = (8, 8, 6, 4, 3, 2, 2, 1, 1, 1, 1, 1, 1, 1)
 #: One value of no scene, which the command line refuses and a sweep has a row for.
 NO_SCENE = 17
 
@@ -69,16 +71,31 @@ def test_what_was_finished_before_an_interrupt_is_not_run_again(rows: pd.DataFra
     assert not (tmp_path / "rows.parquet").exists()
     again = Here()
     pd.testing.assert_frame_equal(swept(tmp_path, lambda: again), rows, check_exact=True)
-    assert again.calls < 1 + CHUNKS
+    assert again.calls < 1 + len(CHUNKS)
     assert [file.name for file in tmp_path.iterdir()] == ["rows.parquet"]
 
 
 def test_a_sweep_that_is_there_is_not_run_again(tmp_path: Path) -> None:
     first, again = Here(), Here()
     swept(tmp_path, lambda: first)
-    assert first.calls == 1 + CHUNKS
+    assert first.calls == 1 + len(CHUNKS)
     swept(tmp_path, lambda: again)
     assert again.calls == 0
+
+
+def test_chunks_shrink_so_that_no_process_waits_long_for_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chunks = list[Chunk]()
+
+    def noted(task: Task, chunk: Chunk) -> pa.Table:
+        chunks.append(chunk)
+        return run_chunk(task, chunk)
+
+    monkeypatch.setattr(running, "run_chunk", noted)
+    swept(tmp_path)
+    assert tuple(map(len, chunks)) == CHUNKS
+    assert [chunk.first for chunk in chunks] == [sum(CHUNKS[:k]) for k in range(len(CHUNKS))]
 
 
 def test_of_a_chunk_whose_process_dies_one_member_fails_and_the_others_go_on(
@@ -87,7 +104,7 @@ def test_of_a_chunk_whose_process_dies_one_member_fails_and_the_others_go_on(
     """The first chunk's process dies, and that of its fourth member, which runs alone after all chunks."""
 
     def die(call: int) -> None:
-        if call in (2, 1 + CHUNKS + 4):
+        if call in (2, 1 + len(CHUNKS) + 4):
             raise CaseEnded(CRASHED, "killed by SIGSEGV")
 
     found = swept(tmp_path, lambda: Here(die))
