@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
+from engine_models.pace import Pace
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
@@ -70,3 +71,13 @@ def test_a_failure_in_a_scene_without_ideal_joints_is_told_with_its_time() -> No
     start = scene.start.model_copy(update={"crank_speed_rad_s": 1e9})
     with pytest.raises(SimulationFailed, match="at t = "):
         PymunkEngine().simulate(scene.model_copy(update={"start": start}), RunSettings(1e-4, 10))
+
+
+def test_the_pace_is_that_of_the_steps_since_it_was_judged_last() -> None:
+    """At a thousand steps in all, ten may take no less than 10 ms of a second."""
+    pace = Pace(SCENES["ideal-free"]().replace("end_time_s", 1.0), outlasting=10, most_steps=1000)
+    pace.judge(0.5, 10)
+    pace.judge(0.5, 19)  # too few to be judged
+    pace.judge(0.511, 20)
+    with pytest.raises(SimulationFailed, match=r"steps of 0.0009 s at t = 0.52 s"):
+        pace.judge(0.52, 30)

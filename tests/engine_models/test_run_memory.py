@@ -1,6 +1,7 @@
 """What a run keeps grows with its samples, and one too large for the memory is refused before it starts."""
 
 import tracemalloc
+from pathlib import Path
 
 import pytest
 
@@ -69,5 +70,24 @@ def test_a_study_gets_the_refusal_of_a_run_too_large_as_a_row(monkeypatch: pytes
         ExudynEngine().simulate(SCENES["ideal-free"](), RunSettings(1e-4, 10))
 
 
+def test_what_a_run_leaves_grows_with_its_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thousand samples of one contact are 1.75 MB."""
+    scene, settings = SCENES["clearance-driven-0.5mm"](), RunSettings(1e-4, 999)
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1_750_000)
+    memory.require_memory(scene, settings)
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1_740_000)
+    with pytest.raises(memory.TooLarge, match=r"samples: expected at most 993 .* got 999"):
+        memory.require_memory(scene, settings)
+
+
 def test_free_memory_is_a_number_of_bytes() -> None:
     assert 1e6 < memory.free_bytes() < 1e15
+
+
+@pytest.mark.parametrize(("limit", "free"), [("1000000000", 10**9), ("max", 4_096_000_000)])
+def test_a_group_has_no_more_memory_than_it_may(
+    limit: str, free: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {"meminfo": "MemTotal: 9000000 kB\nMemAvailable: 4000000 kB\n", "memory.max": f"{limit}\n"}
+    monkeypatch.setattr(Path, "read_text", lambda path, **_: files[path.name])
+    assert memory.free_bytes() == free

@@ -54,8 +54,16 @@ def test_a_jitter_moves_each_start_by_no_more_than_it_says_and_repeats_the_grid(
     found = members(Draw(members=50, jitter=1e-6), clearance="1e-5,1e-4")
     moves = found[ANGLE] - SCENE.start.crank_angle_rad
     assert len(set(moves)) == 100
-    assert 0.9e-6 < np.abs(moves).max() <= 1e-6
+    assert -1e-6 <= moves.min() < -0.9e-6
+    assert 0.9e-6 < moves.max() <= 1e-6
     assert found[CLEARANCE].tolist() == [1e-5] * 50 + [1e-4] * 50
+
+
+def test_a_jitter_is_around_the_scenes_own_angle_and_of_the_seed() -> None:
+    turned = SCENE.replace("start.crank_angle_rad", 0.7)
+    one, other = (drawn(turned, {}, Draw(members=50, jitter=0.1, seed=seed))[ANGLE] for seed in (0, 1))
+    assert np.abs(one - 0.7).max() <= 0.1
+    assert (one != other).all()
 
 
 @pytest.mark.parametrize(

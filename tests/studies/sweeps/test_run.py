@@ -2,6 +2,8 @@
 
 import json
 from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from pyarrow import parquet
 from engine_models.mechanics.watch import Watch
 from engine_models.scene.library import SCENES
 from studies.predictability.sweeps import run as running
-from studies.predictability.sweeps.chunk import Chunk, run_chunk
+from studies.predictability.sweeps.chunk import Chunk, Trial, run_chunk, try_out
 from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task
 from studies.running.execution import CRASHED, CaseEnded
@@ -117,6 +119,47 @@ def test_parts_of_another_sweep_are_refused(tmp_path: Path) -> None:
     (tmp_path / "rows.parquet.parts" / "sweep.json").write_text(json.dumps({"sweep": "another"}))
     with pytest.raises(BadInput, match=r"--out: expected a file without parts of another sweep"):
         swept(tmp_path)
+
+
+def test_whatever_decides_a_row_makes_it_another_sweep() -> None:
+    one = sweep()
+    task, values = one.task, one.changes[FIELD]
+    tasks = [
+        replace(task, scene=task.scene.replace("rod.mass_kg", 0.2)),
+        replace(task, engine_name="scipy"),
+        replace(task, settings={"iterations": 30}),
+        replace(task, step_s=2e-5),
+        replace(task, watch=Watch(0.0, 0.03)),
+        replace(task, watch=Watch(0.01, 0.02)),
+        replace(task, watch=Watch(0.0, 0.02, exponent=True)),
+    ]
+    others = [replace(one, task=other) for other in tasks]
+    others += [replace(one, changes={FIELD: 2 * values}), replace(one, varied=())]
+    others += [replace(one, directions=("up",)), replace(one, directions=("down",))]
+    assert len({each.identity() for each in (one, *others)}) == 1 + len(others)
+    assert sweep().identity() == one.identity()
+
+
+@pytest.mark.parametrize("hours", [0.9, 1.1])
+def test_what_a_sweep_takes_is_said_before_and_its_processor_time_is_bounded(
+    hours: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Forty members of 90 s are an hour; their rows of a megabyte are there twice as parts become a file."""
+    monkeypatch.setattr(running, "try_out", lambda *_: Trial(90.0, 1e6, 2 * 10**8))
+    monkeypatch.setattr(running, "Processes", lambda _: Here())
+    refused = pytest.raises(BadInput, match=r"--hours: expected at least 1 for 40 members of 90 s, got 0\.9")
+    with refused if hours < 1 else nullcontext():
+        run_sweep(sweep(), tmp_path / "rows.parquet", {}, 2, None, hours)
+    said = "members of 9e+04 ms each, 60 min of processor time on 2 cores: about 30 min; up to 80 MB of disk"
+    assert f"40 {said}, 0.4 GB of memory" in capsys.readouterr().err
+
+
+def test_a_trial_tells_of_one_member() -> None:
+    task, chunk = sweep().task, Chunk(0, {FIELD: np.geomspace(1e-5, 1e-3, 8)})
+    trial = try_out(task, chunk)
+    assert trial.row_bytes == run_chunk(task, chunk).nbytes / 8
+    assert 0 < trial.member_s < 1
+    assert trial.process_bytes > 10**7
 
 
 def test_a_sweep_that_would_take_too_long_is_refused_before_it_begins(tmp_path: Path) -> None:
