@@ -36,10 +36,13 @@ BATCH = 32
 NUMBERS = (
     "impacts_per_revolution",
     "flight_part",
+    "impact_speed_m_s",
     "impulse_N_s",
+    "impulse_per_revolution_N_s",
     "largest_contact_force_N",
     "dissipated_energy_per_revolution_J",
     "slider_deviation_m",
+    "rms_slider_deviation_m",
     "exponent_1_s",
 )
 LISTS = ("strobe_m", "impact_phase_rad")
@@ -218,16 +221,21 @@ class Members:
         except SolverError as failure:
             return failed(str(failure))
         notes, turns, lost = done.members.notes[k], self.watch.revolutions, run.losses_J()
+        impulse = np.sum([run.sums[f"normal{c}"] for c in range(len(run.mechanism.contacts))], axis=0)
+        watched_s = notes["time"] - notes["from_s"]
         growth = done.members.growth[k]
         r, length, angle = notes["crank_m"], notes["rod_m"], run.q[2:-1, 2]
         ideal = r * np.cos(angle) + np.sqrt(length**2 - (r * np.sin(angle)) ** 2)
         found = {
             "impacts_per_revolution": notes["touches"] / turns,
-            "flight_part": notes["flight_s"] / (notes["time"] - notes["from_s"]),
+            "flight_part": notes["flight_s"] / watched_s,
+            "impact_speed_m_s": notes["speed"] / notes["touches"] if notes["touches"] else math.nan,
             "impulse_N_s": notes["impulse"] / notes["over"] if notes["over"] else math.nan,
+            "impulse_per_revolution_N_s": (impulse[-1] - impulse[1]) / turns,
             "largest_contact_force_N": notes["force"],
             "dissipated_energy_per_revolution_J": (lost[-1] - lost[1]) / turns,
             "slider_deviation_m": notes["far"],
+            "rms_slider_deviation_m": math.sqrt(notes["square"] / watched_s),
             "exponent_1_s": growth["total"] / growth["followed_s"] if growth["followed_s"] else math.nan,
             "strobe_m": (run.q[2:-1, 6] - ideal).tolist(),
             "impact_phase_rad": done.touches_rad[k].tolist(),

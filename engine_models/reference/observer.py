@@ -20,14 +20,22 @@ COMPILED_WITH = (types,)
 
 #: When the notes begin, crank radius and rod length; at the step before: time, crank angle, the slider's
 #: deviation from where ideal joints would have it, and its rate. What is noted: time in which all pins fly,
-#: impulses of impacts, the largest normal force and deviation; how many touches, and impacts that are over.
+#: impulses of impacts, speeds of touches, the largest normal force and deviation, and the integral of the
+#: deviation's square; how many touches, and impacts that are over.
 NOTES_RECORD = types.record(
-    "from_s crank_m rod_m time angle deviation rate flight_s impulse force far", "touches over"
+    "from_s crank_m rod_m time angle deviation rate flight_s impulse speed force far square", "touches over"
 )
 
 #: Where in a step the force is looked at: its maximum is known to 1e-4 of it with steps of half a radian of a
 #: contact's swing.
 PARTS = 8
+#: Gauss's places in (-1, 1) and weights, by which the integral of a cubic's square is exact.
+GAUSS = (
+    (-0.8611363115940526, 0.34785484513745385),
+    (-0.33998104358485626, 0.6521451548625461),
+    (0.33998104358485626, 0.6521451548625461),
+    (0.8611363115940526, 0.34785484513745385),
+)
 #: A largest rate between the ends of a step, as a part of that at them: of a cubic that turns back.
 FASTER = 1.5
 
@@ -70,6 +78,16 @@ def farthest(x, h, value, rate, new_value, new_rate):
 
 
 @register_jitable(**INNER)
+def integral_of_square(x, h, value, rate, new_value, new_rate):
+    """Return the integral over time of such a cubic's square, from x on to the end of the step."""
+    total, half = 0.0, 0.5 * (1.0 - x)
+    for place, weight in GAUSS:
+        there, _ = cubic(x + half * (1.0 + place), h, value, rate, new_value, new_rate)
+        total += weight * there * there
+    return half * h * total
+
+
+@register_jitable(**INNER)
 def force_of(contact, damping, depth, rate):
     """Return the normal force of the law in N at a penetration and its rate."""
     elastic = contact.stiffness * max(depth, 0.0) ** contact.exponent
@@ -102,6 +120,7 @@ def note_step(note, past, contacts, motion, time, deviation, rate):
             note.force = strongest(note.force, contacts[k], past[k], motion.gaps[k], x, h)
     if not closed:
         note.flight_s += (1.0 - x) * h
+    note.square += integral_of_square(x, h, note.deviation, note.rate, deviation, rate)
     bound = max(abs(note.deviation), abs(deviation)) + 4.0 / 27.0 * h * (abs(note.rate) + abs(rate))
     if bound > note.far:
         note.far = max(note.far, farthest(x, h, note.deviation, note.rate, deviation, rate))
@@ -115,6 +134,7 @@ def note_event(note, past, event, sums, angle, touches, noted):
         before.impulse = sums[before.sum] if late else np.nan
         if late:
             note.touches += 1
+            note.speed += event.rate
             touches[noted] = angle % (2.0 * math.pi)
             return noted + 1
     elif event.what == -1 and not math.isnan(before.impulse):

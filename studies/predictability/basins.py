@@ -7,8 +7,7 @@ from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.joints import SLIDER
 from engine_models.mechanics.watch import Watch
 from studies.predictability.diagrams import ROOM_M, RUNG, SPEEDS
-from studies.predictability.ensemble import period_s
-from studies.predictability.scenes import following, set_r, turning
+from studies.predictability.scenes import following, period_s, set_r, turning
 from studies.predictability.sweeps.chunk import Chunk, run_chunk
 from studies.predictability.sweeps.ranges import Range
 from studies.predictability.sweeps.task import Task

@@ -13,7 +13,7 @@ from studies.judges import horizon
 from studies.judges.kinds import require, turns_steadily
 from studies.ladders import Rung
 from studies.predictability import basins, chains, diagrams
-from studies.predictability.ensemble import period_s
+from studies.predictability.ensemble import WATCH
 from studies.predictability.scenes import (
     EXPONENTS,
     HORIZONS_S,
@@ -21,6 +21,7 @@ from studies.predictability.scenes import (
     MORE_HORIZONS_S,
     SCENES,
     following,
+    period_s,
     tighter,
 )
 from studies.running.case import Case, Value
@@ -33,10 +34,8 @@ STEP_S, EXPONENT_STEP_S = 1e-5, 5e-5
 #: Samples in a revolution, of a horizon and of an ensemble; in a stretch of the exponent; in a scene without
 #: revolutions.
 SAMPLES, ENSEMBLE_SAMPLES, STRETCH_SAMPLES, FREE_SAMPLES = 200, 50, 500, 400
-#: Revolutions from the start that exponent and ensemble leave out, and those they use. What has
-#: begun anywhere has forgotten it after the four of the ensemble; over eight, means of 200 members are known
-#: to a third of their margins.
-EXPONENT_REVOLUTIONS, ENSEMBLE_REVOLUTIONS = (1, 32), (4, 8)
+#: Revolutions from the start that an exponent leaves out, and those it uses.
+EXPONENT_REVOLUTIONS = 1, 32
 #: Parts of the revolutions used from which an exponent is taken, by the ends of the names of columns.
 EXPONENT_PARTS = {"_quarter": 0.25, "_half": 0.5, "": 1.0}
 #: Starts of the exponent, quick and full.
@@ -75,7 +74,7 @@ def cases(full: bool) -> list[Case]:
     out = [_horizon(SCENES[name]().model_copy(update={"end_time_s": end})) for name, end in horizons]
     out += [case for name in exponents for case in _exponents(SCENES[name](), full)]
     for name, parts in ENSEMBLES[full]:
-        out += _ensembles(following(SCENES[name](), sum(ENSEMBLE_REVOLUTIONS)), parts, ENGINE_MEMBERS[full])
+        out += _ensembles(following(SCENES[name](), round(WATCH.turns)), parts, ENGINE_MEMBERS[full])
     return out + diagrams.cases(full) + chains.cases(full) + basins.cases(full)
 
 
@@ -92,7 +91,7 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
         laws = {room.law for room in clearances(scene).values()}
         engines = ("native contact",) if laws == {"rigid"} else _SAME_LAW
         out += _exponents(scene, full)
-        out += _ensembles(following(scene, sum(ENSEMBLE_REVOLUTIONS)), engines, ENGINE_MEMBERS[full])
+        out += _ensembles(following(scene, round(WATCH.turns)), engines, ENGINE_MEMBERS[full])
     return out
 
 
@@ -146,7 +145,7 @@ def _ensembles(scene: Scene, names: tuple[str, ...], members: int) -> list[Case]
 
 
 def _members(scene: Scene, part: str, rung: Rung, members: int) -> list[Case]:
-    run = RunSettings(rung.step_s, ENSEMBLE_SAMPLES * sum(ENSEMBLE_REVOLUTIONS))
+    run = RunSettings(rung.step_s, ENSEMBLE_SAMPLES * round(WATCH.turns))
     return [
         _case(part, horizon.moved(scene, by), run, rung, start_moved_rad=by, member=member)
         for member, by in enumerate(moves_rad(f"{part} on {scene.name}", members))

@@ -3,8 +3,7 @@
 from engine_models.engine import RunSettings
 from engine_models.mechanics.watch import SPEED, Watch
 from studies.predictability.diagrams import ROOM_M, RUNG, SPEEDS
-from studies.predictability.ensemble import period_s
-from studies.predictability.scenes import following, set_r
+from studies.predictability.scenes import following, period_s, set_r
 from studies.predictability.sweeps.chunk import Chunk, Direction, run_chunk
 from studies.predictability.sweeps.ranges import Range
 from studies.predictability.sweeps.task import Task

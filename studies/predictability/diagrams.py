@@ -12,8 +12,7 @@ from engine_models.engine import FloatArray, RunSettings
 from engine_models.mechanics.watch import Watch
 from engine_models.scene.scene import Scene
 from studies.ladders import Rung
-from studies.predictability.ensemble import period_s
-from studies.predictability.scenes import following, set_r, turning
+from studies.predictability.scenes import following, period_s, set_r, turning
 from studies.predictability.sweeps.chunk import Chunk, run_chunk
 from studies.predictability.sweeps.ranges import Range
 from studies.predictability.sweeps.task import Task

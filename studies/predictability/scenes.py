@@ -4,7 +4,6 @@ import math
 
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
-from studies.predictability.ensemble import period_s
 
 
 def clearance_driven_lossy() -> Scene:
@@ -70,6 +69,17 @@ MORE_EXPONENTS = (
     "clearance-driven-rubbing",
     "rigid-driven-0.5mm",
 )
+
+
+def period_s(scene: Scene) -> float:
+    """Return the time of a revolution of a crank at constant speed.
+
+    Raises:
+        ValueError: the crank is not driven at constant speed, or stands still.
+    """
+    if scene.drive.kind != "constant-speed" or scene.start.crank_speed_rad_s == 0:
+        raise ValueError(f"scene {scene.name}: expected a crank that turns at constant speed")
+    return 2 * math.pi / abs(scene.start.crank_speed_rad_s)
 
 
 def following(scene: Scene, revolutions: int) -> Scene:

@@ -12,10 +12,9 @@ from statistics import median
 
 from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
-from studies.judges.comparison import checked
-from studies.predictability import basins, chains, diagrams
+from studies.predictability import basins, chains, diagrams, ensemble
 from studies.predictability import cases as parts
-from studies.predictability.ensemble import period_s, statistics
+from studies.predictability.scenes import period_s
 from studies.running.case import Case, Curves, Row
 
 cases, cases_on = parts.cases, parts.cases_on
@@ -37,10 +36,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         return chains.measure(case)
     if part == basins.PART:
         return basins.measure(case)
-    trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    after_s = parts.ENSEMBLE_REVOLUTIONS[0] * period_s(case.scene)
-    row, curves = statistics(case.scene, trajectory, after_s)
-    return row | checked(case.scene, trajectory), curves
+    return ensemble.measure(case)
 
 
 def _horizon(case: Case) -> tuple[Row, Curves]:

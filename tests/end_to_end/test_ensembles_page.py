@@ -19,7 +19,7 @@ MEMBERS, TURNS = 24, 4.0
 #: A quantity's words, its margin, whether that is a part of the mean, its scatter, and its unit's factor.
 QUANTITIES = {
     "impact_speed_m_s": ("impact speed [m/s]", 0.05, True, 0.05, 1.0),
-    "slider_deviation_m": ("slider deviation from ideal [mm]", 0.05, True, 2e-5, 1e3),
+    "rms_slider_deviation_m": ("slider deviation from ideal [mm]", 0.05, True, 2e-5, 1e3),
     "impact_phase_cosine": ("mean cosine of impact phase", 0.1, False, 0.1, 1.0),
 }
 OWN, LESS, OTHER = "reference (DOP853)", "reference (a tenth less clearance)", "reference (other starts)"

@@ -31,10 +31,9 @@ from studies.judges.horizon import apart, first_beyond_s, moved
 from studies.judges.ideal_truth import slider_position_m
 from studies.judges.lyapunov import growth
 from studies.predictability import basins, chains, diagrams, study
-from studies.predictability.cases import ENSEMBLE_REVOLUTIONS, EXPONENT, HORIZON, MEMBERS, moves_rad
-from studies.predictability.ensemble import period_s
-from studies.predictability.ensemble import statistics as member_statistics
-from studies.predictability.scenes import clearance_driven_lossy, following, tighter
+from studies.predictability.cases import EXPONENT, HORIZON, MEMBERS, moves_rad
+from studies.predictability.ensemble import WATCH
+from studies.predictability.scenes import clearance_driven_lossy, following, period_s, tighter
 from studies.running.case import Case, Row
 from studies.running.outcome import run_case
 from studies.running.runner import run_study
@@ -152,16 +151,15 @@ def test_a_start_that_gives_all_states_cannot_be_moved_by_its_crank_angle() -> N
 
 
 def test_a_member_in_continuous_contact_has_no_impacts_and_a_deviation_of_one_clearance() -> None:
-    scene = following(clearance_driven_002(), 3)
-    run = REFERENCE.simulate(scene, RunSettings(1e-5, 300))
-    row, curves = member_statistics(scene, run, 2 * REVOLUTION_S)
-    assert row["revolutions"] == pytest.approx(1)
-    assert row["free_flight_fraction"] == 0
-    assert row["impacts_per_revolution"] == 0
+    known = next(case for case in study.cases(False) if case.columns["part"] == "reference (DOP853)")
+    row, curves = study.measure(replace(known, scene=following(clearance_driven_002(), round(WATCH.turns))))
+    assert row["revolutions"] == WATCH.revolutions
+    assert row["flight_part"] == row["impacts_per_revolution"] == 0
     assert "impact_speed_m_s" not in row
     assert len(curves["impact_phase_rad"]) == 0
-    assert isinstance(row["slider_deviation_m"], float)
-    assert 0.5 * 2e-5 < row["slider_deviation_m"] < 1.2 * 2e-5  # penetration is a tenth of this clearance
+    deviation = row["rms_slider_deviation_m"]
+    assert isinstance(deviation, float)
+    assert 0.5 * 2e-5 < deviation < 1.2 * 2e-5  # penetration is a tenth of this clearance
 
 
 def test_the_ideal_position_is_that_of_the_assembled_scene() -> None:
@@ -436,5 +434,5 @@ def test_members_have_parted_when_their_averages_begin() -> None:
     scene, members = clearance_driven_05(), 60
     nearest_m = 2 * np.pi / members * scene.crank.length_m
     after = visible_after(scene, nearest_m, 0.1 * ROOM_M, 6)
-    assert after < ENSEMBLE_REVOLUTIONS[0], f"{after} revolutions until starts have parted"
+    assert after < WATCH.transient, f"{after} revolutions until starts have parted"
     assert period_s(scene) == pytest.approx(REVOLUTION_S)

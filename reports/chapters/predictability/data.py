@@ -33,13 +33,13 @@ QUANTITIES = {
     "impacts_per_revolution": "impacts per revolution",
     "impulse_per_revolution_N_s": "impulse per revolution [N·s]",
     "dissipated_energy_per_revolution_J": "dissipated per revolution [J]",
-    "free_flight_fraction": "fraction of time in free flight",
-    "slider_deviation_m": "slider deviation from ideal [mm]",
+    "flight_part": "fraction of time in free flight",
+    "rms_slider_deviation_m": "slider deviation from ideal [mm]",
     "impact_phase_cosine": "mean cosine of impact phase",
     "impact_phase_sine": "mean sine of impact phase",
 }
 #: ... the factor to that unit, ...
-FACTORS = {"slider_deviation_m": 1e3}
+FACTORS = {"rms_slider_deviation_m": 1e3}
 #: ... and by how much means may differ and still count as equivalent: by a part of the mean, or, for the
 #: phases, by so much. They are fixed here, before any run, at no more than what is never known of a joint: on
 #: set R a clearance that is off by a tenth or a restitution that is off by 0.05 was seen to change the
@@ -49,8 +49,8 @@ PARTS_OF_MEAN = {
     "impacts_per_revolution": 0.1,
     "impulse_per_revolution_N_s": 0.005,
     "dissipated_energy_per_revolution_J": 0.1,
-    "free_flight_fraction": 0.1,
-    "slider_deviation_m": 0.05,
+    "flight_part": 0.1,
+    "rms_slider_deviation_m": 0.05,
 }
 SHIFTS = {"impact_phase_cosine": 0.1, "impact_phase_sine": 0.1}
 #: Of fewer members nothing is tested: they hardly tell how eight quantities scatter together.

@@ -11,6 +11,7 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.quality import require_quality
+from engine_models.mechanics.watch import Watch
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import End, Row, failed
 from engine_models.scene.data import SceneError
@@ -35,7 +36,7 @@ def followed(task: Task, values: Mapping[str, float]) -> tuple[Row, End | None]:
         scene = task.member(values)
         with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
             run = task.engine.simulate(scene, task.run_settings(scene))
-            found = gathered(task, scene, require_quality(scene, run))
+            found = gathered(task.watch, scene, require_quality(scene, run))
             exponent = _exponent_1_s(task, scene) if task.watch.exponent else math.nan
     except (SceneError, SimulationFailed, UnsupportedScene, MemoryError) as failure:
         return failed(str(failure) or "no memory left"), None
@@ -43,44 +44,49 @@ def followed(task: Task, values: Mapping[str, float]) -> tuple[Row, End | None]:
     return row, (run.position[-1], run.velocity[-1])
 
 
-def gathered(task: Task, scene: Scene, run: Trajectory) -> Row:
+def gathered(watch: Watch, scene: Scene, run: Trajectory) -> Row:
     """Return what a run did after the transient; all joints with clearance are taken together.
 
-    An impact is a touch; one that still lasts at the end has no impulse yet. The deviation is the slider's
-    from where ideal joints would put it at the crank's angle, and is positive along +x.
+    An impact is a touch; one that still lasts at the end has no impulse yet, and its speed is not known. The
+    deviation is the slider's from where ideal joints would put it at the crank's angle, and is positive along
+    +x.
     """
-    turn_s = scene.end_time_s / task.watch.turns
-    first = round((len(run.time_s) - 1) * task.watch.transient / task.watch.turns)
-    touch_s, impulse = _touches(run, run.time_s[first])
+    turn_s = scene.end_time_s / watch.turns
+    first = round((len(run.time_s) - 1) * watch.transient / watch.turns)
+    touch_s, speed, impulse = _touches(run, run.time_s[first])
     deviation = run.slider_position_m - slider_position_m(scene, run.position[:, 0, 2])
-    once = turn_s * (task.watch.transient + np.arange(1, math.floor(task.watch.revolutions) + 1))
+    once = turn_s * (watch.transient + np.arange(1, math.floor(watch.revolutions) + 1))
     phase = np.interp(touch_s, run.time_s, run.position[:, 0, 2]) % (2 * np.pi)
     contacts, lost = run.contacts.values(), run.dissipated_energy_J
     assert lost is not None
+    pressed = np.sum([contact.normal_impulse_N_s for contact in contacts], axis=0)
     in_flight = np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0)
     return {
-        "impacts_per_revolution": len(touch_s) / task.watch.revolutions,
+        "impacts_per_revolution": len(touch_s) / watch.revolutions,
         "flight_part": float(in_flight.mean()),
+        "impact_speed_m_s": float(np.nanmean(speed)) if np.isfinite(speed).any() else math.nan,
         "impulse_N_s": float(np.nanmean(impulse)) if np.isfinite(impulse).any() else math.nan,
+        "impulse_per_revolution_N_s": float(pressed[-1] - pressed[first]) / watch.revolutions,
         "largest_contact_force_N": max(float(each.normal_force_N[first:].max()) for each in contacts),
-        "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / task.watch.revolutions),
+        "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / watch.revolutions),
         "slider_deviation_m": float(np.abs(deviation[first:]).max()),
+        "rms_slider_deviation_m": float(np.sqrt(np.mean(deviation[first:] ** 2))),
         "strobe_m": np.interp(once, run.time_s, deviation).tolist(),
         "impact_phase_rad": phase.tolist(),
     }
 
 
-def _touches(run: Trajectory, from_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return the times of touches from a time on, (m,), and their impulses, NaN of one that still lasts."""
-    times, impulses = [], []
+def _touches(run: Trajectory, from_s: float) -> FloatArray:
+    """Return times, speeds and impulses of touches from a time on, (3, m), NaN of what is not known."""
+    found = []
     for contact in run.contacts.values():
-        lasting = _lasting_s(run.time_s, contact)
-        times.append(np.append(contact.impacts.time_s, lasting))
-        impulses.append(np.append(contact.impacts.normal_impulse_N_s, np.full(len(lasting), np.nan)))
-    time, impulse = np.concatenate(times), np.concatenate(impulses)
-    order = np.argsort(time, kind="stable")
-    order = order[time[order] >= from_s]
-    return time[order], impulse[order]
+        impacts, lasting = contact.impacts, _lasting_s(run.time_s, contact)
+        unknown = np.full(len(lasting), np.nan)
+        over = impacts.time_s, impacts.approach_speed_m_s, impacts.normal_impulse_N_s
+        found.append(np.concatenate([over, (lasting, unknown, unknown)], axis=1))
+    touches = np.concatenate(found, axis=1)
+    touches = touches[:, np.argsort(touches[0], kind="stable")]
+    return np.asarray(touches[:, touches[0] >= from_s])
 
 
 def _lasting_s(time_s: FloatArray, contact: Contact) -> FloatArray:

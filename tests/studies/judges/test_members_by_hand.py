@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 
 from engine_models.engine import Contact, Impacts, RunSettings, Trajectory
+from engine_models.mechanics.watch import Watch
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges import horizon, lyapunov
-from studies.predictability import cases, diagrams, study
-from studies.predictability.ensemble import statistics
+from studies.predictability import cases, diagrams, ensemble, study
+from studies.predictability.sweeps.gathered import gathered
 from studies.running.case import Case
 
 #: A crank that turns in 20 ms from an angle of 0.3 rad on; four turns with two samples in each.
@@ -28,7 +29,10 @@ def turning() -> Scene:
 
 
 def member(scene: Scene) -> Trajectory:
-    """In the last two turns: deviations of -3 to 2 µm, two touches, 4 N s, and 0.4 J lost."""
+    """In the last two turns: deviations of -3 to 2 µm, three touches, 4 N s, and 0.4 J lost.
+
+    The third lasts at the end, and began half way between the last two samples.
+    """
     crank, rod, _ = scene.crank_slider()
     angle = ANGLE_RAD + SPEED_RAD_S * np.array(TIMES_S)
     lift = crank.length_m * np.sin(angle)
@@ -39,7 +43,7 @@ def member(scene: Scene) -> Trajectory:
     depth = np.array([1, 1, 1, 1, -1, 1, 1, -1, 1]) * 1e-6
     sums = np.array([0, 1, 1, 2, 3, 3, 5, 6, 7], float)
     touches = np.array([0.015, 0.045, 0.062])
-    impacts = Impacts(touches, 0 * touches, np.array([5.0, 1.0, 2.0]), touches, touches)
+    impacts = Impacts(touches, 0 * touches, np.array([5.0, 1.0, 2.0]), np.array([9.0, 1.0, 2.0]), touches)
     contact = Contact(
         np.zeros((9, 2)), depth, 0 * depth, None, 0 * depth, sums, sums / 10, None, None, impacts
     )
@@ -59,20 +63,41 @@ def member(scene: Scene) -> Trajectory:
 
 
 def test_a_members_numbers_are_those_after_the_transient() -> None:
-    row, curves = statistics(turning(), member(turning()), 0.04)
-    phases = [0.3 + 4.5 * math.pi - 4 * math.pi, 0.3 + 6.2 * math.pi - 6 * math.pi]
-    assert curves["impact_phase_rad"] == pytest.approx(phases)
+    row = gathered(Watch(2.0, 2.0), turning(), member(turning()))
+    assert row.pop("impact_phase_rad") == pytest.approx(
+        [0.3 + turns * math.pi for turns in (4.5 - 4, 6.2 - 6, 7.5 - 6)]
+    )
+    assert row.pop("strobe_m") == pytest.approx([0.0, 1e-6], abs=1e-12)
     assert row == pytest.approx(
         {
-            "revolutions": 2.0,
-            "impacts_per_revolution": 1.0,
-            "impulse_per_revolution_N_s": 2.0,
-            "dissipated_energy_per_revolution_J": 0.2,
-            "free_flight_fraction": 0.4,
-            "slider_deviation_m": 1e-6 * math.sqrt((1 + 9 + 0 + 4 + 1) / 5),
+            "impacts_per_revolution": 1.5,
+            "flight_part": 0.4,
             "impact_speed_m_s": 1.5,
-            "impact_phase_cosine": (math.cos(phases[0]) + math.cos(phases[1])) / 2,
-            "impact_phase_sine": (math.sin(phases[0]) + math.sin(phases[1])) / 2,
+            "impulse_N_s": 1.5,
+            "impulse_per_revolution_N_s": 2.0,
+            "largest_contact_force_N": 0.0,
+            "dissipated_energy_per_revolution_J": 0.2,
+            "slider_deviation_m": 3e-6,
+            "rms_slider_deviation_m": 1e-6 * math.sqrt((1 + 9 + 0 + 4 + 1) / 5),
+        }
+    )
+
+
+def test_an_ensembles_member_is_a_sweeps_row_with_the_mean_direction_of_its_impacts() -> None:
+    known = next(case for case in study.cases(False) if case.columns["part"] == "exudyn (DOPRI5)")
+    phases, row = [0.5, 1.5, 6.0], {"impacts_per_revolution": 1.5, "impulse_N_s": math.nan}
+    told = {**row, "status": "ok", "reason": "", "strobe_m": [], "impact_phase_rad": phases}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ensemble, "_ran", lambda _: (told, {"quality_failure": ""}))
+        found, curves = study.measure(known)
+    assert curves["impact_phase_rad"].tolist() == phases
+    assert found == pytest.approx(
+        {
+            "revolutions": 8.0,
+            "quality_failure": "",
+            "impacts_per_revolution": 1.5,
+            "impact_phase_cosine": sum(map(math.cos, phases)) / 3,
+            "impact_phase_sine": sum(map(math.sin, phases)) / 3,
         }
     )
 

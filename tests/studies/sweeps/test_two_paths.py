@@ -31,7 +31,11 @@ def paths() -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 @pytest.mark.parametrize(
-    "column", ["impacts_per_revolution", "impulse_N_s", "dissipated_energy_per_revolution_J"]
+    "column",
+    [
+        *("impacts_per_revolution", "impulse_N_s", "impulse_per_revolution_N_s"),
+        "dissipated_energy_per_revolution_J",
+    ],
 )
 def test_impacts_and_losses_are_the_same(paths: tuple[pd.DataFrame, pd.DataFrame], column: str) -> None:
     together, alone = paths
