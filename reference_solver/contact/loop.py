@@ -15,6 +15,7 @@ from numba.types import FunctionType, boolean, float64, int64
 from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver import methods
+from reference_solver.compiled.linked import InnerCompiler
 from reference_solver.contact import types
 
 #: Modules whose constants the machine code has taken over.
@@ -22,7 +23,12 @@ COMPILED_WITH = (types,)
 
 #: All memory is the caller's, so that references of arrays need not be counted, which took half of the time.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
-INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+INNER = {
+    **OPTIONS,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": InnerCompiler,
+}
 
 ARRAY, TABLE = float64[::1], float64[:, ::1]
 CONTACTS, GAPS, EVENTS, CLOCK, CONTROL, KNOTS = (
