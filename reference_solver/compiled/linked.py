@@ -15,14 +15,13 @@ from numba.core.typed_passes import NativeLowering
 class LinkedCode(JITCodeLibrary):
     """Code to link with, and not to run by itself."""
 
-    def finalize(self) -> None:
-        """Put together what it calls, and leave the rest to who calls it."""
-        self._raise_if_finalized()
-        for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._final_module.verify()
+    def _optimize_final_module(self) -> None:
+        """Leave that to who calls it."""
+
+    def _finalize_final_module(self) -> None:
+        """Make no machine code of it."""
         self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
         self._finalized = True
 
 
