@@ -15,8 +15,8 @@ from numba.types import FunctionType, boolean, float64, int64
 from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver import methods
-from reference_solver.compiled.linked import InnerCompiler
 from reference_solver.contact import types
+from reference_solver.contact.linked import InnerCompiler
 
 #: Modules whose constants the machine code has taken over.
 COMPILED_WITH = (types,)
