@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, reduce
+from importlib.util import find_spec
+from runpy import run_path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,20 +67,28 @@ RK4 = Method(
 
 @cache
 def dop853() -> Method:
-    """Return Dormand and Prince's method of order 8 (Hairer, Norsett and Wanner 1993, II.5)."""
-    from scipy.integrate import DOP853 as Table  # it takes a moment, and RK4 does without
+    """Return Dormand and Prince's method of order 8 (Hairer, Norsett and Wanner 1993, II.5).
 
-    def rows(table: Any) -> tuple[Row, ...]:
-        return tuple(tuple(row) for row in table.tolist())
-
-    estimates = np.stack([Table.E5, Table.E3])[:, : Table.n_stages]
+    Its table is SciPy's, read from the file that has nothing else: to import what is around it takes longer
+    than to load everything else that a run needs.
+    """
+    (scipy,) = find_spec("scipy").submodule_search_locations  # type: ignore[union-attr, misc]
+    table = run_path(f"{scipy}/integrate/_ivp/dop853_coefficients.py")
+    nodes, matrix = table["C"].tolist(), table["A"].tolist()
+    stages, end = len(table["B"]), len(table["B"]) + 1
+    estimates = tuple(tuple(table[name][:stages].tolist()) for name in ("E5", "E3"))
     return Method(
         order=8,
         damper_limit=6.39,
-        nodes=tuple(Table.C.tolist()),
-        matrix=tuple(row[:i] for i, row in enumerate(rows(Table.A))),
-        weights=tuple(Table.B.tolist()),
-        embedded=Embedded(rows(estimates), tuple(Table.C_EXTRA.tolist()), rows(Table.A_EXTRA), rows(Table.D)),
+        nodes=tuple(nodes[:stages]),
+        matrix=tuple(tuple(row[:i]) for i, row in enumerate(matrix[:stages])),
+        weights=tuple(table["B"].tolist()),
+        embedded=Embedded(
+            estimates,
+            nodes=tuple(nodes[end:]),
+            matrix=tuple(tuple(row) for row in matrix[end:]),
+            dense=tuple(tuple(row) for row in table["D"].tolist()),
+        ),
     )
 
 

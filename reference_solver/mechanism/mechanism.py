@@ -231,14 +231,15 @@ class Mechanism:
         for part in (*self.constraints, *self.loads, *self.contacts):
             require_finite(type(part).__name__, part)
             for field, value in vars(part).items():
-                name = f"{type(part).__name__}.{field}"
+                valid, wanted = True, "two finite numbers"
                 if field.startswith("point"):
-                    require(name, value, len(value) == 2, "two finite numbers")
-                if field in ("body", "crank", "body_i", "body_j"):
+                    valid = len(value) == 2
+                elif field in ("body", "crank", "body_i", "body_j"):
                     lowest = GROUND if field.startswith("body_") else 0
+                    valid = isinstance(value, Integral) and value in range(lowest, len(self.bodies))
                     wanted = f"a body index from {lowest} to {len(self.bodies) - 1}"
-                    there = range(lowest, len(self.bodies))
-                    require(name, value, isinstance(value, Integral) and value in there, wanted)
+                if not valid:
+                    require(f"{type(part).__name__}.{field}", value, False, wanted)
 
     @property
     def prescribed(self) -> tuple[Motion, ...]:

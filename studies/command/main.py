@@ -4,7 +4,7 @@ import logging
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
@@ -238,20 +238,28 @@ def sweep(
     quiet: Quiet = False,
 ) -> None:
     """Run a scene with many values in its fields, a row for each; what is finished is kept, and resumed."""
-    from studies.command import endings, options
-    from studies.command import sweep as sweeps
-
+    count = str(os.cpu_count() or 1) if jobs is None else jobs
     strings = {"sample": sample, "members": members, "jitter": jitter, "seed": seed, "step": step}
     strings |= {"transient": transient, "revolutions": revolutions, "hours": hours, "chain": chain}
-    chosen = sweeps.options_of({**strings, "jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    endings.ending_of("--out", out, (".parquet",))
-    physics = options.changed(options.read_scene(scene), changes or [], None)
-    ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
-    settings = options.assigned("--set", "KEY=VALUE", assignments or [])
-    wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
-    with failures.quietly(quiet):
+    with ExitStack() as stack:
+        pool = None
+        if scheduler is None and count in map(str, range(1, 1001)):  # another is refused below
+            from studies.running.processes import beginning
+
+            # They import what runs members while this process does, and while it looks at what is asked for.
+            pool = stack.enter_context(beginning(int(count), "studies.predictability.sweeps.chunk"))
+        from studies.command import endings, options
+        from studies.command import sweep as sweeps
+
+        chosen = sweeps.options_of({**strings, "jobs": count})
+        endings.ending_of("--out", out, (".parquet",))
+        physics = options.changed(options.read_scene(scene), changes or [], None)
+        ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
+        settings = options.assigned("--set", "KEY=VALUE", assignments or [])
+        wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
+        stack.enter_context(failures.quietly(quiet))
         with sweeps.opened_plot(plot, show, len(ranges)) as draw:
-            draw(sweeps.swept(wanted, out, chosen, scheduler))
+            draw(sweeps.swept(wanted, out, chosen, scheduler, pool))
         failures.note(f"{len(wanted)} rows are in {out}")
 
 

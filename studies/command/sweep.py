@@ -31,6 +31,7 @@ from studies.predictability.sweeps.ranges import values_of
 from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task
 from studies.running.cluster import cluster
+from studies.running.execution import LimitedExecutor
 from studies.running.failures import BadInput, terminated_as_interrupted, writing
 from studies.running.whole_file import whole_file
 
@@ -152,8 +153,16 @@ def _directions(
     return ("up", "down") if options.chain == "both" else (options.chain,)
 
 
-def swept(sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None = None) -> Swept:
+def swept(
+    sweep: Sweep,
+    path: Path,
+    options: SweepOptions,
+    scheduler: str | None = None,
+    pool: LimitedExecutor | None = None,
+) -> Swept:
     """Run a sweep into a file, or what its parts lack, on local cores or a Dask cluster.
+
+    ``pool`` are ``options.jobs`` processes here, if there are any yet.
 
     Raises:
         BadInput: the file, the cluster or what the sweep would take is refused.
@@ -171,7 +180,7 @@ def swept(sweep: Sweep, path: Path, options: SweepOptions, scheduler: str | None
     try:
         with writing("--out", path), writable_folder(), terminated_as_interrupted():
             if scheduler is None:
-                run_sweep(sweep, path, made_by, options.jobs, None, options.hours)
+                run_sweep(sweep, path, made_by, options.jobs, None, options.hours, pool)
             else:
                 with cluster(scheduler) as executors:
                     run_sweep(sweep, path, made_by, options.jobs, executors, options.hours)

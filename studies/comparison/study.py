@@ -12,7 +12,8 @@ from engine_models.scene.scene import Scene
 from studies import agreement, clearance
 from studies.comparison.question import Question
 from studies.ladders import Rung
-from studies.running.case import Case, Curves, Limits, Row, Value
+from studies.running.case import Case, Curves, Row, Value
+from studies.running.execution import Limits
 from studies.work_precision import study as work_precision
 
 NAME = "comparison"

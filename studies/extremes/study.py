@@ -30,7 +30,8 @@ from studies.judges.metrics import (
     numerical_gain_J,
     potential_energy_J,
 )
-from studies.running.case import Case, Curves, Limits, Row, Value
+from studies.running.case import Case, Curves, Row, Value
+from studies.running.execution import Limits
 
 #: What a run may take, and one of very many steps.
 LIMITS, LONG_LIMITS = Limits(10.0, 1_000_000_000), Limits(120.0, 1_000_000_000)

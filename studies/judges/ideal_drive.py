@@ -7,15 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.interpolate import PPoly
-from scipy.linalg import solve_banded
 
 from engine_models.engine import FloatArray
 from engine_models.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 OfTime = Callable[[FloatArray], FloatArray]
 
@@ -105,13 +106,16 @@ def _table(times: tuple[float, ...], angles: tuple[float, ...], begin_s: float) 
     )
 
 
-def not_a_knot(x: Sequence[float], y: Sequence[float]) -> PPoly:
+def not_a_knot(x: Sequence[float], y: Sequence[float]) -> "PPoly":
     """Return the cubic spline through four points or more, smooth at the second and the last but one.
 
     Its unknowns are the second derivatives M at the points, with h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k
     + h_k M_(k+1) = 6 (slope_k - slope_(k-1)). SciPy's unknowns are first derivatives, whose differences lose
     four digits of the second where 200 points are close together; here the one difference is exact.
     """
+    from scipy.interpolate import PPoly  # it takes a moment, and drives without a table do without
+    from scipy.linalg import solve_banded
+
     exact = [(Fraction(a), Fraction(b)) for a, b in zip(x, y, strict=True)]
     slopes = [(after[1] - before[1]) / (after[0] - before[0]) for before, after in pairwise(exact)]
     bends = [float(6 * (after - before)) for before, after in pairwise(slopes)]

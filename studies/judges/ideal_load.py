@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from engine_models.engine import FloatArray
 from engine_models.scene.loads import Gas
@@ -80,6 +79,8 @@ def load_works_J(
 
 def _gas_force(gas: Gas) -> Callable[[Any], Any]:
     """Return the periodic spline; the last entry is the first again, one whole turn on."""
+    from scipy.interpolate import CubicSpline  # it takes a moment, and loads without gas do without
+
     first = gas.crank_angle_rad[0]
     angle, force = (*gas.crank_angle_rad[:-1], first + TURN), (*gas.force_N[:-1], gas.force_N[0])
     spline = CubicSpline(angle, force, bc_type="periodic")

@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from engine_models.engine import FloatArray
 from engine_models.scene.scene import Scene
@@ -209,6 +208,8 @@ def _piece(
     time at which it ended: the later one, or that at which the crank came to a knot of the gas's table, where
     the force's third derivative jumps.
     """
+    from scipy.integrate import solve_ivp  # it takes a moment, and uniform turning does without
+
     acceleration = crank_acceleration(scene, math)
     zeros = [0.0] * (2 + len(integrands))
 

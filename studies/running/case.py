@@ -9,29 +9,12 @@ from typing import Protocol
 from engine_models.arms import Arm, Setting
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.scene.scene import Scene
+from studies.running.execution import Limits
 
 Value = str | int | float | bool | None
 #: One flat row of results: units are in the column names, failures have ``status`` and ``reason``.
 Row = dict[str, Value]
 Curves = dict[str, FloatArray]
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a run may take before it is ended; whatever it does then is a row and not the end of the study.
-
-    ``time_limit_s`` is wall time from the call of ``measure`` to its return, so kernels that it compiles
-    and truths that it computes count. ``memory_limit_bytes`` is what the run may allocate beyond what its
-    process held before; only Linux enforces it.
-    """
-
-    time_limit_s: float
-    memory_limit_bytes: int
-
-
-#: What a case may take that has no limits of its own. The longest of the full sets take a minute and 2 GB on
-#: two cores with the work of eight: what takes thirty times as long, or four times as much, will never end.
-ROOMY = Limits(time_limit_s=1800.0, memory_limit_bytes=8 * 2**30)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from multiprocessing import current_process
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
-from studies.running.case import Limits
-from studies.running.execution import LimitedExecutor, RunBroken
+from studies.running.execution import LimitedExecutor, Limits, RunBroken
 from studies.running.failures import BadInput
 from studies.running.processes import Processes
 from studies.running.provenance import overall_fingerprint

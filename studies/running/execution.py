@@ -3,10 +3,10 @@
 from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
 
 from engine_models.engine import Speaker
-from studies.running.case import Limits
 from studies.running.failures import Failed
 
 P = ParamSpec("P")
@@ -16,6 +16,24 @@ CRASHED, TIMED_OUT, OUT_OF_MEMORY = "crashed", "timed out", "out of memory"
 #: Not the doing of what ran, and so no result.
 KILLED, NOT_BEGUN = "killed from outside", "not begun"
 NO_RESULT = (KILLED, NOT_BEGUN)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a run may take before it is ended; whatever it does then is a row and not the end of the study.
+
+    ``time_limit_s`` is wall time from the call of ``measure`` to its return, so kernels that it compiles
+    and truths that it computes count. ``memory_limit_bytes`` is what the run may allocate beyond what its
+    process held before; only Linux enforces it.
+    """
+
+    time_limit_s: float
+    memory_limit_bytes: int
+
+
+#: What a case may take that has no limits of its own. The longest of the full sets take a minute and 2 GB on
+#: two cores with the work of eight: what takes thirty times as long, or four times as much, will never end.
+ROOMY = Limits(time_limit_s=1800.0, memory_limit_bytes=8 * 2**30)
 
 
 class CaseEnded(Exception):

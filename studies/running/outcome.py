@@ -6,8 +6,8 @@ from typing import cast
 
 from engine_models.engine import ProcessTaken, SimulationFailed, UnsupportedScene
 from engine_models.scene.plain_words import one_of, shown
-from studies.running.case import ROOMY, Case, Curves, Row, Study
-from studies.running.execution import OUT_OF_MEMORY, CaseEnded, RunBroken
+from studies.running.case import Case, Curves, Row, Study
+from studies.running.execution import OUT_OF_MEMORY, ROOMY, CaseEnded, RunBroken
 from studies.running.failures import bug
 from studies.running.registry import STUDIES, study_module
 

@@ -9,9 +9,11 @@ import os
 import pickle
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import wait
 from queue import LifoQueue
@@ -19,7 +21,6 @@ from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 from engine_models.engine import ProcessTaken
-from studies.running.case import Limits
 from studies.running.execution import (
     CRASHED,
     KILLED,
@@ -28,6 +29,7 @@ from studies.running.execution import (
     TIMED_OUT,
     CaseEnded,
     LimitedExecutor,
+    Limits,
 )
 from studies.running.worker import BEGUN, serve
 
@@ -40,6 +42,8 @@ KEPT_WORDS, SHOWN_WORDS = 10_000, 200
 DYING_S = 5.0
 #: A process that has not imported what a call needs within this time never will.
 BEGINNING_S = 600.0
+#: Processes that begin before there is a call for them, at most.
+EARLY = 8
 #: Signals that no solver sends to itself: the kernel short of memory does, and people do.
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT")
 #: Starting a child reaps others: two threads at once would take each other's exit codes.
@@ -85,6 +89,20 @@ class Processes(LimitedExecutor):
             return slot.run(call, limits)
         finally:
             self._idle.put(slot)
+
+
+@contextmanager
+def beginning(jobs: int, module: str) -> Iterator[Processes]:
+    """Yield processes; the first import a module, by its path, while this one goes on. An error ends them."""
+    pool = Processes(jobs)
+    try:
+        for _ in range(min(jobs, EARLY)):
+            pool.submit(import_module, module)
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
 def _keep_ctrl_c_from_children() -> None:

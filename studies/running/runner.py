@@ -14,8 +14,8 @@ from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models import engines
 from engine_models.scene.scene import Scene
-from studies.running.case import ROOMY, Case, Curves, Row
-from studies.running.execution import NO_RESULT, NOT_BEGUN, LimitedExecutor, RunBroken
+from studies.running.case import Case, Curves, Row
+from studies.running.execution import NO_RESULT, NOT_BEGUN, ROOMY, LimitedExecutor, RunBroken
 from studies.running.failures import progress_console
 from studies.running.finished_cases import Rows, opened
 from studies.running.given_scenes import cases_of, contents

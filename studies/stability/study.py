@@ -19,7 +19,8 @@ from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSO
 from engine_models.scene.scene import Clearance, Clearances, Scene, Start
 from studies.judges.converged_truth import converged, followed
 from studies.judges.kinds import require, turns_steadily
-from studies.running.case import Case, Curves, Limits, Row, Value
+from studies.running.case import Case, Curves, Row, Value
+from studies.running.execution import Limits
 from studies.running.outcome import ended
 from studies.stability import theory
 from studies.stability.scalar import FREQUENCY_RAD_S, GROWING_STEP, measured_growth, oscillator

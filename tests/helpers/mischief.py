@@ -14,7 +14,8 @@ from engine_models.arms import Arm, Setting
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_free
-from studies.running.case import Case, Curves, Limits, Row
+from studies.running.case import Case, Curves, Row
+from studies.running.execution import Limits
 
 NAME = "tests.helpers.mischief"
 #: Held from one case to the next, as caches are.

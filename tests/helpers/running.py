@@ -11,9 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from studies.running.case import Limits
 from studies.running.closure import NUMERICAL_CODE, ROOT
-from studies.running.execution import LimitedExecutor
+from studies.running.execution import LimitedExecutor, Limits
 from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.

@@ -20,8 +20,7 @@ from engine_models.engines import ENGINES, engine_class
 from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import fields
-from studies.running.case import Limits
-from studies.running.execution import CaseEnded
+from studies.running.execution import CaseEnded, Limits
 from studies.running.processes import Processes
 from tests.helpers.command import Finished, crankslider
 

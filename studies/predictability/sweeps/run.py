@@ -20,8 +20,7 @@ from engine_models.memory import free_bytes
 from studies.predictability.sweeps.chunk import Chunk, Direction, Trial, failed_chunk, run_chunk, try_out
 from studies.predictability.sweeps.kept import IDENTITY, Kept, is_whole, opened
 from studies.predictability.sweeps.task import Task
-from studies.running.case import ROOMY
-from studies.running.execution import NO_RESULT, CaseEnded, LimitedExecutor, RunBroken
+from studies.running.execution import NO_RESULT, ROOMY, CaseEnded, LimitedExecutor, RunBroken
 from studies.running.failures import BadInput, note, progress_console
 from studies.running.processes import Processes
 from studies.running.provenance import engine_fingerprint
@@ -96,10 +95,12 @@ def run_sweep(
     jobs: int,
     cluster: Executors | None,
     hours: float,
+    begun: LimitedExecutor | None = None,
 ) -> None:
     """Run the members that ``path`` and its parts lack, and write the file once it has all.
 
-    They run in ``jobs`` processes here, or on a ``cluster``, and may take ``hours`` of processor time.
+    They run in ``jobs`` processes here, which may have ``begun``, or on a ``cluster``, and may take ``hours``
+    of processor time.
 
     Raises:
         BadInput: the sweep would take too much, or the parts are another sweep's.
@@ -111,7 +112,7 @@ def run_sweep(
         note(f"{path} has all {count} members already")
         return
     at_once = min(jobs, len(sweep.directions) or jobs)
-    with (cluster or (lambda: Processes(at_once)))() as pool:
+    with cluster() if cluster else begun or Processes(at_once) as pool:
         try:
             # Every process here tries them: so all begin, and load what they need, while the code is hashed.
             tried = range((1 if cluster else at_once) if count > FEW else 0)

@@ -20,8 +20,8 @@ from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task
 from studies.running import cluster as execution_cluster
 from studies.running import provenance, runner
-from studies.running.case import Limits
 from studies.running.cluster import cluster
+from studies.running.execution import Limits
 from studies.running.processes import Processes
 from studies.running.runner import run_study
 from tests.helpers.command import crankslider

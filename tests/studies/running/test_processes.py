@@ -14,8 +14,8 @@ import pytest
 from engine_models.arms import Arm
 from engine_models.engine import RunSettings
 from studies.running import runner
-from studies.running.case import Case, Limits
-from studies.running.execution import CaseEnded, RunBroken
+from studies.running.case import Case
+from studies.running.execution import CaseEnded, Limits, RunBroken
 from studies.running.outcome import run_case
 from studies.running.processes import Processes
 from studies.running.runner import run_study

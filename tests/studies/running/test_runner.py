@@ -21,8 +21,8 @@ from engine_models.scene.library import ideal_free
 from engine_models.scene.scene import Clearance, Clearances
 from studies import agreement
 from studies.running import runner
-from studies.running.case import Case, Limits
-from studies.running.execution import RunBroken
+from studies.running.case import Case
+from studies.running.execution import Limits, RunBroken
 from studies.running.outcome import run_case
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
