@@ -116,12 +116,12 @@ class Group:
         sums = [self.sum_names.index(f"normal{k}") for k in range(len(shared.contacts))]
         past = np.array([(0.0, 0.0, 0.0, 0.0, sum_) for sum_ in sums], members.PAST_RECORD)
         watching = members.Watching(self._observe, past, np.zeros(TOUCHES))
-        place = np.array([(0.0, 0, members.NEW, members.NEW, 0, 0)], members.PLACE_RECORD)
+        place = np.array([(0.0, 0, members.NEW, members.NEW, 0, 0, self._chunk)], members.PLACE_RECORD)
         own = shared._replace(kernel=self._face.functions, p=rows.p[0], method=self._face.tableau)
         companion, touches = self._companion(shared, beside), []
         while place["member"][0] < len(begins):
-            fixed = self._advance_one, self._set_gaps, own, rows, watching, companion, place
-            self._advance(*fixed, self._chunk, STEPS_PER_CALL)
+            fixed = self._advance_one, self._set_gaps, own, rows, watching, companion
+            self._advance(*fixed, place, STEPS_PER_CALL)
             touches.append(watching.touches[: place["touches"][0]].copy())
             place["touches"] = 0
             k = int(place["member"][0])

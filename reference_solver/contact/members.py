@@ -22,8 +22,9 @@ COMPILED_WITH = (types, loop, controlled_step, companion)
 OPTIONS = {**loop.OPTIONS, "nogil": True}
 
 #: Where a loop over members is: at which one, how its run's last call ended (``NEW`` before the first) and
-#: when that began; how its companion's ended; how many of its ``ends`` it has reached, and touches are noted.
-PLACE_RECORD = types.record("began_s", "member status beside reached touches")
+#: when that began; how its companion's ended; how many of its ``ends`` it has reached, and touches are noted;
+#: and after how many steps a single run's loop comes back.
+PLACE_RECORD = types.record("began_s", "member status beside reached touches chunk")
 NEW = -1
 #: A contact up to the last step: its phase, the penetration and its rate, its impulse at the touch; and which
 #: of the sums is the impulse.
@@ -103,7 +104,7 @@ def advance_type(of_loop: Any, notes: np.dtype[np.void]) -> Any:
     state = (CONTACTS, ARRAY, gaps, ARRAY, control, CLOCK, TABLE, EVENTS, TABLE, ARRAY, TABLE)
     beside = NumbaTuple((int64, *state), companion.Companion)
     by_address = FunctionType(single), loop.AT_STATE
-    return int64(*by_address, run, members, watching, beside, PLACES, int64, int64)
+    return int64(*by_address, run, members, watching, beside, PLACES, int64)
 
 
 @register_jitable(**INNER)
@@ -141,13 +142,14 @@ def clear(run, weights):
 
 
 @register_jitable(**INNER)
-def set_going(run, here, chunk):
+def set_going(run, here):
     """Prepare the call of a run's loop: it goes on after a pause, or begins as a single run's call does."""
     now = run.clock[0]
     if here.status == types.PAUSED:
         now.watched = types.RESUMED
     else:
-        now.watched, now.events, now.budget, here.began_s = types.WATCHED, 0, now.steps + chunk, now.time
+        now.watched, now.events, here.began_s = types.WATCHED, 0, now.time
+        now.budget = now.steps + here.chunk
 
 
 @register_jitable(**INNER)
@@ -195,12 +197,11 @@ def accompany(advance_one, set_gaps, own, members, beside, here, first):
         companion.follow(own, other, members.of_contacts[k], beside, growth, set_gaps)
 
 
-def advance(advance_one, set_gaps, run, members, watching, beside, place, chunk, most):
+def advance(advance_one, set_gaps, run, members, watching, beside, place, most):
     """Advance members one after another from a place on; return how many steps were taken.
 
     It comes back where all are through, or, to be called again, after ``most`` steps and where there may be
-    no room for touches. ``chunk`` is the number of steps after which a single run's loop comes back. A run
-    has ended as ``DONE``, or as ``FAILED`` for whatever reason.
+    no room for touches. A run has ended as ``DONE``, or as ``FAILED`` for whatever reason.
     """
     here, taken = place[0], 0
     room = len(watching.touches) - TOUCHES_AT_ONCE * len(watching.past)
@@ -214,7 +215,7 @@ def advance(advance_one, set_gaps, run, members, watching, beside, place, chunk,
             observe(own, members, watching, here, -1)
             here.reached, here.beside = 0, NEW
         while True:
-            set_going(own, here, chunk)
+            set_going(own, here)
             first = now.events
             if beside.wanted and here.beside != NEW:  # round-off in what decides steps would tell them apart
                 beside.control[0] = own.control[0]
