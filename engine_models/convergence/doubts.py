@@ -1,4 +1,4 @@
-"""What a run is warned of: quality that is doubtful, and a slider that is not known well."""
+"""What a run is warned of: doubtful quality, a slider that is not known well, settings without effect."""
 
 from engine_models.convergence.own_uncertainty import DOUBTFUL_PART, doubtful_from_s
 from engine_models.engine import Engine, SimulationFailed, Trajectory
@@ -17,6 +17,8 @@ def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) ->
     if (failure := quality.failure()) is not None:
         raise SimulationFailed(failure)
     lines = quality.warnings()
+    if isinstance(engine, ReferenceEngine):
+        lines += [f"{name} changes nothing with {by}" for name, by in engine.idle().items()]
     # The readable face is slow, and its runs are those of the compiled one to round-off.
     if isinstance(engine, ReferenceEngine) and engine.kernel == "compiled" and not to_tolerance:
         try:

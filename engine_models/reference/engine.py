@@ -83,6 +83,16 @@ class ReferenceEngine:
                 "reference runs rigid contact with stabilisation = projection and locate_events only"
             )
 
+    def idle(self) -> dict[str, str]:
+        """Return the settings other than their defaults that change nothing, with that which says so."""
+        of_method = ("steps_per_contact",) if self.controls_error else ("tolerance",)
+        idle = dict.fromkeys(of_method, f"method = {self.method}")
+        if self.stabilisation != "baumgarte":
+            of_feedback = ("baumgarte_alpha_s", "baumgarte_beta_s")
+            idle |= dict.fromkeys(of_feedback, f"stabilisation = {self.stabilisation}")
+        default = ReferenceEngine()
+        return {name: by for name, by in idle.items() if getattr(self, name) != getattr(default, name)}
+
     def twin(self, scene: Scene) -> Scene:
         """Return the scene itself: the reference solves every law."""
         self.check(scene)

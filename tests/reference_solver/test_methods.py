@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import DOP853
 
-from reference_solver.methods import RK4, stages, step
+from reference_solver.methods import RK4, dop853, stages, step
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +30,23 @@ def test_the_classical_tableau_meets_all_conditions_of_order_four() -> None:
     }
     for tree, (found, expected) in conditions.items():
         assert abs(found - expected) < 1e-15, tree
+
+
+def test_the_table_of_order_eight_is_that_of_scipys_own_solver() -> None:
+    method = dop853()
+    assert method.embedded is not None
+    rows = {
+        "nodes": (method.nodes, DOP853.C),
+        "weights": (method.weights, DOP853.B),
+        "error estimates": (method.embedded.estimates, [DOP853.E5[:12], DOP853.E3[:12]]),
+        "nodes of dense output": (method.embedded.nodes, DOP853.C_EXTRA),
+        "matrix of dense output": (method.embedded.matrix, DOP853.A_EXTRA),
+        "dense output": (method.embedded.dense, DOP853.D),
+    }
+    for name, (found, expected) in rows.items():
+        np.testing.assert_array_equal(found, expected, name)
+    for k, row in enumerate(method.matrix):
+        np.testing.assert_array_equal(row, DOP853.A[k, :k])
 
 
 @dataclass

@@ -1,5 +1,7 @@
 """A run of the reference that shorter steps change warns of it, and one held to a tolerance does not."""
 
+import pytest
+
 from engine_models.convergence.doubts import doubts
 from engine_models.engine import RunSettings
 from engine_models.reference.engine import ReferenceEngine
@@ -22,3 +24,26 @@ def test_a_slider_that_they_leave_where_it_is_is_not() -> None:
     short = SCENE.model_copy(update={"end_time_s": 0.002})
     engine, settings = ReferenceEngine(), RunSettings(1e-5, 20)
     assert doubts(engine, short, engine.simulate(short, settings), to_tolerance=False) == []
+
+
+@pytest.mark.parametrize(
+    ("engine", "lines"),
+    [
+        (ReferenceEngine(tolerance=1e-6), ["tolerance changes nothing with method = rk4"]),
+        (ReferenceEngine(method="dop853", tolerance=1e-6), []),
+        (
+            ReferenceEngine(method="dop853", steps_per_contact=50.0),
+            ["steps_per_contact changes nothing with method = dop853"],
+        ),
+        (
+            ReferenceEngine(baumgarte_alpha_s=50.0),
+            ["baumgarte_alpha_s changes nothing with stabilisation = projection"],
+        ),
+        (ReferenceEngine(stabilisation="baumgarte", baumgarte_alpha_s=50.0), []),
+    ],
+    ids=["tolerance", "used tolerance", "steps per contact", "feedback", "used feedback"],
+)
+def test_a_setting_that_changes_nothing_is_told(engine: ReferenceEngine, lines: list[str]) -> None:
+    short = SCENE.model_copy(update={"end_time_s": 0.001})
+    run = engine.simulate(short, RunSettings(1e-5, 10))
+    assert doubts(engine, short, run, to_tolerance=False) == lines

@@ -10,6 +10,8 @@ from tests.helpers.command import crankslider
 
 CALL = "import sys; from studies.command.main import main\ntry: main()\nfinally: print(*sys.modules)"
 SIMULATE = ("simulate", "ideal-free", "--end", 0.01, "--out")
+#: Parts of SciPy, which take as long to load as all else that a run by DOP853 needs.
+SLOW = {"scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.stats"}
 
 
 def modules(*arguments: object) -> set[str]:
@@ -29,3 +31,15 @@ def test_a_kernel_that_is_kept_is_loaded_without_what_a_compiler_knows(tmp_path:
     loaded = modules(*SIMULATE, tmp_path / "second.csv")
     assert "numba" in loaded
     assert loaded & {"numba.np.arraymath", "scipy.linalg", "pandas", "matplotlib", "rich.progress"} == set()
+
+
+def test_a_run_by_dop853_loads_nothing_of_scipy_but_a_table(tmp_path: Path) -> None:
+    assert modules(*SIMULATE, tmp_path / "run.csv", "--set", "method=dop853") & SLOW == set()
+
+
+def test_what_runs_members_loads_nothing_of_scipy_but_a_table() -> None:
+    call = "import sys, studies.predictability.sweeps.chunk; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "reference_solver.contact.controlled_step" in loaded
+    assert loaded & SLOW == set()

@@ -30,6 +30,18 @@ def test_two_processes_write_the_rows_and_a_picture_that_one_gives_in_the_librar
     assert same.frame[CLEARANCE].tolist() == [1e-5, 1e-5, 1e-4, 1e-4, 1e-3, 1e-3]
 
 
+def test_a_tolerance_among_the_settings_is_that_of_the_members() -> None:
+    loose, sharp = (
+        cs.sweep(SCENE, {CLEARANCE: [5e-4]}, revolutions=0.5, jobs=1, settings=settings).frame
+        for settings in ({}, {"tolerance": 1e-9})
+    )
+    same = cs.sweep(
+        SCENE, {CLEARANCE: [5e-4]}, revolutions=0.5, jobs=1, settings={"method": "dop853", "tolerance": 1e-9}
+    ).frame
+    pd.testing.assert_frame_equal(sharp, same, check_exact=True)
+    assert (loose["impact_speed_m_s"] != sharp["impact_speed_m_s"]).all()
+
+
 @pytest.mark.parametrize(
     ("options", "pieces"),
     [
