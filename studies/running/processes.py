@@ -93,16 +93,14 @@ class Processes(LimitedExecutor):
 
 @contextmanager
 def beginning(jobs: int, module: str) -> Iterator[Processes]:
-    """Yield processes; the first import a module, by its path, while this one goes on. An error ends them."""
+    """Yield processes; the first import a module, by its path, while this one goes on. The end is theirs too."""
     pool = Processes(jobs)
     try:
         for _ in range(min(jobs, EARLY)):
             pool.submit(import_module, module)
         yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-    pool.shutdown()
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _keep_ctrl_c_from_children() -> None:
