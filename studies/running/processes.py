@@ -93,7 +93,7 @@ class Processes(LimitedExecutor):
 
 @contextmanager
 def beginning(jobs: int, module: str) -> Iterator[Processes]:
-    """Yield processes; the first import a module, by its path, while this one goes on. The end is theirs too."""
+    """Yield processes; the first import a module, by its path, while this one goes on; they end here."""
     pool = Processes(jobs)
     try:
         for _ in range(min(jobs, EARLY)):
