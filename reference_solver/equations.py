@@ -64,7 +64,7 @@ class Answer:
     ``powers`` are by name in W, normal forces in N (see ``Equations.power_names``); ``friction_N`` has the
     friction force of every contact, on its pin along t; ``removed_W`` is what Baumgarte's feedback takes
     away; ``damper_per_s`` is the rate of the damper that friction of pins that follow rigid walls is, 0
-    without; ``condition`` is that of [B][M]^-1[B]^T (see ``factorisation.Factors``), infinite where [B] has
+    without; ``condition`` is that of the constraints (see ``factorisation.Factors``), infinite where [B] has
     not full row rank or friction leaves such pins no mobility.
     """
 
@@ -213,25 +213,26 @@ class Equations:
         return array(F)
 
     def factors(self, B: Array) -> Factors:
-        """Return the factors of [B][M]^-1[B]^T; its inverse (6) is never formed."""
-        G = (B * self.inverse_mass) @ B.T
-        return Factors(named("g", G, "(5) [B][M]^-1[B]^T and its factors"), len(G) * PIVOT_TOLERANCE_PER_ROW)
+        """Return the factors of (2) and (4), [M]{x} - [B]^T{y} = {F}, [B]{x} = {c}.
+
+        (5) to (10) solve them by eliminating all of {x} at first, with [M]* = ([B][M]^-1[B]^T)^-1. Here that
+        goes first which takes no quotient; [M]* is never formed.
+        """
+        return Factors(np.diag(self.mass), B, len(B) * PIVOT_TOLERANCE_PER_ROW)
 
     def answer(self, t: Scalar, q: Array, v: Array, phases: Phases = None) -> Answer:
         """Return {q''} = {A}, {lambda} and powers, equations (3)-(10)."""
         system = self.system(t, q, v)
-        B = named("B", system.B, "(1) [B]")
         F, powers, friction = self.forces(q, v, phases)
-        free = named("f", self.inverse_mass * F, "(3) [M]^-1{F}")
-        factors = self.factors(B)
-        right, removed = system.C_dot - system.B_dot_v - B @ free, 0.0
+        factors = self.factors(named("B", system.B, "(1) [B]"))
+        right, removed = system.C_dot - system.B_dot_v, 0.0
         if self._baumgarte is not None:
             right, removed = self._fed_back(self._baumgarte, system, v, factors, right)
-        lambda_ = named("lambda", factors.solve(named("h", right, "(5) right-hand side")), "(7), (8)")
-        A = named("a", free + (B * self.inverse_mass).T @ lambda_, "(9), (10)")
+        A, lambda_ = factors.solve(F, named("h", right, "(4) right-hand side"))
+        A, lambda_ = named("a", A, "(9), (10)"), named("lambda", lambda_, "(7), (8)")
         ok, damper = factors.ok, 0.0
         if self.rubbing:
-            effect = rubbed(self.rubbing, State(q, v), self.inverse_mass, B, factors, lambda_)
+            effect = rubbed(self.rubbing, State(q, v), factors, lambda_)
             A, lambda_, ok = A + effect.change, effect.multipliers, both(ok, effect.ok)
             damper = effect.damper_per_s
             for pin, force, lost in zip(self.rubbing, effect.forces, effect.powers, strict=True):
@@ -245,7 +246,7 @@ class Equations:
     def _fed_back(
         self, gains: Baumgarte, system: System, v: Array, factors: Factors, right: Array
     ) -> tuple[Array, Scalar]:
-        """Return the right-hand side of (5) with Baumgarte's feedback, and the power that this takes away.
+        """Return the right-hand side of (4) with Baumgarte's feedback, and the power that this takes away.
 
         The feedback adds -[M]*(2 alpha g' + beta^2 g) to {lambda}, with g' = [B]{q'} - {C}, and its forces do
         the power of these multipliers times [B]{q'}. The part times {C} is in the drivers' work already; what
@@ -256,21 +257,22 @@ class Equations:
         """
         drift = named("drift", system.B @ v - system.C, "Baumgarte's feedback")
         feedback = named("feedback", 2 * gains.alpha_s * drift + gains.beta_s * gains.beta_s * system.g)
-        return right - feedback, factors.solve(drift) @ feedback
+        _, multipliers = factors.solve(np.zeros(self.n), drift)
+        return right - feedback, multipliers @ feedback
 
     def mobilities(self, q: Array) -> list[Scalar]:
         """Return three mobilities in 1/kg of every contact, (3K,): a speed per unit of its own impulse.
 
         They are along the normal, of sliding (0 without friction), and of the pin's centre along its wall. A
-        row N of a speed has N ([M]^-1 - [M]^-1 [B]^T ([B][M]^-1[B]^T)^-1 [B][M]^-1) N^T.
+        row N of a speed has N x, with x the answer of (2) and (4) to a force N^T alone.
         """
         still = np.zeros(self.n)
         state, B = State(q, still), self.system(0.0, q, still).B
         factors, mobilities = self.factors(B), list[Scalar]()
 
         def mobility(row: Array) -> Scalar:
-            held = B @ (self.inverse_mass * row)
-            return row @ (self.inverse_mass * row) - held @ factors.solve(held)
+            speeds, _ = factors.solve(row, np.zeros(len(B)))
+            return row @ speeds
 
         for joint in self.mechanism.contacts:
             bearing, pin = ends_of(joint, state)
@@ -341,16 +343,15 @@ class Equations:
         """Return q moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
 
         It is the least change in the norm of [M], one Newton step, which leaves a violation quadratic in the
-        one before. The energy is no difference of nearly equal ones: the move is -[M]^-1[B]^T{mu}, along
-        which the forces with a potential, {Q}, do the work -{mu}^T[B][M]^-1{Q}: exactly where they are
-        constant, else but for terms quadratic in the move, which is itself of order h^5.
+        one before: (2) and (4) without forces, and with {g} on the right. The energy is no difference of
+        nearly equal ones, but the work that the forces with a potential do along the move: exactly where they
+        are constant, else but for terms quadratic in the move, which is itself of order h^5.
         """
         system = self.system(t, q, np.zeros(self.n))
         factors = self.factors(named("B", system.B, "(1) [B]"))
-        BW = system.B * self.inverse_mass
-        mu = named("mu", factors.solve(system.g), "multipliers of the move")
-        removed = -(mu @ (BW @ self.stored_force(q, phases)))
-        return named("new", q - BW.T @ mu, "projection of {q}"), removed, factors.ok
+        move, _ = factors.solve(np.zeros(self.n), system.g)
+        removed = -(named("move", move) @ self.stored_force(q, phases))
+        return named("new", q - move, "projection of {q}"), removed, factors.ok
 
     def _project_v(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Scalar, Scalar]:
         """Return q' moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
@@ -360,7 +361,7 @@ class Equations:
         """
         system = self.system(t, q, v)
         factors = self.factors(named("B", system.B, "(1) [B]"))
-        mu = named("mu", factors.solve(system.B @ v - system.C), "multipliers of the move")
-        new = named("new", v - (system.B * self.inverse_mass).T @ mu, "projection of {q'}")
+        move, _ = factors.solve(np.zeros(self.n), system.B @ v - system.C)
+        new = named("new", v - move, "projection of {q'}")
         removed = sum(m / 2 * ((a - b) * (a + b)) for m, a, b in zip(self.mass, v, new, strict=True))
         return new, removed, factors.ok

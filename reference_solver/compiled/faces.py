@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from reference_solver.compiled.crossing import crossed
-from reference_solver.compiled.kernel import Topology, slopes_of, source_of
+from reference_solver.compiled.kernel import Topology, forces_of, slopes_of, source_of
 from reference_solver.compiled.store import callee, compiled, load_kernel
 from reference_solver.contact import loop as contact_loop
 from reference_solver.contact.force import gap
-from reference_solver.contact.types import DONE, FAILED, SAMPLE, SPENT, Motion, Run
+from reference_solver.contact.types import DONE, FAILED, SPENT, Motion, Run
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff
 from reference_solver.mechanism.points import State
@@ -70,8 +70,8 @@ def from_sample_to_sample(run: Run) -> int:
         elif done < due:
             status = SPENT
         else:
-            condition = kernel.slopes(run.p, run.contacts, times[taken], SAMPLE, 1.0, motion.y, run.slopes)
-            samples[taken, :size], samples[taken, size:] = motion.y, run.slopes[SAMPLE, size:]
+            condition = kernel.forces(run.p, run.contacts, times[taken], motion.y, taken, samples)
+            samples[taken, :size] = motion.y
             now["least"] = min(now["least"], condition)
             taken, status = taken + 1, DONE if condition < np.inf else FAILED
         now["taken"] = taken
@@ -151,18 +151,34 @@ class ReadableFace:
         """Set a row of slopes at coordinates and velocities y (see ``slopes_of``); return the condition."""
         n = self.equations.n
         answer = self.equations.answer(t, y[:n], y[n : 2 * n], phases_of(contacts))
-        slopes[row] = slopes_of(answer, y[n : 2 * n], rate, self.equations.own_rows)
+        slopes[row, : len(y)] = slopes_of(answer, y[n : 2 * n], rate)
         return float(answer.condition)
 
-    def move(self, _: object, contacts: RecordArray, t: float, motion: Motion) -> bool:
-        """Move a motion onto the constraints; what that removes is added to its last sum."""
-        if not self._topology.projected:
-            return True
-        motion.q[:], motion.v[:], removed, ok = self.equations.project(
-            t, motion.q, motion.v, phases_of(contacts)
-        )
-        motion.sums[-1] += removed
-        return bool(ok)
+    def forces(
+        self, _: object, contacts: RecordArray, t: float, y: FloatArray, row: int, samples: FloatArray
+    ) -> float:
+        """Set the forces of a row of samples at coordinates and velocities in y; return the condition."""
+        n, size = self.equations.n, len(y)
+        answer = self.equations.answer(t, y[:n], y[n : 2 * n], phases_of(contacts))
+        forces = forces_of(answer, self.equations.own_rows)
+        samples[row, size : size + len(forces)] = forces
+        return float(answer.condition)
+
+    def arrive(
+        self, _: object, contacts: RecordArray, t: float, row: int, motion: Motion, slopes: FloatArray
+    ) -> float:
+        """Move a motion onto the constraints, and set a row of slopes there; return the condition.
+
+        What the move removes is added to its last sum.
+        """
+        if self._topology.projected:
+            motion.q[:], motion.v[:], removed, ok = self.equations.project(
+                t, motion.q, motion.v, phases_of(contacts)
+            )
+            if not ok:
+                return math.inf
+            motion.sums[-1] += removed
+        return self.slopes(None, contacts, t, row, 1.0, motion.y, slopes)
 
     def gaps(self, _: object, contacts: RecordArray, t: float, motion: Motion) -> bool:
         """Set the contacts' gaps of a motion at t; return whether it could."""

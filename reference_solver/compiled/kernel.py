@@ -290,21 +290,39 @@ class Kernel:
         """
         draft = self.begin()
         answer = self.call_answer(draft, draft.t, draft.q, draft.v)
-        values = slopes_of(answer, draft.v, draft.tape.input("rate"), self.equations.own_rows)
+        values = slopes_of(answer, draft.v, draft.tape.input("rate"))
         arguments = ["p", "contacts", "t", "row", "rate", "y", "slopes"]
         self.entry("slopes", arguments, draft, answer.condition, places("slopes[row, {}]", values), "y")
 
-    def move(self) -> None:
-        """Write ``move(p, contacts, t, motion)``: a motion onto the constraints; False on failure.
+    def forces(self) -> None:
+        """Write ``forces(p, contacts, t, y, row, samples)``, which returns the condition.
 
-        What that removes is added to the last of the sums.
+        That is infinite on failure. A row of samples gets those of ``forces_of``, behind y.
+        """
+        draft = self.begin()
+        answer = self.call_answer(draft, draft.t, draft.q, draft.v)
+        first = 2 * self.n + len(self.powers) + 1
+        stores = places("samples[row, {}]", forces_of(answer, self.equations.own_rows), first)
+        arguments = ["p", "contacts", "t", "y", "row", "samples"]
+        self.entry("forces", arguments, draft, answer.condition, stores, "y")
+
+    def arrive(self) -> None:
+        """Write ``arrive(p, contacts, t, row, motion, slopes)``: a motion onto the constraints, its slopes.
+
+        It returns the condition there, infinite on failure. What the move removes is added to the last of
+        the sums.
         """
         draft, stores, ok = self.begin(), list[tuple[str, Scalar]](), True
+        q, v = draft.q, draft.v
         if self.topology.projected:
-            q, v, removed, ok = self.call_project(draft, draft.t, draft.q, draft.v)
+            q, v, removed, ok = self.call_project(draft, draft.t, q, v)
             last = f"motion.y[{2 * self.n + len(self.powers)}]"
             stores = [*places("motion.y[{}]", [*q, *v]), (last, draft.tape.input(last) + removed)]
-        self.entry("move", ["p", "contacts", "t", "motion"], draft, ok, stores, "motion.y")
+        answer = self.call_answer(draft, draft.t, q, v)
+        stores += places("slopes[row, {}]", slopes_of(answer, v, 1.0))
+        arguments = ["p", "contacts", "t", "row", "motion", "slopes"]
+        condition = choose(ok, answer.condition, math.inf) if isinstance(ok, Value) else answer.condition
+        self.entry("arrive", arguments, draft, condition, stores, "motion.y")
 
     def gaps(self) -> None:
         """Write ``gaps(p, contacts, t, motion)``, which sets the gaps of a state; False on failure."""
@@ -387,20 +405,26 @@ class Kernel:
         self._define(ENTRY, "advance", arguments, [*lines, "return done, worst"])
 
 
-def slopes_of(answer: Answer, v: Array, rate: Scalar, own_rows: int) -> list[Scalar]:
-    """Return a row of slopes: rates of q, q' and sums, times ``rate``; {lambda} of own rows; contact forces.
+def slopes_of(answer: Answer, v: Array, rate: Scalar) -> list[Scalar]:
+    """Return a row of slopes: rates of q, q' and sums, times ``rate``.
 
     A projection acts between steps: the rate of what it removes is zero.
     """
-    changes = [*v, *answer.accelerations, *answer.powers.values(), answer.removed_W]
+    return [
+        rate * change for change in (*v, *answer.accelerations, *answer.powers.values(), answer.removed_W)
+    ]
+
+
+def forces_of(answer: Answer, own_rows: int) -> list[Scalar]:
+    """Return {lambda} of the mechanism's own rows, then normal force and friction of every contact."""
     normal = [answer.powers[f"normal{k}"] for k in range(len(answer.friction_N))]
     forces = [force for pair in zip(normal, answer.friction_N, strict=True) for force in pair]
-    return [*(rate * change for change in changes), *answer.multipliers[:own_rows], *forces]
+    return [*answer.multipliers[:own_rows], *forces]
 
 
-def places(pattern: str, values: Iterable[Scalar]) -> list[tuple[str, Scalar]]:
-    """Return values with the places where they go: their number in a pattern."""
-    return [(pattern.format(number), value) for number, value in enumerate(values)]
+def places(pattern: str, values: Iterable[Scalar], first: int = 0) -> list[tuple[str, Scalar]]:
+    """Return values with the places where they go: their number, from the first's on, in a pattern."""
+    return [(pattern.format(number), value) for number, value in enumerate(values, first)]
 
 
 @cache
@@ -415,8 +439,9 @@ def source_of(topology: Topology) -> str:
     if topology.projected:
         kernel.projection()
     kernel.slopes()
+    kernel.forces()
     if controlled:
-        kernel.move()
+        kernel.arrive()
     elif topology.by_events:
         kernel.contact_step()
     else:

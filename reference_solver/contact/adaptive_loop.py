@@ -33,8 +33,8 @@ from reference_solver.contact.controlled_step import (
     trial,
     within,
 )
-from reference_solver.contact.loop import AT_STATE, INNER, MOBILITIES, OPTIONS, SLOPES
-from reference_solver.contact.types import FAILED, FLIGHT, GO, PAUSED, RESUMED, SETTLE
+from reference_solver.contact.loop import ARRIVE, AT_STATE, FORCES, INNER, MOBILITIES, OPTIONS, SLOPES
+from reference_solver.contact.types import FAILED, FLIGHT, GO, PAUSED, SETTLE
 
 __all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "Kernel", "advance"]
 
@@ -59,11 +59,12 @@ class Kernel(NamedTuple):
 
     slopes: object
     gaps: object
-    move: object
+    forces: object
+    arrive: object
     mobilities: object
 
 
-KERNEL = NumbaTuple((SLOPES, AT_STATE, AT_STATE, MOBILITIES), Kernel)
+KERNEL = NumbaTuple((SLOPES, AT_STATE, FORCES, ARRIVE, MOBILITIES), Kernel)
 ADVANCE = loop.advance_type(KERNEL)
 
 
@@ -392,7 +393,7 @@ def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
     now, control = run.clock[0], run.control[0]
     status = GO
-    if now.watched != RESUMED:
+    if not now.resumed:
         loop.close_at_start(run)
         status = set_out(run)
     while status == GO:

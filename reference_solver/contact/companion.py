@@ -92,7 +92,6 @@ def step(advance_one, own, other, status):
     now = other.clock[0]
     now.end = own.clock[0].end
     for _ in range(3):  # the log may be full, or an end be reached that is not the last
-        now.watched = types.RESUMED if status == types.PAUSED else types.WATCHED
         if status != types.PAUSED:
             now.events, now.budget = 0, now.steps + 2
         status = advance_one(other)

@@ -21,7 +21,7 @@ DENSE_ROWS = 3 + len(dop853().embedded.dense)
 #: 1 over the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
 WEIGHT = dop853().embedded.slopes
 DENSE_ROW = WEIGHT + 1
-ROWS = DENSE_ROW + DENSE_ROWS + 4
+ROWS = DENSE_ROW + DENSE_ROWS + 3
 
 #: Step control: safety factor, bounds of what a step changes by, and the weight of the error before.
 SAFETY, LEAST, MOST, BETA = 0.8, 0.2, 8.0, 0.04
@@ -83,7 +83,7 @@ def set_out(run):
     return GO if condition < np.inf else FAILED
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def add(out, scale, weights, rows, slopes):
     """Add ``scale`` times the sum of the first rows of slopes by weights."""
     for j in range(rows):
@@ -148,10 +148,7 @@ def finish(run, t):
 
     A step is not to end too near to a singular position: the next one would begin with what is amplified.
     """
-    kernel, p, contacts, new = run.kernel, run.p, run.contacts, run.new
-    if not kernel.move(p, contacts, t, new):
-        return False
-    condition = kernel.slopes(p, contacts, t, END, 1.0, new.y, run.slopes)
+    condition = run.kernel.arrive(run.p, run.contacts, t, END, run.new, run.slopes)
     return condition < methods.MOST_APART * run.control[0].least
 
 

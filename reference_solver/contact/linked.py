@@ -6,6 +6,7 @@ loop with dozens of small functions that was a third of the time.
 
 from typing import Any
 
+from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, _LowerResult
 from numba.core.compiler_machinery import LoweringPass, register_pass
@@ -23,6 +24,20 @@ class LinkedCode(JITCodeLibrary):
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
         self._finalized = True
+
+
+class WholeCode(JITCodeLibrary):
+    """Code that calls linked functions, which nobody else can.
+
+    So LLVM may leave out of an argument what is not used, and puts each function that is called once in the
+    place of its call. Numba hands on every number of a tuple of arrays, and a run has 180.
+    """
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if function.linkage is Linkage.linkonce_odr:
+                function.linkage = Linkage.internal
+        super()._optimize_final_module()
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -56,3 +71,13 @@ class InnerCompiler(Compiler):
             pipeline.add_pass_after(Callable, NativeLowering)
             pipeline.finalize()
         return pipelines
+
+
+class WholeCompiler(Compiler):
+    """The compiler of what calls them, an option of its: ``pipeline_class``."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *others: Any) -> None:
+        if library is None:
+            library = WholeCode(targetctx.codegen(), "whole")
+            library.enable_object_caching()
+        super().__init__(typingctx, targetctx, library, *others)

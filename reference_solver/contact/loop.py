@@ -16,15 +16,16 @@ from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver import methods
 from reference_solver.contact import types
-from reference_solver.contact.linked import InnerCompiler
+from reference_solver.contact.linked import InnerCompiler, WholeCompiler
 
 #: Modules whose constants the machine code has taken over.
 COMPILED_WITH = (types,)
 
 #: All memory is the caller's, so that references of arrays need not be counted, which took half of the time.
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+PLAIN = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+OPTIONS = {**PLAIN, "pipeline_class": WholeCompiler}
 INNER = {
-    **OPTIONS,
+    **PLAIN,
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
     "pipeline_class": InnerCompiler,
@@ -40,8 +41,10 @@ TABLEAU = NumbaTuple((float64, ARRAY, TABLE, ARRAY, TABLE, TABLE), methods.Table
 RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), types.Records)
 STEP = FunctionType(float64(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
 SLOPES = FunctionType(float64(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
+FORCES = FunctionType(float64(ARRAY, CONTACTS, float64, ARRAY, int64, TABLE))
 MOBILITIES = FunctionType(boolean(ARRAY, ARRAY, int64, TABLE))
 AT_STATE = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION))
+ARRIVE = FunctionType(float64(ARRAY, CONTACTS, float64, int64, MOTION, TABLE))
 
 
 class Kernel(NamedTuple):
@@ -49,6 +52,7 @@ class Kernel(NamedTuple):
 
     step: object
     slopes: object
+    forces: object
     mobilities: object
 
 
@@ -58,11 +62,11 @@ def advance_type(kernel):
     return int64(NumbaTuple(parts, types.Run))
 
 
-KERNEL = NumbaTuple((STEP, SLOPES, MOBILITIES), Kernel)
+KERNEL = NumbaTuple((STEP, SLOPES, FORCES, MOBILITIES), Kernel)
 ADVANCE = advance_type(KERNEL)
 
 #: The slope that makes dense output a quartic; rows of slopes in all.
-BUMP, ROWS = 0, 5
+BUMP, ROWS = 0, 4
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
 #: Mobilities are looked up again after so many steps, in which bodies turn little.
@@ -405,16 +409,16 @@ def bump_of(change, slope, new_slope, inside):
 
 @register_jitable(**INNER)
 def write(run, t, motion):
-    """Write the sample of a state, of which rates are found on the way; return whether it could."""
+    """Write the sample of a state; return whether it could."""
     now, samples, contacts = run.clock[0], run.records.samples, run.contacts
-    row, size, width = now.taken, len(motion.y), run.slopes.shape[1]
-    condition = run.kernel.slopes(run.p, contacts, t, types.SAMPLE, 1.0, motion.y, run.slopes)
+    row, phases = now.taken, samples.shape[1] - 2 * len(contacts)
+    condition = run.kernel.forces(run.p, contacts, t, motion.y, row, samples)
     now.least = min(now.least, condition)
-    for c in range(width):
-        samples[row, c] = motion.y[c] if c < size else run.slopes[types.SAMPLE, c]
+    for c in range(len(motion.y)):
+        samples[row, c] = motion.y[c]
     for k in range(len(contacts)):
-        samples[row, width + 2 * k] = contacts[k].phase
-        samples[row, width + 2 * k + 1] = contacts[k].memory
+        samples[row, phases + 2 * k] = contacts[k].phase
+        samples[row, phases + 2 * k + 1] = contacts[k].memory
     now.taken += 1
     return condition < np.inf
 
@@ -532,7 +536,8 @@ def write_due(run):
 @register_jitable(**INNER)
 def due(now, log_rows):
     """Return GO if a step is to come, or how the call ends."""
-    if now.time >= now.end:
+    now.resumed = now.time < now.end
+    if not now.resumed:
         return types.DONE
     if now.steps >= now.budget:
         return types.SPENT
@@ -564,7 +569,7 @@ def meet(run, event):
     if contact.rigid == 0.0:
         note(run, event)
         return types.GO
-    run.clock[0].rigid = event // 2
+    run.clock[0].rigid, run.clock[0].resumed = event // 2, 0
     return types.SETTLE
 
 
@@ -576,7 +581,7 @@ def advance(run):
     ends the call: whoever called settles it. A run that is watched pauses after every step.
     """
     now, contacts, old, new, times = run.clock[0], run.contacts, run.old, run.new, run.records.time
-    if now.watched != types.RESUMED:
+    if not now.resumed:
         close_at_start(run)
         if now.located:  # pins may have begun to follow rigid walls
             probe(run)

@@ -145,10 +145,8 @@ def clear(run, weights):
 def set_going(run, here):
     """Prepare the call of a run's loop: it goes on after a pause, or begins as a single run's call does."""
     now = run.clock[0]
-    if here.status == types.PAUSED:
-        now.watched = types.RESUMED
-    else:
-        now.watched, now.events, here.began_s = types.WATCHED, 0, now.time
+    if here.status != types.PAUSED:
+        now.watched, now.events, here.began_s = 1, 0, now.time
         now.budget = now.steps + here.chunk
 
 

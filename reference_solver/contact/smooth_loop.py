@@ -12,8 +12,8 @@ from numba.types import NamedTuple as NumbaTuple
 from reference_solver import methods
 from reference_solver.contact import controlled_step, loop, types
 from reference_solver.contact.controlled_step import ROWS, Course
-from reference_solver.contact.loop import AT_STATE, OPTIONS, SLOPES
-from reference_solver.contact.types import FAILED, GO, PAUSED, RESUMED
+from reference_solver.contact.loop import ARRIVE, FORCES, OPTIONS, SLOPES
+from reference_solver.contact.types import FAILED, GO, PAUSED
 
 __all__ = ["ADVANCE", "COMPILED_WITH", "KERNEL", "OPTIONS", "ROWS", "Kernel", "advance"]
 
@@ -25,17 +25,18 @@ class Kernel(NamedTuple):
     """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
 
     slopes: object
-    move: object
+    forces: object
+    arrive: object
 
 
-KERNEL = NumbaTuple((SLOPES, AT_STATE), Kernel)
+KERNEL = NumbaTuple((SLOPES, FORCES, ARRIVE), Kernel)
 ADVANCE = loop.advance_type(KERNEL)
 
 
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does, with error control."""
     now, control = run.clock[0], run.control[0]
-    status = GO if now.watched == RESUMED else controlled_step.set_out(run)
+    status = GO if now.resumed else controlled_step.set_out(run)
     while status == GO:
         if not loop.write_due(run):
             return FAILED

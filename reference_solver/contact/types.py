@@ -17,9 +17,6 @@ FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 #: after any step of a run that is watched. It goes on until then.
 DONE, SPENT, FULL, FAILED, SETTLE, PAUSED, GO = range(7)
 
-#: Whether the clock's run is watched; and that it goes on where it paused, as if it had not.
-WATCHED, RESUMED = 1, 2
-
 
 def record(floats: str, integers: str = "") -> np.dtype[np.void]:
     """Return the type of records with these fields, named with blanks between them."""
@@ -50,10 +47,11 @@ EVENT_RECORD = np.dtype(
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
 #: contact, the step tried last, the end, the worst condition so far and the least at a sample; whether events
 #: are located; events, samples and steps so far, the most steps, the contact whose event on a rigid wall is
-#: to be settled, and whether the run is watched.
+#: to be settled, whether the run is watched, and whether it goes on where its last call paused, as if that
+#: had not ended: slopes at the start of a step are known then, and differ by round-off from such anew.
 CLOCK_RECORD = record(
     "time lost longest per_contact tried end condition least",
-    "located events taken steps budget rigid watched",
+    "located events taken steps budget rigid watched resumed",
 )
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the
@@ -132,8 +130,8 @@ class Records(NamedTuple):
 class Run(NamedTuple):
     """What a loop works on: a mechanism's kernel and its parameters, contacts (K,), the state, and records.
 
-    ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y, and
-    behind them {lambda} and the contacts' forces as samples do; the last ones are ``START`` to ``SPARE``.
+    ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y; the
+    last ones are ``START`` to ``SPARE``.
     ``control`` (1,) is error control, by a ``method``, ``clock`` (1,) where the run is, ``knots`` are angles
     of bodies at which steps are to end.
     """
@@ -152,8 +150,8 @@ class Run(NamedTuple):
     knots: RecordArray
 
 
-#: Rows of a run's slopes: at both ends of a step, at a sample, and a number per contact.
-START, END, SAMPLE, SPARE = -4, -3, -2, -1
+#: Rows of a run's slopes: at both ends of a step, and three numbers per contact.
+START, END, SPARE = -3, -2, -1
 
 
 def new_run(
@@ -171,9 +169,9 @@ def new_run(
     """
     (n, sums, multipliers), K = sizes, len(contacts)
     old, new, at = (Motion(n, np.zeros(2 * n + sums), np.zeros(K, GAP_RECORD)) for _ in range(3))
-    slopes = np.zeros((rows, 2 * n + sums + multipliers + 2 * K))
+    slopes = np.zeros((rows, max(2 * n + sums, 3 * K)))
     log = np.zeros(log_rows, EVENT_RECORD), np.zeros((log_rows, sums))
-    records = Records(*log, times, np.zeros((len(times), slopes.shape[1] + 2 * K)))
+    records = Records(*log, times, np.zeros((len(times), 2 * n + sums + multipliers + 4 * K)))
     control, clock = np.zeros(1, CONTROL_RECORD), np.zeros(1, CLOCK_RECORD)
     where = np.array(list(knots), KNOT_RECORD)
     return Run(None, None, None, contacts, old, new, at, slopes, control, clock, records, where)

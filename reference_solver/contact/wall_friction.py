@@ -7,18 +7,18 @@ sticks. With T the row of sliding speed, which holds the torque arms R_i and R_j
 
     {q''} = [M]^-1 ({F} + [B]^T {lambda} + [T]^T {tau}),   tau = s lambda of the pin's own row, s = mu c f.
 
-Friction in r joints so changes the matrix of {lambda} by rank r, and makes it unsymmetric. [B][M]^-1[B]^T is
-factored as ever. With {lambda}_0 of no friction, [X] = ([B][M]^-1[B]^T)^-1 [B][M]^-1[T]^T and [X]_R those of
-its rows that belong to the r pins,
+Friction in r joints so changes the matrix of {lambda} by rank r, and makes it unsymmetric. The equations
+are factored as ever. With {lambda}_0 of no friction, [X] and [Y] the {q''} and the multipliers of forces [T]^T
+alone, and [Y]_R those rows of it that belong to the r pins,
 
-    {lambda} = {lambda}_0 - [X]{tau},   ([1] + [S][X]_R) {tau} = [S] {lambda}_0R,   [S] = diag(s).
+    {lambda} = {lambda}_0 + [Y]{tau},   ([1] - [S][Y]_R) {tau} = [S] {lambda}_0R,   [S] = diag(s).
 
 The pivots of this small matrix are, joint by joint, what friction makes of the joint's mobility along its
 normal, as a part of the one it has without. They have to be positive: otherwise a wall that pushes harder
 would bring the pin nearer (Painleve 1895; Genot and Brogliato 1999), and no force fits.
 
-Friction is a damper of v_t of rate mu F_n f' w at most, w = [T][M]^-1([T]^T - [B]^T[X]) being the mobility
-along t that the rows leave. Classical RK4 is stable up to h rate = 2.785. The step has to keep below with the
+Friction is a damper of v_t of rate mu F_n f' w at most, w = [T][X] being the mobility along t that the rows
+leave. Classical RK4 is stable up to h rate = 2.785. The step has to keep below with the
 law's steepest f', wherever v_t is: a reversal may come within any step, and a step beyond the limit would
 throw v_t from side to side.
 """
@@ -64,10 +64,8 @@ class Rubbed:
     ok: Scalar
 
 
-def rubbed(
-    pins: list[Rubbing], state: State, inverse_mass: Array, B: Array, factors: Factors, multipliers: Array
-) -> Rubbed:
-    """Return what friction of these pins changes, from [B] (m, n), its factors and {lambda} without it."""
+def rubbed(pins: list[Rubbing], state: State, factors: Factors, multipliers: Array) -> Rubbed:
+    """Return what friction of these pins changes, from the equations' factors and {lambda} without it."""
     n, rows = len(state.q), [pin.row for pin in pins]
     T = array([_sliding(pin.joint, state, n) for pin in pins])
     sliding = named("sliding", T @ state.v, "friction of pins that follow")
@@ -76,12 +74,10 @@ def rubbed(
         for pin, speed in zip(pins, sliding, strict=True)
     ]
     s = named("s", array(shares))
-    weighted = inverse_mass[:, None] * T.T
-    X = factors.solve(B @ weighted)
-    motion = weighted - (B * inverse_mass).T @ X
-    small = np.eye(len(rows)) + s[:, None] * X[rows]
+    X, Y = factors.solve(T.T, np.zeros((len(multipliers), len(T))))
+    small = np.eye(len(rows)) - s[:, None] * Y[rows]
     tau, pivots = eliminated(small, s * multipliers[rows])
-    lambda_ = multipliers - X @ named("tau", tau)
+    lambda_ = multipliers + Y @ named("tau", tau)
     ok: Scalar = True
     damper: Scalar = 0.0
     for i, pin in enumerate(pins):
@@ -89,9 +85,9 @@ def rubbed(
         # d tau/d v_t of each joint alone: of several the sum is not below the largest rate.
         pressing = larger(-(pin.joint.radial_clearance_m * lambda_[pin.row]), 0.0)
         slope = pin.law.coefficient * steepest(pin.law)
-        damper = damper + slope * pressing * (T[i] @ motion[:, i]) / small[i, i]
+        damper = damper + slope * pressing * (T[i] @ X[:, i]) / small[i, i]
     powers = [-(force * speed) for force, speed in zip(tau, sliding, strict=True)]
-    return Rubbed(motion @ tau, lambda_, tau, powers, damper, ok)
+    return Rubbed(X @ tau, lambda_, tau, powers, damper, ok)
 
 
 def _sliding(joint: ClearanceJoint, state: State, n: int) -> Array:

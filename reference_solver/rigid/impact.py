@@ -68,21 +68,15 @@ class Eliminated:
     """
 
     def __init__(self, equations: Equations, t: float, q: FloatArray, D: FloatArray, normals: int) -> None:
-        weighted = D.T * equations.inverse_mass[:, None]
+        factors = equations.factors(equations.constraint_matrix(q))
+        if not factors.ok:
+            equations.refuse_singular(t, q)
         #: {q'} per unit of each (n, k); the ideal joints' multipliers per unit of each (m, k).
-        self.motion, self.reactions = weighted, np.zeros((len(equations.C), len(D)))
-        if len(equations.C):
-            B = equations.constraint_matrix(q)
-            factors = equations.factors(B)
-            if not factors.ok:
-                equations.refuse_singular(t, q)
-            solved = factors.solve(B @ weighted)
-            self.reactions = -solved
-            self.motion = weighted - (B * equations.inverse_mass).T @ solved
+        self.motion, self.reactions = factors.solve(D.T, np.zeros((len(equations.C), len(D))))
         W = D @ self.motion
         #: W (k, k), the speeds along the rows per unit of each.
         self.W = (W + W.T) / 2
-        blocked = self.W.diagonal() < DEPENDENT * np.sum(D.T * weighted, axis=0)
+        blocked = self.W.diagonal() < DEPENDENT * (D * D @ equations.inverse_mass)
         if blocked[:normals].any():
             raise BlockedImpact(t)
 

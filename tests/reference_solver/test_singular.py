@@ -94,16 +94,20 @@ def test_a_light_link_is_badly_conditioned_all_the_time_and_steps_as_others_do(
 
 def test_the_condition_is_that_of_the_pivots() -> None:
     random = np.random.default_rng(0)
-    matrix = random.normal(size=(6, 6))
-    matrix = matrix @ matrix.T  # dense: rows are eliminated in their order, as by Cholesky
+    mass, B = np.diag(random.uniform(0.5, 2.0, 9)), random.normal(size=(6, 9))
+    matrix = B @ np.linalg.inv(mass) @ B.T  # dense: rows are eliminated in their order, as by Cholesky
     pivots = np.diag(np.linalg.cholesky(matrix)) ** 2
-    assert Factors(matrix, 1e-12).condition == pytest.approx(1 + np.sum(np.diag(matrix) / pivots), rel=1e-9)
-    assert Factors(np.eye(3), 1e-12).condition == 4
+    assert Factors(mass, B).condition == pytest.approx(1 + np.sum(np.diag(matrix) / pivots), rel=1e-9)
+
+
+def test_orthogonal_constraints_are_as_well_conditioned_however_they_are_eliminated() -> None:
+    for size in (1.0, 3.0):  # with a coordinate each, or after all of them
+        assert Factors(np.eye(3), size * np.eye(3)).condition == pytest.approx(4, rel=1e-15)
 
 
 def test_a_run_tells_the_worst_condition_of_its_stages() -> None:
-    passing = parallelograms(1)
-    run = solve(passing.mechanism, passing.q, passing.v, end_time_s=0.5, samples=100, step=5e-3)
+    passing = PASSING["free equal links"]()
+    run = solve(passing.mechanism, passing.q, passing.v, end_time_s=0.1, samples=100, step=1e-3)
     equations = Equations(passing.mechanism, passing.q)
     at_samples = [equations.answer(0.0, q, v).condition for q, v in zip(run.q, run.v, strict=True)]
     # It grows up to the end; the last stage is off the sample by RK4's error.

@@ -117,22 +117,59 @@ def test_what_depends_on_parameters_alone_is_computed_before_the_run() -> None:
     assert run(lines, results, **p, c=5.0) == pytest.approx(expected, rel=1e-15)
 
 
-def test_factors_solve_and_skip_zeros_of_values_as_of_numbers() -> None:
+#: Constraints [B] of three coordinates, of numbers and of a, b and c by name: coordinates that follow from
+#: others, alone and beside a constraint between those that are left, and constraints that all are of these.
+CONSTRAINTS = {
+    "one follows": [["a", -1.0, "c"]],
+    "one follows, one is between others": [[1.0, "a", "b"], ["c", "b", "a"]],
+    "two follow": [["a", 1.0, 0.0], ["c", "b", -1.0]],
+    "between": [["a", "b", 0.0], [0.0, "b", "c"]],
+    "none": [],
+}
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_factors_solve_for_values_as_for_numbers(name: str) -> None:
+    def problem(a: Any, b: Any, c: Any) -> tuple[Any, Any, Any, Any]:
+        mass = [[4.0 + a * a, b, 0.0], [b, 5.0 + b * b, c], [0.0, c, 6.0 + c * c]]
+        entries = {"a": a, "b": b, "c": c}
+        B = array([[entries.get(x, x) for x in row] for row in CONSTRAINTS[name]]).reshape(-1, 3)
+        return array(mass), B, array([a, b, c]), array([b + 1.0, a * b][: len(B)])
+
     def solved(a: Any, b: Any, c: Any) -> list[Any]:
-        matrix = array([[4.0 + a * a, b, 0.0], [b, 5.0 + b * b, c], [0.0, c, 6.0 + c * c]])
-        factors = Factors(matrix, 1e-12)
+        M, B, F, right = problem(a, b, c)
+        factors = Factors(M, B, 1e-12)
+        x, y = factors.solve(F, right)
+        many, _ = factors.solve(np.stack([F, 2.0 * F], axis=1), np.stack([right, 2.0 * right], axis=1))
+        return [*x, *y, *many[:, 1], factors.ok]
+
+    numbers = a, b, c = 0.3, -0.8, 0.5
+    M, B, F, right = problem(*numbers)
+    whole = np.block([[M, -B.T], [B, np.zeros((len(B), len(B)))]])
+    expected = np.linalg.solve(whole, [*F, *right])
+    lines, results, _ = written(solved)
+    for *found, ok in (run(lines, results, a=a, b=b, c=c), solved(*numbers)):
+        assert found == pytest.approx([*expected, *(2 * expected[:3])], rel=1e-12)
+        assert ok
+
+
+def test_dependent_constraints_are_not_ok() -> None:
+    for B in ([[1.0, 1.0], [1.0, 1.0]], [[2.0, 3.0], [4.0, 6.0]], [[0.0, 0.0]]):
+        factors = Factors(np.eye(2), np.array(B), 1e-12)
+        assert not factors.ok
+        assert np.isfinite(factors.solve(np.ones(2), np.zeros(len(B)))[0]).all()
+
+
+def test_a_small_matrix_is_eliminated_for_values_as_for_numbers() -> None:
+    def solved(a: Any, b: Any, c: Any) -> list[Any]:
         small, pivots = eliminated(array([[2.0 + a, b], [c, 3.0 + b]]), array([a, c]))
-        return [*factors.solve(array([a, b, c])), *small, *pivots, factors.ok]
+        return [*small, *pivots]
 
     a, b, c = 0.3, -0.8, 0.5
-    matrix = np.array([[4 + a * a, b, 0], [b, 5 + b * b, c], [0, c, 6 + c * c]])
-    expected = [*np.linalg.solve(matrix, [a, b, c]), *np.linalg.solve([[2 + a, b], [c, 3 + b]], [a, c])]
-    pivots = [2 + a, 3 + b - c * b / (2 + a)]
+    expected = np.linalg.solve([[2 + a, b], [c, 3 + b]], [a, c])
     lines, results, _ = written(solved)
     for found in (run(lines, results, a=a, b=b, c=c), solved(*np.array([a, b, c]))):
-        assert found[:7] == pytest.approx([*expected, *pivots], rel=1e-12)
-        assert found[7]
-    assert not Factors(np.array([[1.0, 1.0], [1.0, 1.0]]), 1e-12).ok
+        assert found == pytest.approx([*expected, 2 + a, 3 + b - c * b / (2 + a)], rel=1e-12)
 
 
 def test_a_lifted_mechanism_has_its_numbers_replaced_in_order_and_keeps_its_structure() -> None:

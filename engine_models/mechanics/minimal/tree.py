@@ -206,7 +206,9 @@ class Posture:
         free = [k for k in self._tree.places if k not in given]
         matrix = array([[M[i, j] for j in free] for i in free])
         rest = array([right[i] - sum((M[i, k] * given[k] for k in given), start=0.0) for i in free])
-        solved = given | dict(zip(free, Factors(matrix, 0.0).solve(rest), strict=True))
+        unconstrained = np.zeros((0, len(free)))
+        accelerations, _ = Factors(matrix, unconstrained).solve(rest, np.zeros(0))
+        solved = given | dict(zip(free, accelerations, strict=True))
         torque = sum((M[THETA, k] * solved[k] for k in solved), start=0.0) - right[THETA] if given else 0.0
         return [solved[k] for k in self._tree.places], torque
 

@@ -348,7 +348,7 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
 
     run = new_run(np.zeros(0, CONTACT_RECORD), (1, 0, 0), np.zeros(0), controlled_step.ROWS, 0)
     run.slopes[controlled_step.WEIGHT] = 1.0
-    kernel = smooth_loop.Kernel(slopes, None)
+    kernel = smooth_loop.Kernel(slopes, None, None)
     of = with_fields(run._replace(kernel=kernel, method=method))
     with np.errstate(all="ignore"):
         assert controlled_step.trial(of, controlled_step.Course(0.0, 0.0, 0.0), 1.0) == np.inf

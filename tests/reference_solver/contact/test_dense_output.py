@@ -53,9 +53,16 @@ def step(p, contacts, t, h, old, new):  # type: ignore[no-untyped-def]  # noqa: 
 
 @njit
 def slopes(p, contacts, t, row, rate, y, slopes):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """The rates at a state, and a multiplier."""
+    """The rates at a state."""
     rates = rate_of(y)
-    slopes[row, 0], slopes[row, 1], slopes[row, 2], slopes[row, 3] = rates[0], rates[1], rates[2], 7.0
+    slopes[row, 0], slopes[row, 1], slopes[row, 2] = rates[0], rates[1], rates[2]
+    return 1.0
+
+
+@njit
+def forces(p, contacts, t, y, row, samples):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """A multiplier."""
+    samples[row, 3] = 7.0
     return 1.0
 
 
@@ -72,7 +79,7 @@ def interpolation_errors(h: float) -> FloatArray:
     run.old.y[:], (now,) = start, run.clock
     now["longest"] = now["end"] = h
     now["located"] = now["budget"] = 1
-    functions = zip((step, slopes, mobilities), contact_loop.KERNEL, strict=True)
+    functions = zip((step, slopes, forces, mobilities), contact_loop.KERNEL, strict=True)
     kernel = contact_loop.Kernel(*(callee(function, kind) for function, kind in functions))
     loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
     assert loop(run._replace(kernel=kernel, p=np.zeros(0), method=tableau(RK4))) == DONE
