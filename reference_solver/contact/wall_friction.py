@@ -8,7 +8,7 @@ sticks. With T the row of sliding speed, which holds the torque arms R_i and R_j
     {q''} = [M]^-1 ({F} + [B]^T {lambda} + [T]^T {tau}),   tau = s lambda of the pin's own row, s = mu c f.
 
 Friction in r joints so changes the matrix of {lambda} by rank r, and makes it unsymmetric. The equations
-are factored as ever. With {lambda}_0 of no friction, [X] and [Y] the {q''} and the multipliers of forces [T]^T
+are factored as ever. With {lambda}_0 of no friction, [X] and [Y] the {q''} and multipliers of forces [T]^T
 alone, and [Y]_R those rows of it that belong to the r pins,
 
     {lambda} = {lambda}_0 + [Y]{tau},   ([1] - [S][Y]_R) {tau} = [S] {lambda}_0R,   [S] = diag(s).

@@ -119,7 +119,7 @@ def test_what_depends_on_parameters_alone_is_computed_before_the_run() -> None:
 
 #: Constraints [B] of three coordinates, of numbers and of a, b and c by name: coordinates that follow from
 #: others, alone and beside a constraint between those that are left, and constraints that all are of these.
-CONSTRAINTS = {
+CONSTRAINTS: dict[str, list[list[Any]]] = {
     "one follows": [["a", -1.0, "c"]],
     "one follows, one is between others": [[1.0, "a", "b"], ["c", "b", "a"]],
     "two follow": [["a", 1.0, 0.0], ["c", "b", -1.0]],
