@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from reference_solver.tape import Array, Scalar, Value, array, named, size
 
-#: Rows left at which no quotient waits for another any more: they are multiplied up instead.
+#: Rows left, a constraint among them, at which no quotient waits for another: they are multiplied up instead.
 FEW = 3
 
 
@@ -139,7 +139,8 @@ class Factors:
         column = self._taken(k)
         pivot = column.pop(k, 0.0)
         is_known = isinstance(pivot, Value) and pivot.node.known
-        scale = pivot if len(column) == len(self._left) < FEW and not is_known else 1.0
+        is_few = len(column) == len(self._left) < FEW and max(column, default=0) >= self._n
+        scale = pivot if is_few and not is_known else 1.0
         reciprocal = named(f"r{k}", 0.0 if _is_zero(pivot) else 1.0 / pivot)
         parts = {i: named(f"l{i}_{k}", x * reciprocal) for i, x in column.items()}
         taken = parts if _is_one(scale) else column
