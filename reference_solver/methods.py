@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, reduce
-from importlib.util import find_spec
 from runpy import run_path
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from reference_solver.tape import Array, FloatArray, Scalar, both, larger, named, smaller
 
@@ -72,8 +72,7 @@ def dop853() -> Method:
     Its table is SciPy's, read from the file that has nothing else: to import what is around it takes longer
     than to load everything else that a run needs.
     """
-    (scipy,) = find_spec("scipy").submodule_search_locations  # type: ignore[union-attr, misc]
-    table = run_path(f"{scipy}/integrate/_ivp/dop853_coefficients.py")
+    table = run_path(f"{scipy.__path__[0]}/integrate/_ivp/dop853_coefficients.py")
     nodes, matrix = table["C"].tolist(), table["A"].tolist()
     stages, end = len(table["B"]), len(table["B"]) + 1
     estimates = tuple(tuple(table[name][:stages].tolist()) for name in ("E5", "E3"))

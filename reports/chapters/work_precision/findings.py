@@ -80,9 +80,7 @@ def found(judged: Judged) -> Iterator[str]:
         f"{won} of {len(run)} scenes."
     )
     if shares := [share for race in run for share in race.cheaper]:
-        sentence += (
-            f" Where it is cheaper it takes {plain(min(shares))} to {plain(max(shares))} of their time."
-        )
+        sentence += f" Where it is cheaper it takes {_span(shares)} of their time."
     yield sentence
     for race in run:
         yield from (f"{race.scene} by {name}, {judged.work}: {each}" for each in _not_won(race, unit))
@@ -131,4 +129,6 @@ def races_table(judged: Judged) -> Table | None:
 
 
 def _span(shares: list[float]) -> str:
-    return f"{plain(min(shares))} to {plain(max(shares))}" if shares else ABSENT
+    return (
+        " to ".join(dict.fromkeys(plain(share) for share in (min(shares), max(shares)))) if shares else ABSENT
+    )
