@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from reference_solver.tape import Array, Scalar, Value, array, named, size
+from reference_solver.tape import Array, Scalar, Value, array, both, named, size
 
 #: Rows left, a constraint among them, at which no quotient waits for another: they are multiplied up instead.
 FEW = 3
@@ -80,7 +80,7 @@ class Factors:
     ``condition`` tells how nearly constraints depend on each other: it is 1, and 1 for each that goes with a
     coordinate, and for each other one its square over that of what the ones before have left of it, in the
     norm of [M]^-1; 1 + m where all are orthogonal, 1/eps where they depend on each other, NaN where an entry
-    is. ``ok`` says whether it is below 1 over ``tolerance``.
+    is. ``ok`` says whether it is below 1 over ``tolerance``, and pivots of coordinates are positive: no NaN.
     """
 
     def __init__(self, M: Array, B: Array, tolerance: float = 0.0) -> None:
@@ -92,6 +92,7 @@ class Factors:
         while pairs := [pair for k in self._left if k < n for pair in self._pairs(k)]:
             self._take_pair(*min(pairs)[1:])
         self.condition: Scalar = 1.0 + len(self._steps)
+        self.ok: Scalar = True
         scale: Scalar = 1.0
         while self._left:
             pivot = self._take(min(self._left, key=lambda k: (k >= n, len(self._rows[k]), k)))
@@ -100,8 +101,10 @@ class Factors:
                 squares = [x * x * (1.0 / above[j][j]) for j, x in row if not _is_zero(x)]
                 part = size(sum(squares, 0.0) * pivot.reciprocal * scale)
                 self.condition = self.condition + (math.inf if _is_zero(pivot.reciprocal) else part)
+            elif not _is_known(pivot.reciprocal):
+                self.ok = both(self.ok, pivot.reciprocal > 0.0)
             scale = scale * pivot.scale
-        self.ok: Scalar = tolerance * self.condition < 1.0
+        self.ok = both(self.ok, tolerance * self.condition < 1.0)
 
     def solve(self, F: Array, c: Array) -> tuple[Array, Array]:
         """Return {x} (n,) and {y} (m,), or (n, k) and (m, k) for as many right-hand sides."""
@@ -138,9 +141,8 @@ class Factors:
     def _take(self, k: int) -> Pivot:
         column = self._taken(k)
         pivot = column.pop(k, 0.0)
-        is_known = isinstance(pivot, Value) and pivot.node.known
         is_few = len(column) == len(self._left) < FEW and max(column, default=0) >= self._n
-        scale = pivot if is_few and not is_known else 1.0
+        scale = pivot if is_few and not _is_known(pivot) else 1.0
         reciprocal = named(f"r{k}", 0.0 if _is_zero(pivot) else 1.0 / pivot)
         parts = {i: named(f"l{i}_{k}", x * reciprocal) for i, x in column.items()}
         taken = parts if _is_one(scale) else column
@@ -161,6 +163,10 @@ class Factors:
 
 def _is_zero(x: Scalar) -> bool:
     return not isinstance(x, Value) and bool(x == 0)
+
+
+def _is_known(x: Scalar) -> bool:
+    return isinstance(x, Value) and x.node.known
 
 
 def _is_one(x: Scalar) -> bool:

@@ -1,5 +1,8 @@
 """The reference solver is general: other mechanisms, built with its public API, against own derivations."""
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -177,6 +180,16 @@ def test_an_unstable_step_ends_in_an_error_that_says_when() -> None:
     direction = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
     with pytest.raises(NonFiniteState, match=r"t = .* s with step 0\.5 s"):
         solve(oscillator(0.0), 0.65 * direction, np.zeros(3), end_time_s=500.0, samples=1, step=0.5)
+
+
+@pytest.mark.parametrize("stabilisation", ["none", "projection"])
+def test_an_overflow_is_found_in_its_step_where_each_constraint_has_a_coordinate_of_its_own(
+    stabilisation: Literal["none", "projection"],
+) -> None:
+    far_too_stiff = SpringDamper(GROUND, (1.0, 0.3), 2, (0.1, 0.0), 1e12, 0.0, 0.1)
+    swing, (q, v) = replace(pendulum_mechanism(), loads=(far_too_stiff,)), pendulum_start()
+    with pytest.raises(NonFiniteState, match=r"t = 0\.00[1-9] s"):
+        solve(swing, q, v, end_time_s=1.0, samples=1, step=1e-3, stabilisation=stabilisation)
 
 
 @pytest.mark.parametrize(
