@@ -40,6 +40,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "/": operator.truediv,
     ">": operator.gt,
     "==": operator.eq,
+    "&": operator.and_,
     "cos": math.cos,
     "sin": math.sin,
     "sqrt": math.sqrt,
@@ -51,7 +52,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "if": lambda x, condition, y: x if condition else y,
 }
 #: No operations, but what is given, or asked.
-GIVEN = ("input", "branch", ">", "==")
+GIVEN = ("input", "branch", ">", "==", "&")
 #: What a node's value may become, and the same of another state where a step is late.
 ALTERED: dict[str, Callable[[float, float], float]] = {
     "sign flipped": lambda x, _: -x,
