@@ -1,8 +1,8 @@
 /* A step of the driven crank-slider with clearance in joint B, by the general multiplier algorithm.
  *
- * Bodies and letters are those of crank_slider.c, and so is the order of elimination: O, A, D. Joint B has no rows
- * but a contact of Lankarani and Nikravesh's kind; the guide N holds the slider's height and angle, and its rows
- * meet no others. Every step ends with the projections of reference_solver/equations.py.
+ * Bodies and letters are those of crank_slider.c, and so is the order of elimination. Joint B has no rows but a
+ * contact of Lankarani and Nikravesh's kind, the guide N holds the slider's height and angle: what is left are the
+ * rod's angle and the slider's place. Every step ends with the projections of reference_solver/equations.py.
  */
 #include <math.h>
 #include <stdbool.h>
@@ -17,9 +17,7 @@ enum { FLIGHT, CONTACT, CLIPPED, PROBE, PROBE_ALONG }; /* phases; probes answer 
 typedef struct {
     double point_O, point_A, rod_A, rod_B;      /* m from each body's centre of mass, along the link */
     double m0, m1, m2, i0, i1, i2;              /* masses in kg and inertias in kg m^2 */
-    double w0, w1, w2, k0, k1, k2;              /* their inverses */
     double gravity, speed, start0, start2;      /* m/s^2, rad/s; angles of crank and slider at the start */
-    double tolerance;                           /* of pivots, relative */
     double clearance, stiffness, factor, floor; /* m, N/m^1.5, damping factor, least approach speed in m/s */
     double longest, per_contact;                /* longest step in s, steps per contact */
 } Parameters;
@@ -29,12 +27,8 @@ typedef struct { double q[COORDINATES], v[COORDINATES], sums[SUMS]; Gap gap; } M
 typedef struct { int phase; double memory, began, duration, mobility, following; } Contact;
 
 typedef struct { double ox, oy, ax, ay, cx, cy, bx, by; } Arms; /* bx, by: from the rod's centre to B */
-typedef struct { double Ox, Oy, Ax, Ay, D; } Rows;
-typedef struct { double x3, y3, phi3, x6, y6; } Free; /* M^-1 F of rod and slider */
-typedef struct {
-    double k_ox, k_oy, k_ax, k_ay, k_cx, k_cy, r_Ox, r_Oy, r_Ax, r_Ay, r_D;
-    double l_Oy, l_AxOx, l_AyOx, l_DOx, l_AxOy, l_AyOy, l_DOy, l_Ay, l_DAx, l_DAy;
-} Factors;
+typedef struct { double Ox, Oy, Ax, Ay, D, Ny, Nphi; } Rows;
+typedef struct { double x1, y1, phi1, x2, y2; } Forces; /* on rod and slider in N, N m */
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 INLINE double smaller(double a, double b) { return a < b ? a : b; }
@@ -47,56 +41,18 @@ INLINE Arms arms(const Parameters *p, const double *q)
                   -sin1 * p->rod_A,   cos1 * p->rod_A,   cos1 * p->rod_B,   sin1 * p->rod_B};
 }
 
-/* Factor B M^-1 B^T; ok becomes false when a pivot is mere round-off. */
-INLINE Factors factored(const Parameters *p, const Arms e, bool *ok)
+/* Return 1 over the inertia of the rod's angle, with the centre that follows from it. */
+INLINE double r_angle(const Parameters *p, const Arms e, bool *ok)
 {
-    const double k_ox = p->k0 * e.ox, k_oy = p->k0 * e.oy, k_ax = p->k0 * e.ax, k_ay = p->k0 * e.ay;
-    const double k_cx = p->k1 * e.cx, k_cy = p->k1 * e.cy;
-    const double Oxx = p->w0 + k_ox * e.ox, Oyx = k_oy * e.ox, Oyy = p->w0 + k_oy * e.oy;
-    const double AxOx = k_ax * e.ox - p->w0, AxOy = k_ax * e.oy, AyOx = k_ay * e.ox, AyOy = k_ay * e.oy - p->w0;
-    const double Axx = p->w0 + p->w1 + k_ax * e.ax + k_cx * e.cx, Ayx = k_ay * e.ax + k_cy * e.cx;
-    const double Ayy = p->w0 + p->w1 + k_ay * e.ay + k_cy * e.cy;
-    /* O */
-    const double r_Ox = 1 / Oxx, l_Oy = Oyx * r_Ox, l_AxOx = AxOx * r_Ox, l_AyOx = AyOx * r_Ox;
-    const double l_DOx = k_ox * r_Ox;
-    const double D_Oy = Oyy - l_Oy * Oyx, AxOy_ = AxOy - l_AxOx * Oyx, AyOy_ = AyOy - l_AyOx * Oyx;
-    const double DOy_ = k_oy - l_DOx * Oyx, r_Oy = 1 / D_Oy;
-    const double l_AxOy = AxOy_ * r_Oy, l_AyOy = AyOy_ * r_Oy, l_DOy = DOy_ * r_Oy;
-    const double D_Ax = Axx - l_AxOx * AxOx - l_AxOy * AxOy_, Ayx_O = Ayx - l_AyOx * AxOx - l_AyOy * AxOy_;
-    const double Ayy_O = Ayy - l_AyOx * AyOx - l_AyOy * AyOy_;
-    const double DAx = k_ax - l_DOx * AxOx - l_DOy * AxOy_, DAy = k_ay - l_DOx * AyOx - l_DOy * AyOy_;
-    const double DD = p->k0 - l_DOx * k_ox - l_DOy * DOy_;
-    /* A */
-    const double r_Ax = 1 / D_Ax, l_Ay = Ayx_O * r_Ax, l_DAx = DAx * r_Ax, D_Ay = Ayy_O - l_Ay * Ayx_O;
-    const double DAy_ = DAy - l_DAx * Ayx_O, r_Ay = 1 / D_Ay, l_DAy = DAy_ * r_Ay;
-    /* D */
-    const double D_D = DD - l_DAx * DAx - l_DAy * DAy_;
-    *ok &= (Oxx > p->tolerance * Oxx) & (D_Oy > p->tolerance * Oyy) & (D_Ax > p->tolerance * Axx)
-         & (D_Ay > p->tolerance * Ayy) & (D_D > p->tolerance * p->k0);
-    return (Factors){k_ox, k_oy, k_ax, k_ay, k_cx, k_cy, r_Ox, r_Oy, r_Ax, r_Ay, 1 / D_D,
-                     l_Oy, l_AxOx, l_AyOx, l_DOx, l_AxOy, l_AyOy, l_DOy, l_Ay, l_DAx, l_DAy};
+    const double mass = p->i1 + p->m1 * (e.cx * e.cx + e.cy * e.cy);
+    *ok &= mass > 0;
+    return 1 / mass;
 }
 
-/* Solve with the factors. */
-INLINE Rows solved(const Factors f, Rows z)
+/* Return gravity and a force on the pin, as rod and slider feel them. */
+INLINE Forces forces(const Parameters *p, const Arms e, double Fx, double Fy)
 {
-    z.Oy -= f.l_Oy * z.Ox;
-    z.Ax -= f.l_AxOx * z.Ox + f.l_AxOy * z.Oy;
-    z.Ay -= f.l_AyOx * z.Ox + f.l_AyOy * z.Oy + f.l_Ay * z.Ax;
-    z.D -= f.l_DOx * z.Ox + f.l_DOy * z.Oy + f.l_DAx * z.Ax + f.l_DAy * z.Ay;
-    z.D *= f.r_D;
-    z.Ay = z.Ay * f.r_Ay - f.l_DAy * z.D;
-    z.Ax = z.Ax * f.r_Ax - f.l_Ay * z.Ay - f.l_DAx * z.D;
-    z.Oy = z.Oy * f.r_Oy - f.l_AxOy * z.Ax - f.l_AyOy * z.Ay - f.l_DOy * z.D;
-    z.Ox = z.Ox * f.r_Ox - f.l_Oy * z.Oy - f.l_AxOx * z.Ax - f.l_AyOx * z.Ay - f.l_DOx * z.D;
-    return z;
-}
-
-/* Return what gravity and a force on the pin do to rod and slider, (3). */
-INLINE Free freely(const Parameters *p, const Arms e, double Fx, double Fy)
-{
-    return (Free){-p->w1 * Fx, p->w1 * (-Fy - p->m1 * p->gravity), p->k1 * (Fx * e.by - Fy * e.bx),
-                  p->w2 * Fx, p->w2 * (Fy - p->m2 * p->gravity)};
+    return (Forces){-Fx, -Fy - p->m1 * p->gravity, Fx * e.by - Fy * e.bx, Fx, Fy - p->m2 * p->gravity};
 }
 
 /* Write q'' and the rates of the sums: the driver's power, the normal force, losses by it and by clipping. */
@@ -104,7 +60,6 @@ INLINE void accelerations(const Parameters *p, const Contact *contact, const dou
                           double *rates, bool *ok)
 {
     const Arms e = arms(p, q);
-    const Factors k = factored(p, e, ok);
     double nx = 0, ny = 0, normal = 0, along = 0, loss = 0, clip = 0;
     if (contact->phase != FLIGHT) {
         const double x = q[6] - q[3] - e.bx, y = q[7] - q[4] - e.by, distance = sqrt(x * x + y * y);
@@ -118,74 +73,72 @@ INLINE void accelerations(const Parameters *p, const Contact *contact, const dou
         loss = contact->phase == CONTACT ? damping * rate : 0;
         clip = contact->phase == CLIPPED ? -elastic * rate : 0;
     }
-    const Free f = freely(p, e, -normal * nx + along * ny, -normal * ny - along * nx);
-    /* (5), (7), (8): omega^2 times the arms, less the free accelerations */
-    const double s0 = v[2] * v[2], s1 = v[5] * v[5];
-    const Rows m = solved(k, (Rows){s0 * e.oy, p->gravity - s0 * e.ox,
-                                    s0 * e.ay + s1 * e.cy - f.x3 - e.cx * f.phi3,
-                                    -s0 * e.ax - s1 * e.cx - p->gravity - f.y3 - e.cy * f.phi3, 0});
-    const double N = -f.y6 * p->m2;
-    /* (9), (10) */
-    a[0] = p->w0 * (m.Ox - m.Ax);
-    a[1] = p->w0 * (m.Oy - m.Ay) - p->gravity;
-    a[2] = k.k_ox * m.Ox + k.k_oy * m.Oy + k.k_ax * m.Ax + k.k_ay * m.Ay + p->k0 * m.D;
-    a[3] = f.x3 + p->w1 * m.Ax;
-    a[4] = f.y3 + p->w1 * m.Ay;
-    a[5] = f.phi3 + k.k_cx * m.Ax + k.k_cy * m.Ay;
-    a[6] = f.x6;
-    a[7] = f.y6 + p->w2 * N;
+    const Forces f = forces(p, e, -normal * nx + along * ny, -normal * ny - along * nx);
+    /* omega^2 times the arms, then the rod's angular acceleration */
+    const double s0 = v[2] * v[2], s1 = v[5] * v[5], x0 = s0 * e.oy, y0 = -s0 * e.ox;
+    const double x1 = x0 + s0 * e.ay + s1 * e.cy, y1 = y0 - s0 * e.ax - s1 * e.cx;
+    a[5] = (f.phi1 + e.cx * (p->m1 * x1 - f.x1) + e.cy * (p->m1 * y1 - f.y1)) * r_angle(p, e, ok);
+    a[0] = x0;
+    a[1] = y0;
+    a[2] = 0;
+    a[3] = x1 - e.cx * a[5];
+    a[4] = y1 - e.cy * a[5];
+    a[6] = f.x2 / p->m2;
+    a[7] = 0;
     a[8] = 0;
-    rates[DRIVER] = m.D * p->speed;
+    const double Ax = p->m1 * a[3] - f.x1, Ay = p->m1 * a[4] - f.y1;
+    const double Ox = Ax + p->m0 * a[0], Oy = Ay + p->m0 * (a[1] + p->gravity);
+    rates[DRIVER] = -(e.ox * Ox + e.oy * Oy + e.ax * Ax + e.ay * Ay) * p->speed;
     rates[NORMAL] = normal;
     rates[LOSS] = loss;
     rates[CLIP] = clip;
 }
 
-/* Move x by -M^-1 B^T {mu}, of which N's are mu_y and mu_phi. */
-INLINE void move(const Parameters *p, const Factors k, const Rows m, double mu_y, double mu_phi, double *x)
+/* Write the least move in the norm of M that has these rows. */
+INLINE void move(const Parameters *p, const Arms e, const Rows g, double *x, bool *ok)
 {
-    x[0] -= p->w0 * (m.Ox - m.Ax);
-    x[1] -= p->w0 * (m.Oy - m.Ay);
-    x[2] -= k.k_ox * m.Ox + k.k_oy * m.Oy + k.k_ax * m.Ax + k.k_ay * m.Ay + p->k0 * m.D;
-    x[3] -= p->w1 * m.Ax;
-    x[4] -= p->w1 * m.Ay;
-    x[5] -= k.k_cx * m.Ax + k.k_cy * m.Ay;
-    x[7] -= p->w2 * mu_y;
-    x[8] -= p->k2 * mu_phi;
+    x[2] = g.D;
+    x[0] = g.Ox - e.ox * x[2];
+    x[1] = g.Oy - e.oy * x[2];
+    const double x1 = g.Ax + x[0] - e.ax * x[2], y1 = g.Ay + x[1] - e.ay * x[2];
+    x[5] = p->m1 * (e.cx * x1 + e.cy * y1) * r_angle(p, e, ok);
+    x[3] = x1 - e.cx * x[5];
+    x[4] = y1 - e.cy * x[5];
+    x[6] = 0;
+    x[7] = g.Ny;
+    x[8] = g.Nphi;
 }
 
 /* Move q onto the constraints; return the energy removed. */
 INLINE double project_q(const Parameters *p, const Contact *contact, double t, double *q, bool *ok)
 {
     const Arms e = arms(p, q);
-    const Factors k = factored(p, e, ok);
-    const Rows m = solved(k, (Rows){q[0] + e.oy, q[1] - e.ox, q[3] + e.cy - q[0] + e.ay,
-                                    q[4] - e.cx - q[1] - e.ax, q[2] - p->start0 - p->speed * t});
-    const double mu_y = q[7] * p->m2, mu_phi = (q[8] - p->start2) * p->i2;
+    double m[COORDINATES];
+    move(p, e, (Rows){q[0] + e.oy, q[1] - e.ox, q[3] + e.cy - q[0] + e.ay, q[4] - e.cx - q[1] - e.ax,
+                      q[2] - p->start0 - p->speed * t, q[7], q[8] - p->start2}, m, ok);
     const double x = q[6] - q[3] - e.bx, y = q[7] - q[4] - e.by;
     double pull = 0;
     if (contact->phase != FLIGHT) {
         const double distance = sqrt(x * x + y * y);
         pull = -hertz(p, larger(distance - p->clearance, 0)) / distance;
     }
-    const Free f = freely(p, e, pull * x, pull * y);
-    move(p, k, m, mu_y, mu_phi, q);
-    return m.Oy * p->gravity - m.Ax * (f.x3 + e.cx * f.phi3) - m.Ay * (f.y3 + p->gravity + e.cy * f.phi3)
-         - mu_y * f.y6;
+    const Forces f = forces(p, e, pull * x, pull * y);
+    for (int c = 0; c < COORDINATES; c++) q[c] -= m[c];
+    return m[1] * p->m0 * p->gravity - m[3] * f.x1 - m[4] * f.y1 - m[5] * f.phi1 - m[7] * f.y2;
 }
 
 /* Move v onto the constraints where the arms are these; return the energy removed. */
 INLINE double project_v(const Parameters *p, const Arms e, double *v, bool *ok)
 {
     const double mass[COORDINATES] = {p->m0, p->m0, p->i0, p->m1, p->m1, p->i1, p->m2, p->m2, p->i2};
-    const Factors k = factored(p, e, ok);
-    const Rows m = solved(k, (Rows){v[0] + e.ox * v[2], v[1] + e.oy * v[2],
-                                    v[3] - v[0] + e.ax * v[2] + e.cx * v[5],
-                                    v[4] - v[1] + e.ay * v[2] + e.cy * v[5], v[2] - p->speed});
-    double old[COORDINATES], removed = 0;
-    for (int c = 0; c < COORDINATES; c++) old[c] = v[c];
-    move(p, k, m, v[7] * p->m2, v[8] * p->i2, v);
-    for (int c = 0; c < COORDINATES; c++) removed += mass[c] / 2 * ((old[c] - v[c]) * (old[c] + v[c]));
+    double m[COORDINATES], removed = 0;
+    move(p, e, (Rows){v[0] + e.ox * v[2], v[1] + e.oy * v[2], v[3] - v[0] + e.ax * v[2] + e.cx * v[5],
+                      v[4] - v[1] + e.ay * v[2] + e.cy * v[5], v[2] - p->speed, v[7], v[8]}, m, ok);
+    for (int c = 0; c < COORDINATES; c++) {
+        const double old = v[c];
+        v[c] -= m[c];
+        removed += mass[c] / 2 * ((old - v[c]) * (old + v[c]));
+    }
     return removed;
 }
 

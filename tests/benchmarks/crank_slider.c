@@ -1,8 +1,9 @@
 /* The driven crank-slider by the general multiplier algorithm, written out by hand: what a C loop costs.
  *
  * Bodies 0 crank, 1 rod, 2 slider; constraints O, A, B (two rows each), guide N, driver D. The guide's moment
- * meets no other row and stays zero. B M^-1 B^T is factored by L D L^T in the order N, B, O, A, D. Letters in
- * small print (ox, ay, ...) are the entries of B under the angles; gravity cancels in rows A and B.
+ * meets no other row and stays zero. As in reference_solver/factorisation.py coordinates that follow from others go
+ * first: D gives the crank's angle, O, A and B the centres. What is left is the rod's angle, and N between it and
+ * nothing else. Letters in small print (ox, ay, ...) are the entries of B under the angles.
  */
 #include <math.h>
 #include <stdbool.h>
@@ -11,83 +12,41 @@ enum { COORDINATES = 9 };
 
 typedef struct {
     double point_O, point_A, rod_A, rod_B; /* m from each body's centre of mass, along the link */
-    double w0, w1, w2;                     /* inverse masses in 1/kg */
-    double k0, k1;                         /* inverse inertias in 1/(kg m^2) */
+    double m0, m1, m2, i1;                 /* masses in kg, the rod's inertia in kg m^2 */
     double gravity, speed;                 /* m/s^2, rad/s */
-    double tolerance;                      /* of pivots, relative */
+    double tolerance;                      /* of the condition's reciprocal */
 } Parameters;
 
-/* Write q'' and return the driver's torque; ok becomes false when a pivot is mere round-off. */
+/* Write q'' and return the driver's torque; ok becomes false where constraints depend on each other. */
 static inline double accelerations(const Parameters p, const double *q, const double *v, double *a, bool *ok)
 {
     const double cos0 = cos(q[2]), sin0 = sin(q[2]), cos1 = cos(q[5]), sin1 = sin(q[5]);
     const double ox = -sin0 * p.point_O, oy = cos0 * p.point_O, ax = sin0 * p.point_A, ay = -cos0 * p.point_A;
     const double cx = -sin1 * p.rod_A, cy = cos1 * p.rod_A, dx = sin1 * p.rod_B, dy = -cos1 * p.rod_B;
-    const double k_ox = p.k0 * ox, k_oy = p.k0 * oy, k_ax = p.k0 * ax, k_ay = p.k0 * ay;
-    const double k_cx = p.k1 * cx, k_cy = p.k1 * cy, k_dx = p.k1 * dx, k_dy = p.k1 * dy;
+    const double s0 = v[2] * v[2], s1 = v[5] * v[5], bx = cx + dx, by = cy + dy;
 
-    /* B M^-1 B^T */
-    const double Oxx = p.w0 + k_ox * ox, Oyx = k_oy * ox, Oyy = p.w0 + k_oy * oy;
-    const double AxOx = k_ax * ox - p.w0, AxOy = k_ax * oy, AyOx = k_ay * ox, AyOy = k_ay * oy - p.w0;
-    const double Axx = p.w0 + p.w1 + k_ax * ax + k_cx * cx, Ayx = k_ay * ax + k_cy * cx;
-    const double Ayy = p.w0 + p.w1 + k_ay * ay + k_cy * cy;
-    const double AxBx = k_cx * dx - p.w1, AxBy = k_cx * dy, AyBx = k_cy * dx, AyBy = k_cy * dy - p.w1;
-    const double Bxx = p.w1 + p.w2 + k_dx * dx, Byx = k_dy * dx, Byy = p.w1 + p.w2 + k_dy * dy;
+    /* the centres' accelerations without the rod's angular one, of which the others are -cx, -cy, -bx, -by */
+    const double x0 = s0 * oy, y0 = -s0 * ox;
+    const double x1 = x0 + s0 * ay + s1 * cy, y1 = y0 - s0 * ax - s1 * cx, x2 = x1 + s1 * dy, y2 = y1 - s1 * dx;
+    /* the rod's angle, and N */
+    const double mass = p.i1 + p.m1 * (cx * cx + cy * cy) + p.m2 * (bx * bx + by * by);
+    const double force = p.m1 * (cx * x1 + cy * (y1 + p.gravity)) + p.m2 * (bx * x2 + by * (y2 + p.gravity));
+    const double r_mass = 1 / mass, r_N = 1 / (by * by), N = (by * force - mass * y2) * r_N;
+    *ok &= p.tolerance * (COORDINATES + mass * r_N / p.m2) < 1;
 
-    /* N */
-    const double ByN = p.w2 / p.w2, Byy_N = Byy - ByN * p.w2;
-    /* B */
-    const double r_Bx = 1 / Bxx, l_By = Byx * r_Bx, l_AxBx = AxBx * r_Bx, l_AyBx = AyBx * r_Bx;
-    const double D_By = Byy_N - l_By * Byx, AxBy_ = AxBy - l_AxBx * Byx, AyBy_ = AyBy - l_AyBx * Byx;
-    const double r_By = 1 / D_By, l_AxBy = AxBy_ * r_By, l_AyBy = AyBy_ * r_By;
-    const double Axx_B = Axx - l_AxBx * AxBx - l_AxBy * AxBy_, Ayx_B = Ayx - l_AyBx * AxBx - l_AyBy * AxBy_;
-    const double Ayy_B = Ayy - l_AyBx * AyBx - l_AyBy * AyBy_;
-    /* O */
-    const double r_Ox = 1 / Oxx, l_Oy = Oyx * r_Ox, l_AxOx = AxOx * r_Ox, l_AyOx = AyOx * r_Ox;
-    const double l_DOx = k_ox * r_Ox, D_Oy = Oyy - l_Oy * Oyx, AxOy_ = AxOy - l_AxOx * Oyx;
-    const double AyOy_ = AyOy - l_AyOx * Oyx, DOy_ = k_oy - l_DOx * Oyx, r_Oy = 1 / D_Oy;
-    const double l_AxOy = AxOy_ * r_Oy, l_AyOy = AyOy_ * r_Oy, l_DOy = DOy_ * r_Oy;
-    const double D_Ax = Axx_B - l_AxOx * AxOx - l_AxOy * AxOy_;
-    const double Ayx_O = Ayx_B - l_AyOx * AxOx - l_AyOy * AxOy_;
-    const double Ayy_O = Ayy_B - l_AyOx * AyOx - l_AyOy * AyOy_;
-    const double DAx = k_ax - l_DOx * AxOx - l_DOy * AxOy_, DAy = k_ay - l_DOx * AyOx - l_DOy * AyOy_;
-    const double DD = p.k0 - l_DOx * k_ox - l_DOy * DOy_;
-    /* A */
-    const double r_Ax = 1 / D_Ax, l_Ay = Ayx_O * r_Ax, l_DAx = DAx * r_Ax, D_Ay = Ayy_O - l_Ay * Ayx_O;
-    const double DAy_ = DAy - l_DAx * Ayx_O, r_Ay = 1 / D_Ay, l_DAy = DAy_ * r_Ay;
-    /* D */
-    const double D_D = DD - l_DAx * DAx - l_DAy * DAy_;
-    *ok &= (Bxx > p.tolerance * Bxx) & (D_By > p.tolerance * Byy) & (Oxx > p.tolerance * Oxx)
-         & (D_Oy > p.tolerance * Oyy) & (D_Ax > p.tolerance * Axx) & (D_Ay > p.tolerance * Ayy)
-         & (D_D > p.tolerance * p.k0);
-
-    /* right-hand side: omega^2 times the arms, and gravity; forward substitution */
-    const double s0 = v[2] * v[2], s1 = v[5] * v[5];
-    const double z_N = p.gravity, z_Bx = s1 * dy, z_By = -s1 * dx - ByN * z_N - l_By * z_Bx;
-    const double z_Ox = s0 * oy, z_Oy = p.gravity - s0 * ox - l_Oy * z_Ox;
-    const double z_Ax = s0 * ay + s1 * cy - l_AxBx * z_Bx - l_AxBy * z_By - l_AxOx * z_Ox - l_AxOy * z_Oy;
-    const double z_Ay = -s0 * ax - s1 * cx - l_AyBx * z_Bx - l_AyBy * z_By - l_AyOx * z_Ox - l_AyOy * z_Oy
-                      - l_Ay * z_Ax;
-    const double z_D = -l_DOx * z_Ox - l_DOy * z_Oy - l_DAx * z_Ax - l_DAy * z_Ay;
-    /* back substitution */
-    const double D = z_D / D_D;
-    const double Ay = z_Ay * r_Ay - l_DAy * D, Ax = z_Ax * r_Ax - l_Ay * Ay - l_DAx * D;
-    const double Oy = z_Oy * r_Oy - l_AxOy * Ax - l_AyOy * Ay - l_DOy * D;
-    const double Ox = z_Ox * r_Ox - l_Oy * Oy - l_AxOx * Ax - l_AyOx * Ay - l_DOx * D;
-    const double By = z_By * r_By - l_AxBy * Ax - l_AyBy * Ay;
-    const double Bx = z_Bx * r_Bx - l_By * By - l_AxBx * Ax - l_AyBx * Ay;
-    const double N = z_N / p.w2 - ByN * By;
-
-    a[0] = p.w0 * (Ox - Ax);
-    a[1] = p.w0 * (Oy - Ay) - p.gravity;
-    a[2] = k_ox * Ox + k_oy * Oy + k_ax * Ax + k_ay * Ay + p.k0 * D;
-    a[3] = p.w1 * (Ax - Bx);
-    a[4] = p.w1 * (Ay - By) - p.gravity;
-    a[5] = k_cx * Ax + k_cy * Ay + k_dx * Bx + k_dy * By;
-    a[6] = p.w2 * Bx;
-    a[7] = p.w2 * (By + N) - p.gravity;
+    a[5] = (force - by * N) * r_mass;
+    a[0] = x0;
+    a[1] = y0;
+    a[2] = 0;
+    a[3] = x1 - cx * a[5];
+    a[4] = y1 - cy * a[5];
+    a[6] = x2 - bx * a[5];
+    a[7] = y2 - by * a[5];
     a[8] = 0;
-    return D;
+    const double Bx = p.m2 * a[6], By = p.m2 * (a[7] + p.gravity) - N;
+    const double Ax = Bx + p.m1 * a[3], Ay = By + p.m1 * (a[4] + p.gravity);
+    const double Ox = Ax + p.m0 * a[0], Oy = Ay + p.m0 * (a[1] + p.gravity);
+    return -(ox * Ox + oy * Oy + ax * Ax + ay * Ay);
 }
 
 /* Take count RK4 steps of size h in place, rounding carried on; write the driver's work, return the steps done. */
