@@ -7,6 +7,9 @@ from reference_solver.tape import Array, Scalar, Value, array, both, named, size
 
 #: Rows left, a constraint among them, at which no quotient waits for another: they are multiplied up instead.
 FEW = 3
+#: What a coordinate's quotient costs beside its entries. In long chains all centres would follow from all
+#: angles, were angles not taken between them; found on those by counting.
+QUOTIENT = 4
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,10 @@ class Pair:
 class Factors:
     """Elimination of [M]{x} - [B]^T{y} = {F}, [B]{x} = {c}; [M] (n, n) is positive definite, [B] (m, n).
 
-    Where a coordinate has the entry 1 or -1 in a constraint, both go first, and no quotient is taken: the
-    coordinate follows from others, as a bar's centre from its angle. What is left are few coordinates, whose
-    matrix is as positive definite, and then the constraints between them (Benzi, Golub and Liesen 2005: the
-    null-space method, and then the Schur complement's). That row comes first each time which has the least
-    entries, so that few zeros fill in.
+    Where a coordinate has the entry 1 or -1 in a constraint, both go together, and no quotient is taken: the
+    coordinate follows from others, as a bar's centre from its angle. Others go alone, with a matrix that is
+    as positive definite, and constraints that are left come last (Benzi, Golub and Liesen 2005: the
+    null-space method, then the Schur complement's). The least costly goes first, so that few zeros fill in.
 
     ``condition`` tells how nearly constraints depend on each other: it is 1, and 1 for each that goes with a
     coordinate, and for each other one its square over that of what the ones before have left of it, in the
@@ -85,25 +87,27 @@ class Factors:
 
     def __init__(self, M: Array, B: Array, tolerance: float = 0.0) -> None:
         n, above, below = len(M), M.tolist(), B.tolist()
-        whole = [[*row, *(other[k] for other in below)] for k, row in enumerate(above)]
-        whole += [[*row, *[0.0] * len(below)] for row in below]
-        self._rows = [{j: x for j, x in enumerate(row) if not _is_zero(x)} for row in whole]
-        self._n, self._left, self._steps = n, set(range(len(whole))), list[Pivot | Pair]()
-        while pairs := [pair for k in self._left if k < n for pair in self._pairs(k)]:
-            self._take_pair(*min(pairs)[1:])
-        self.condition: Scalar = 1.0 + len(self._steps)
+        self._rows = [{j: x for j, x in enumerate(row) if x != 0} for row in (*above, *below)]
+        for r in range(n, len(self._rows)):
+            for k, entry in self._rows[r].items():
+                self._rows[k][r] = entry
+        self._n, self._left, self._steps = n, set(range(len(self._rows))), list[Pivot | Pair]()
+        self._eliminate()
+        self.condition: Scalar = 1.0
         self.ok: Scalar = True
         scale: Scalar = 1.0
-        while self._left:
-            pivot = self._take(min(self._left, key=lambda k: (k >= n, len(self._rows[k]), k)))
-            if pivot.k >= n:
-                row = enumerate(below[pivot.k - n])
-                squares = [x * x * (1.0 / above[j][j]) for j, x in row if not _is_zero(x)]
-                part = size(sum(squares, 0.0) * pivot.reciprocal * scale)
-                self.condition = self.condition + (math.inf if _is_zero(pivot.reciprocal) else part)
-            elif not _is_known(pivot.reciprocal):
-                self.ok = both(self.ok, pivot.reciprocal > 0.0)
-            scale = scale * pivot.scale
+        for step in self._steps:
+            if isinstance(step, Pair):
+                self.condition = self.condition + 1.0
+                continue
+            if step.k >= n:
+                row = enumerate(below[step.k - n])
+                squares = [x * x * (1.0 / above[j][j]) for j, x in row if x != 0]
+                part = size(sum(squares, 0.0) * step.reciprocal * scale)
+                self.condition = self.condition + (math.inf if step.reciprocal == 0 else part)
+            elif not _is_known(step.reciprocal):
+                self.ok = both(self.ok, step.reciprocal > 0.0)
+            scale = scale * step.scale
         self.ok = both(self.ok, tolerance * self.condition < 1.0)
 
     def solve(self, F: Array, c: Array) -> tuple[Array, Array]:
@@ -115,10 +119,30 @@ class Factors:
             step.back(z)
         return array(z[: self._n]).reshape(F.shape), -array(z[self._n :]).reshape(c.shape)
 
-    def _pairs(self, k: int) -> list[tuple[int, int, int]]:
-        """Return the pairs of a coordinate, the one that fills in least being the least."""
-        row = self._rows[k]
-        return [(len(row) * len(self._rows[r]), k, r) for r, x in row.items() if r >= self._n and _is_one(x)]
+    def _eliminate(self) -> None:
+        """Take all rows, the least costly first; what others cost changes with their entries."""
+        costs = {k: self._cost(k) for k in self._left}
+        while costs:
+            *_, k, r = min(costs.values())
+            step = self._pivot(k) if r is None else self._pair(k, r)
+            self._steps.append(step)
+            changed = {*step.column, *(step.row if isinstance(step, Pair) else ())}
+            changed |= {j for i in changed if i >= self._n for j in self._rows[i]}
+            costs = {i: cost for i, cost in costs.items() if i not in (k, r)}
+            costs |= {i: self._cost(i) for i in changed}
+
+    def _cost(self, k: int) -> tuple[int, int, int, int | None]:
+        """Return a row by what it costs, with the constraint that it goes with, or None.
+
+        A coordinate that goes alone brings the constraints that it is in a diagonal entry, and a pair is to
+        have none: so it comes after all pairs.
+        """
+        row, n = self._rows[k], self._n
+        constraints = [r for r in row if r >= n]
+        if k < n and (pairs := [(len(self._rows[r]), r) for r in constraints if _is_one(row[r])]):
+            entries, r = min(pairs)
+            return 0, len(row) * entries, k, r
+        return (2 if k >= n else 1 if constraints else 0), len(row) ** 2 + QUOTIENT, k, None
 
     def _taken(self, k: int) -> dict[int, Scalar]:
         """Return a row, taken out of those that are left."""
@@ -127,7 +151,7 @@ class Factors:
             del self._rows[i][k]
         return self._rows[k]
 
-    def _take_pair(self, k: int, r: int) -> None:
+    def _pair(self, k: int, r: int) -> Pair:
         column, row = self._taken(k), self._taken(r)
         mass, sign = column.pop(k, 0.0), column.pop(r)
         entries = [(i, column.get(i, 0.0), row.get(i, 0.0)) for i in sorted({*column, *row})]
@@ -136,33 +160,27 @@ class Factors:
                 if j <= i:
                     change = sign * (u * other_w + w * other_u) - mass * (w * other_w)
                     self._set(i, j, self._rows[i].get(j, 0.0) - change)
-        self._steps.append(Pair(k, r, sign, mass, column, row))
+        return Pair(k, r, sign, mass, column, row)
 
-    def _take(self, k: int) -> Pivot:
+    def _pivot(self, k: int) -> Pivot:
         column = self._taken(k)
         pivot = column.pop(k, 0.0)
         is_few = len(column) == len(self._left) < FEW and max(column, default=0) >= self._n
         scale = pivot if is_few and not _is_known(pivot) else 1.0
-        reciprocal = named(f"r{k}", 0.0 if _is_zero(pivot) else 1.0 / pivot)
+        reciprocal = named(f"r{k}", 0.0 if pivot == 0 else 1.0 / pivot)
         parts = {i: named(f"l{i}_{k}", x * reciprocal) for i, x in column.items()}
         taken = parts if _is_one(scale) else column
         for i in column:
             for j in column:
                 if j <= i:
                     self._set(i, j, self._rows[i].get(j, 0.0) * scale - taken[i] * column[j])
-        step = Pivot(k, reciprocal, column, parts, scale)
-        self._steps.append(step)
-        return step
+        return Pivot(k, reciprocal, column, parts, scale)
 
     def _set(self, i: int, j: int, new: Scalar) -> None:
         for a, b in {(i, j), (j, i)}:
             self._rows[a].pop(b, None)
-            if not _is_zero(new):
+            if new != 0:
                 self._rows[a][b] = new
-
-
-def _is_zero(x: Scalar) -> bool:
-    return not isinstance(x, Value) and bool(x == 0)
 
 
 def _is_known(x: Scalar) -> bool:
@@ -170,7 +188,7 @@ def _is_known(x: Scalar) -> bool:
 
 
 def _is_one(x: Scalar) -> bool:
-    return not isinstance(x, Value) and bool(abs(x) == 1)
+    return bool(x == 1 or x == -1)
 
 
 def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Scalar]]:
