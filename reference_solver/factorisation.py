@@ -14,21 +14,21 @@ QUOTIENT = 4
 
 @dataclass(frozen=True)
 class Pivot:
-    """A row k: 1 over its diagonal entry, its other entries, and these over the diagonal one, or 0 for 1/0.
+    """A row k: 1 over its diagonal entry, or 0 for 1/0, and its other entries as ``parts`` of that one.
 
-    With a ``scale`` other than 1 all that are left are multiplied by it, the diagonal entry, and not divided.
+    What is left is multiplied by ``scale`` and loses ``column`` times the row: 1 and those parts, or, with no
+    quotient, the diagonal entry and the entries themselves.
     """
 
     k: int
     reciprocal: Scalar
-    column: dict[int, Scalar]
     parts: dict[int, Scalar]
     scale: Scalar
+    column: dict[int, Scalar]
 
     def forward(self, z: list[Scalar]) -> None:
         """Take the row out of what is left of a right-hand side."""
-        taken = self.parts if _is_one(self.scale) else self.column
-        for i, entry in taken.items():
+        for i, entry in self.column.items():
             z[i] = z[i] * self.scale - entry * z[self.k]
 
     def back(self, z: list[Scalar]) -> None:
@@ -163,18 +163,17 @@ class Factors:
         return Pair(k, r, sign, mass, column, row)
 
     def _pivot(self, k: int) -> Pivot:
-        column = self._taken(k)
-        pivot = column.pop(k, 0.0)
-        is_few = len(column) == len(self._left) < FEW and max(column, default=0) >= self._n
-        scale = pivot if is_few and not _is_known(pivot) else 1.0
+        row = self._taken(k)
+        pivot = row.pop(k, 0.0)
         reciprocal = named(f"r{k}", 0.0 if pivot == 0 else 1.0 / pivot)
-        parts = {i: named(f"l{i}_{k}", x * reciprocal) for i, x in column.items()}
-        taken = parts if _is_one(scale) else column
-        for i in column:
-            for j in column:
+        parts = {i: named(f"l{i}_{k}", x * reciprocal) for i, x in row.items()}
+        is_few = len(row) == len(self._left) < FEW and max(row, default=0) >= self._n
+        scale, column = (pivot, row) if is_few and not _is_known(pivot) else (1.0, parts)
+        for i in row:
+            for j in row:
                 if j <= i:
-                    self._set(i, j, self._rows[i].get(j, 0.0) * scale - taken[i] * column[j])
-        return Pivot(k, reciprocal, column, parts, scale)
+                    self._set(i, j, self._rows[i].get(j, 0.0) * scale - column[i] * row[j])
+        return Pivot(k, reciprocal, parts, scale, column)
 
     def _set(self, i: int, j: int, new: Scalar) -> None:
         for a, b in {(i, j), (j, i)}:

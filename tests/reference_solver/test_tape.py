@@ -160,6 +160,14 @@ def test_dependent_constraints_are_not_ok() -> None:
         assert np.isfinite(factors.solve(np.ones(2), np.zeros(len(B)))[0]).all()
 
 
+def test_a_pivot_that_is_minus_one_by_chance_is_as_good_as_others() -> None:
+    M, B, right = np.eye(2), np.array([[0.6, 0.8], [0.3, 0.5]]), np.array([1.0, 2.0])
+    assert B[0] @ B[0] == 1, "what the first constraint leaves is minus one"
+    x, y = Factors(M, B).solve(right, right)
+    whole = np.block([[M, -B.T], [B, np.zeros((2, 2))]])
+    assert [*x, *y] == pytest.approx(np.linalg.solve(whole, [*right, *right]), rel=1e-12)
+
+
 def test_a_small_matrix_is_eliminated_for_values_as_for_numbers() -> None:
     def solved(a: Any, b: Any, c: Any) -> list[Any]:
         small, pivots = eliminated(array([[2.0 + a, b], [c, 3.0 + b]]), array([a, c]))

@@ -129,6 +129,5 @@ def races_table(judged: Judged) -> Table | None:
 
 
 def _span(shares: list[float]) -> str:
-    return (
-        " to ".join(dict.fromkeys(plain(share) for share in (min(shares), max(shares)))) if shares else ABSENT
-    )
+    ends = [plain(min(shares)), plain(max(shares))] if shares else [ABSENT]
+    return " to ".join(dict.fromkeys(ends))
