@@ -84,8 +84,8 @@ def _misbehave(case: Case) -> None:
         case "be killed twice":
             if _first(case, 2):
                 os.kill(os.getpid(), signal.SIGKILL)
-        case "abort once":
-            if _first(case, 1):
+        case "abort until mended":
+            if not Path(str(case.settings["mended_file"])).exists():
                 os.abort()
         case "hang":
             Path(str(case.settings["pid_file"])).write_text(str(os.getpid()))
