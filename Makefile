@@ -28,7 +28,7 @@ docs: .venv/.ready
 	$(BIN)/python -m sphinx -E -W --keep-going -q docs docs/_build
 
 # Plants every bug of a catalogue in a copy and sees which test catches it, half an hour; SAMPLE=12 draws some.
-planted: .venv/.ready
+planted: .venv/.rivals
 	$(BIN)/python -m tests.planted_bugs $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
 
 # Alters what judges, counts and says, operator by operator, and lists what no test notices.

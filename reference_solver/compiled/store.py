@@ -10,7 +10,7 @@ import inspect
 import linecache
 import pickle
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from types import ModuleType
@@ -44,7 +44,7 @@ def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F
         if compiled is function:  # NUMBA_DISABLE_JIT is set
             return function
         if cache:
-            compiled._cache = KeptCode(function, options.get("_nrt", True))
+            compiled._cache = KeptCode(function, options)
         if signature:
             compiled.compile(*signature)
             compiled.disable_compile()
@@ -54,17 +54,16 @@ def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F
 
 
 class KeptCode(_Cache):
-    """The machine code of one function, as Numba asks for it, of each signature in a file.
+    """The machine code of one function by Numba's options, as Numba asks for it, a file for each signature."""
 
-    ``allocates`` tells whether the code is linked to Numba's own runtime.
-    """
-
-    def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
-        self._allocates = allocates
-        module = sys.modules[function.__module__]
-        self._name = f"{module.__name__}.{function.__qualname__}"
-        texts = [inspect.getsource(of) for of in (module, *getattr(module, "COMPILED_WITH", ()))]
-        self._what = (*VERSIONS, *texts, self._name)
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
+        self._allocates = options.get("_nrt", True)  # whether the code is linked to Numba's own runtime
+        modules = [sys.modules[function.__module__]]
+        self._name = f"{modules[0].__name__}.{function.__qualname__}"
+        modules += getattr(modules[0], "COMPILED_WITH", ())
+        if "pipeline_class" in options:
+            modules.append(sys.modules[options["pipeline_class"].__module__])
+        self._what = (*VERSIONS, *map(inspect.getsource, modules), self._name, sorted(options.items()))
 
     @property
     def cache_path(self) -> str:

@@ -2,6 +2,7 @@
 
 from engine_models.engine import Engine, UnsupportedScene
 from engine_models.engines import ENGINES, make_engine
+from engine_models.scene.library import ideal_free
 from engine_models.scene.scene import Scene
 
 
@@ -17,3 +18,7 @@ def supports(engine: Engine, scene: Scene) -> bool:
 def supporting(scene: Scene) -> list[str]:
     """Return the names of the engines that run a scene as they come."""
     return [name for name in ENGINES if supports(make_engine(name), scene)]
+
+
+#: The engines that are installed here: all, but for heyoka on many machines. There is none but runs this scene.
+INSTALLED = supporting(ideal_free())

@@ -2,6 +2,7 @@
 
 import errno
 import logging
+import math
 import os
 import re
 import subprocess
@@ -13,7 +14,7 @@ from types import ModuleType
 import pytest
 
 from reference_solver.compiled.folder import FolderRefused, private_folder, say_once, writable_folder
-from reference_solver.compiled.store import kernel_folder, load_kernel
+from reference_solver.compiled.store import kernel_folder, load_kernel, njit
 from tests.helpers.command import crankslider
 
 SOURCE = """from reference_solver.compiled.store import njit
@@ -106,6 +107,14 @@ def test_another_source_has_code_of_its_own() -> None:
     loaded()
     other = load_kernel(SOURCE.replace("2.0", "3.0"))
     assert other.twice(2.0) == 6.0
+    assert len(list(kernel_folder().iterdir())) == 2
+
+
+def test_other_options_have_code_of_their_own() -> None:
+    inverse: Callable[[float], float] = load_kernel("def inverse(x):\n    return 1.0 / x\n").inverse
+    assert njit(cache=True, error_model="numpy")(inverse)(0.0) == math.inf
+    with pytest.raises(ZeroDivisionError):
+        njit(cache=True)(inverse)(0.0)
     assert len(list(kernel_folder().iterdir())) == 2
 
 

@@ -17,10 +17,9 @@ CODE = f"""
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from engine_models import engines
 from studies.running.runner import run_study
 from tests.helpers.mischief import case
-cases = [case("simulate", engine=engine) for engine in engines.ENGINES] + [case("work")]
+cases = [case("simulate", engine=engine) for engine in sys.argv[1:]] + [case("work")]
 run_study("{NAME}", cases, Path("results"), lambda: ThreadPoolExecutor(1))
 """
 #: An engine from outside: SciPy's under another name.
