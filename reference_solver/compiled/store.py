@@ -54,7 +54,7 @@ def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F
 
 
 class KeptCode(_Cache):
-    """The machine code of one function by Numba's options, as Numba asks for it, a file for each signature."""
+    """The machine code of a function by Numba's options, as Numba asks for it, a file for each signature."""
 
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
         self._allocates = options.get("_nrt", True)  # whether the code is linked to Numba's own runtime

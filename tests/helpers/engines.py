@@ -20,5 +20,5 @@ def supporting(scene: Scene) -> list[str]:
     return [name for name in ENGINES if supports(make_engine(name), scene)]
 
 
-#: The engines that are installed here: all, but for heyoka on many machines. There is none but runs this scene.
+#: The engines that are installed here: all, but for heyoka on many machines. Each runs this scene.
 INSTALLED = supporting(ideal_free())

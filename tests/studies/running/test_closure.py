@@ -14,6 +14,7 @@ from studies.running.closure import NOT_COUNTED, NUMERICAL_CODE, closure
 from studies.running.outcome import load_study
 from studies.running.provenance import ROW_MAKERS
 from studies.running.registry import STUDIES, study_module
+from tests.helpers.engines import INSTALLED
 
 #: Runs a pickled case; prints its status and what each module of ours imported, by statements and by name.
 RECORDED = """
