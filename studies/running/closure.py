@@ -16,11 +16,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec
-from importlib.metadata import distribution, packages_distributions
+from importlib.metadata import distribution
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
 from pkgutil import get_importer
+
+if sys.version_info >= (3, 11):
+    from importlib.metadata import packages_distributions as packages_distributions
+else:  # Python 3.10 does not find the modules of distributions that do not list them
+    from importlib.metadata import packages_distributions as packages_distributions
 
 ROOT = Path(__file__).parents[2]
 #: The folders whose code decides numbers; the reports only show them.

@@ -88,7 +88,7 @@ def test_a_long_piece_of_broken_toml_is_not_repeated(tmp_path: Path) -> None:
     key = "k" * 10_000
     file.write_text(f"x = {{{key} = 1, {key} = 2}}\n{TEXT}")
     assert len(crankslider("show", file).stderr) < 250 + len(str(file))
-    file.write_text(f"x = 1\nx = {{\n{TEXT}")
+    file.write_text(f"x = 1\nx = }}\n{TEXT}")
     assert "at line 2, column" in crankslider("show", file).stderr
 
 

@@ -4,13 +4,12 @@ import json
 import pickle
 import subprocess
 import sys
-from importlib.metadata import packages_distributions
 
 import pytest
 
 from engine_models.engines import ENGINES, engine_module
 from studies.running.case import Case
-from studies.running.closure import NOT_COUNTED, NUMERICAL_CODE, closure
+from studies.running.closure import NOT_COUNTED, NUMERICAL_CODE, closure, packages_distributions
 from studies.running.outcome import load_study
 from studies.running.provenance import ROW_MAKERS
 from studies.running.registry import STUDIES, study_module
