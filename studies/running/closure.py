@@ -25,7 +25,7 @@ from pkgutil import get_importer
 if sys.version_info >= (3, 11):
     from importlib.metadata import packages_distributions as packages_distributions
 else:  # Python 3.10 does not find the modules of distributions that do not list them
-    from importlib.metadata import packages_distributions as packages_distributions
+    from importlib_metadata import packages_distributions as packages_distributions
 
 ROOT = Path(__file__).parents[2]
 #: The folders whose code decides numbers; the reports only show them.
