@@ -12,6 +12,7 @@ from studies.running.case import Case, Row
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
 from studies.running.registry import STUDIES
+from tests.helpers.engines import INSTALLED
 from tests.helpers.row_files import read_rows
 
 RESULTS = Path(__file__).parents[2] / "reports/published/results"
@@ -35,11 +36,12 @@ def published(study: str) -> dict[str, Any]:
 
 
 def draw(study: str) -> list[tuple[str, Case]]:
-    """Return finished cases of a study with the seed that drew them."""
+    """Return finished cases of a study, of engines that are installed, with the seed that drew them."""
     seed = f"{study} {published(study)['commit']}"
     heads = [row for row in read_rows(RESULTS / study / "rows.jsonl") if row["status"] == "ok"]
     cases = [case for case in load_study(study).cases(full=False) if not case.timed]
-    drawn = random.Random(seed).sample(cases, len(cases))
+    mixed = random.Random(seed).sample(cases, len(cases))
+    drawn = (case for case in mixed if case.engine in INSTALLED)
     finished = (case for case in drawn if any(case.head().items() <= row.items() for row in heads))
     return [(seed, next(finished)) for _ in range(DRAWN)]
 
