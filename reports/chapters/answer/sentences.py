@@ -22,7 +22,8 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
         of = asked(races, column, loose=True)
         settings = widest(of)
         if taken and of and _as_sharp(taken, of):
-            yield Finding(f"The same setting has {WITHIN[column]} as well.", f"take-{column}")
+            text = f"{taken.label} at {taken.setting} has {WITHIN[column]} as well."
+            yield Finding(text, f"take-{column}")
             first = taken
         elif settings:
             first = settings[0]
