@@ -59,6 +59,18 @@ EXPLAINED: dict[str, str] = {
     "reports/convergence.py observed_order: - to + at 11 of 'if end - begin < 2:'": (
         "a stretch is (0, 0), or has two points and more: difference and sum are below two together"
     ),
+    "reports/convergence.py observed_order: > to >= at 14 of 'if spread > STRAIGHT:'": (
+        "orders differ by the limit to the last bit nowhere"
+    ),
+    "reports/convergence.py _falling_stretch: 0 to 1 at 25 of 'best, drop, begin = (0, 0), 0.0, 0'": (
+        "a stretch of one point is as short as one of none"
+    ),
+    "reports/convergence.py _falling_stretch: 0 to 1 at 28 of 'best, drop, begin = (0, 0), 0.0, 0'": (
+        "a stretch of one point is as short as one of none"
+    ),
+    "reports/convergence.py _falling_stretch: < to <= at 39 of 'if k == len(local) or local[k] < FALLING:'": (
+        "a local order is the limit to the last bit nowhere"
+    ),
     "reports/equal_error.py _ways: < to <= at 60 of 'between = ((errors[:-1] - error) * (errors[1:] - error) "
     "< 0) & (np.diff(places) == 1)'": "interpolated to a rung itself, a time is the rung's, which is first",
     "reports/equal_error.py ratio: 0 to 1 at 34 of 'drawn = np.random.default_rng(0).integers(len(ratios), "

@@ -391,3 +391,40 @@ def test_an_orbit_is_x_and_y_in_micrometres() -> None:
 def test_a_joint_force_over_time_is_as_long_as_both_its_components() -> None:
     forces = next(ax for ax in time_plot(SAMPLES, "s", "").axes if ax.get_ylabel() == "force [N]")
     np.testing.assert_allclose(np.asarray(forces.lines[0].get_ydata(), dtype=float), [5.0, 1.0, 5.0])
+
+
+@pytest.mark.parametrize(
+    ("exponents", "scale", "slope", "points"),
+    [
+        ((0, 0, 4, 8), np.inf, 4.0, (1, 2, 3)),  # behind a saturated step, from the first that falls
+        ((0, 4, 8), 10.0, 4.0, (0, 1, 2)),  # a tenth of the signal is not yet astray
+        ((0, 8, 16, 24, 29), np.inf, 8.0, (0, 1, 2, 3)),  # without the one that bends, and no other
+    ],
+)
+def test_the_points_of_an_order(
+    exponents: tuple[int, ...], scale: float, slope: float, points: tuple[int, ...]
+) -> None:
+    """Steps halve, and errors are these powers of a half: their differences are local orders."""
+    steps = [0.5**k for k in range(len(exponents))]
+    order = observed_order(steps, [0.5**k for k in exponents], scale=scale)
+    assert order.slope == pytest.approx(slope, abs=1e-9)
+    assert order.steps == tuple(steps[k] for k in points)
+
+
+@pytest.mark.parametrize(
+    ("exponents", "verdict"),
+    [
+        ((0, 4, 5), "too few points"),  # of three the last one bends
+        ((0, 0, 0.9), "too few points"),  # two fall, but little
+        ((0, 0, 0.4), "flat"),
+    ],
+)
+def test_without_three_points_no_order(exponents: tuple[float, ...], verdict: str) -> None:
+    errors = [0.5**k for k in exponents]
+    assert observed_order([0.5**k for k in range(len(errors))], errors).verdict == verdict
+
+
+def test_an_error_of_ten_uncertainties_counts_for_an_order() -> None:
+    order = observed_order([1.0, 0.5, 0.25], [160.0, 40.0, 10.0], 1.0)
+    assert order.slope == pytest.approx(2.0, abs=1e-9)
+    assert order.steps == (1.0, 0.5, 0.25)
