@@ -71,6 +71,12 @@ EXPLAINED: dict[str, str] = {
     "reports/convergence.py _falling_stretch: < to <= at 39 of 'if k == len(local) or local[k] < FALLING:'": (
         "a local order is the limit to the last bit nowhere"
     ),
+    "reports/convergence.py _falling_stretch: > to >= at 36 of 'if local[begin:k].sum() > drop:'": (
+        "two stretches fall by as much to the last bit nowhere, and one of none is as good as none"
+    ),
+    "reports/convergence.py _bends: < to <= at 26 of 'return bool(local[-1] < BEND * local[-2])'": (
+        "a local order is that part of the one before to the last bit nowhere"
+    ),
     "reports/equal_error.py _ways: < to <= at 60 of 'between = ((errors[:-1] - error) * (errors[1:] - error) "
     "< 0) & (np.diff(places) == 1)'": "interpolated to a rung itself, a time is the rung's, which is first",
     "reports/equal_error.py ratio: 0 to 1 at 34 of 'drawn = np.random.default_rng(0).integers(len(ratios), "
