@@ -21,7 +21,7 @@ BY_HAND = "tests/reports/test_by_hand.py"
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "reports/convergence.py": (
         ("observed_order", "local_orders", "_falling_stretch", "_bends"),
-        ("tests/reports/test_page.py", BY_HAND),
+        ("tests/reports/test_convergence.py",),
     ),
     "reports/equal_error.py": (
         ("decided", "front", "_ways", "ratio", "levels"),

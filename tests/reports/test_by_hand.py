@@ -18,7 +18,6 @@ from reports.chapters.energy import lost_as_it_comes
 from reports.chapters.work_precision.figures import drawing
 from reports.chapters.work_precision.findings import found, races
 from reports.chapters.work_precision.tables import cheapest
-from reports.convergence import observed_order
 from reports.equal_error import Arrival, Judged, Ratio, arrival, front, levels, ratio
 from reports.plots.step_figures import against_step
 from reports.plots.time_figures import over_time
@@ -155,19 +154,6 @@ def test_the_smallest_error_stands_beside_its_own_uncertainty() -> None:
         row("reference (none)", 0.1, **{POSITION: 3e-9, DOUBT: 1e-8}),
     )
     assert smallest_errors(ladder, [POSITION])["slider position [m]"].tolist() == [error(2e-9, 1e-12)]
-
-
-def test_of_two_runs_at_one_step_the_better_counts() -> None:
-    steps, errors = (1.0, 0.5, 0.5, 0.25), (1.0, 0.9, 0.0625, 0.00390625)
-    assert observed_order(steps, errors).slope == pytest.approx(4.0)
-    assert observed_order(steps, errors[:1] + errors[2:0:-1] + errors[3:]).slope == pytest.approx(4.0)
-
-
-def test_a_line_that_bends_late_loses_its_end_and_one_that_steepens_loses_none() -> None:
-    steps = [2.0**-k for k in range(5)]
-    bent = np.cumprod([1.0, 2.0**-2.2, 2.0**-3, 2.0**-3, 2.0**-2]).tolist()
-    # 2 is below three quarters of the 3 before it; and what is left is ten times the error there, or more.
-    assert observed_order(steps, bent).steps == tuple(steps[:3])
 
 
 def rungs_of(*points: tuple[float, tuple[float, ...]]) -> pd.DataFrame:
@@ -391,40 +377,3 @@ def test_an_orbit_is_x_and_y_in_micrometres() -> None:
 def test_a_joint_force_over_time_is_as_long_as_both_its_components() -> None:
     forces = next(ax for ax in time_plot(SAMPLES, "s", "").axes if ax.get_ylabel() == "force [N]")
     np.testing.assert_allclose(np.asarray(forces.lines[0].get_ydata(), dtype=float), [5.0, 1.0, 5.0])
-
-
-@pytest.mark.parametrize(
-    ("exponents", "scale", "slope", "points"),
-    [
-        ((0, 0, 4, 8), np.inf, 4.0, (1, 2, 3)),  # behind a saturated step, from the first that falls
-        ((0, 4, 8), 10.0, 4.0, (0, 1, 2)),  # a tenth of the signal is not yet astray
-        ((0, 8, 16, 24, 29), np.inf, 8.0, (0, 1, 2, 3)),  # without the one that bends, and no other
-    ],
-)
-def test_the_points_of_an_order(
-    exponents: tuple[int, ...], scale: float, slope: float, points: tuple[int, ...]
-) -> None:
-    """Steps halve, and errors are these powers of a half: their differences are local orders."""
-    steps = [0.5**k for k in range(len(exponents))]
-    order = observed_order(steps, [0.5**k for k in exponents], scale=scale)
-    assert order.slope == pytest.approx(slope, abs=1e-9)
-    assert order.steps == tuple(steps[k] for k in points)
-
-
-@pytest.mark.parametrize(
-    ("exponents", "verdict"),
-    [
-        ((0, 4, 5), "too few points"),  # of three the last one bends
-        ((0, 0, 0.9), "too few points"),  # two fall, but little
-        ((0, 0, 0.4), "flat"),
-    ],
-)
-def test_without_three_points_no_order(exponents: tuple[float, ...], verdict: str) -> None:
-    errors = [0.5**k for k in exponents]
-    assert observed_order([0.5**k for k in range(len(errors))], errors).verdict == verdict
-
-
-def test_an_error_of_ten_uncertainties_counts_for_an_order() -> None:
-    order = observed_order([1.0, 0.5, 0.25], [160.0, 40.0, 10.0], 1.0)
-    assert order.slope == pytest.approx(2.0, abs=1e-9)
-    assert order.steps == (1.0, 0.5, 0.25)

@@ -11,12 +11,10 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure as Drawing
 
-from reports.convergence import ABOVE_FLOOR, FEWEST, observed_order
 from reports.page import claims_of, moved, references, write_report
 from reports.page.claims import Claim, numbers
 from reports.page.figures import save
@@ -37,7 +35,6 @@ pytestmark = pytest.mark.system
 
 #: Steps per sample interval of the cheap cases: enough for an order, a second or two in all.
 CHEAP = (2, 4, 8)
-STEPS = tuple(1e-3 / 2.0**k for k in range(8))
 
 
 @pytest.fixture(scope="module")
@@ -386,98 +383,6 @@ def test_stated_returns_what_holds_and_raises_what_does_not() -> None:
         stated("Three is even.", 3 % 2 == 0)
 
 
-# The observed order
-
-
-@pytest.mark.parametrize("order", [1, 2, 4])
-def test_a_clean_power_law_gives_its_order_exactly_from_the_finest_four(order: int) -> None:
-    found = observed_order(STEPS, [3.0 * h**order for h in STEPS])
-    assert found.slope == pytest.approx(order, abs=1e-9)
-    assert found.steps == STEPS[-4:]
-
-
-def test_no_order_is_claimed_of_errors_as_large_as_a_tenth_of_the_signal() -> None:
-    errors = [3.0 * h for h in STEPS]
-    assert observed_order(STEPS, errors, 0.0, scale=10 * errors[-1] * 0.99).verdict == "astray"
-    assert observed_order(STEPS, errors, 0.0, scale=10 * errors[-2] * 1.01).verdict == "too few points"
-    finest = observed_order(STEPS, errors, 0.0, scale=10 * errors[-3] * 1.01)
-    assert finest.slope == pytest.approx(1.0)
-    assert finest.steps == STEPS[-3:]
-
-
-def test_the_order_does_not_depend_on_the_order_of_the_points() -> None:
-    errors = [h**2 for h in STEPS]
-    assert observed_order(STEPS[::-1], errors[::-1]) == observed_order(STEPS, errors)
-
-
-@pytest.mark.parametrize("order", [1, 2, 4])
-def test_points_near_the_truths_uncertainty_are_left_out(order: int) -> None:
-    floor = STEPS[4] ** order  # met at the fifth step
-    noise = np.random.default_rng(1).uniform(-1, 1, len(STEPS))
-    errors = [abs(h**order + floor * part) for h, part in zip(STEPS, noise, strict=True)]
-    found = observed_order(STEPS, errors, floor)
-    used = dict(zip(STEPS, errors, strict=True))
-    assert all(used[h] >= ABOVE_FLOOR * floor for h in found.steps)
-    if order == 4:
-        assert found.slope == pytest.approx(order, abs=0.15)
-    else:
-        assert found.verdict == "too few points" or found.slope == pytest.approx(order, abs=0.15)
-
-
-def test_an_engines_own_flat_floor_is_left_out_without_being_told_it() -> None:
-    noise = 1 + 0.5 * np.random.default_rng(2).uniform(-1, 1, len(STEPS))
-    floor = STEPS[4] ** 4
-    found = observed_order(STEPS, [h**4 + floor * part for h, part in zip(STEPS, noise, strict=True)])
-    assert found.slope == pytest.approx(4, abs=0.1)
-    assert min(found.steps) > STEPS[4]
-
-
-def test_a_rising_round_off_branch_is_left_out() -> None:
-    steps = tuple(1e-2 / 2.0**k for k in range(12))
-    errors = [h**2 + 1e-14 / h**2 for h in steps]
-    found = observed_order(steps, errors)
-    assert found.slope == pytest.approx(2, abs=0.05)
-    assert min(found.steps) > (1e-14) ** 0.25
-
-
-def test_saturated_and_pre_asymptotic_coarse_points_are_left_out() -> None:
-    errors = [0.1, 0.11, 0.09, 4e-2, *(1e-2 / 4.0**k for k in range(4))]
-    found = observed_order(STEPS, errors)
-    assert found.slope == pytest.approx(2, abs=1e-9)
-    assert found.steps == STEPS[4:]
-
-
-def test_a_finest_point_that_only_begins_to_feel_a_floor_is_left_out() -> None:
-    errors = [h**4 + 0.5 * STEPS[-1] ** 4 * 4 for h in STEPS]
-    found = observed_order(STEPS, errors)
-    assert found.slope == pytest.approx(4, abs=0.1)
-    assert STEPS[-1] not in found.steps
-
-
-def test_points_between_the_truths_uncertainty_and_an_engines_own_floor_are_left_out() -> None:
-    floor = 1e-18
-    errors = [h**4 + 8 * floor for h in STEPS[:-1]] + [6 * floor]
-    found = observed_order(STEPS, errors, floor)
-    assert found.slope == pytest.approx(4, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("errors", "floor", "verdict"),
-    [
-        ([3e-16, 1e-16, 2e-16, 1e-16], 1e-16, "round-off"),
-        ([2e-12, 1.9e-12, 2.1e-12, 2e-12], 1e-16, "flat"),
-        ([1e-2, 1e-3], 0.0, "too few points"),
-        ([], 0.0, "too few points"),
-        ([1e-2, 1e-4, 1e-6, 1e-6], 0.0, "too few points"),
-        ([1.0, 0.6, 0.2, 0.02], 0.0, "irregular"),
-    ],
-)
-def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor: float, verdict: str) -> None:
-    found = observed_order(STEPS[: len(errors)], errors, floor)
-    assert (found.verdict, found.slope) == (verdict, None)
-    assert str(found) == verdict
-
-
 # Digits and labels
 
 
@@ -650,9 +555,3 @@ def test_every_work_is_cited_and_every_citation_is_of_a_work() -> None:
     texts = (room / "glossary.json", room / "index.html.jinja")
     cited = {name for path in texts for name in re.findall(r"\[@(\w+)\]", path.read_text("utf-8"))}
     assert cited == works
-
-
-def test_as_few_points_as_make_an_order_are_flat_where_no_error_falls() -> None:
-    steps = tuple(1.0 / 2**k for k in range(FEWEST))
-    assert observed_order(steps, (1e-3,) * FEWEST).verdict == "flat"
-    assert observed_order(steps[1:], (1e-3,) * (FEWEST - 1)).verdict == "too few points"

@@ -1,0 +1,153 @@
+"""The observed order: what it is fitted to, and when none is claimed."""
+
+import numpy as np
+import pytest
+
+from reports.convergence import ABOVE_FLOOR, FEWEST, observed_order
+
+STEPS = tuple(1e-3 / 2.0**k for k in range(8))
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_a_clean_power_law_gives_its_order_exactly_from_the_finest_four(order: int) -> None:
+    found = observed_order(STEPS, [3.0 * h**order for h in STEPS])
+    assert found.slope == pytest.approx(order, abs=1e-9)
+    assert found.steps == STEPS[-4:]
+
+
+def test_no_order_is_claimed_of_errors_as_large_as_a_tenth_of_the_signal() -> None:
+    errors = [3.0 * h for h in STEPS]
+    assert observed_order(STEPS, errors, 0.0, scale=10 * errors[-1] * 0.99).verdict == "astray"
+    assert observed_order(STEPS, errors, 0.0, scale=10 * errors[-2] * 1.01).verdict == "too few points"
+    finest = observed_order(STEPS, errors, 0.0, scale=10 * errors[-3] * 1.01)
+    assert finest.slope == pytest.approx(1.0)
+    assert finest.steps == STEPS[-3:]
+
+
+def test_the_order_does_not_depend_on_the_order_of_the_points() -> None:
+    errors = [h**2 for h in STEPS]
+    assert observed_order(STEPS[::-1], errors[::-1]) == observed_order(STEPS, errors)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_points_near_the_truths_uncertainty_are_left_out(order: int) -> None:
+    floor = STEPS[4] ** order  # met at the fifth step
+    noise = np.random.default_rng(1).uniform(-1, 1, len(STEPS))
+    errors = [abs(h**order + floor * part) for h, part in zip(STEPS, noise, strict=True)]
+    found = observed_order(STEPS, errors, floor)
+    used = dict(zip(STEPS, errors, strict=True))
+    assert all(used[h] >= ABOVE_FLOOR * floor for h in found.steps)
+    if order == 4:
+        assert found.slope == pytest.approx(order, abs=0.15)
+    else:
+        assert found.verdict == "too few points" or found.slope == pytest.approx(order, abs=0.15)
+
+
+def test_an_engines_own_flat_floor_is_left_out_without_being_told_it() -> None:
+    noise = 1 + 0.5 * np.random.default_rng(2).uniform(-1, 1, len(STEPS))
+    floor = STEPS[4] ** 4
+    found = observed_order(STEPS, [h**4 + floor * part for h, part in zip(STEPS, noise, strict=True)])
+    assert found.slope == pytest.approx(4, abs=0.1)
+    assert min(found.steps) > STEPS[4]
+
+
+def test_a_rising_round_off_branch_is_left_out() -> None:
+    steps = tuple(1e-2 / 2.0**k for k in range(12))
+    errors = [h**2 + 1e-14 / h**2 for h in steps]
+    found = observed_order(steps, errors)
+    assert found.slope == pytest.approx(2, abs=0.05)
+    assert min(found.steps) > (1e-14) ** 0.25
+
+
+def test_saturated_and_pre_asymptotic_coarse_points_are_left_out() -> None:
+    errors = [0.1, 0.11, 0.09, 4e-2, *(1e-2 / 4.0**k for k in range(4))]
+    found = observed_order(STEPS, errors)
+    assert found.slope == pytest.approx(2, abs=1e-9)
+    assert found.steps == STEPS[4:]
+
+
+def test_a_finest_point_that_only_begins_to_feel_a_floor_is_left_out() -> None:
+    errors = [h**4 + 0.5 * STEPS[-1] ** 4 * 4 for h in STEPS]
+    found = observed_order(STEPS, errors)
+    assert found.slope == pytest.approx(4, abs=0.1)
+    assert STEPS[-1] not in found.steps
+
+
+def test_points_between_the_truths_uncertainty_and_an_engines_own_floor_are_left_out() -> None:
+    floor = 1e-18
+    errors = [h**4 + 8 * floor for h in STEPS[:-1]] + [6 * floor]
+    found = observed_order(STEPS, errors, floor)
+    assert found.slope == pytest.approx(4, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("errors", "floor", "verdict"),
+    [
+        ([3e-16, 1e-16, 2e-16, 1e-16], 1e-16, "round-off"),
+        ([2e-12, 1.9e-12, 2.1e-12, 2e-12], 1e-16, "flat"),
+        ([1e-2, 1e-3], 0.0, "too few points"),
+        ([], 0.0, "too few points"),
+        ([1e-2, 1e-4, 1e-6, 1e-6], 0.0, "too few points"),
+        ([1.0, 0.6, 0.2, 0.02], 0.0, "irregular"),
+    ],
+)
+def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor: float, verdict: str) -> None:
+    found = observed_order(STEPS[: len(errors)], errors, floor)
+    assert (found.verdict, found.slope) == (verdict, None)
+    assert str(found) == verdict
+
+
+def test_of_two_runs_at_one_step_the_better_counts() -> None:
+    steps, errors = (1.0, 0.5, 0.5, 0.25), (1.0, 0.9, 0.0625, 0.00390625)
+    assert observed_order(steps, errors).slope == pytest.approx(4.0)
+    assert observed_order(steps, errors[:1] + errors[2:0:-1] + errors[3:]).slope == pytest.approx(4.0)
+
+
+def test_a_line_that_bends_late_loses_its_end_and_one_that_steepens_loses_none() -> None:
+    steps = [2.0**-k for k in range(5)]
+    bent = np.cumprod([1.0, 2.0**-2.2, 2.0**-3, 2.0**-3, 2.0**-2]).tolist()
+    # 2 is below three quarters of the 3 before it; and what is left is ten times the error there, or more.
+    assert observed_order(steps, bent).steps == tuple(steps[:3])
+
+
+@pytest.mark.parametrize(
+    ("exponents", "scale", "slope", "points"),
+    [
+        ((0, 0, 4, 8), np.inf, 4.0, (1, 2, 3)),  # behind a saturated step, from the first that falls
+        ((0, 4, 8), 10.0, 4.0, (0, 1, 2)),  # a tenth of the signal is not yet astray
+        ((0, 8, 16, 24, 29), np.inf, 8.0, (0, 1, 2, 3)),  # without the one that bends, and no other
+    ],
+)
+def test_the_points_of_an_order(
+    exponents: tuple[int, ...], scale: float, slope: float, points: tuple[int, ...]
+) -> None:
+    """Steps halve, and errors are these powers of a half: their differences are local orders."""
+    steps = [0.5**k for k in range(len(exponents))]
+    order = observed_order(steps, [0.5**k for k in exponents], scale=scale)
+    assert order.slope == pytest.approx(slope, abs=1e-9)
+    assert order.steps == tuple(steps[k] for k in points)
+
+
+@pytest.mark.parametrize(
+    ("exponents", "verdict"),
+    [
+        ((0, 4, 5), "too few points"),  # of three the last one bends
+        ((0, 0, 0.9), "too few points"),  # two fall, but little
+        ((0, 0, 0.4), "flat"),
+    ],
+)
+def test_without_three_points_no_order(exponents: tuple[float, ...], verdict: str) -> None:
+    errors = [0.5**k for k in exponents]
+    assert observed_order([0.5**k for k in range(len(errors))], errors).verdict == verdict
+
+
+def test_an_error_of_ten_uncertainties_counts_for_an_order() -> None:
+    order = observed_order([1.0, 0.5, 0.25], [160.0, 40.0, 10.0], 1.0)
+    assert order.slope == pytest.approx(2.0, abs=1e-9)
+    assert order.steps == (1.0, 0.5, 0.25)
+
+
+def test_as_few_points_as_make_an_order_are_flat_where_no_error_falls() -> None:
+    steps = tuple(1.0 / 2**k for k in range(FEWEST))
+    assert observed_order(steps, (1e-3,) * FEWEST).verdict == "flat"
+    assert observed_order(steps[1:], (1e-3,) * (FEWEST - 1)).verdict == "too few points"
