@@ -12,6 +12,8 @@ from engine_models.scene.scene import Scene
 
 #: A run that needs more steps than this would take hours or more.
 MOST_STEPS = 1e10
+#: Steps that engines may take in the shortest time of a scene, and more.
+RESOLVED = 1e6
 
 
 class Pace:
@@ -32,20 +34,26 @@ class Pace:
         if since < self._outlasting:
             return
         if passed_s * self._most_steps < since * self._scene.end_time_s:
-            raise too_slow(self._scene, f"steps of {passed_s / since:.3g} s at t = {reached_s:.6g} s")
+            raise too_slow(self._scene, passed_s / since, f" at t = {reached_s:.6g} s")
         self._judged, self._judged_s = steps, reached_s
 
 
-def too_slow(scene: Scene, steps: str) -> SimulationFailed:
-    """Return the failure of a run whose steps, described in words, are too short to come to its end."""
-    field, value = forcing_field(scene)
+def too_slow(scene: Scene, step_s: float, when: str = "") -> SimulationFailed:
+    """Return the failure of a run whose steps are too short to come to its end.
+
+    A field of the scene is to blame only if its own time is not much longer than the steps.
+    """
+    (field, value), time_s = forcing_field(scene)
+    steps = f"steps of {step_s:.3g} s{when}"
+    if time_s > RESOLVED * max(step_s, sys.float_info.min):
+        return SimulationFailed(f"{steps} do not come to an end: take a longer step, or a looser tolerance")
     return SimulationFailed(
         f"{field}: expected a value that lets a run come to its end, got {value:g} (forces {steps})"
     )
 
 
-def forcing_field(scene: Scene) -> tuple[str, float]:
-    """Return name and value of the field that makes the shortest time in the scene.
+def forcing_field(scene: Scene) -> tuple[tuple[str, float], float]:
+    """Return name and value of the field that makes the shortest time in the scene, and that time in s.
 
     The times are those of an impact at the speed of the crank's pin at the start, or of a fall from the
     crank's height, on the lightest body.
@@ -61,7 +69,7 @@ def forcing_field(scene: Scene) -> tuple[str, float]:
             force = np.float64(mass * speed**2 / r)
             if clearance.law != "rigid":
                 # All kinetic energy goes into the spring: m v^2/2 = K d^(n+1)/(n+1).
-                K, n = stiffness_of(clearance), exponent_of(clearance)
+                K, n = min(stiffness_of(clearance), sys.float_info.max), exponent_of(clearance)
                 depth = (mass * speed**2 * (n + 1) / (2 * K)) ** (1 / (n + 1))
                 force = K * depth**n
                 stiff = "young_modulus_Pa" if clearance.stiffness is None else "stiffness"
@@ -72,4 +80,4 @@ def forcing_field(scene: Scene) -> tuple[str, float]:
                 full = friction.regularisation_speed_m_s
                 name = f"{field}.friction.regularisation_speed_m_s"
                 times[name, full] = float(mass * full / (friction.coefficient * force))
-    return min(times, key=lambda field: times[field])
+    return min(times.items(), key=lambda entry: entry[1])

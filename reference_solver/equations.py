@@ -10,6 +10,7 @@ The same text is both faces of the algorithm: of numbers it is the readable one,
 
 import math
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -26,13 +27,15 @@ from reference_solver.mechanism.loads import INTEGRATED, LOADS, Forces, power_of
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
-from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, named, sqrt
+from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, named, smaller, sqrt
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
 
 #: A pivot that is mere round-off, relative to its diagonal entry: the row depends on others.
 PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
+#: Part of the largest mass, and of the largest inertia, from which down a body is light.
+LIGHT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -64,8 +67,9 @@ class Answer:
     ``powers`` are by name in W, normal forces in N (see ``Equations.power_names``); ``friction_N`` has the
     friction force of every contact, on its pin along t; ``removed_W`` is what Baumgarte's feedback takes
     away; ``damper_per_s`` is the rate of the damper that friction of pins that follow rigid walls is, 0
-    without; ``condition`` is that of the constraints (see ``factorisation.Factors``), infinite where [B] has
-    not full row rank or friction leaves such pins no mobility.
+    without; ``condition`` is that of the constraints (see ``factorisation.Factors``), no less than what light
+    bodies make of it anywhere, and infinite where [B] has not full row rank or friction leaves such pins no
+    mobility.
     """
 
     accelerations: Array
@@ -80,6 +84,11 @@ class Answer:
     def ok(self) -> Scalar:
         """Whether there is an answer."""
         return self.condition < math.inf
+
+
+def spread_of(numbers: Array) -> Scalar:
+    """Return the largest of positive numbers over the least."""
+    return reduce(larger, numbers) / reduce(smaller, numbers)
 
 
 def row_slices(mechanism: Mechanism) -> list[slice]:
@@ -112,6 +121,8 @@ class Equations:
         self._constraints = (*mechanism.constraints, *(wall_link(joint) for _, joint in joints))
         self.mass = array([a for b in mechanism.bodies for a in (b.mass_kg, b.mass_kg, b.inertia_kg_m2)])
         self.inverse_mass = 1.0 / self.mass
+        #: Condition up to which constraints may seem to depend on each other by light bodies alone.
+        self._lightness = reduce(larger, (LIGHT * spread_of(self.mass[k::3]) for k in (0, 2)))
         still = np.zeros(self.n)
         #: {C} (m,) at t = 0: what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
         self.C = self.system(0.0, still, still).C
@@ -240,7 +251,8 @@ class Equations:
         for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
-        condition = named("condition", choose(ok, factors.condition, math.inf))
+        condition = larger(factors.condition, self._lightness)
+        condition = named("condition", choose(ok, condition, math.inf))
         return Answer(A, lambda_, powers, friction, removed, damper, condition)
 
     def _fed_back(

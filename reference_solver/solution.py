@@ -65,8 +65,8 @@ class Solution:
 
     @property
     def constraint_work_J(self) -> FloatArray:
-        """Return the work of the drivers, (s,)."""
-        return self.sums["drivers"]
+        """Return the work of the drivers, (s,): none where nobody adds up their power, as at speed 0."""
+        return self.sums.get("drivers", np.zeros(len(self.time_s)))
 
     @property
     def stabilisation_loss_J(self) -> FloatArray:

@@ -5,9 +5,10 @@ import numpy as np
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.joints import CRANK
+from engine_models.mechanics.slider_load import slider_forces
 from engine_models.scene.scene import Clearance, Scene
 
-#: What lies below these, in parts of weight times crank and in J, is rounding at rest.
+#: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9
 
 
@@ -64,5 +65,15 @@ def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     parts = [kinetic, np.abs(potential - potential[0]), *map(np.abs, trajectory.load_work_J.values())]
     if trajectory.driver_work_J is not None:
         parts.append(np.abs(trajectory.driver_work_J))
-    weight = scene.gravity_m_s2 * sum(body.mass_kg for body in scene.bodies) * scene.crank.length_m
-    return np.asarray(np.maximum.accumulate(np.max(parts, axis=0)) + ROUND_OFF * weight + LEAST_J)
+    rounding = ROUND_OFF * _of_forces_J(scene, trajectory) + LEAST_J
+    return np.asarray(np.maximum.accumulate(np.max(parts, axis=0)) + rounding)
+
+
+def _of_forces_J(scene: Scene, trajectory: Trajectory) -> float:
+    """Return what weight, load and driver do in a radian of the crank at most, at their medians over time."""
+    weight = scene.gravity_m_s2 * sum(body.mass_kg for body in scene.bodies)
+    loads = slider_forces(scene, trajectory.position, trajectory.velocity).values()
+    forces_N = weight + sum(float(np.median(np.abs(load_N))) for load_N in loads)
+    torque = trajectory.driver_torque_N_m
+    torque_N_m = 0.0 if torque is None else float(np.median(np.abs(torque)))
+    return forces_N * scene.crank.length_m + torque_N_m

@@ -32,6 +32,8 @@ from reference_solver.solver import (
     StepChoice,
 )
 
+#: With so many, of order 4, a contact is in error by round-off.
+MOST_STEPS_PER_CONTACT = 1e4
 #: The smallest tolerance, some times round-off, and one to begin with.
 SHARPEST, LOOSE = 1e-14, 1e-6
 
@@ -48,8 +50,8 @@ class ReferenceEngine:
     ``method = rk4`` is the paper's. In a scene with clearance the run's step is the longest one, taken in
     flight; a contact takes ``steps_per_contact`` shorter ones, graded at both ends, and touch and release are
     located. That number is for a step in which the mechanism turns by 0.3 degrees, at the rate of its start
-    (see ``scales``), and grows as the step falls, so that halving the step halves both. Without
-    ``locate_events`` every step has the run's length, as in the paper.
+    (see ``scales``), and grows as the step falls, so that halving the step halves both, up to ten thousand.
+    Without ``locate_events`` every step has the run's length, as in the paper.
 
     ``method = dop853``, of order 8, and ``dopri5``, of order 5, take steps up to the run's longest that are
     in error by the ``tolerance``: a part of the mechanism's longest lever, a radian, and both times the rate
@@ -174,4 +176,6 @@ class ReferenceEngine:
         if not (scene.joints_with_clearance and self.locate_events):
             return StepChoice(step, locate_events=self.locate_events)
         per_contact = self.steps_per_contact * TURN_OF_STEP_RAD / (rate_s(scene) * step)
-        return StepChoice(step, max(FEWEST_STEPS_PER_CONTACT, per_contact), lowest_flight=self.lowest_flight)
+        most = max(MOST_STEPS_PER_CONTACT, self.steps_per_contact)
+        per_contact = min(max(FEWEST_STEPS_PER_CONTACT, per_contact), most)
+        return StepChoice(step, per_contact, lowest_flight=self.lowest_flight)

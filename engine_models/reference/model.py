@@ -1,6 +1,7 @@
 """The scene as a mechanism of the reference solver: joints O, A, B, then the guide, then a driver."""
 
 import math
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,8 +118,11 @@ def _law(clearance: Clearance) -> ContactLaw | RigidWall:
         return RigidWall(clearance.restitution or 0.0, clearance.minimum_impact_speed_m_s or 0.0)
     factor, stiffness = DAMPING_FACTORS.get(clearance.law), stiffness_of(clearance)
     if not math.isfinite(stiffness):
-        field, value = "young_modulus_Pa", clearance.young_modulus_Pa
-        raise SimulationFailed(f"{field}: expected one whose stiffness is no overflow, got {value:g}")
+        field = (
+            "young_modulus_Pa" if clearance.radial_clearance_m > sys.float_info.min else "radial_clearance_m"
+        )
+        expected, value = "one whose stiffness is no overflow", getattr(clearance, field)
+        raise SimulationFailed(f"{field}: expected {expected}, got {value:g}")
     return ContactLaw(
         stiffness,
         exponent_of(clearance),

@@ -73,9 +73,10 @@ def reference_run(
     try:
         solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver, most_steps))
     except Stalled as stalled:
-        raise too_slow(scene, f"steps that make no way at t = {stalled.time_s:.6g} s") from stalled
+        spacing_s = math.ulp(stalled.time_s)
+        raise too_slow(scene, spacing_s, f" or less at t = {stalled.time_s:.6g} s") from stalled
     except FrictionTooStiff as stiff:
-        raise too_slow(scene, f"steps of {stiff.needed_s:.3g} s") from stiff
+        raise too_slow(scene, stiff.needed_s) from stiff
     stabilised = stabilisation != "none"
     run = trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
     return replace(run, evaluations=len(RK4.weights) * run.steps) if _steps_whole(scene, choice) else run

@@ -195,7 +195,7 @@ class Calls:
         if self._called > self._choice.max_evaluations:
             raise SimulationFailed(
                 f"{self._choice.max_evaluations} evaluations came no further than t = {t:.6g} s: "
-                "loosen rtol and atol, or raise max_evaluations"
+                "take a longer step, loosen rtol and atol, or raise max_evaluations"
             )
         tell(t)
         self._pace.judge(t, self._called)

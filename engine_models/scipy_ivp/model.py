@@ -32,6 +32,8 @@ from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
 from reference_solver.tape import Scalar, choose
 
+#: Part of the largest coordinate by which rounding may keep apart two pins that touch at one instant.
+ROUND_OFF = 8 * float(np.finfo(float).eps)
 #: Fields of a gap (see ``contact.types.GAP_RECORD``) whose zeros are watched.
 WATCHED = ("g", "rate", "push")
 #: A contact that is over: time of touch, contact, duration, approach speed, normal impulse and energy lost.
@@ -262,6 +264,14 @@ class Derivative:
         """Return a number positive past an event (see ``alarm_of``)."""
         field, sign = self.alarm_of(contact, kind)
         return float(self.watched[field, contact](sign, 0.0, 0.0, y))
+
+    def due(self, contact: int, kind: int, y: FloatArray) -> bool:
+        """Return whether an event has come: its alarm is on, or a pin less than round-off short of it."""
+        alarm, (_, sign) = self.alarm(contact, kind, y), self.alarm_of(contact, kind)
+        if alarm > 0 or kind != 0:
+            return alarm > 0
+        rate = sign * self.gaps(y)["rate"][contact]
+        return bool(rate > 0 and -alarm < ROUND_OFF * np.abs(y[: self.n]).max())
 
     def switch(self, contact: int, kind: int, y: FloatArray) -> None:
         """Change a contact's phase at an event, where a touch stores its a/v0."""

@@ -68,7 +68,7 @@ class LocatedRun:
         """Answer an event, and any other alarm that is on as well, by the contacts' phases; return them."""
         answered = set[Event]()
         for contact, kind in [*([event] if event else []), *self._derivative.events]:
-            due = (contact, kind) == event or self._derivative.alarm(contact, kind, y) > 0
+            due = (contact, kind) == event or self._derivative.due(contact, kind, y)
             if not due or (contact, kind) in answered:
                 continue
             if kind == 0:

@@ -67,6 +67,9 @@ ADVANCE = advance_type(KERNEL)
 
 #: The slope that makes dense output a quartic; rows of slopes in all.
 BUMP, ROWS = 0, 4
+#: Part of its clearance that a pin moves at least in the first step of a contact and in the last: a shorter
+#: way is round-off, in which a touch looks like a release.
+SHORTEST_WAY = 1e-11
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
 #: Mobilities are looked up again after so many steps, in which bodies turn little.
@@ -296,9 +299,10 @@ def note(run, event):
 
 
 @register_jitable(**INNER)
-def graded(h, duration, distance):
+def graded(h, duration, distance, shortest):
     """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
-    return min(h, h * h / duration + 2.0 * h * np.sqrt(max(distance, 0.0) / duration))
+    step = h * h / duration + 2.0 * h * np.sqrt(max(distance, 0.0) / duration)
+    return min(h, max(step, shortest))
 
 
 @register_jitable(**INNER)
@@ -339,10 +343,10 @@ def step_length(contacts, gaps, now):
         if depth > 0.0:
             slope = contact.exponent * gap.elastic / depth
             duration = min(duration, np.pi / np.sqrt(slope * contact.mobility))
-        shortest = duration / now.per_contact
-        h = min(h, graded(shortest, duration, now.time - contact.began_s))
+        longest, shortest = duration / now.per_contact, SHORTEST_WAY * contact.clearance / abs(gap.rate)
+        h = min(h, graded(longest, duration, now.time - contact.began_s, shortest))
         if gap.rate < 0.0:
-            h = min(h, graded(shortest, duration, -depth / gap.rate))
+            h = min(h, graded(longest, duration, -depth / gap.rate, shortest))
     return h
 
 

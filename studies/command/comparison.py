@@ -18,7 +18,7 @@ from reports.chapters.comparison.sections import standings_table
 from reports.chapters.comparison.standing import Standings
 from reports.results import Results, read_study
 from studies.command.finished_run import Run
-from studies.comparison.question import Question, asked, require_truth
+from studies.comparison.question import Question, asked
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
 from studies.running.case import Case
 from studies.running.execution import CaseEnded
@@ -128,7 +128,6 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
 
 def _question(scene: Scene, pool: Processes) -> Question:
     try:
-        require_truth(scene)  # a process would take seconds to say so
         with progress_console().status(f"the truth of {scene.name}"):
             return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
     except UnsupportedScene as reason:

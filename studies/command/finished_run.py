@@ -123,8 +123,12 @@ class Run:
     def notes(self) -> list[str]:
         """Return what there is to say of any run: its quality and its steps, a line each."""
         of_method = f" of {self.engine.method}" if hasattr(self.engine, "method") else ""
-        steps = f"{self.trajectory.steps} steps{of_method}, the longest {self.trajectory.step_s:.6g} s"
-        return [f"quality: {self.quality.summary()}", steps]
+        steps, allowed_s = self.trajectory.steps, self.trajectory.step_s
+        mean_s = self.trajectory.time_s[-1] / max(steps, 1)
+        how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
+        if mean_s > 0.99 * allowed_s:
+            how_long = f"the longest {allowed_s:.6g} s"
+        return [f"quality: {self.quality.summary()}", f"{steps} steps{of_method}, {how_long}"]
 
     @property
     def _title(self) -> str:

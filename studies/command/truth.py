@@ -64,7 +64,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
     if not count:
         raise Failed("no truth was found: two true solutions part before the first sample")
     apart = max(float(np.abs(_place(scene, one) - _place(scene, truth))[:count].max()) for one in repeats)
-    resolution = float(np.spacing(np.abs(_place(scene, truth)).max()))
+    resolution = float(np.spacing(max(np.abs(_place(scene, truth)).max(), scene.crank.length_m)))
     known, warnings = _until(truth, count), list[str]()
     if count <= options.samples:
         warnings.append(f"two true solutions part after t = {known.time_s[-1]:.6g} s, and samples end there")

@@ -8,7 +8,6 @@ from engine_models.engine import Trajectory, UnsupportedScene
 from engine_models.mechanics.joints import clearances
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import GRID, converged, followed
-from studies.judges.kinds import has_truth
 
 #: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank what
 #: a workshop measures. Where the crank is prescribed so is the ideal slider, and a torque sensor is good to
@@ -34,7 +33,6 @@ def asked(scene: Scene) -> Question:
     Raises:
         UnsupportedScene, SimulationFailed: there is no truth, or it is not known beyond the start.
     """
-    require_truth(scene)
     truth, _ = converged(scene, GRID)
     samples = followed(scene, GRID)
     if samples < 2:
@@ -42,19 +40,15 @@ def asked(scene: Scene) -> Question:
     return Question(*_judged(scene, truth), float(truth.time_s[samples - 1]))
 
 
-def require_truth(scene: Scene) -> None:
-    """Raise UnsupportedScene for a scene of which no truth is looked for."""
-    if not has_truth(scene):
-        raise UnsupportedScene("of ideal joints it takes a rod as long as the crank or longer")
-
-
 def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
-    if rooms := clearances(scene).values():
-        wanted_m = CLEARANCE_PART * min(room.radial_clearance_m for room in rooms)
-        if scene.is_crank_slider:
-            return "slider_position_error_m", wanted_m
-        return "crank_angle_error_rad", wanted_m / scene.crank.length_m
-    if scene.speed_is_prescribed:
+    rooms = clearances(scene).values()
+    if not rooms and scene.speed_is_prescribed:
         assert truth.driver_torque_N_m is not None
-        return "driver_torque_error_N_m", TORQUE_PART * float(np.abs(truth.driver_torque_N_m).max())
-    return "slider_position_error_m", CRANK_PART * scene.crank.length_m
+        if peak_N_m := float(np.abs(truth.driver_torque_N_m).max()):
+            return "driver_torque_error_N_m", TORQUE_PART * peak_N_m
+    wanted_m = CRANK_PART * scene.crank.length_m
+    if rooms:
+        wanted_m = CLEARANCE_PART * min(room.radial_clearance_m for room in rooms)
+    if scene.is_crank_slider:
+        return "slider_position_error_m", wanted_m
+    return "crank_angle_error_rad", wanted_m / scene.crank.length_m

@@ -180,7 +180,18 @@ def start_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
 
 
 def speed_of(scene: Scene) -> float:
-    """Return a speed in m/s typical of the mechanism: that of the crank's pin, or what work may make it."""
+    """Return a speed in m/s typical of the mechanism: that of the crank's pin, or what work may make it.
+
+    It is no less than that of a body at the start, nor than what crosses a clearance within the scene.
+    """
+    told = (math.hypot(body.velocity_x_m_s, body.velocity_y_m_s) for body in scene.start.states)
+    rooms: list[float] = [
+        getattr(scene.clearance, joint).radial_clearance_m for joint in scene.joints_with_clearance
+    ]
+    return max([_driven_speed(scene), *told, *(room / scene.end_time_s for room in rooms)])
+
+
+def _driven_speed(scene: Scene) -> float:
     drive, r = drive_of(scene), scene.crank.length_m
     if drive.kind >= CONSTANT:
         looks = np.linspace(0.0, scene.end_time_s, LOOKS).tolist()

@@ -28,12 +28,14 @@ from studies.independent.switches import piece_of
 
 #: A part of the crank's speed: a pin that moves no faster along the normal has not left its wall.
 RESTING = 1e-12
+#: The part of its clearance within which a pin is at its wall when another hits.
+AT_ONCE = 1e-11
 #: Of speeds, as a part of the largest in them.
 ROUND_OFF = 1e-14
 
 
 class Paradox(Exception):
-    """No forces or impulses of rigid walls with friction fit, or several do (Painleve)."""
+    """No forces or impulses of rigid walls fit, or several do: friction (Painleve), or two hits at once."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ class RigidWalls:
         if joint in closed:
             closed.remove(joint)
         else:
+            self._require_alone(y, joint, following)
             after = self._hit(y, phases, joint, following)
             closed.append(joint)
             y = self._moving(y, after.rate)
@@ -87,6 +90,13 @@ class RigidWalls:
             ]
             after = Impact(self._kept(y, closed), after.impulses, after.driver_N_m_s)
         return after, self._pressed(self._moving(y, after.rate), phases, closed)
+
+    def _require_alone(self, y: FloatArray, joint: int, following: Sequence[int]) -> None:
+        """Raise a paradox where another pin hits at the same instant: an impact here is of one."""
+        for k in set(np.flatnonzero(np.isinf(self.m.walls.K)).tolist()) - {joint, *following}:
+            at_wall = np.hypot(*y[2 * k + 1 : 2 * k + 3]) > (1 - AT_ONCE) * self.m.walls.c[k]
+            if at_wall and self._inward(y, k) < 0:
+                raise Paradox(f"joints {joint} and {k} hit at one instant")
 
     def _hit(self, y: FloatArray, phases: FloatArray, joint: int, following: Sequence[int]) -> Impact:
         """Return the impact, without rebound if the pin is too slow or would be back too soon."""

@@ -1,11 +1,11 @@
 """The true solution of any scene, with repeats that tell how far, and until when, it can be followed.
 
-It shares nothing with the solvers. Ideal scenes have ``ideal_truth``, scenes with clearance the minimal
-coordinates of ``studies.independent``: by Radau's collocation, and again by extrapolation, a method of
-another kind with shorter steps at another tolerance. Their distance is the truth's uncertainty. The reference
-by DOP853 is a cross-check, and no more. Where the independent equations have no solution it stands in, with
-repeats of its own. Scenes are followed up to the horizon, where repeats or runs begun a hair beside part. All
-are kept on disk (see ``run_cache``).
+It shares nothing with the solvers. Ideal cranks that can turn have ``ideal_truth``, scenes with clearance
+the minimal coordinates of ``studies.independent``: by Radau's collocation, and again by extrapolation, a
+method of another kind with shorter steps at another tolerance. Their distance is the truth's uncertainty. The
+reference by DOP853 is a cross-check, and no more. Where the independent equations have no solution it stands
+in, with repeats of its own, as for ideal pendulums and rods no longer than their crank. Scenes are followed
+up to the horizon, where repeats or runs begun a hair beside part. All are kept on disk (see ``run_cache``).
 """
 
 from functools import lru_cache
@@ -20,6 +20,7 @@ from engine_models.scene.scene import Scene
 from studies.independent.solver import IndependentSolver
 from studies.judges.horizon import PERTURBATION_RAD, moved
 from studies.judges.ideal_truth import exact, exact_repeats
+from studies.judges.kinds import has_closed_form
 from studies.judges.run_cache import kept_run
 
 #: The solvers of the truth and of its repeats, which leave out shorter flights between rigid walls.
@@ -46,19 +47,19 @@ def converged(scene: Scene, samples: int) -> Solved:
         UnsupportedScene, SimulationFailed: the independent equations have no solution, nor has the reference,
             or not a good one.
     """
-    if not scene.joints_with_clearance:
+    if has_closed_form(scene):
         return exact(scene, samples), tuple(exact_repeats(scene, samples))
     return _on_samples(scene, samples)[1]
 
 
 def truth_by(scene: Scene, samples: int) -> str:
     """Return what the truth of a scene is by: ``INDEPENDENT`` equations, or the ``REFERENCE``."""
-    return _on_samples(scene, samples)[0] if scene.joints_with_clearance else INDEPENDENT
+    return INDEPENDENT if has_closed_form(scene) else _on_samples(scene, samples)[0]
 
 
 @lru_cache(maxsize=64)
 def _on_samples(scene: Scene, samples: int) -> tuple[str, Solved]:
-    """Return what solved a scene with clearance, and its solution; those on few samples are of more."""
+    """Return what solved a scene without closed form, and its solution; those on few samples are of more."""
     if samples < GRID and GRID % samples == 0:
         by, (truth, repeats) = _on_samples(scene, GRID)
         some = slice(None, None, GRID // samples)

@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from engine_models.engine import FloatArray
+from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.scene.scene import Scene
 from studies.judges.ideal_drive import drive_torque, prescribed_motion
 from studies.judges.ideal_load import NODES, WEIGHTS, gas_knots_rad, is_viscous, slider_force
 
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-13, 1e-17
+#: More a piece, and a rod that is hardly longer than the crank folds in less than round-off lets one follow.
+MOST_EVALUATIONS = 10_000
 #: Most that crank angle and phase of a fluctuation together turn in one piece of a quadrature in time.
 LONGEST_PIECE_RAD = 0.1
 #: Which of the nine coordinates is the slider's position.
@@ -46,11 +48,14 @@ def _coordinates(scene: Scene, theta: Any, of: Any) -> tuple[Rows, Rows, Rows]:
     r, length = crank.length_m, rod.length_m
     s, d = crank.centre_of_mass_m, rod.centre_of_mass_m
     cos, sin = of.cos(theta), of.sin(theta)
-    # Loop closure r sin(theta) + L sin(phi) = 0, differentiated twice.
-    sin_phi = -r / length * sin
-    cos_phi = of.sqrt(1 - sin_phi**2)
-    phi_1 = -r / length * cos / cos_phi
-    phi_2 = (r / length * sin + sin_phi * phi_1**2) / cos_phi
+    # Loop closure r sin(theta) + L sin(phi) = 0, differentiated twice. Nothing cancels where a rod is hardly
+    # longer than the crank: 1 -+ sin(phi) are sums, with 1 -+ sin(theta) = 2 sin(pi/4 -+ theta/2)^2.
+    part, longer = r / length, (length - r) / length
+    sin_phi = -part * sin
+    sums = (longer + 2 * part * of.sin(of.pi / 4 + side * theta / 2) ** 2 for side in (1, -1))
+    cos_phi = of.sqrt(math.prod(sums))
+    phi_1 = -part * cos / cos_phi
+    phi_2 = part * sin * longer * (1 + part) / cos_phi**3
     rod_x_1, rod_y_1 = -sin_phi * phi_1, cos_phi * phi_1
     rod_x_2 = -cos_phi * phi_1**2 - sin_phi * phi_2
     rod_y_2 = -sin_phi * phi_1**2 + cos_phi * phi_2
@@ -213,8 +218,12 @@ def _piece(
     acceleration = crank_acceleration(scene, math)
     zeros = [0.0] * (2 + len(integrands))
 
-    def run(theta: float, speed: float, duration: float, events: Any = None) -> Any:
+    def run(theta: float, speed: float, begin: float, duration: float, events: Any = None) -> Any:
+        left = iter(range(MOST_EVALUATIONS))
+
         def derivative(elapsed: float, y: FloatArray) -> list[float]:
+            if next(left, None) is None:
+                raise SimulationFailed(f"{MOST_EVALUATIONS} evaluations do not get past t = {begin:.6g} s")
             deviation, rate, *_ = y.tolist()
             angle, now = theta + speed * elapsed + deviation, speed + rate
             return [rate, acceleration(angle, now), *(of(angle, now) for of in integrands.values())]
@@ -232,7 +241,7 @@ def _piece(
     def piece(theta: float, speed: float, begin: float, end: float) -> tuple[FloatArray, float]:
         knots = gas_knots_rad(scene, theta)
         if knots is None:
-            return run(theta, speed, end - begin).y[:, -1], end
+            return run(theta, speed, begin, end - begin).y[:, -1], end
         below, above = knots
 
         def left(elapsed: float, y: FloatArray) -> float:
@@ -240,11 +249,11 @@ def _piece(
             return float((angle - below) * (above - angle))
 
         left.terminal = True  # type: ignore[attr-defined]
-        tried = run(theta, speed, end - begin, left)
+        tried = run(theta, speed, begin, end - begin, left)
         if tried.status == 1 and begin < begin + tried.t[-1] < end:
             # Once more up to there: the state at an event is an interpolated one.
             end = begin + float(tried.t[-1])
-            tried = run(theta, speed, end - begin)
+            tried = run(theta, speed, begin, end - begin)
         return tried.y[:, -1], end
 
     return piece

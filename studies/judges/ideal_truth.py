@@ -18,6 +18,7 @@ from studies.judges.ideal_motion import configuration as configuration
 from studies.judges.ideal_motion import crank_acceleration as crank_acceleration
 from studies.judges.ideal_motion import crank_motion, masses, slider_slope
 from studies.judges.ideal_motion import slider_position_m as slider_position_m
+from studies.judges.kinds import has_closed_form
 
 #: Least number of pieces that a run is cut into, for the truth and for its repeats: from 200 on the energy
 #: integral of the library's ideal scenes holds to 5e-14, which is round-off.
@@ -61,15 +62,14 @@ def exact(scene: Scene, samples: int, pieces: int = PIECES) -> Trajectory:
     ``pieces`` is the least number of pieces in which the motion is integrated.
 
     Raises:
-        ValueError: the scene has a joint with clearance, or a rod that is too short for a full turn, or
-            there are no samples.
+        ValueError: the scene has no closed form, or there are no samples.
+        SimulationFailed: the rod folds too fast to be followed.
     """
     require_samples(samples)
-    crank, rod, _ = scene.crank_slider()
-    if rod.length_m < crank.length_m:
-        raise ValueError(f"no truth for a rod shorter than the crank: {rod.length_m} m, {crank.length_m} m")
-    if scene.joints_with_clearance:
-        raise ValueError(f"no minimal-coordinate truth for clearance at {scene.joints_with_clearance}")
+    if not has_closed_form(scene):
+        raise ValueError(
+            f"scene {scene.name}: expected ideal joints and a rod longer than the crank, got others"
+        )
     time = np.linspace(0.0, scene.end_time_s, samples + 1)
     motion = crank_motion(scene, time, pieces)
     theta, speed, theta_2 = motion.theta, motion.speed, motion.theta_2

@@ -20,14 +20,10 @@ def kind(scene: Scene) -> str:
     return f"{what} with {' and '.join([*rooms, drive] if rooms else ['ideal joints', drive])}"
 
 
-def has_ideal_truth(scene: Scene) -> bool:
-    """Return whether an ideal scene has a truth in closed form: a crank-slider whose crank can turn."""
-    return scene.rod is not None and scene.rod.length_m >= scene.crank.length_m
-
-
-def has_truth(scene: Scene) -> bool:
-    """Return whether a truth can be looked for: with clearance one is, ideal joints need full turns."""
-    return bool(scene.joints_with_clearance) or has_ideal_truth(scene)
+def has_closed_form(scene: Scene) -> bool:
+    """Return whether all follows from the crank's angle: ideal joints, and a rod longer than the crank."""
+    there = scene.rod is not None and scene.rod.length_m > scene.crank.length_m
+    return there and not scene.joints_with_clearance
 
 
 def turns_steadily(scene: Scene) -> bool:

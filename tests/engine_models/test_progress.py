@@ -6,7 +6,7 @@ import pytest
 
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import make_engine
-from engine_models.progress import told_to
+from engine_models.progress import tell, told_to
 from engine_models.reference import run as reference_runs
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Friction, Scene
@@ -50,6 +50,18 @@ def test_what_a_listener_raises_ends_the_run(engine: str) -> None:
 
     with pytest.raises(KeyboardInterrupt), told_to(interrupt):
         make_engine(engine).simulate(SCENES["ideal-free"](), RunSettings(1e-5, 5))
+
+
+def test_a_second_run_has_a_time_left_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    """Runs of one tolerance begin anew: without that 1.9 s of the first made 10 s left of the second."""
+    with shown_progress(2.0, line_s=0.2):
+        tell(1.9)
+        time.sleep(0.3)
+        tell(1e-9)
+        time.sleep(0.3)
+    first, *_, last = capsys.readouterr().err.splitlines()
+    assert first.startswith("note: t = 1.9 s of 2 s after 0 s, about ")
+    assert last.startswith("note: t = 1e-09 s of 2 s in run 2 after 0 s, about ")
 
 
 def test_a_long_run_is_not_silent_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
