@@ -228,15 +228,18 @@ def _piece(
             angle, now = theta + speed * elapsed + deviation, speed + rate
             return [rate, acceleration(angle, now), *(of(angle, now) for of in integrands.values())]
 
-        return solve_ivp(
-            derivative,
-            (0, duration),
-            zeros,
-            "DOP853",
-            events=events,
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-        )
+        try:
+            return solve_ivp(
+                derivative,
+                (0, duration),
+                zeros,
+                "DOP853",
+                events=events,
+                rtol=RELATIVE_TOLERANCE,
+                atol=ABSOLUTE_TOLERANCE,
+            )
+        except (OverflowError, ValueError):  # Python's own numbers raise where NumPy's become infinite
+            raise SimulationFailed(f"the motion overflows after t = {begin:.6g} s") from None
 
     def piece(theta: float, speed: float, begin: float, end: float) -> tuple[FloatArray, float]:
         knots = gas_knots_rad(scene, theta)

@@ -128,3 +128,13 @@ def test_a_fold_too_fast_to_be_followed_is_told() -> None:
     scene = ideal_free().replace({"rod.length_m": 0.05 * (1 + 1e-12), "end_time_s": 0.2})
     with pytest.raises(SimulationFailed, match=r"evaluations do not get past t = 0\.12"):
         exact(scene, 10)
+
+
+def test_a_motion_that_overflows_is_told() -> None:
+    """The spline through a narrow spike of 1e8 N reaches 1e14 N beside it."""
+    spike = {
+        "crank_angle_rad": (0.0, 1.0, 1.000001, 1.000002, 2 * np.pi),
+        "force_N": (0.0, 0.0, -1e8, 0.0, 0.0),
+    }
+    with pytest.raises(SimulationFailed, match=r"the motion overflows after t = 0"):
+        exact(ideal_free().replace("load.slider.gas", spike), 10)
