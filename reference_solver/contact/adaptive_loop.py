@@ -405,6 +405,12 @@ def advance(run):
         loop.probe_now_and_then(run)
         first, releasing = chosen(run)
         error, factor = tried(run, first)
+        for _ in range(loop.LANDINGS):
+            landed = controlled_step.to_kink(run, first)
+            if landed.H == first.H or not error <= 1.0:
+                break
+            first, releasing = landed, -1
+            error, factor = tried(run, first)
         if not error <= 1.0:
             status = again(control, now.time, lasting(first.course, first.H * factor))
             continue

@@ -69,6 +69,10 @@ ADVANCE = advance_type(KERNEL)
 BUMP, ROWS = 0, 4
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
+#: A kink has been reached where it is nearer than this part of its period: the spacing of angles up to 1e6 rad.
+AT_KINK = 1e-10
+#: How often a step is taken again that passes a kink, and by what it may grow where it ends just before one.
+LANDINGS, STRETCHED = 8, 1.1
 #: Mobilities are looked up again after so many steps, in which bodies turn little.
 STEPS_BETWEEN_PROBES = 16
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
@@ -362,9 +366,35 @@ def to_knot(run, h, curved):
             ahead, speed, gain = (y[c] - knot.angle) % ahead, -speed, -gain
         else:
             ahead = (knot.angle - y[c]) % ahead
-        if ahead > REACHED * knot.period and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
+        near = (AT_KINK if knot.kink != 0 else REACHED) * knot.period
+        if ahead > near and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
             h = min(h, 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead)))
     return h
+
+
+@register_jitable(**INNER)
+def to_kink(run, h, most):
+    """Return the step, ``most`` at most, that ends on the first kink that a step of h has passed.
+
+    Or on one that it has nearly got to. By the speed at its end; without such a kink it is h.
+    """
+    n, y, new_y, first = run.old.n, run.old.y, run.new.y, h
+    for k in range(len(run.knots)):
+        knot = run.knots[k]
+        if knot.kink == 0:
+            continue
+        c = knot.coordinate
+        sign = 1.0 if new_y[c] > y[c] else -1.0
+        way, speed, ahead = sign * (new_y[c] - y[c]), sign * new_y[n + c], sign * (knot.angle - y[c]) % knot.period
+        beyond, near = way - ahead, AT_KINK * knot.period
+        if not (near < ahead < knot.period - near and abs(beyond) > near and beyond > -REACHED * knot.period):
+            continue
+        landed = h - beyond / speed if speed > 0.0 else 0.0
+        if not 0.0 < landed < STRETCHED * h:
+            landed = h * ahead / way
+        if landed <= min(most, STRETCHED * h) and (first == h or landed < first):
+            first = landed
+    return first
 
 
 # -------------------------------------------------------------------------------- dense output
@@ -612,6 +642,12 @@ def advance(run):
             if not (now.located and condition < np.inf and has_bulged(contacts, old.gaps, new.gaps, h)):
                 break
             h, last = 0.5 * h, False
+            condition = run.kernel.step(run.p, contacts, t, h, old, new)
+        for _ in range(LANDINGS):
+            landed = to_kink(run, h, landing - t)
+            if landed == h or not condition < np.inf:
+                break
+            h, last = landed, False
             condition = run.kernel.step(run.p, contacts, t, h, old, new)
         if not condition < np.inf or not finite(new.gaps):
             return types.FAILED
