@@ -61,23 +61,26 @@ def curve(
 
 @dataclass(frozen=True)
 class Overshoot:
-    """The point of a curve that is furthest outside of its table's values: ``part`` is of their range."""
+    """What a curve takes in between ``low`` and ``high``, and where it is furthest outside of its table's values.
 
-    x: float
-    y: float
+    There it is outside by a ``part`` of their range.
+    """
+
+    low: float
+    high: float
+    at: float
     part: float
 
 
 def overshoot(of: "PPoly", y: Sequence[float]) -> Overshoot | None:
-    """Return where a curve leaves its table's values, None where by no more than ``OVERSHOOT`` of their range."""
+    """Return how a curve leaves its table's values, None where it does by ``OVERSHOOT`` of their range at most."""
+    with np.errstate(all="ignore"):
+        at = of.derivative().roots(extrapolate=False)
+        values = of(at := at[np.isfinite(at)])
     low, high = min(y), max(y)
-    if low == high:
+    beyond = np.maximum(values - high, low - values)
+    if not len(at) or beyond.max() <= OVERSHOOT * (high - low):
         return None
-    turns = of.derivative().roots(extrapolate=False)
-    turns = turns[np.isfinite(turns)]
-    values = of(turns)
-    beyond = np.maximum(values - high, low - values) / (high - low)
-    if not len(turns) or beyond.max() <= OVERSHOOT:
-        return None
-    k = int(beyond.argmax())
-    return Overshoot(float(turns[k]), float(values[k]), float(beyond[k]))
+    k, least, most = int(beyond.argmax()), min(low, values.min()), max(high, values.max())
+    part = beyond[k] / (high - low) if high > low else math.inf
+    return Overshoot(float(least), float(most), float(at[k]), float(part))
