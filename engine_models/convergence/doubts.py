@@ -27,7 +27,9 @@ def doubts_of_tables(scene: Scene) -> list[str]:
             spans = f"from {beyond.low:.6g} to {beyond.high:.6g} {unit}"
             most = f"{100 * beyond.part:.3g} % of that range beyond at {beyond.at:.4g} {of}"
             own = f"the table's values from {min(values):.6g} to {max(values):.6g} {unit}, {most}"
-            lines.append(f"{name}: the spline goes {spans}, {own} ({100 * OVERSHOOT:g} % goes unsaid): {advice}")
+            lines.append(
+                f"{name}: the spline goes {spans}, {own} ({100 * OVERSHOOT:g} % goes unsaid): {advice}"
+            )
     return lines
 
 

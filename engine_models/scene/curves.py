@@ -48,7 +48,10 @@ def curve(
     x: Sequence[float], y: Sequence[float], interpolation: Interpolation, ends: Ends | Literal["periodic"]
 ) -> "PPoly":
     """Return what passes through a table's points, in pieces of four coefficients each."""
-    from scipy.interpolate import CubicSpline, PPoly  # it takes a moment, and scenes without tables do without
+    from scipy.interpolate import (
+        CubicSpline,
+        PPoly,
+    )  # it takes a moment, and scenes without tables do without
 
     if interpolation == "linear":
         nothing = np.zeros(len(x) - 1)
@@ -61,7 +64,7 @@ def curve(
 
 @dataclass(frozen=True)
 class Overshoot:
-    """What a curve takes in between ``low`` and ``high``, and where it is furthest outside of its table's values.
+    """A curve's own range, ``low`` to ``high``, and where it is furthest outside of its table's values.
 
     There it is outside by a ``part`` of their range.
     """
@@ -73,7 +76,7 @@ class Overshoot:
 
 
 def overshoot(of: "PPoly", y: Sequence[float]) -> Overshoot | None:
-    """Return how a curve leaves its table's values, None where it does by ``OVERSHOOT`` of their range at most."""
+    """Return how a curve leaves its table's values, None up to ``OVERSHOOT`` of their range."""
     with np.errstate(all="ignore"):
         at = of.derivative().roots(extrapolate=False)
         values = of(at := at[np.isfinite(at)])

@@ -56,6 +56,18 @@ class SceneData(BaseModel):
         return self.checked(copy.__dict__ | dict(update)) if update else copy
 
 
+def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str, Any]:
+    """Return the data of a scene with values put into it by their fields' paths, and sections for them."""
+    for path, value in fields.items():
+        part, *names = data, *path.split(".")
+        for name in names[:-1]:
+            if not isinstance(part.get(name), dict):
+                part[name] = {}
+            part = part[name]
+        part[names[-1]] = value
+    return data
+
+
 def require(holds: bool, field: str, expected: str, value: float | None) -> None:
     """Raise a ValueError in the words of ``plain_words`` unless a condition on a field holds."""
     if not holds:

@@ -59,9 +59,9 @@ class FluctuatingDrive(SceneData):
 class TableDrive(SceneData):
     """The crank turns by a table: from the start's angle on, as ``angle_rad`` does from its first entry on.
 
-    Between the entries the angle is a cubic spline of time. ``end_slopes`` are its speeds in rad/s at both ends.
-    Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are equal. Straight
-    lines are refused unless they are one.
+    Between the entries the angle is a cubic spline of time. ``end_slopes`` are its speeds in rad/s at both
+    ends. Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are equal.
+    Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
     """
 
     kind: Literal["table"]
@@ -77,7 +77,9 @@ class TableDrive(SceneData):
         if slopes is not None and self.interpolation == "linear":
             raise ValueError("end_slopes: expected nothing with interpolation = 'linear', got a list")
         if slopes is not None and len(slopes) != 2:
-            raise ValueError(f"end_slopes: expected two numbers, of the first and the last end, got {len(slopes)}")
+            raise ValueError(
+                f"end_slopes: expected two numbers, of the first and the last end, got {len(slopes)}"
+            )
         if self.interpolation == "linear":
             self._turns_evenly()
         return self
@@ -88,7 +90,9 @@ class TableDrive(SceneData):
         for place, (before, after) in enumerate(pairwise(speeds), 1):
             if abs(after - before) > SAME_SPEED * max(map(abs, speeds)):
                 jump = f"at time_s.{place} the speed would jump from {before:.4g} to {after:.4g} rad/s"
-                raise ValueError(f"interpolation: expected 'spline' ({jump}, by an infinite torque), got 'linear'")
+                raise ValueError(
+                    f"interpolation: expected 'spline' ({jump}, by an infinite torque), got 'linear'"
+                )
 
     @property
     def _ends(self) -> Ends:

@@ -69,7 +69,7 @@ ADVANCE = advance_type(KERNEL)
 BUMP, ROWS = 0, 4
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
-#: A kink has been reached where it is nearer than this part of its period: the spacing of angles up to 1e6 rad.
+#: A kink has been reached where it is nearer than this part of its period: as near as angles of 1e6 rad tell.
 AT_KINK = 1e-10
 #: How often a step is taken again that passes a kink, and by what it may grow where it ends just before one.
 LANDINGS, STRETCHED = 8, 1.1
@@ -385,7 +385,11 @@ def to_kink(run, h, most):
             continue
         c = knot.coordinate
         sign = 1.0 if new_y[c] > y[c] else -1.0
-        way, speed, ahead = sign * (new_y[c] - y[c]), sign * new_y[n + c], sign * (knot.angle - y[c]) % knot.period
+        way, speed, ahead = (
+            sign * (new_y[c] - y[c]),
+            sign * new_y[n + c],
+            sign * (knot.angle - y[c]) % knot.period,
+        )
         beyond, near = way - ahead, AT_KINK * knot.period
         if not (near < ahead < knot.period - near and abs(beyond) > near and beyond > -REACHED * knot.period):
             continue

@@ -58,7 +58,7 @@ def gas_piece(load: Load, theta: float) -> float:
     if not load.kinks:
         return 0.0
     turns = math.floor((theta - load.knots[0]) / math.tau)
-    return turns * (len(load.knots) - 1.0) + piece_at(load.knots, theta - turns * math.tau)
+    return float(turns * (len(load.knots) - 1) + piece_at(load.knots, theta - turns * math.tau))
 
 
 @njit(error_model="numpy")

@@ -97,7 +97,7 @@ def _fluctuating(mean: float, amplitude: float, rate: float, phase: float) -> Pr
 
 
 def _table(table: TableDrive, begin_s: float) -> PrescribedMotion:
-    """The cubic spline of a table of angles; its third derivative jumps at the knots. Or one straight line."""
+    """The cubic spline of a table, whose third derivative jumps at the knots; or one straight line."""
     times, angles = table.time_s, table.angle_rad
     if table.interpolation == "linear":
         speed = (angles[-1] - angles[0]) / (times[-1] - times[0])
@@ -135,7 +135,9 @@ def cubic_spline(
     # Row k of the matrix has its column j at [2 + k - j, j].
     bands = np.zeros((5, len(x)))
     bands[3, :-2], bands[2, 1:-1], bands[1, 2:] = h[:-1], 2 * (h[:-1] + h[1:]), h[1:]
-    bands[2, 0], bands[1, 1], bands[0, 2] = (-h[1], h[0] + h[1], -h[0]) if first is None else (2 * h[0], h[0], 0)
+    bands[2, 0], bands[1, 1], bands[0, 2] = (
+        (-h[1], h[0] + h[1], -h[0]) if first is None else (2 * h[0], h[0], 0)
+    )
     bands[2, -1], bands[3, -2], bands[4, -3] = (
         (-h[-2], h[-1] + h[-2], -h[-1]) if last is None else (2 * h[-1], h[-1], 0)
     )

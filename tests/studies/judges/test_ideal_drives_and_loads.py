@@ -12,7 +12,7 @@ from engine_models.scene.drives import Drive, FluctuatingDrive, MotorDrive, Ramp
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_drive import not_a_knot, prescribed_motion
+from studies.judges.ideal_drive import cubic_spline, prescribed_motion
 from studies.judges.ideal_truth import configuration, crank_acceleration, exact, exact_repeats
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from tests.studies.independent.newton_euler import integrate, slider_load
@@ -270,11 +270,11 @@ def test_a_ramp_turns_by_the_mean_of_its_speeds_and_then_evenly() -> None:
 def test_the_tables_spline_is_the_one_of_scipy_and_reproduces_a_cubic() -> None:
     x = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, 30)).tolist()
     y, at = np.sin(x).tolist(), np.linspace(x[0], x[-1], 301)
-    spline, theirs = not_a_knot(x, y), CubicSpline(x, y, bc_type="not-a-knot")
+    spline, theirs = cubic_spline(x, y), CubicSpline(x, y, bc_type="not-a-knot")
     for order in (0, 1, 2):
         np.testing.assert_allclose(spline(at, order), theirs(at, order), atol=1e-13)
     for points in (4, 5, 30):
-        cubic = not_a_knot(x[:points], [v**3 - 4 * v for v in x[:points]])
+        cubic = cubic_spline(x[:points], [v**3 - 4 * v for v in x[:points]])
         inside = at[at <= x[points - 1]]
         np.testing.assert_allclose(cubic(inside, 2), 6 * inside, rtol=1e-10)
 
