@@ -275,7 +275,9 @@ def land(run, step, end, event, taken):
 def chosen(run):
     """Return the step to try, and the contact that is released at its end, or -1."""
     contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
-    h = loop.in_flight(contacts, gaps, loop.to_knot(run, min(control.step, now.longest), 1.0), FLIGHT_PART)
+    h = loop.in_flight(
+        contacts, gaps, loop.to_knot(run, min(control.step, now.longest), 1.0, 0.0), FLIGHT_PART
+    )
     course, H, releasing = course_of(contacts, gaps, now.time, h, control.rejected != 0)
     step = no_further(now, course, H)
     return step, releasing if step.end < now.end else -1

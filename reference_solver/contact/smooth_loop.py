@@ -51,7 +51,7 @@ def advance(run):
         status = loop.due(now, len(run.records.events))
         if status != GO:
             return status
-        h = loop.to_knot(run, min(control.step, now.longest), 1.0)
+        h = loop.to_knot(run, min(control.step, now.longest), 1.0, 0.0)
         step = controlled_step.no_further(now, Course(now.time, 0.0, 0.0), h)
         error = tried(run, step)
         for _ in range(loop.LANDINGS):
