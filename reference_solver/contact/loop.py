@@ -69,8 +69,8 @@ ADVANCE = advance_type(KERNEL)
 BUMP, ROWS = 0, 4
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
-#: A kink has been reached where it is nearer than this part of its period: as near as angles of 1e6 rad tell.
-AT_KINK = 1e-10
+#: A kink has been reached where it is nearer than this part of the angle, or of its period: some round-off.
+AT_KINK = 1e-14
 #: How often a step is taken again that passes a kink, by what it may grow where it ends just before one, and
 #: the part of the longest step by which RK4's end before it.
 LANDINGS, STRETCHED, SHORT = 8, 1.1, 1e-3
@@ -368,7 +368,7 @@ def to_knot(run, h, curved, short):
             ahead, speed, gain = (y[c] - knot.angle) % ahead, -speed, -gain
         else:
             ahead = (knot.angle - y[c]) % ahead
-        near = (AT_KINK if knot.kink != 0 else REACHED) * knot.period
+        near = AT_KINK * max(abs(y[c]), knot.period) if knot.kink != 0 else REACHED * knot.period
         if ahead > near and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
             reach = 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead))
             h = min(h, reach - short if knot.kink != 0 and reach > 2.0 * short else reach)
@@ -383,28 +383,28 @@ def to_kink(run, h, most, short):
     are off by the third power of the step, and beyond a kink that makes an error of the fourth, by chance: so
     a step ends ``short`` of a kink, in s, and a short one goes on to it.
     """
-    n, y, new_y, first = run.old.n, run.old.y, run.new.y, h
-    aim = short if h > 2.0 * short else 0.0
+    n, y, new_y, first = run.old.n, run.old.y, run.new.y, np.inf
+    aim, landed = short if h > 2.0 * short else 0.0, h
     for k in range(len(run.knots)):
         knot = run.knots[k]
         if knot.kink == 0:
             continue
-        c, near = knot.coordinate, AT_KINK * knot.period
+        c = knot.coordinate
+        near = AT_KINK * max(abs(y[c]), knot.period)
         sign = 1.0 if new_y[c] > y[c] else -1.0
         way, speed, ahead = (
             sign * (new_y[c] - y[c]),
             sign * new_y[n + c],
             sign * (knot.angle - y[c]) % knot.period,
         )
-        beyond = way - ahead + aim * speed
-        if not near < ahead < knot.period - near or abs(beyond) <= max(near, 0.5 * aim * speed):
+        if not near < ahead < min(knot.period - near, first * way):
             continue
-        landed = h - beyond / speed if speed > 0.0 else 0.0
-        if not 0.0 < landed < STRETCHED * h:
-            landed = h * ahead / way
-        if beyond > -REACHED * knot.period and landed <= min(most, STRETCHED * h):
-            first = landed if first == h else min(first, landed)
-    return first
+        first, landed, beyond = ahead / way, h, way - ahead + aim * speed
+        if beyond > -REACHED * knot.period and abs(beyond) > max(near, 0.5 * aim * speed):
+            landed = h - beyond / speed if speed > 0.0 else 0.0
+            if not 0.0 < landed < STRETCHED * h:
+                landed = h * first
+    return landed if landed <= min(most, STRETCHED * h) else h
 
 
 # -------------------------------------------------------------------------------- dense output

@@ -39,6 +39,12 @@ LINES = Gas(
     force_N=(0.0, -800.0, 200.0, -300.0, 0.0),
     interpolation="linear",
 )
+#: A force that comes at once, and goes: within a microradian, which a crank passes in 10 ns.
+JUMPS = Gas(
+    crank_angle_rad=(-1.0, 0.3, 0.3 + 1e-6, 1.1, 1.1 + 1e-6, 2 * np.pi - 1.0),
+    force_N=(0.0, 0.0, -60.0, -60.0, 0.0, 0.0),
+    interpolation="linear",
+)
 
 
 def table(time_s: FloatArray, angle_rad: FloatArray) -> TableDrive:
@@ -74,6 +80,7 @@ CASES = {
         -100.0, SliderLoad(gas=LINES), drive=FreeDrive(kind="free")
     ),
     "straight lines by a table": scene(FIRST, SliderLoad(gas=LINES), drive=TABLE),
+    "straight lines that jump": scene(100.0, SliderLoad(gas=JUMPS), drive=FreeDrive(kind="free")),
 }
 #: Steps of the ladder in s: the finest is still above round-off, the longest in the range of the order.
 STEPS = 4e-4 / np.array([3.0, 4.0, 6.0, 8.0])
@@ -137,10 +144,10 @@ def test_every_signal_and_work_converges_at_order_four_to_minimal_coordinates(
     assert judged >= (len(sizes) if stabilisation == "none" else 2), "works and ledger at least"
 
 
-@pytest.mark.parametrize("name", ["straight lines", "straight lines of a crank that turns back"])
+@pytest.mark.parametrize("name", [name for name in CASES if "lines" in name and "table" not in name])
 def test_steps_end_on_the_kinks_of_straight_lines_so_that_the_order_is_four(name: str) -> None:
     of, true = CASES[name], exact(CASES[name], SAMPLES)
-    assert np.ptp(true.position[:, 0, 2]) > 1.5, "kinks are passed"
+    assert np.ptp(true.position[:, 0, 2]) > 1.2, "kinks are passed"
     ladder = [misses(of, run(of, step), true) for step in STEPS_OF_LINES]
     for signal in ladder[0]:
         found = np.array([rung[signal] for rung in ladder])
@@ -161,6 +168,7 @@ def test_straight_lines_are_numbers_of_a_table_and_leave_the_kernel_s_text_alone
 CONTROLLED = (
     *("fluctuating", "table", "motor", "loads of a driven crank", "gas by a table"),
     *("straight lines", "straight lines of a crank that turns back", "straight lines by a table"),
+    "straight lines that jump",
 )
 
 
