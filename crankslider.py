@@ -66,7 +66,6 @@ with _home_first():
     from studies.command.options import (
         SimulateOptions,
         as_arguments,
-        changed,
         checked,
         read_engine,
         read_scene,
@@ -78,6 +77,10 @@ __version__ = version("crankslider")
 
 #: The library's scenes by name.
 scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in SCENES.items()})
+
+
+def _named(scene: Scene | str | Path) -> Scene | str:
+    return scene if isinstance(scene, Scene) else str(scene)
 
 
 def simulate(
@@ -109,9 +112,9 @@ def simulate(
             raise BadInput(f"settings: expected a mapping of names to values, got {settings!r}")
         numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
         options = checked(SimulateOptions, "--", numbers)
-        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
+        physics = read_scene(_named(scene), end_s=options.end)
         chosen = read_engine(engine, {**(settings or {}), **more_settings}, tolerance is not None)
-        run = simulated(changed(physics, [], options.end), engine, chosen, options)
+        run = simulated(physics, engine, chosen, options)
     for doubt in run.warnings:
         warn(doubt, stacklevel=2)
     return run
@@ -131,8 +134,7 @@ def truth(scene: Scene | str | Path, *, end: float | None = None, samples: int =
 
     with as_arguments():
         options = checked(SimulateOptions, "--", {"end": end, "samples": samples})
-        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
-        run = true_run(changed(physics, [], options.end), options)
+        run = true_run(read_scene(_named(scene), end_s=options.end), options)
     for doubt in run.warnings:
         warn(doubt, stacklevel=2)
     return run
@@ -158,7 +160,7 @@ def compare(
         if isinstance(engines, str) or not all(isinstance(name, str) for name in engines):
             raise BadInput(f"engines: expected a list of names, got {engines!r}")
         joined(engines)
-        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
+        physics = read_scene(_named(scene))
         place = default_folder(physics) if folder is None else Path(folder)
         with running_in(place):
             return comparison(physics, str(getattr(scene, "name", scene)), engines, place)
@@ -190,7 +192,7 @@ def sweep(
 
     with as_arguments():
         chosen = options_of({"jobs": os.cpu_count() or 1, **options})
-        physics = scene if isinstance(scene, Scene) else read_scene(str(scene))
+        physics = read_scene(_named(scene))
         wanted = asked(physics, vary or {}, engine, settings or {}, exponent, chosen)
         place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
         return swept(wanted, place, chosen, scheduler)

@@ -1,8 +1,6 @@
 """What all parts of a scene are made of: frozen, strict data, the kinds of numbers, and refusals in words."""
 
-import math
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -21,8 +19,6 @@ Angle = Annotated[float, Field(ge=-LARGEST_ANGLE_RAD, le=LARGEST_ANGLE_RAD)]
 #: Columns of a table; a list in a file.
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
-#: A cubic spline without conditions at its ends takes so many points.
-FEWEST_POINTS = 4
 
 
 class SceneError(BadInput):
@@ -60,6 +56,18 @@ class SceneData(BaseModel):
         return self.checked(copy.__dict__ | dict(update)) if update else copy
 
 
+def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str, Any]:
+    """Return the data of a scene with values put into it by their fields' paths, and sections for them."""
+    for path, value in fields.items():
+        part, *names = data, *path.split(".")
+        for name in names[:-1]:
+            if not isinstance(part.get(name), dict):
+                part[name] = {}
+            part = part[name]
+        part[names[-1]] = value
+    return data
+
+
 def require(holds: bool, field: str, expected: str, value: float | None) -> None:
     """Raise a ValueError in the words of ``plain_words`` unless a condition on a field holds."""
     if not holds:
@@ -69,23 +77,3 @@ def require(holds: bool, field: str, expected: str, value: float | None) -> None
 def require_presence(needed: bool, field: str, value: float | None, when: str) -> None:
     """Refuse a number that is missing where it is needed, or there where it has no use."""
     require((value is not None) == needed, field, f"{'a number' if needed else 'nothing'} {when}", value)
-
-
-def require_table(x_name: str, x: Sequence[float], y_name: str, y: Sequence[float]) -> None:
-    """Refuse a table that is too short, whose columns differ in length, or whose x does not rise."""
-    if len(x) < FEWEST_POINTS:
-        raise ValueError(f"{x_name}: expected at least {FEWEST_POINTS} numbers, got {len(x)}")
-    if len(y) != len(x):
-        raise ValueError(f"{y_name}: expected as many numbers as {x_name} has, {len(x)}, got {len(y)}")
-    for place, (before, after) in enumerate(pairwise(x), 1):
-        require(after > before, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
-        expected = f"a number neither at {before:g} nor endlessly far from it"
-        require(_has_cubic(after - before, y[place] - y[place - 1]), f"{x_name}.{place}", expected, after)
-
-
-def _has_cubic(step: float, rise: float) -> bool:
-    """Return whether coefficients of a cubic that rises so far within a step are finite numbers."""
-    try:
-        return math.isfinite(step**3) and math.isfinite((1.0 + abs(rise)) / step**3)
-    except (OverflowError, ZeroDivisionError):
-        return False

@@ -3,18 +3,22 @@
 Prescribed speeds are functions of time on the drive's clock, which reads ``start.time_s`` as a run begins.
 """
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from engine_models.scene.data import Angle, Angles, NonNegative, Numbers, Positive, SceneData, require_table
+from engine_models.scene.curves import Ends, Interpolation, curve, require_table
+from engine_models.scene.data import Angle, Angles, NonNegative, Numbers, Positive, SceneData
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import PPoly
 
 
 #: What is slower is constant for as long as anybody waits.
 LOWEST_FREQUENCY_HZ = 1e-9
+#: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
+SAME_SPEED = 1e-6
 
 
 class FreeDrive(SceneData):
@@ -55,23 +59,52 @@ class FluctuatingDrive(SceneData):
 class TableDrive(SceneData):
     """The crank turns by a table: from the start's angle on, as ``angle_rad`` does from its first entry on.
 
-    Between the entries the angle is a cubic spline of time (de Boor's, not-a-knot, at both ends).
+    Between the entries the angle is a cubic spline of time. ``end_slopes`` are its speeds in rad/s at both
+    ends. Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are equal.
+    Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
     """
 
     kind: Literal["table"]
     time_s: Numbers
     angle_rad: Angles
+    interpolation: Interpolation = "spline"
+    end_slopes: Numbers | None = None
 
     @model_validator(mode="after")
     def _is_a_table(self) -> "TableDrive":
-        require_table("time_s", self.time_s, "angle_rad", self.angle_rad)
+        require_table("time_s", self.time_s, "angle_rad", self.angle_rad, self.interpolation)
+        slopes = self.end_slopes
+        if slopes is not None and self.interpolation == "linear":
+            raise ValueError("end_slopes: expected nothing with interpolation = 'linear', got a list")
+        if slopes is not None and len(slopes) != 2:
+            raise ValueError(
+                f"end_slopes: expected two numbers, of the first and the last end, got {len(slopes)}"
+            )
+        if self.interpolation == "linear":
+            self._turns_evenly()
         return self
 
-    def spline(self) -> "CubicSpline":
-        """Return the angle in rad over the drive's clock in s."""
-        from scipy.interpolate import CubicSpline  # it takes a moment, and other drives do without
+    def _turns_evenly(self) -> None:
+        """Refuse straight lines between which the speed jumps."""
+        speeds = self.spline().c[2].tolist()
+        for place, (before, after) in enumerate(pairwise(speeds), 1):
+            if abs(after - before) > SAME_SPEED * max(map(abs, speeds)):
+                jump = f"at time_s.{place} the speed would jump from {before:.4g} to {after:.4g} rad/s"
+                raise ValueError(
+                    f"interpolation: expected 'spline' ({jump}, by an infinite torque), got 'linear'"
+                )
 
-        return CubicSpline(self.time_s, self.angle_rad, bc_type="not-a-knot")
+    @property
+    def _ends(self) -> Ends:
+        if self.end_slopes is not None:
+            return self.end_slopes[0], self.end_slopes[1]
+        first, second, *_, last_but_one, last = self.angle_rad
+        return 0.0 if first == second else None, 0.0 if last_but_one == last else None
+
+    def spline(self) -> "PPoly":
+        """Return the angle in rad over the drive's clock in s."""
+        ends = (None, None) if self.interpolation == "linear" else self._ends
+        return curve(self.time_s, self.angle_rad, self.interpolation, ends)
 
 
 class TorqueDrive(SceneData):

@@ -1,21 +1,28 @@
 """Scenes as TOML files: written from a scene, and read with every refusal in one plain line."""
 
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import tomli_w
 
 from engine_models.scene.data import SceneError as SceneError
+from engine_models.scene.data import with_fields
 from engine_models.scene.lines import line_of
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene
-from engine_models.scene.tables import BadTable, files_of, with_tables
+from engine_models.scene.tables import COLUMNS, BadTable, files_of, with_tables
 from engine_models.scene.text_files import OPENED, UnreadableFile, read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
+
+#: Values of fields by their paths, as ``Scene.replace`` takes them.
+Fields = Mapping[str, object]
+NONE: Fields = MappingProxyType({})
 
 
 def to_toml(scene: Scene) -> str:
@@ -24,8 +31,8 @@ def to_toml(scene: Scene) -> str:
     return tomli_w.dumps({name: part for name, part in data.items() if part != {}})
 
 
-def from_toml(text: str, folder: Path = Path()) -> Scene:
-    """Return the scene that a TOML text describes; files of tables are looked for in a folder.
+def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
+    """Return the scene that a TOML text describes with some changes; files of tables are in a folder.
 
     Raises:
         SceneError: the text is not TOML or not a scene.
@@ -40,27 +47,48 @@ def from_toml(text: str, folder: Path = Path()) -> Scene:
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
     try:
-        return Scene.checked(with_tables(data, folder))
+        listed = {path: value for path, value in changes.items() if path in COLUMNS}  # in place of a file's
+        others = {path: value for path, value in changes.items() if path not in COLUMNS}
+        return Scene.checked(with_fields(with_tables(with_fields(data, others), folder), listed))
     except BadTable as reason:
         raise SceneError(str(reason)) from None
 
 
-def load(path: Path) -> Scene:
+def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
     """Return the scene in a TOML file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
+
+    It is looked at with the changes alone, which an ``option`` has asked for.
 
     Raises:
         SceneError: the file cannot be read, is too large, is not UTF-8 text, not TOML or not a scene. What is
-            wrong in it is told with the file and the line.
+            wrong in it is told with the file and the line, what is with a change with the option.
     """
     try:
         text = read_text(path, "a scene")
     except UnreadableFile as reason:
         raise SceneError(str(reason)) from None
     try:
-        return from_toml(text, folder_of(path))
+        return from_toml(text, folder_of(path), changes)
     except SceneError as error:
-        first, *others = [_with_line(text, reason) for reason in error.reasons]
-        raise SceneError(f"{path}: {first}", *others) from None
+        reasons, file = [], f"{path}: "
+        for why in error.reasons:
+            if _is_changed(text, why.partition(": ")[0], changes):
+                reasons.append(f"{option} {why}")
+            else:
+                reasons.append(file + _with_line(text, why))
+                file = ""
+        raise SceneError(*reasons) from None
+
+
+def _is_changed(text: str, field: str, changes: Iterable[str]) -> bool:
+    """Return whether a field has its value by a change, or is not in the text, but beside or above one."""
+    section = field.rpartition(".")[0]
+    in_text = line_of(text, field) != line_of(text, section)
+    return any(
+        f"{field}.".startswith(f"{path}.")
+        or (not in_text and path.startswith((f"{field}.", f"{section or field}.")))
+        for path in changes
+    )
 
 
 def _with_line(text: str, reason: str) -> str:
@@ -69,9 +97,10 @@ def _with_line(text: str, reason: str) -> str:
     return f"line {line}: {reason}" if line else reason
 
 
-def sources(path: Path) -> list[Path]:
+def sources(path: Path, changes: Fields = NONE) -> list[Path]:
     """Return the files that a scene was loaded from: its own and those of its tables."""
-    return [path, *files_of(tomllib.loads(read_text(path, "a scene")), folder_of(path))]
+    data = with_fields(tomllib.loads(read_text(path, "a scene")), changes)
+    return [path, *files_of(data, folder_of(path))]
 
 
 def folder_of(path: Path) -> Path:

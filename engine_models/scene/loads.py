@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
+from engine_models.scene.curves import Interpolation, curve, require_table
 from engine_models.scene.data import (
     Angles,
     NonNegative,
@@ -13,11 +14,10 @@ from engine_models.scene.data import (
     SceneData,
     require,
     require_presence,
-    require_table,
 )
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import PPoly
 
 #: A revolution in a table may be off by as much as five typed digits are, in rad; its forces by rounding.
 REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
@@ -26,16 +26,18 @@ REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
 class Gas(SceneData):
     """A force on the slider by the crank's angle, of a cylinder that works once a revolution.
 
-    A periodic cubic spline through a table over one revolution, whose last entry is the first again.
+    A periodic cubic spline, or straight lines, through a table over one revolution, whose last entry is the
+    first again.
     """
 
     crank_angle_rad: Angles
     force_N: Numbers
+    interpolation: Interpolation = "spline"
 
     @model_validator(mode="after")
     def _closes(self) -> "Gas":
         angle, force = self.crank_angle_rad, self.force_N
-        require_table("crank_angle_rad", angle, "force_N", force)
+        require_table("crank_angle_rad", angle, "force_N", force, self.interpolation)
         turn, last = 2 * math.pi, f"crank_angle_rad.{len(angle) - 1}"
         expected = f"one revolution after the first, {angle[0] + turn:.6g}"
         require(abs(angle[-1] - angle[0] - turn) <= REVOLUTION_RAD, last, expected, angle[-1])
@@ -45,13 +47,11 @@ class Gas(SceneData):
         require(closes, f"force_N.{len(force) - 1}", f"the first one again, {force[0]:g}", force[-1])
         return self
 
-    def spline(self) -> "CubicSpline":
+    def spline(self) -> "PPoly":
         """Return the force in N over the crank's angle in rad, at any angle."""
-        from scipy.interpolate import CubicSpline  # it takes a moment, and other scenes do without
-
         first, turn = self.crank_angle_rad[0], 2 * math.pi
         angle, force = (*self.crank_angle_rad[:-1], first + turn), (*self.force_N[:-1], self.force_N[0])
-        return CubicSpline(angle, force, bc_type="periodic")
+        return curve(angle, force, self.interpolation, "periodic")
 
 
 class SliderLoad(SceneData):

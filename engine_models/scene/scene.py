@@ -10,7 +10,7 @@ from joint O.
 import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -22,6 +22,7 @@ from engine_models.scene.data import (
     SceneData,
     require,
     require_presence,
+    with_fields,
 )
 from engine_models.scene.drives import PRESCRIBED, Drive, TableDrive
 from engine_models.scene.loads import Loads
@@ -243,15 +244,8 @@ class Scene(SceneData):
         Raises:
             SceneError: with the new values it is no scene.
         """
-        data: dict[str, Any] = self.model_dump(exclude_none=True)
-        for path, new in ({field: value} if isinstance(field, str) else field).items():
-            part, *names = data, *path.split(".")
-            for name in names[:-1]:
-                if not isinstance(part.get(name), dict):
-                    part[name] = {}
-                part = part[name]
-            part[names[-1]] = new
-        return self.checked(data)
+        fields = {field: value} if isinstance(field, str) else field
+        return self.checked(with_fields(self.model_dump(exclude_none=True), fields))
 
     @property
     def is_crank_slider(self) -> bool:

@@ -16,6 +16,8 @@ from engine_models.scene.text_files import UnreadableFile, read_text
 
 #: The parts of a scene that have a table, with its columns; the drive only if it is one.
 TABLES = {("drive",): ("time_s", "angle_rad"), ("load", "slider", "gas"): ("crank_angle_rad", "force_N")}
+#: The paths of all columns.
+COLUMNS = {".".join([*path, column]) for path, columns in TABLES.items() for column in columns}
 
 
 class BadTable(ValueError):

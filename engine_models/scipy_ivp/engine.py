@@ -51,7 +51,8 @@ class ScipyEngine:
     on the interpolant, and the integration begins anew from there. Without it there is one integration over
     a force that switches by the sign of the penetration; the approach speed that a law needs is then taken
     where the first accepted step inside the wall ends (within that step the present speed stands for it),
-    and no tolerance bounds what that costs.
+    and no tolerance bounds what that costs. The kinks of a table by the crank's angle are not located: the
+    error control shortens steps over them.
 
     LSODA can come to a standstill where ``atol`` is far below ``rtol`` times a typical value (ideal-driven
     with 1e-12 and 1e-6). ``odeint`` is the same method by an older call, which has no events and so is for

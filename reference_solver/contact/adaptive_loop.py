@@ -275,7 +275,9 @@ def land(run, step, end, event, taken):
 def chosen(run):
     """Return the step to try, and the contact that is released at its end, or -1."""
     contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
-    h = loop.in_flight(contacts, gaps, loop.to_knot(run, min(control.step, now.longest), 1.0), FLIGHT_PART)
+    h = loop.in_flight(
+        contacts, gaps, loop.to_knot(run, min(control.step, now.longest), 1.0, 0.0), FLIGHT_PART
+    )
     course, H, releasing = course_of(contacts, gaps, now.time, h, control.rejected != 0)
     step = no_further(now, course, H)
     return step, releasing if step.end < now.end else -1
@@ -405,6 +407,12 @@ def advance(run):
         loop.probe_now_and_then(run)
         first, releasing = chosen(run)
         error, factor = tried(run, first)
+        for _ in range(loop.LANDINGS):
+            landed = controlled_step.to_kink(run, first)
+            if landed.H == first.H or not error <= 1.0:
+                break
+            first, releasing = landed, -1
+            error, factor = tried(run, first)
         if not error <= 1.0:
             status = again(control, now.time, lasting(first.course, first.H * factor))
             continue

@@ -72,6 +72,18 @@ def no_further(now, course, H):
     return Step(course, H, end)
 
 
+@register_jitable(**INNER)
+def to_kink(run, step):
+    """Return the step on to a kink that one just taken has passed (see ``loop.to_kink``), or that step."""
+    now = run.clock[0]
+    h, left = step.end - now.time, now.end - now.time
+    landed = loop.to_kink(run, h, left, 0.0)
+    end = now.time + landed
+    if landed == h or not end > now.time:
+        return step
+    return Step(step.course, place_at(step.course, end) - step.course.begin, end)
+
+
 # ---------------------------------------------------------------------------------------- a step
 
 

@@ -72,6 +72,11 @@ BUMP, ROWS = 0, 4
 SHORTEST_WAY = 1e-11
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
+#: A kink has been reached where it is nearer than this part of the angle, or of its period: some round-off.
+AT_KINK = 1e-14
+#: How often a step is taken again that passes a kink, by what it may grow where it ends just before one, and
+#: the part of the longest step by which RK4's end before it.
+LANDINGS, STRETCHED, SHORT = 8, 1.1, 1e-3
 #: Mobilities are looked up again after so many steps, in which bodies turn little.
 STEPS_BETWEEN_PROBES = 16
 #: Where in a step dense output takes an additional slope; not 1/2, where all quartics with the same ends
@@ -351,11 +356,12 @@ def step_length(contacts, gaps, now):
 
 
 @register_jitable(**INNER)
-def to_knot(run, h, curved):
+def to_knot(run, h, curved, short):
     """Return a step, h at most, that ends near the next knot of a load by a body's angle, if it gets there.
 
     It goes by the body's speed, and ``curved`` times its acceleration at the step's start, if that is known.
-    What is left of the knot in the step after it is of the fourth power of the distance.
+    What is left of the knot in the step after it is of the fourth power of the distance. Before a kink it
+    ends ``short`` of it, in s (see ``to_kink``).
     """
     n, y = run.old.n, run.old.y
     for k in range(len(run.knots)):
@@ -366,9 +372,43 @@ def to_knot(run, h, curved):
             ahead, speed, gain = (y[c] - knot.angle) % ahead, -speed, -gain
         else:
             ahead = (knot.angle - y[c]) % ahead
-        if ahead > REACHED * knot.period and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
-            h = min(h, 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead)))
+        near = AT_KINK * max(abs(y[c]), knot.period) if knot.kink != 0 else REACHED * knot.period
+        if ahead > near and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
+            reach = 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead))
+            h = min(h, reach - short if knot.kink != 0 and reach > 2.0 * short else reach)
     return h
+
+
+@register_jitable(**INNER)
+def to_kink(run, h, most, short):
+    """Return the step, ``most`` at most, in place of one of h that has passed a kink, or come near to one.
+
+    That is one on to the first such kink, by the speed at the end of h; without one it is h. Stages of RK4
+    are off by the third power of the step, and beyond a kink that makes an error of the fourth, by chance: so
+    a step ends ``short`` of a kink, in s, and a short one goes on to it.
+    """
+    n, y, new_y, first = run.old.n, run.old.y, run.new.y, np.inf
+    aim, landed = short if h > 2.0 * short else 0.0, h
+    for k in range(len(run.knots)):
+        knot = run.knots[k]
+        if knot.kink == 0:
+            continue
+        c = knot.coordinate
+        near = AT_KINK * max(abs(y[c]), knot.period)
+        sign = 1.0 if new_y[c] > y[c] else -1.0
+        way, speed, ahead = (
+            sign * (new_y[c] - y[c]),
+            sign * new_y[n + c],
+            sign * (knot.angle - y[c]) % knot.period,
+        )
+        if not near < ahead < min(knot.period - near, first * way):
+            continue
+        first, landed, beyond = ahead / way, h, way - ahead + aim * speed
+        if beyond > -REACHED * knot.period and abs(beyond) > max(near, 0.5 * aim * speed):
+            landed = h - beyond / speed if speed > 0.0 else 0.0
+            if not 0.0 < landed < STRETCHED * h:
+                landed = h * first
+    return landed if landed <= min(most, STRETCHED * h) else h
 
 
 # -------------------------------------------------------------------------------- dense output
@@ -601,7 +641,8 @@ def advance(run):
             h = step_length(contacts, old.gaps, now)
         elif now.taken < len(times):
             landing = min(landing, times[now.taken])
-        h = to_knot(run, h, 0.0)
+        short = SHORT * now.longest
+        h = to_knot(run, h, 0.0, short)
         last = t + h >= landing - 1e-6 * h
         if last:
             h = landing - t
@@ -616,6 +657,12 @@ def advance(run):
             if not (now.located and condition < np.inf and has_bulged(contacts, old.gaps, new.gaps, h)):
                 break
             h, last = 0.5 * h, False
+            condition = run.kernel.step(run.p, contacts, t, h, old, new)
+        for _ in range(LANDINGS):
+            landed = to_kink(run, h, landing - t, short)
+            if landed == h or not condition < np.inf:
+                break
+            h, last = landed, False
             condition = run.kernel.step(run.p, contacts, t, h, old, new)
         if not condition < np.inf or not finite(new.gaps):
             return types.FAILED

@@ -7,6 +7,7 @@ is in it that looks for events.
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 from numba.types import NamedTuple as NumbaTuple
 
 from reference_solver import methods
@@ -33,6 +34,13 @@ KERNEL = NumbaTuple((SLOPES, FORCES, ARRIVE), Kernel)
 ADVANCE = loop.advance_type(KERNEL)
 
 
+@register_jitable(**loop.INNER)
+def tried(run, step):
+    """Take a step; return its error over the tolerance, infinite where its end is none."""
+    error = controlled_step.trial(run, step.course, step.H)
+    return error if not error <= 1.0 or controlled_step.finish(run, step.end) else np.inf
+
+
 def advance(run):
     """Advance the motion in place, as ``contact.loop.advance`` does, with error control."""
     now, control = run.clock[0], run.control[0]
@@ -43,11 +51,14 @@ def advance(run):
         status = loop.due(now, len(run.records.events))
         if status != GO:
             return status
-        h = loop.to_knot(run, min(control.step, now.longest), 1.0)
+        h = loop.to_knot(run, min(control.step, now.longest), 1.0, 0.0)
         step = controlled_step.no_further(now, Course(now.time, 0.0, 0.0), h)
-        error = controlled_step.trial(run, step.course, step.H)
-        if error <= 1.0 and not controlled_step.finish(run, step.end):
-            error = np.inf
+        error = tried(run, step)
+        for _ in range(loop.LANDINGS):
+            landed = controlled_step.to_kink(run, step)
+            if landed.H == step.H or not error <= 1.0:
+                break
+            step, error = landed, tried(run, landed)
         next_h = step.H * controlled_step.changed(error, control, run.method.exponent)
         if not error <= 1.0:
             status = controlled_step.again(control, now.time, next_h)

@@ -62,8 +62,9 @@ CONTROL_RECORD = record(
     "tolerance length rate step flight_step first_part error condition least", "rejected fresh"
 )
 
-#: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
-KNOT_RECORD = record("angle period", "coordinate")
+#: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, the coordinate, and
+#: whether its first derivative jumps there: 1 of a kink, on which steps end to round-off, else 0.
+KNOT_RECORD = record("angle period", "coordinate kink")
 
 
 class Impact(NamedTuple):
@@ -160,7 +161,7 @@ def new_run(
     times: FloatArray,
     rows: int,
     log_rows: int,
-    knots: Sequence[tuple[float, float, int]] = (),
+    knots: Sequence[tuple[float, float, int, int]] = (),
 ) -> Run:
     """Return a run of zeros, without a kernel.
 

@@ -256,8 +256,10 @@ class Mechanism:
         return tuple(load for load in self.loads if isinstance(load, GasForce))
 
     @property
-    def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:
-        """Angles in rad at which loads are not smooth, with their period and the coordinate's number."""
+    def knots_by_angle(self) -> tuple[tuple[float, float, int, int], ...]:
+        """Angles in rad at which loads are not smooth: see ``contact.types.KNOT_RECORD``."""
         return tuple(
-            (x, load.force_N.period, 3 * load.crank + 2) for load in self.gas for x in load.force_N.knots
+            (x, load.force_N.period, 3 * load.crank + 2, int(load.force_N.straight))
+            for load in self.gas
+            for x in load.force_N.knots
         )

@@ -11,7 +11,7 @@ from reference_solver.tape import FloatArray, Scalar
 
 #: What a piece has in a table: where it begins, and coefficients of 1, s, s^2, s^3, s counted from there.
 ROW = 5
-#: A jump of the third derivative that makes less than this part of the largest value across a piece is none.
+#: A jump of a derivative that makes less than this part of the largest value across a piece is none.
 SMOOTH = 1e-12
 
 
@@ -58,12 +58,17 @@ class PiecewiseCubic(Table):
         return np.array(self.rows)
 
     @property
+    def straight(self) -> bool:
+        """Whether all pieces are straight lines, so that the function has kinks where they meet."""
+        return not self._array.reshape(-1, ROW)[:, 3:].any()
+
+    @property
     def knots(self) -> list[float]:
         """Where pieces begin that are more than round-off away from the one before, gone on."""
-        begins, cubic, value = self._array[::ROW], self._array[4::ROW], np.abs(self._array[1::ROW])
-        jump, wide = cubic - np.roll(cubic, 1), np.diff(begins, append=begins[-1])
-        wide = np.maximum(wide, np.roll(wide, 1))
-        matters = np.abs(jump) * wide**3 > SMOOTH * value.max()
+        begins, value, degree = self._array[::ROW], np.abs(self._array[1::ROW]), 1 if self.straight else 3
+        highest, wide = self._array[1 + degree :: ROW], np.diff(begins, append=begins[-1])
+        jump, wide = highest - np.roll(highest, 1), np.maximum(wide, np.roll(wide, 1))
+        matters = np.abs(jump) * wide**degree > SMOOTH * value.max()
         return [float(x) for x in begins[matters]]
 
     def placed(self, behind: int = 0) -> "PlacedTable":

@@ -146,7 +146,7 @@ def simulate(
 
     strings = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
     numbers = options.checked(options.SimulateOptions, "--", strings)
-    physics = options.changed(options.read_scene(scene), changes or [], numbers.end)
+    physics = options.read_scene(scene, changes or [], numbers.end)
     settings = options.assigned("--set", "KEY=VALUE", assignments or [])
     chosen = options.read_engine(engine, settings, to_tolerance=numbers.tolerance is not None)
     files = [outputs.samples(out)]
@@ -158,7 +158,7 @@ def simulate(
         files.append(outputs.film(animate, exaggerate))
     elif exaggerate is not None:
         raise failures.BadInput(f"--exaggerate: expected nothing without --animate, got {exaggerate}")
-    outputs.require_places(files, scene)
+    outputs.require_places(files, scene, changes or [])
     with failures.quietly(quiet):
         _say(outputs.write(files, physics, lambda: simulated(physics, engine, chosen, numbers)))
 
@@ -186,11 +186,11 @@ def truth(
     from studies.command.truth import true_run
 
     numbers = options.checked(options.SimulateOptions, "--", {"end": end, "samples": samples})
-    physics = options.changed(options.read_scene(scene), changes or [], numbers.end)
+    physics = options.read_scene(scene, changes or [], numbers.end)
     files = [outputs.samples(out)]
     if impacts is not None:
         files.append(outputs.impacts(impacts, physics))
-    outputs.require_places(files, scene)
+    outputs.require_places(files, scene, changes or [])
     with failures.quietly(quiet):
         _say(outputs.write(files, physics, lambda: true_run(physics, numbers)))
 
@@ -253,7 +253,7 @@ def sweep(
 
         chosen = sweeps.options_of({**strings, "jobs": count})
         endings.ending_of("--out", out, (".parquet",))
-        physics = options.changed(options.read_scene(scene), changes or [], None)
+        physics = options.read_scene(scene, changes or [])
         ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
         settings = options.assigned("--set", "KEY=VALUE", assignments or [])
         wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
@@ -321,10 +321,10 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Compare engines on a scene: which to take, at which setting, what it costs; a page says why."""
-    from studies.command.options import changed, read_scene
+    from studies.command.options import read_scene
     from studies.command.study_run import joined, running_in
 
-    physics = changed(read_scene(scene), changes or [], None)
+    physics = read_scene(scene, changes or [])
     joined(engines or [])
     from rich.console import Console
 

@@ -83,34 +83,37 @@ def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
         raise BadInput(refusal(error, kind, prefix)) from None
 
 
-def read_scene(name: str) -> Scene:
-    """Return a library scene by its name, or the scene in a TOML file.
+def read_scene(scene: str | Scene, assignments: Sequence[str] = (), end_s: float | None = None) -> Scene:
+    """Return a library scene by its name, or the scene in a TOML file, with changes, or a scene itself.
+
+    Changes are fields given as ``FIELD=VALUE``, a value as in TOML, and another end. A scene is checked once,
+    with all of them.
 
     Raises:
-        BadInput: there is no such scene, or it was refused.
+        BadInput: there is no such scene, an assignment is none, or the scene is refused.
     """
-    if name in SCENES:
-        return SCENES[name]()
+    fields = _fields(assignments)
+    changes = fields if end_s is None else {**fields, "end_time_s": end_s}
+    if not isinstance(scene, Scene) and scene not in SCENES:
+        return load(_scene_file(scene), changes, "--with")
+    own = scene if isinstance(scene, Scene) else SCENES[scene]()
+    try:
+        return own.replace(changes) if changes else own
+    except SceneError as error:
+        raise BadInput(f"--with {error}" if fields else str(error)) from None
+
+
+def _scene_file(name: str) -> Path:
     if not os.path.exists(name):  # pathlib's raises for a name too long
         if "/" in name or name.endswith(".toml"):
             raise BadInput(f"SCENE: expected a TOML file that is there, got {shown(name)} (no such file)")
         expected = f"{one_of(list(SCENES))}, or a TOML file"
         raise BadInput(f"SCENE: expected {expected}, got {shown(name)}{meant(name, SCENES)}")
-    return load(Path(name))
+    return Path(name)
 
 
-def changed(scene: Scene, assignments: Sequence[str], end_s: float | None) -> Scene:
-    """Return the scene with fields given as ``FIELD=VALUE``, a value as in TOML, and another end if given.
-
-    Raises:
-        BadInput: an assignment is none, or the scene is none with it.
-    """
-    fields = {field: _value(text) for field, text in assigned("--with", "FIELD=VALUE", assignments).items()}
-    try:
-        changed = scene.replace(fields) if fields else scene
-    except SceneError as error:
-        raise BadInput(f"--with {error}") from None
-    return changed if end_s is None else changed.replace("end_time_s", end_s)
+def _fields(assignments: Sequence[str]) -> dict[str, object]:
+    return {field: _value(text) for field, text in assigned("--with", "FIELD=VALUE", assignments).items()}
 
 
 def _value(text: str) -> object:
@@ -138,12 +141,12 @@ def assigned(option: str, form: str, assignments: Sequence[str]) -> dict[str, st
     return values
 
 
-def is_source(file: Path, scene: str) -> bool:
-    """Return whether a file is one that a scene was read from."""
+def is_source(file: Path, scene: str, assignments: Sequence[str] = ()) -> bool:
+    """Return whether a file is one that a scene was read from, with some changes."""
     if scene in SCENES or not Path(scene).is_file():
         return False
     try:
-        return any(file.samefile(source) for source in sources(Path(scene)))
+        return any(file.samefile(source) for source in sources(Path(scene), _fields(assignments)))
     except OSError:  # what is not there yet is none
         return False
 

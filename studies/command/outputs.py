@@ -94,10 +94,10 @@ def film(path: Path, exaggerate: str | None) -> Output:
     return Output("--animate", path, lambda run: run.film(ending, times))
 
 
-def require_places(files: Sequence[Output], scene: str) -> None:
+def require_places(files: Sequence[Output], scene: str, changes: Sequence[str]) -> None:
     """Refuse two outputs to one place, and one to a file that the scene was read from."""
     for number, file in enumerate(files):
-        if is_source(file.path, scene):
+        if is_source(file.path, scene, changes):
             expected = "another file than the scene or its tables"
             raise BadInput(f"{file.option}: expected {expected}, got {file.path}")
         for other in files[:number]:

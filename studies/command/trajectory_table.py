@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
+from engine_models.mechanics.slider_load import slider_forces
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
@@ -35,6 +36,8 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
         columns["guide_normal_force_N"] = trajectory.guide_normal_force_N
     if trajectory.driver_torque_N_m is not None:
         columns["driver_torque_N_m"] = trajectory.driver_torque_N_m
+    forces = slider_forces(scene, trajectory.position, trajectory.velocity)
+    columns |= {f"slider_{part}_force_N": force for part, force in forces.items()}
     columns["kinetic_energy_J"] = kinetic_energy_J(scene, trajectory)
     if scene.gravity_m_s2 > 0 or trajectory.contacts:  # a contact stores elastic energy
         columns["potential_energy_J"] = potential_energy_J(scene, trajectory)

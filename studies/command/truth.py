@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
+from engine_models.convergence.doubts import doubts_of_tables
 from engine_models.engine import Engine, FloatArray, Impacts, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.samples import selected
 from engine_models.reference.kernels import FolderRefused
@@ -65,7 +66,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
         raise Failed("no truth was found: two true solutions part before the first sample")
     apart = max(float(np.abs(_place(scene, one) - _place(scene, truth))[:count].max()) for one in repeats)
     resolution = float(np.spacing(max(np.abs(_place(scene, truth)).max(), scene.crank.length_m)))
-    known, warnings = _until(truth, count), list[str]()
+    known, warnings = _until(truth, count), doubts_of_tables(scene)
     if count <= options.samples:
         warnings.append(f"two true solutions part after t = {known.time_s[-1]:.6g} s, and samples end there")
     solver, certain = cast(Engine, COLLOCATION), max(apart, resolution)

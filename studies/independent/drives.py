@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly, make_interp_spline
 
+from engine_models.scene.drives import TableDrive
 from engine_models.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -46,16 +47,32 @@ def drive_of(scene: Scene) -> Drive:
         kind, numbers = SINE, [first, drive.amplitude_rad_s, rate, drive.phase_rad + rate * clock]
     elif drive.kind == "table":
         kind, numbers = TABLE, [0.0, 0.0, 0.0, clock]
-        knots, pieces = pieces_of(make_interp_spline(drive.time_s, drive.angle_rad, k=3))
+        knots, pieces = pieces_of(_turning(drive))
     a, b, c, d = [*numbers, 0.0, 0.0, 0.0][:4]
     return Drive(kind, (a, b, c, d), knots, pieces)
 
 
+def _turning(table: TableDrive) -> object:
+    """Return the B-spline of a table; not-a-knot leaves out the knot next to an end without a slope."""
+    t, angle = table.time_s, table.angle_rad
+    if table.interpolation == "linear":
+        return make_interp_spline(t, angle, k=1)
+    first, last = table.end_slopes or (
+        0.0 if angle[1] - angle[0] == 0 else None,
+        0.0 if angle[-1] - angle[-2] == 0 else None,
+    )
+    inside = t[2 if first is None else 1 : -2 if last is None else -1]
+    ends = tuple(None if slope is None else [(1, slope)] for slope in (first, last))
+    return make_interp_spline(t, angle, k=3, t=[*[t[0]] * 4, *inside, *[t[-1]] * 4], bc_type=ends)
+
+
 def pieces_of(spline: object) -> tuple[FloatArray, FloatArray]:
-    """Return the knots (n,) of a cubic B-spline and its polynomials' coefficients (4, n - 1)."""
+    """Return the knots (n,) of a B-spline, cubic at most, and its cubics' coefficients (4, n - 1)."""
     pieces = PPoly.from_spline(spline)
     wide = np.diff(pieces.x) > 0
-    return np.append(pieces.x[:-1][wide], pieces.x[-1]), np.ascontiguousarray(pieces.c[:, wide])
+    cubics = np.zeros((4, np.count_nonzero(wide)))
+    cubics[-len(pieces.c) :] = pieces.c[:, wide]
+    return np.append(pieces.x[:-1][wide], pieces.x[-1]), cubics
 
 
 def stops_s(drive: Drive) -> FloatArray:

@@ -29,6 +29,8 @@ WORK = SUMS + 3 * OF_JOINT
 STATE = WORK + 5
 #: Columns of a joint's phase: what its contact is, its a/v0 while it touches, and the piece of its friction.
 CONTACT, MEMORY, PIECE = range(3)
+#: The row behind the joints': of the gas, whose PIECE is that of its straight lines, if it has such.
+GAS = 3
 #: Contacts: none, one whose wall pushes by its law, and one whose law would pull: there is no force then, but
 #: of Kelvin and Voigt's law no friction only.
 FLIGHT, PUSHED, CLIPPED = 0.0, 1.0, 2.0
@@ -204,7 +206,7 @@ def assemble(
 
 @njit(error_model="numpy")
 def rates(m: Mechanism, phases: FloatArray, z: FloatArray, out: FloatArray, told: FloatArray) -> None:
-    """Fill z' (STATE,) with every joint in its phase (3, 3), and what is told (4, 3).
+    """Fill z' (STATE,) with every joint in its phase (4, 3), and what is told (4, 3).
 
     In M w'' - Q + sum F (n + mu f row) = 0 of pins that follow, w'' = psi'' dd/dpsi + bias.
     """

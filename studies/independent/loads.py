@@ -18,7 +18,7 @@ PARTS = ("force", "viscous", "spring", "gas")
 class Load(NamedTuple):
     """A force in N, c in N s/m, k in N/m about a place in m; the gas's knots (n,) and its pieces (4, n - 1).
 
-    What is absent is zero or empty.
+    What is absent is zero or empty. ``kinks`` says whether pieces are straight: a step ends at their knots.
     """
 
     force_N: float
@@ -27,17 +27,19 @@ class Load(NamedTuple):
     free_position_m: float
     knots: FloatArray
     pieces: FloatArray
+    kinks: bool
 
 
 def load_of(scene: Scene) -> Load:
     """Return the load of a scene's slider."""
-    load, knots, pieces = scene.load.slider, np.zeros(0), np.zeros((4, 0))
+    load, knots, pieces, kinks = scene.load.slider, np.zeros(0), np.zeros((4, 0)), False
     if load is None:
-        return Load(0.0, 0.0, 0.0, 0.0, knots, pieces)
+        return Load(0.0, 0.0, 0.0, 0.0, knots, pieces, kinks)
     if load.gas is not None:
+        kinks = load.gas.interpolation == "linear"
         angle, force = np.array(load.gas.crank_angle_rad), np.array(load.gas.force_N)
         angle[-1], force[-1] = angle[0] + math.tau, force[0]
-        knots, pieces = pieces_of(make_interp_spline(angle, force, k=3, bc_type="periodic"))
+        knots, pieces = pieces_of(make_interp_spline(angle, force, k=1 if kinks else 3, bc_type="periodic"))
         inside = (knots >= angle[0]) & (knots <= angle[-1])
         knots, pieces = knots[inside], np.ascontiguousarray(pieces[:, inside[:-1] & inside[1:]])
     return Load(
@@ -47,7 +49,23 @@ def load_of(scene: Scene) -> Load:
         load.free_position_m or 0.0,
         knots,
         pieces,
+        kinks,
     )
+
+
+def gas_piece(load: Load, theta: float) -> float:
+    """Return the number of the straight piece that a crank angle is in, counted on from turn to turn."""
+    if not load.kinks:
+        return 0.0
+    turns = math.floor((theta - load.knots[0]) / math.tau)
+    return float(turns * (len(load.knots) - 1) + piece_at(load.knots, theta - turns * math.tau))
+
+
+@njit(error_model="numpy")
+def gas_knot(load: Load, piece: float) -> float:
+    """Return the crank angle at which a piece begins, by its number."""
+    turns, k = divmod(piece, len(load.knots) - 1.0)
+    return float(load.knots[int(k)] + turns * math.tau)
 
 
 @njit(error_model="numpy")

@@ -19,8 +19,10 @@ from studies.independent.drives import stops_s
 from studies.independent.equations import (
     CONTACT,
     FOLLOWS,
+    GAS,
     MEMORY,
     OF_JOINT,
+    PIECE,
     PUSHED,
     STATE,
     SUMS,
@@ -29,6 +31,7 @@ from studies.independent.equations import (
     kinematics,
     placed,
 )
+from studies.independent.loads import gas_piece
 from studies.independent.mechanism import (
     SIZE,
     FloatArray,
@@ -73,7 +76,7 @@ class Contact(NamedTuple):
 class Motion:
     """A scene in motion, by a step of ``stepping`` and its table, for so many steps at most.
 
-    ``z`` (STATE,) and ``phases`` (3, 3) are as in ``equations``, ``contacts`` those of every joint that are
+    ``z`` (STATE,) and ``phases`` (4, 3) are as in ``equations``, ``contacts`` those of every joint that are
     over. The crank starts ``moved_rad`` beside its angle.
 
     Raises:
@@ -103,9 +106,10 @@ class Motion:
         self.begin_s, self.shortest_s = BEGIN * crossing_s, SHORTEST * crossing_s
         self.clock = np.array([self.begin_s, 0.0])
         self.stops_s = stops_s(self.mechanism.drive)
-        self.z, self.phases = np.zeros(STATE), np.zeros((3, 3))
+        self.z, self.phases = np.zeros(STATE), np.zeros((4, 3))
         self.z[:SIZE], self.z[SIZE:TIME] = start_of(scene)
         self.z[0] += moved_rad
+        self.phases[GAS, PIECE] = gas_piece(self.mechanism.load, float(self.z[0]))
         self._begun: dict[int, tuple[float, float, FloatArray]] = {}
         for k in range(3):
             if walls.c[k] > 0 and np.hypot(*self.z[2 * k + 1 : 2 * k + 3]) > walls.c[k]:
@@ -266,7 +270,7 @@ def advance(
             continue
         y[:] = end
         if joint >= 0:
-            clock[STEP] = begin_s
+            clock[STEP] = clock[STEP] if joint == GAS else begin_s
             if which != GAP or walls.K[joint] < np.inf:
                 switch(rates, m, phases, y, joint, which)
             if which == GAP:

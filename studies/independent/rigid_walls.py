@@ -72,7 +72,7 @@ class RigidWalls:
     ) -> tuple[Impact, tuple[int, ...]]:
         """Return what a pin's arrival at its wall does, or the end of its following, and who follows now.
 
-        ``y`` (STATE,) is the state in the coordinates w, and ``phases`` (3, 3) those before.
+        ``y`` (STATE,) is the state in the coordinates w, and ``phases`` (4, 3) those before.
         """
         closed, after = list(following), Impact(y[SIZE:TIME].copy())
         if joint in closed:

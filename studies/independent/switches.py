@@ -1,4 +1,4 @@
-"""Where a joint's contact changes its law: touch and release, clipping, and the kinks of friction.
+"""Where a joint's contact changes its law: touch and release, clipping, and the kinks of friction and of gas.
 
 Each is a signal that is negative until then. A step over one is repeated with other lengths until the signal
 is zero to round-off. A signal that rises and falls within a step is followed to its peak first, so that a
@@ -15,6 +15,7 @@ from studies.independent.equations import (
     CONTACT,
     FLIGHT,
     FOLLOWS,
+    GAS,
     MEMORY,
     NORMAL,
     PIECE,
@@ -23,6 +24,7 @@ from studies.independent.equations import (
     STATE,
     placed,
 )
+from studies.independent.loads import gas_knot
 from studies.independent.mechanism import SIZE, FloatArray, Mechanism, Walls
 from studies.independent.stepping import Table
 
@@ -40,7 +42,12 @@ DIFFERENCE = 1e-4
 
 @njit(error_model="numpy")
 def signal(rates: Any, m: Mechanism, phases: FloatArray, z: FloatArray, k: int, which: int) -> float:
-    """Return a signal of joint k, -inf where it can do nothing in the joint's phase."""
+    """Return a signal of joint k, or of the gas, -inf where it can do nothing in the joint's phase."""
+    if k == GAS:
+        if which < DOWN or not m.load.kinks:
+            return -np.inf
+        edge = gas_knot(m.load, phases[GAS, PIECE] + (1.0 if which == UP else 0.0))
+        return float(z[0] - edge if which == UP else edge - z[0])
     walls, x, contact = m.walls, 2 * k + 1, phases[k, CONTACT]
     if contact == FOLLOWS and which <= SIGN:
         return -told(rates, m, phases, z, k, NORMAL) if which == GAP else -np.inf
@@ -97,7 +104,10 @@ def told(rates: Any, m: Mechanism, phases: FloatArray, z: FloatArray, k: int, wh
 
 @njit(error_model="numpy")
 def switch(rates: Any, m: Mechanism, phases: FloatArray, y: FloatArray, k: int, which: int) -> None:
-    """Change the phase of joint k, whose signal has come to zero."""
+    """Change the phase of joint k, or of the gas, whose signal has come to zero."""
+    if k == GAS:
+        phases[GAS, PIECE] += 1.0 if which == UP else -1.0
+        return
     walls, x, contact, piece = m.walls, 2 * k + 1, phases[k, CONTACT], phases[k, PIECE]
     if which == GAP and contact == FLIGHT:
         rate = (y[x] * y[SIZE + x] + y[x + 1] * y[SIZE + x + 1]) / np.hypot(y[x], y[x + 1])
@@ -158,9 +168,9 @@ def first_switch(
     The joint is -1 where there is none.
     """
     first, joint, kind, trials = h, -1, 0, 0
-    for k in range(3):
+    for k in range(4):
         for which in range(4):
-            if m.walls.c[k] > 0.0 and signal(rates, m, phases, y, k, which) != -np.inf:
+            if (k == GAS or m.walls.c[k] > 0.0) and signal(rates, m, phases, y, k, which) != -np.inf:
                 at, more = _crossing(step, table, rates, m, phases, scale, y, end, h, k, which)
                 trials += more
                 if 0.0 <= at <= first and (at < first or joint < 0):

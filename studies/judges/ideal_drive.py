@@ -13,6 +13,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from engine_models.engine import FloatArray
+from engine_models.scene.drives import TableDrive
 from engine_models.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def prescribed_motion(scene: Scene) -> PrescribedMotion:
         rate = 2 * np.pi * drive.frequency_Hz
         motion = _fluctuating(speed, drive.amplitude_rad_s, rate, drive.phase_rad + rate * begin)
     elif drive.kind == "table":
-        motion = _table(drive.time_s, drive.angle_rad, begin)
+        motion = _table(drive, begin)
     else:
         raise ValueError(f"drive.kind: expected one that prescribes the crank's speed, got {drive.kind}")
     inside = tuple(knot for knot in motion.knots_s if 0 < knot < scene.end_time_s)
@@ -95,9 +96,14 @@ def _fluctuating(mean: float, amplitude: float, rate: float, phase: float) -> Pr
     )
 
 
-def _table(times: tuple[float, ...], angles: tuple[float, ...], begin_s: float) -> PrescribedMotion:
-    """The not-a-knot cubic spline of a table of angles; its third derivative jumps at the knots."""
-    spline = not_a_knot(times, angles)
+def _table(table: TableDrive, begin_s: float) -> PrescribedMotion:
+    """The cubic spline of a table, whose third derivative jumps at the knots; or one straight line."""
+    times, angles = table.time_s, table.angle_rad
+    if table.interpolation == "linear":
+        speed = (angles[-1] - angles[0]) / (times[-1] - times[0])
+        return PrescribedMotion(lambda t: speed * t, lambda t: np.full_like(t, speed), np.zeros_like)
+    flat = (0.0 if angles[end] == angles[beside] else None for end, beside in ((0, 1), (-1, -2)))
+    spline = cubic_spline(times, angles, *(table.end_slopes or flat))
     return PrescribedMotion(
         lambda t: spline(begin_s + t) - spline(begin_s),
         lambda t: spline(begin_s + t, 1),
@@ -106,26 +112,36 @@ def _table(times: tuple[float, ...], angles: tuple[float, ...], begin_s: float) 
     )
 
 
-def not_a_knot(x: Sequence[float], y: Sequence[float]) -> "PPoly":
-    """Return the cubic spline through four points or more, smooth at the second and the last but one.
+def cubic_spline(
+    x: Sequence[float], y: Sequence[float], first: float | None = None, last: float | None = None
+) -> "PPoly":
+    """Return the cubic spline through four points or more, with these slopes at its ends.
 
-    Its unknowns are the second derivatives M at the points, with h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k
-    + h_k M_(k+1) = 6 (slope_k - slope_(k-1)). SciPy's unknowns are first derivatives, whose differences lose
-    four digits of the second where 200 points are close together; here the one difference is exact.
+    Of an end without one it is smooth at the second point, or the last but one (not-a-knot). Its unknowns are
+    the second derivatives M at the points, with h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k + h_k M_(k+1)
+    = 6 (slope_k - slope_(k-1)), and h_0 (2 M_0 + M_1) = 6 (slope_0 - first), as if a piece of no length were
+    before it. SciPy's unknowns are first derivatives, whose differences lose four digits of the second where
+    200 points are close together; here the one difference is exact.
     """
     from scipy.interpolate import PPoly  # it takes a moment, and drives without a table do without
     from scipy.linalg import solve_banded
 
     exact = [(Fraction(a), Fraction(b)) for a, b in zip(x, y, strict=True)]
     slopes = [(after[1] - before[1]) / (after[0] - before[0]) for before, after in pairwise(exact)]
-    bends = [float(6 * (after - before)) for before, after in pairwise(slopes)]
+    bends = [6 * (after - before) for before, after in pairwise(slopes)]
+    begin = Fraction(0) if first is None else 6 * (slopes[0] - Fraction(first))
+    end = Fraction(0) if last is None else 6 * (Fraction(last) - slopes[-1])
     h, slope = np.diff(x), np.array([float(value) for value in slopes])
     # Row k of the matrix has its column j at [2 + k - j, j].
     bands = np.zeros((5, len(x)))
     bands[3, :-2], bands[2, 1:-1], bands[1, 2:] = h[:-1], 2 * (h[:-1] + h[1:]), h[1:]
-    bands[2, 0], bands[1, 1], bands[0, 2] = -h[1], h[0] + h[1], -h[0]
-    bands[2, -1], bands[3, -2], bands[4, -3] = -h[-2], h[-1] + h[-2], -h[-1]
-    M = solve_banded((2, 2), bands, [0.0, *bends, 0.0])
+    bands[2, 0], bands[1, 1], bands[0, 2] = (
+        (-h[1], h[0] + h[1], -h[0]) if first is None else (2 * h[0], h[0], 0)
+    )
+    bands[2, -1], bands[3, -2], bands[4, -3] = (
+        (-h[-2], h[-1] + h[-2], -h[-1]) if last is None else (2 * h[-1], h[-1], 0)
+    )
+    M = solve_banded((2, 2), bands, [float(value) for value in (begin, *bends, end)])
     linear = slope - h * (2 * M[:-1] + M[1:]) / 6
     return PPoly(np.array([np.diff(M) / (6 * h), M[:-1] / 2, linear, y[:-1]]), x)
 

@@ -78,11 +78,13 @@ def load_works_J(
 
 
 def _gas_force(gas: Gas) -> Callable[[Any], Any]:
-    """Return the periodic spline; the last entry is the first again, one whole turn on."""
+    """Return the curve over a turn and any other; the last entry is the first again, one whole turn on."""
     from scipy.interpolate import CubicSpline  # it takes a moment, and loads without gas do without
 
     first = gas.crank_angle_rad[0]
     angle, force = (*gas.crank_angle_rad[:-1], first + TURN), (*gas.force_N[:-1], gas.force_N[0])
+    if gas.interpolation == "linear":
+        return lambda theta: np.interp(first + np.remainder(theta - first, TURN), angle, force)
     spline = CubicSpline(angle, force, bc_type="periodic")
     return lambda theta: spline(first + np.remainder(theta - first, TURN))
 

@@ -211,7 +211,7 @@ def _piece(
 
     It returns the deviations of theta and theta' from uniform turning, with the integrals after them, and the
     time at which it ended: the later one, or that at which the crank came to a knot of the gas's table, where
-    the force's third derivative jumps.
+    the force's third derivative jumps, or of straight lines its first.
     """
     from scipy.integrate import solve_ivp  # it takes a moment, and uniform turning does without
 

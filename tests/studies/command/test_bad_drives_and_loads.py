@@ -74,6 +74,42 @@ BAD = {
         "at least 4",
         "3",
     ),
+    "one point of a straight line": (
+        drive("table", time_s=TIME[:1], angle_rad=ANGLE[:1], interpolation='"linear"'),
+        "drive.time_s",
+        "at least 2",
+        "1",
+    ),
+    "straight lines at two speeds": (
+        drive("table", time_s=TIME, angle_rad=[0.0, 0.5, 1.0, 3.0], interpolation='"linear"'),
+        "drive.interpolation",
+        "'spline' (at time_s.2 the speed would jump from 100 to 200 rad/s",
+        "'linear'",
+    ),
+    "slopes of straight lines": (
+        drive("table", time_s=TIME, angle_rad=ANGLE, interpolation='"linear"', end_slopes=[1.0, 1.0]),
+        "drive.end_slopes",
+        "nothing with interpolation = 'linear'",
+        "a list",
+    ),
+    "a slope at one end": (
+        drive("table", time_s=TIME, angle_rad=ANGLE, end_slopes=[100.0]),
+        "drive.end_slopes",
+        "two numbers",
+        "1",
+    ),
+    "another start than the slope's": (
+        drive("table", time_s=TIME, angle_rad=ANGLE, end_slopes=[0.0, 100.0]),
+        "start.crank_speed_rad_s",
+        "the speed of the drive's table when the scene begins, 0",
+        "100",
+    ),
+    "another interpolation": (
+        drive("table", time_s=TIME, angle_rad=ANGLE, interpolation='"cubic"'),
+        "drive.interpolation",
+        '"spline" or "linear"',
+        '"cubic"',
+    ),
     "columns of two lengths": (
         drive("table", time_s=TIME, angle_rad=ANGLE[:3]),
         "drive.angle_rad",
@@ -205,6 +241,18 @@ BAD = {
     ),
     "unsorted gas": (gas([0.0, 4.0, 2.0, TURN[3]], FORCE), "load.slider.gas.crank_angle_rad.2", "> 4", "2"),
     "too little gas": (gas(TURN[:3], FORCE[:3]), "load.slider.gas.crank_angle_rad", "at least 4", "3"),
+    "slopes of gas": (
+        gas(TURN, FORCE) + "end_slopes = [0.0, 0.0]\n",
+        "load.slider.gas.end_slopes",
+        "the key crank_angle_rad, force_N or interpolation",
+        "unknown key",
+    ),
+    "one point of gas": (
+        gas(TURN[:1], FORCE[:1]) + 'interpolation = "linear"\n',
+        "load.slider.gas.crank_angle_rad",
+        "at least 2",
+        "1",
+    ),
     "an unknown load": (load(weight_N=3.0), "load.slider.weight_N", "the key force_N", "unknown key"),
     "a load on the rod": (
         f"{FREE}\n[load.rod]\nforce_N = 1.0\n",

@@ -12,7 +12,7 @@ from engine_models.scene.drives import Drive, FluctuatingDrive, MotorDrive, Ramp
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_drive import not_a_knot, prescribed_motion
+from studies.judges.ideal_drive import cubic_spline, prescribed_motion
 from studies.judges.ideal_truth import configuration, crank_acceleration, exact, exact_repeats
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from tests.studies.independent.newton_euler import integrate, slider_load
@@ -76,6 +76,7 @@ def loads(driven: bool) -> dict[str, SliderLoad]:
         "gas": {"gas": gas(peak)},
     }
     parts["all"] = {name: value for part in parts.values() for name, value in part.items()}
+    parts["lines"] = {"gas": gas(peak).model_copy(update={"interpolation": "linear"})}
     return {name: SliderLoad(**part) for name, part in parts.items()}  # type: ignore[arg-type]
 
 
@@ -90,7 +91,8 @@ LOADS = ("force", "viscous", "spring", "gas", "all")
 
 
 @pytest.mark.parametrize(
-    ("name", "load"), [*((name, load) for name in LEFT_FREE for load in LOADS), ("motor", "none")]
+    ("name", "load"),
+    [*((name, load) for name in LEFT_FREE for load in (*LOADS, "lines")), ("motor", "none")],
 )
 def test_the_energy_integral_closes_where_the_crank_is_left_free(name: str, load: str) -> None:
     scene = loaded(name, load).model_copy(update={"end_time_s": 0.3})
@@ -140,7 +142,7 @@ def test_bodies_by_newton_and_euler_do_the_same_under_load(name: str) -> None:
     # It is the other's steps across knots that are no sharper: at most 3e-10 is measured.
     for signal, off in found.items():
         assert off < 2e-9, f"{signal} off by {off:.1e} of its largest value"
-    assert set(loads(True)) - {"all"} < set(found)
+    assert set(loads(True)) - {"all", "lines"} < set(found)
 
 
 def derivative(values: FloatArray, step: float) -> FloatArray:
@@ -270,11 +272,16 @@ def test_a_ramp_turns_by_the_mean_of_its_speeds_and_then_evenly() -> None:
 def test_the_tables_spline_is_the_one_of_scipy_and_reproduces_a_cubic() -> None:
     x = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, 30)).tolist()
     y, at = np.sin(x).tolist(), np.linspace(x[0], x[-1], 301)
-    spline, theirs = not_a_knot(x, y), CubicSpline(x, y, bc_type="not-a-knot")
+    spline, theirs = cubic_spline(x, y), CubicSpline(x, y, bc_type="not-a-knot")
     for order in (0, 1, 2):
         np.testing.assert_allclose(spline(at, order), theirs(at, order), atol=1e-13)
+    for ends in ((1.5, -0.5), (0.0, None), (None, 2.0)):
+        spline = cubic_spline(x, y, *ends)
+        theirs = CubicSpline(x, y, bc_type=tuple("not-a-knot" if end is None else (1, end) for end in ends))
+        for order in (0, 1, 2):
+            np.testing.assert_allclose(spline(at, order), theirs(at, order), atol=1e-13)
     for points in (4, 5, 30):
-        cubic = not_a_knot(x[:points], [v**3 - 4 * v for v in x[:points]])
+        cubic = cubic_spline(x[:points], [v**3 - 4 * v for v in x[:points]])
         inside = at[at <= x[points - 1]]
         np.testing.assert_allclose(cubic(inside, 2), 6 * inside, rtol=1e-10)
 
