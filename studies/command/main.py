@@ -258,8 +258,8 @@ def sweep(
         settings = options.assigned("--set", "KEY=VALUE", assignments or [])
         wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
         stack.enter_context(failures.quietly(quiet))
-        with sweeps.opened_plot(plot, show, len(ranges)) as draw:
-            draw(sweeps.swept(wanted, out, chosen, scheduler, pool))
+        draw = sweeps.drawing(plot, show, [*ranges], chosen.revolutions)
+        draw(sweeps.swept(wanted, out, chosen, scheduler, pool))
         failures.note(f"{len(wanted)} rows are in {out}")
 
 
@@ -440,9 +440,12 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Make tables, figures and the HTML page from results, and print the answer."""
-    from reports.page import claims_of, moved, write_report
+    from reports.page import claims_of, moved, require_replaceable, write_report
     from reports.parts import Contradiction
     from reports.results import BrokenResults, NoResults
+    from studies.running.folder_lock import FolderHeld
+    from studies.running.processes import starting
+    from studies.running.whole_file import require_folder, whole_folder
 
     try:
         before = None if against is None else claims_of(against)
@@ -450,7 +453,12 @@ def report(
         raise failures.BadInput(f"--against: expected the folder of a report, got '{reason}'") from None
     try:
         with failures.writing("--out", out):
-            made = write_report(results, out)
+            require_folder(out)
+            require_replaceable(out)
+            with whole_folder(out) as new, starting():
+                made = write_report(results, new)
+    except FolderHeld as reason:
+        raise failures.BadInput(f"--out: expected {reason}") from None
     except (NoResults, BrokenResults) as reason:
         raise failures.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:

@@ -54,7 +54,7 @@ SAFE_PATH = "PYTHONSAFEPATH"
 
 @contextmanager
 def starting() -> Iterator[None]:
-    """Start processes in the block, and in no other thread meanwhile, without the current folder in their path.
+    """Start processes in the block, in no other thread meanwhile, without the current folder in their path.
 
     A file of the user's there, ``array.py``, would take the place of Python's own module. What this process
     has in its path they have too, once they have begun.

@@ -9,6 +9,8 @@ from engine_models.engine import FloatArray
 from engine_models.scene.plain_words import NUMBER, shown
 from studies.running.failures import BadInput
 
+#: The most members of one sweep.
+MOST_MEMBERS = 10_000_000
 FORM = "LOW:HIGH[:log][:COUNT] or a list of numbers"
 
 
@@ -76,6 +78,7 @@ def _number(where: str, text: str) -> float:
 
 
 def _count(where: str, text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) >= 2):
-        raise BadInput(f"{where}: expected log or a count >= 2 behind the ends, got {shown(text)}")
-    return int(text)
+    if not (text.isascii() and text.isdigit() and 2 <= float(text) <= MOST_MEMBERS):
+        expected = f"log or a count from 2 to {MOST_MEMBERS} behind the ends"
+        raise BadInput(f"{where}: expected {expected}, got {shown(text)}")
+    return int(float(text))  # int() of thousands of digits raises
