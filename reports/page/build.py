@@ -15,7 +15,7 @@ from reports.page.claims import Claim, as_json, collected, from_json
 from reports.page.questions import QUESTIONS, Question
 from reports.page.references import References
 from reports.page.shown import ShownChapter, ShownSection, shown_answer, shown_chapter
-from reports.results import NoResults, Results, read_study
+from reports.results import BrokenResults, NoResults, Results, read_study
 from reports.tables import FORMATS
 
 #: What marks a folder as a report, so that nothing else is ever replaced.
@@ -84,7 +84,12 @@ def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
     studies, missing = {}, {}
     for study in (study for question in QUESTIONS for study in question.studies):
         try:
-            studies[study.STUDY] = read_study(folder / study.STUDY)
+            found = studies[study.STUDY] = read_study(folder / study.STUDY)
+            if others := set(found.rows.get("study", ())) - {study.STUDY}:
+                came = ", ".join(map(str, others))
+                raise BrokenResults(
+                    f"{found.folder}: expected rows of the study {study.STUDY}, got of {came}"
+                )
         except NoResults as reason:
             missing[study.STUDY] = str(reason)
     if not studies:

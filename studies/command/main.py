@@ -402,8 +402,8 @@ def conform(
         raise failures.BadInput("--accept: expected a folder with --baselines to write to, got none")
     join(engine)
     gate = None if baselines is None else Gate(subjects([engine]), baselines)
-    if gate and not accept:
-        gate.require_tables()
+    if gate:
+        gate.require_place(accept)
     with failures.quietly(quiet):
         console = failures.progress_console()
         lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
@@ -426,8 +426,10 @@ def baseline(
     from studies.conformance.baselines.table import FOLDER
 
     require_reason(accept, why)
+    gate = Gate(subjects(), FOLDER)
+    gate.require_place(accept)
     with failures.quietly(quiet):
-        Gate(subjects(), FOLDER).hold_or_accept(why)
+        gate.hold_or_accept(why)
 
 
 @app.command()

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -108,7 +109,7 @@ def require_places(files: Sequence[Output], scene: str) -> None:
             expected = "another file than the scene or its tables"
             raise BadInput(f"{file.option}: expected {expected}, got {file.path}")
         for other in files[:number]:
-            if file.path.resolve() == other.path.resolve():
+            if os.path.realpath(file.path) == os.path.realpath(other.path):
                 expected = f"another place than {other.option}"
                 raise BadInput(f"{file.option}: expected {expected}, got {file.path}")
 

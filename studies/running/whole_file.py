@@ -28,8 +28,8 @@ def require_place(path: Path) -> None:
         OSError: ``path`` is a folder, or no file can be written there.
     """
     path = Path(os.path.realpath(path))
-    if path.is_dir():
-        raise _error(errno.EISDIR, path)
+    if path.is_dir() or path.is_symlink():  # a link to itself
+        raise _error(errno.EISDIR if path.is_dir() else errno.ELOOP, path)
     if path.exists() and not os.access(path, os.W_OK):  # a file that may not be written may not be replaced
         raise _error(errno.EACCES, path)
     if path.is_file() or not path.exists():

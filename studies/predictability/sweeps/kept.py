@@ -12,7 +12,7 @@ import shutil
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +38,8 @@ class Kept:
         self._parts: dict[tuple[int, int], Path] = {}
         found = {part: _members(part, identity, schema) for part in folder.glob("*.parquet")}
         end = 0
-        for part, members in sorted(found.items(), key=lambda item: item[1] or (count, count)):
-            if members and members[0] >= end and members[1] <= count:  # two may have the same members
+        for part, members in sorted(found.items()):
+            if members and part == self._part(*members) and members[0] >= end and members[1] <= count:
                 self._parts[members] = part
                 end = members[1]
         self.unfit = len(found) - len(self._parts)
@@ -51,11 +51,12 @@ class Kept:
 
     def keep(self, first: int, table: pa.Table) -> None:
         """Keep a chunk, the first of whose members has this number."""
-        sink, last = pa.BufferOutputStream(), first + len(table) - 1
-        parquet.write_table(sealed(table, {IDENTITY: self._identity}), sink)
-        part = self._folder / f"{first:09}-{last:09}.parquet"
-        write_whole(part, sink.getvalue().to_pybytes())
-        self._parts[first, last + 1] = part
+        sink, end = pa.BufferOutputStream(), first + len(table)
+        made = {**_texts(table.schema.metadata), IDENTITY: self._identity}
+        made[DIGEST] = _digest(made, table.to_batches())
+        parquet.write_table(table.replace_schema_metadata(made), sink)
+        write_whole(self._part(first, end), sink.getvalue().to_pybytes())
+        self._parts[first, end] = self._part(first, end)
 
     def schema_before(self, first: int) -> pa.Schema:
         """Return the schema of the chunk that ends before a member."""
@@ -66,9 +67,7 @@ class Kept:
         """Write all chunks into one file, in the order of members, one at a time."""
         parts = [part for _, part in sorted(self._parts.items())]
         made = {**metadata, IDENTITY: self._identity}
-        made[DIGEST] = _digest(
-            made, (rows for part in parts for rows in parquet.read_table(part).to_batches())
-        )
+        made[DIGEST] = _digest(made, chain.from_iterable(map(_batches, parts)))
         new = self._folder / f"rows{UNFINISHED}"
         with new.open("wb") as file:
             with parquet.ParquetWriter(file, self._schema.with_metadata(made)) as writer:
@@ -76,6 +75,9 @@ class Kept:
                     writer.write_table(parquet.read_table(part).replace_schema_metadata(made))
             os.fsync(file.fileno())
         new.replace(path)
+
+    def _part(self, first: int, end: int) -> Path:
+        return self._folder / f"{first:09}-{end - 1:09}.parquet"
 
 
 @contextmanager
@@ -100,9 +102,7 @@ def opened(path: Path, identity: str, count: int, schema: pa.Schema) -> Iterator
             if not of_this:
                 write_whole(folder / "sweep.json", json.dumps({IDENTITY: identity}).encode() + b"\n")
             if kept.unfit:
-                note(
-                    f"{folder}: {kept.unfit} parts are not as they were written: what they lack is run again"
-                )
+                note(f"{folder}: {kept.unfit} parts are not as they were written: they are made again")
             yield kept
             done = not kept.missing()
     except FolderHeld as reason:
@@ -116,12 +116,6 @@ def is_whole(path: Path, identity: str, count: int, schema: pa.Schema) -> bool:
     return _members(path, identity, schema) == (0, count)
 
 
-def sealed(rows: pa.Table, metadata: Mapping[str, str]) -> pa.Table:
-    """Return rows with these metadata beside theirs, and the digest of all of it."""
-    made = {**_texts(rows.schema.metadata), **metadata}
-    return rows.replace_schema_metadata({**made, DIGEST: _digest(made, rows.to_batches())})
-
-
 def _members(path: Path, identity: str, schema: pa.Schema) -> tuple[int, int] | None:
     """Return the first member in a file and the one after the last, None if it is not as it was written."""
     try:
@@ -133,6 +127,11 @@ def _members(path: Path, identity: str, schema: pa.Schema) -> tuple[int, int] | 
     except Exception:  # whatever a damaged file makes of its reader
         return None
     return (first, first + rows) if right and found.equals(schema) else None
+
+
+def _batches(path: Path) -> Iterator[pa.RecordBatch]:
+    with parquet.ParquetFile(path) as file:
+        yield from file.iter_batches(BATCH)
 
 
 def _digest(metadata: Mapping[str, str], rows: Iterable[pa.RecordBatch]) -> str:
