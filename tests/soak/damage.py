@@ -143,7 +143,7 @@ def _rows(folder: Path) -> dict[str, object]:
     """Return the rows of a study by case, and its curves."""
     place = folder / "agreement"
     rows = {str(row["case"]): steady(row) for row in read_rows(place / "rows.jsonl")}
-    curves = {path.stem: path.read_bytes() for path in (place / "curves").iterdir()}
+    curves = {case: (place / "curves" / f"{case}.npz").read_bytes() for case in rows}
     return {"rows": rows, "curves": curves}
 
 

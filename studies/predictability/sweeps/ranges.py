@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.scene.plain_words import NUMBER, shown
+from engine_models.scene.plain_words import NUMBER, shortened, shown
 from studies.running.failures import BadInput
 
 #: The most members of one sweep.
@@ -78,7 +78,8 @@ def _number(where: str, text: str) -> float:
 
 
 def _count(where: str, text: str) -> int:
-    if not (text.isascii() and text.isdigit() and 2 <= float(text) <= MOST_MEMBERS):
-        expected = f"log or a count from 2 to {MOST_MEMBERS} behind the ends"
-        raise BadInput(f"{where}: expected {expected}, got {shown(text)}")
-    return int(float(text))  # int() of thousands of digits raises
+    if not (text.isascii() and text.isdigit() and float(text) >= 2):
+        raise BadInput(f"{where}: expected log or a count >= 2 behind the ends, got {shown(text)}")
+    if float(text) > MOST_MEMBERS:  # int() refuses thousands of digits
+        raise BadInput(f"{where}: expected 1 to {MOST_MEMBERS} members, got {shortened(text)}")
+    return int(float(text))

@@ -18,15 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemaining
 from engine_models.engine import FloatArray
 from engine_models.engines import engine_module
 from engine_models.memory import free_bytes
-from studies.predictability.sweeps.chunk import (
-    Chunk,
-    Direction,
-    Trial,
-    failed_chunk,
-    run_chunk,
-    schema,
-    try_out,
-)
+from studies.predictability.sweeps.chunk import Chunk, Direction, Trial, failed_chunk, run_chunk, try_out
 from studies.predictability.sweeps.kept import IDENTITY, Kept, is_whole, opened
 from studies.predictability.sweeps.task import Task
 from studies.running.execution import NO_RESULT, ROOMY, CaseEnded, LimitedExecutor, RunBroken
@@ -117,9 +109,9 @@ def run_sweep(
         OSError: nothing can be written there.
     """
     count, path = len(sweep), Path(os.path.realpath(path))
-    this = sweep.identity(), count, schema(sweep.changes, chained=bool(sweep.directions))
+    identity = sweep.identity()
     if path.exists():
-        if is_whole(path, *this):
+        if is_whole(path, identity, count):
             note(f"{path} has all {count} members already")
             return
         note(f"{path} has not all {count} members as this sweep wrote them: it is made again")
@@ -129,7 +121,7 @@ def run_sweep(
             # Every process here tries them: so all begin, and load what they need, while the code is hashed.
             tried = range((1 if cluster else at_once) if count > FEW else 0)
             trials = [pool.submit_within(ROOMY, try_out, sweep.task, _spread(sweep.changes)) for _ in tried]
-            with opened(path, *this) as kept:
+            with opened(path, identity, count) as kept:
                 left = sum(end - begin for begin, end in kept.missing())
                 size = MOST_IN_CHUNK
                 if left > FEW:
