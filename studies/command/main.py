@@ -258,7 +258,7 @@ def sweep(
         settings = options.assigned("--set", "KEY=VALUE", assignments or [])
         wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
         stack.enter_context(failures.quietly(quiet))
-        draw = sweeps.drawing(plot, show, [*ranges], chosen.revolutions)
+        draw = sweeps.drawing(plot, show, wanted)
         draw(sweeps.swept(wanted, out, chosen, scheduler, pool))
         failures.note(f"{len(wanted)} rows are in {out}")
 

@@ -189,10 +189,8 @@ def swept(
     return Swept(path, f"{task.scene.name}, {task.engine_name}")
 
 
-def drawing(
-    path: Path | None, show: str | None, varied: Sequence[str], revolutions: float
-) -> Callable[[Swept], None]:
-    """Return what draws a sweep over some fields into a file, if a picture is asked for.
+def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swept], None]:
+    """Return what draws a sweep into a file, if a picture is asked for.
 
     Raises:
         BadInput: it cannot be written, there is none of so many fields or so few turns, or no such column, or
@@ -203,16 +201,19 @@ def drawing(
             raise BadInput(f"--show: expected nothing without --plot, got {show}")
         return lambda _: None
     ending = ending_of("--plot", path, PICTURES)
-    from reports.plots.sweeps.picture import MOST_FIELDS, MOTION, fewest_turns  # loads matplotlib
+    from reports.plots.sweeps.picture import EXPONENT, MOST_FIELDS, MOTION, fewest_turns  # loads matplotlib
 
+    varied, watch = sweep.varied, sweep.task.watch
     if len(varied) > MOST_FIELDS:
         raise BadInput(f"--plot: expected at most {MOST_FIELDS} fields with --vary, got {len(varied)}")
     columns = [*NUMBERS, *((MOTION,) if len(varied) == MOST_FIELDS else LISTS)]
     if show is not None and show not in columns:
         raise BadInput(f"--show: expected {one_of(columns)}, got {shown(show)}{meant(show, columns)}")
-    if revolutions < (fewest := fewest_turns(varied, show)):
+    if show == EXPONENT and not watch.exponent:
+        raise BadInput(f"--show: expected --exponent beside {EXPONENT}, got none")
+    if watch.revolutions < (fewest := fewest_turns(varied, show)):
         expected = f"a number >= {fewest} for this picture, or another one with --show"
-        raise BadInput(f"--revolutions: expected {expected}, got {revolutions:g}")
+        raise BadInput(f"--revolutions: expected {expected}, got {watch.revolutions:g}")
     with writing("--plot", path):
         require_place(path)
 
