@@ -47,8 +47,9 @@ def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: 
         raise NoPicture("expected members that did not fail, got none")
     if (turns := done[STROBE].map(len).min()) < (fewest := fewest_turns(varied, show)):
         raise NoPicture(f"expected members of {fewest} turns for this picture, got {turns}")
-    if show not in (None, MOTION) and done[show].explode().isna().all():
-        raise NoPicture(f"expected members with a number in {show}, got none")
+    column = show or (FORCE if varied else PHASE)
+    if column != MOTION and done[column].explode().isna().all():
+        raise NoPicture(f"expected members with a number in {column}, got none")
     with mpl.rc_context(RC):
         if len(varied) == 2:
             picture = _over_two(frame, (varied[0], varied[1]), show)
