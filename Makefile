@@ -38,7 +38,7 @@ mutants: .venv/.ready
 # heyoka, which studies and tests do without: 100 MB, and for Linux and Python 3.11+ only.
 rivals: .venv/.rivals
 
-# Kills, full disks, fuzzed calls and singular positions, an hour; it prints its seed and its figures. Linux.
+# Kills, full disks, fuzzed calls, damaged results and singular positions, an hour; it prints its seed and its figures. Linux.
 soak: .venv/.ready
 	$(BIN)/python -m tests.soak $(if $(SEED),--seed $(SEED))
 

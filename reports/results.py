@@ -4,6 +4,8 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,8 @@ HEAD: dict[str, type | tuple[type, ...]] = {
     "status": str,
     "reason": str,
 }
+#: The column of a hash of a row's curves, where it has any.
+CURVES = "curves_checksum"
 #: How a case ended of which nothing is known.
 NO_RESULT = ("killed from outside", "not begun")
 
@@ -64,10 +68,19 @@ class Results:
         """
         path = self.folder / "curves" / f"{case}.npz"
         try:
-            with np.load(path, allow_pickle=False) as file:
+            content = path.read_bytes()
+            if self._curves.get(case, right := _hash(content)) != right:
+                raise ValueError("others than its row had: run `crankslider run`")
+            with np.load(BytesIO(content), allow_pickle=False) as file:
                 return np.asarray(file[column], dtype=float)
-        except (OSError, ValueError, EOFError, KeyError) as error:
+        except Exception as error:  # whatever a damaged file makes of its reader
             raise BrokenResults(f"{path}: expected the curves of a finished run, got {error}") from error
+
+    @cached_property
+    def _curves(self) -> dict[str, str]:
+        """The hashes of curves, by the cases whose rows have them."""
+        known = with_columns(self.rows, CURVES).dropna(subset=[CURVES])
+        return dict(zip(known["case"], known[CURVES], strict=True))
 
 
 def read_results(folder: Path) -> pd.DataFrame:
@@ -106,9 +119,16 @@ def read_study(folder: Path) -> Results:
         "rows are there twice and count once": len(lines) - len(by_case),
         "cases were killed from outside and are left out; run `crankslider run`": len(by_case) - len(ended),
     }
-    notes = tuple(f"{path}: {count} {what}" for what, count in counts.items() if count)
-    fingerprints = dict(zip(codes["engine"], codes["fingerprint"], strict=True))
-    return Results(folder, rows, _sidecar(folder / "sidecar.json", fingerprints), notes)
+    notes = [f"{path}: {count} {what}" for what, count in counts.items() if count]
+    sidecar = _sidecar(folder / "sidecar.json")
+    digest = _hash(" ".join(sorted(row["checksum"] for row in by_case.values())).encode())
+    if sidecar and sidecar.pop("rows", digest) != digest:
+        notes.append(f"{path}: rows are not those that the last finished run left; run `crankslider run`")
+        sidecar = None
+    codes_of = dict(zip(codes["engine"], codes["fingerprint"], strict=True))
+    if sidecar and not codes_of.items() <= sidecar["fingerprints"].items():  # it is of other rows
+        sidecar = None
+    return Results(folder, rows, sidecar, tuple(notes))
 
 
 def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
@@ -144,13 +164,22 @@ def _may_be_number(value: object) -> bool:
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
+def _checksum(values: Mapping[str, Any]) -> str:
+    """Return the hash of all values but the checksum among them."""
+    rest = {name: value for name, value in values.items() if name != "checksum"}
+    return _hash(json.dumps(rest, sort_keys=True).encode())
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
 def _row(line: bytes, where: str) -> dict[str, Any]:
     """Return the row in a line if it is as the study wrote it."""
     shown = line[:60].decode(errors="replace").strip() + "..."
     try:
         row: dict[str, Any] = json.loads(line.decode())
-        rest = {name: value for name, value in row.items() if name != "checksum"}
-        right = hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
+        right = _checksum(row)
     except (ValueError, AttributeError, RecursionError):
         raise BrokenResults(f"{where}: expected a row of results, got {shown}") from None
     for column, kind in HEAD.items():
@@ -163,15 +192,16 @@ def _row(line: bytes, where: str) -> dict[str, Any]:
     return row
 
 
-def _sidecar(path: Path, fingerprints: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return where the rows come from, or None if the run was not finished: then it is of other rows.
-
-    ``fingerprints`` are those of the rows by engine.
-    """
+def _sidecar(path: Path) -> dict[str, Any] | None:
+    """Return what a run that came to its end wrote of its rows, None if none has."""
     if not path.exists():
         return None
     try:
-        sidecar: dict[str, Any] = json.loads(path.read_text(encoding="utf-8", errors="replace"))
-        return sidecar if fingerprints.items() <= sidecar.get("fingerprints", {}).items() else None
-    except (json.JSONDecodeError, AttributeError) as error:
-        raise BrokenResults(f"{path}: expected a JSON object, got {error}") from error
+        sidecar: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        right = sidecar.pop("checksum", None) in (None, _checksum(sidecar))  # earlier ones have none
+        if right and isinstance(sidecar["fingerprints"], dict):
+            return sidecar
+        reason = "one that was edited or damaged"
+    except (ValueError, AttributeError, KeyError, TypeError, RecursionError) as error:
+        reason = f"'{error}'"
+    raise BrokenResults(f"{path}: expected what a run wrote, got {reason}; run `crankslider run` to renew it")

@@ -6,6 +6,7 @@ has damaged is made again, and of processes that make the same the last one's is
 
 import hashlib
 import os
+from secrets import token_hex
 
 from reference_solver.compiled.folder import is_own, kernel_folder, private_folder, say_not_kept, say_once
 
@@ -38,7 +39,7 @@ def write_checked(name: str, data: bytes) -> None:
     """
     try:
         folder = private_folder()
-        new = folder / f"{name}.{os.getpid()}"
+        new = folder / f"{name}.{token_hex(8)}"
         try:
             new.write_bytes(checksum(name, data) + data)
             new.replace(folder / name)

@@ -1,4 +1,4 @@
-"""Builds the report: figures, tables, findings and the page, all or nothing."""
+"""Builds the report: figures, tables, findings and the page."""
 
 import os
 import signal
@@ -7,7 +7,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -16,7 +15,7 @@ from reports.page.claims import Claim, as_json, collected, from_json
 from reports.page.questions import QUESTIONS, Question
 from reports.page.references import References
 from reports.page.shown import ShownChapter, ShownSection, shown_answer, shown_chapter
-from reports.results import NoResults, Results, read_study
+from reports.results import BrokenResults, NoResults, Results, read_study
 from reports.tables import FORMATS
 
 #: What marks a folder as a report, so that nothing else is ever replaced.
@@ -33,63 +32,19 @@ class Report:
     claims: tuple[Claim, ...]
 
 
-def write_report(results: Path, out: Path) -> Report:
-    """Make the report in ``out`` from the studies in ``results``.
+def write_report(results: Path, folder: Path) -> Report:
+    """Make the report of the studies in ``results`` in a folder that is new or empty.
 
-    That is index.html, findings.json, figures/ and tables/. It is built beside ``out`` and takes its place
-    when finished; a report that was there is replaced.
+    That is index.html, findings.json, figures/ and tables/.
 
     Raises:
-        NoResults: no study in ``results`` has rows.
+        NoResults: no study in ``results`` has rows; then there is no folder.
         BrokenResults: a study's files cannot be read.
         Contradiction: a sentence of the report is not true of the results.
-        FileExistsError: ``out`` is there and is no report.
     """
     studies, missing = _read(results)
-    out = out.resolve()
-    _require_replaceable(out)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
-        new, old = Path(temporary) / "new", Path(temporary) / "old"
-        new.mkdir()
-        report = _build(studies, missing, new)
-        if out.exists():
-            out.rename(old)
-        try:
-            new.rename(out)
-        except OSError:
-            if old.exists():
-                old.rename(out)
-            raise
-    return report
-
-
-def claims_of(report: Path) -> list[Claim]:
-    """Return the claims of a report that was made before.
-
-    Raises:
-        OSError: there is no report.
-        ValueError: its findings are none.
-    """
-    return from_json((report / FINDINGS).read_text(encoding="utf-8"))
-
-
-def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
-    """Return the results by study, and the studies that have none."""
-    studies, missing = {}, {}
-    for study in (study for question in QUESTIONS for study in question.studies):
-        try:
-            studies[study.STUDY] = read_study(folder / study.STUDY)
-        except NoResults as reason:
-            missing[study.STUDY] = str(reason)
-    if not studies:
-        raise NoResults("; ".join(missing.values()))
-    return studies, list(missing)
-
-
-def _build(studies: Mapping[str, Results], missing: Sequence[str], folder: Path) -> Report:
     for kind in ("figures", "tables"):
-        (folder / kind).mkdir()
+        (folder / kind).mkdir(parents=True)
     said, screen, chapters = _shown(studies, folder)
     asked = [
         (question, [chapters[study.STUDY] for study in question.studies if study.STUDY in chapters])
@@ -103,6 +58,43 @@ def _build(studies: Mapping[str, Results], missing: Sequence[str], folder: Path)
     if bare:
         notes.append(f"no curves beside the rows of {', '.join(bare)}: figures over time are left out")
     return Report((*said.text, *said.doubts), tuple(notes), tuple(found))
+
+
+def claims_of(report: Path) -> list[Claim]:
+    """Return the claims of a report that was made before.
+
+    Raises:
+        OSError: there is no report.
+        ValueError: its findings are none.
+    """
+    return from_json((report / FINDINGS).read_text(encoding="utf-8"))
+
+
+def require_replaceable(out: Path) -> None:
+    """Raise FileExistsError if something is at a report's place that is no report."""
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    page = out / "index.html"
+    if not page.is_file() or GENERATOR not in page.read_text(encoding="utf-8", errors="replace"):
+        raise FileExistsError(f"out: expected a new folder or a report to replace, got {out}")
+
+
+def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
+    """Return the results by study, and the studies that have none."""
+    studies, missing = {}, {}
+    for study in (study for question in QUESTIONS for study in question.studies):
+        try:
+            found = studies[study.STUDY] = read_study(folder / study.STUDY)
+            if others := set(found.rows.get("study", ())) - {study.STUDY}:
+                came = ", ".join(map(str, others))
+                raise BrokenResults(
+                    f"{found.folder}: expected rows of the study {study.STUDY}, got of {came}"
+                )
+        except NoResults as reason:
+            missing[study.STUDY] = str(reason)
+    if not studies:
+        raise NoResults("; ".join(missing.values()))
+    return studies, list(missing)
 
 
 def _shown(
@@ -165,12 +157,3 @@ def _write_page(
         findings=FINDINGS,
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
-
-
-def _require_replaceable(out: Path) -> None:
-    """Raise FileExistsError if something is in the way that is no report."""
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    page = out / "index.html"
-    if not page.is_file() or GENERATOR not in page.read_text(encoding="utf-8", errors="replace"):
-        raise FileExistsError(f"out: expected a new folder or a report to replace, got {out}")

@@ -13,6 +13,7 @@ from studies.conformance.baselines.subjects import Subject, without_wheel
 from studies.conformance.baselines.table import Baseline, DamagedTable, read_tables, write_tables
 from studies.conformance.baselines.verdicts import verdicts
 from studies.running.failures import BadInput, Failed, note, progress_console, writing
+from studies.running.whole_file import require_folder
 
 Baselines = dict[Key, Baseline]
 
@@ -24,9 +25,12 @@ class Gate:
     subjects: Sequence[Subject]
     folder: Path
 
-    def require_tables(self) -> None:
-        """Raise BadInput where there is no table to be held to."""
-        if not any(self.folder.glob("*.csv")):
+    def require_place(self, accept: bool) -> None:
+        """Raise BadInput where there is no table to be held to, or none can be written to ``accept``."""
+        if accept:
+            with writing("--baselines", self.folder):
+                require_folder(self.folder)
+        elif not any(self.folder.glob("*.csv")):
             todo = '--accept --why "..." writes them'
             raise BadInput(f"--baselines: expected a folder with tables, got '{self.folder}': {todo}")
 

@@ -17,7 +17,7 @@ from studies.command.endings import film_ending
 from studies.command.options import FilmOptions, as_arguments, checked
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
-from studies.running.whole_file import whole_file
+from studies.running.whole_file import require_place, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,8 +89,9 @@ class Run:
         with as_arguments():
             path, ending = Path(file), film_ending(Path(file))
             times = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate
-            with writing("--animate", path), whole_file(path) as opened:
-                opened.buffer.write(self.film(ending, times))
+            with writing("--animate", path):
+                require_place(path)
+                write_whole(path, self.film(ending, times))
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the film of ``animate`` as the bytes of a file; how far it is is told as a run tells."""

@@ -258,8 +258,8 @@ def sweep(
         settings = options.assigned("--set", "KEY=VALUE", assignments or [])
         wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
         stack.enter_context(failures.quietly(quiet))
-        with sweeps.opened_plot(plot, show, len(ranges)) as draw:
-            draw(sweeps.swept(wanted, out, chosen, scheduler, pool))
+        draw = sweeps.drawing(plot, show, wanted)
+        draw(sweeps.swept(wanted, out, chosen, scheduler, pool))
         failures.note(f"{len(wanted)} rows are in {out}")
 
 
@@ -402,8 +402,8 @@ def conform(
         raise failures.BadInput("--accept: expected a folder with --baselines to write to, got none")
     join(engine)
     gate = None if baselines is None else Gate(subjects([engine]), baselines)
-    if gate and not accept:
-        gate.require_tables()
+    if gate:
+        gate.require_place(accept)
     with failures.quietly(quiet):
         console = failures.progress_console()
         lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
@@ -426,8 +426,10 @@ def baseline(
     from studies.conformance.baselines.table import FOLDER
 
     require_reason(accept, why)
+    gate = Gate(subjects(), FOLDER)
+    gate.require_place(accept)
     with failures.quietly(quiet):
-        Gate(subjects(), FOLDER).hold_or_accept(why)
+        gate.hold_or_accept(why)
 
 
 @app.command()
@@ -440,9 +442,12 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Make tables, figures and the HTML page from results, and print the answer."""
-    from reports.page import claims_of, moved, write_report
+    from reports.page import claims_of, moved, require_replaceable, write_report
     from reports.parts import Contradiction
     from reports.results import BrokenResults, NoResults
+    from studies.running.folder_lock import FolderHeld
+    from studies.running.processes import starting
+    from studies.running.whole_file import require_folder, whole_folder
 
     try:
         before = None if against is None else claims_of(against)
@@ -450,7 +455,12 @@ def report(
         raise failures.BadInput(f"--against: expected the folder of a report, got '{reason}'") from None
     try:
         with failures.writing("--out", out):
-            made = write_report(results, out)
+            require_folder(out)
+            require_replaceable(out)
+            with whole_folder(out) as new, starting():
+                made = write_report(results, new)
+    except FolderHeld as reason:
+        raise failures.BadInput(f"--out: expected {reason}") from None
     except (NoResults, BrokenResults) as reason:
         raise failures.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from studies.command.options import FilmOptions, checked, is_source
 from studies.command.progress_display import shown_progress
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
-from studies.running.whole_file import whole_file
+from studies.running.whole_file import require_place, whole_file, write_through
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -34,6 +35,12 @@ class Output:
     path: Path
     content: Callable[[Run], bytes]
 
+    def require_place(self) -> None:
+        """Refuse a place that cannot be written."""
+        if self.path != STDOUT:
+            with writing(self.option, self.path):
+                require_place(self.path)
+
     @contextmanager
     def opened(self) -> Iterator[Callable[[bytes], None]]:
         """Open the file, and yield what writes into it; what was there stays until all is well."""
@@ -44,19 +51,20 @@ class Output:
 
             def write(content: bytes) -> None:
                 with writing(self.option, self.path):
-                    file.buffer.write(content)
-                    file.flush()
+                    write_through(file, content)
 
             yield write
 
 
 def write(files: Sequence[Output], scene: Scene, result: Callable[[], Run]) -> Run:
     """Write into all files, or none, what a run of a scene gives, and return it; how far it is is shown."""
+    for file in files:
+        file.require_place()
+    with shown_progress(scene.end_time_s):
+        run = result()
+        contents = [file.content(run) for file in files]
     with ExitStack() as stack:
         opened = [stack.enter_context(file.opened()) for file in files]
-        with shown_progress(scene.end_time_s):
-            run = result()
-            contents = [file.content(run) for file in files]
         for write, content in zip(opened, contents, strict=True):
             write(content)
     return run
@@ -101,7 +109,7 @@ def require_places(files: Sequence[Output], scene: str, changes: Sequence[str]) 
             expected = "another file than the scene or its tables"
             raise BadInput(f"{file.option}: expected {expected}, got {file.path}")
         for other in files[:number]:
-            if file.path.resolve() == other.path.resolve():
+            if os.path.realpath(file.path) == os.path.realpath(other.path):
                 expected = f"another place than {other.option}"
                 raise BadInput(f"{file.option}: expected {expected}, got {file.path}")
 

@@ -1,8 +1,7 @@
 """What commands that run cases take and check: studies, engines, scenes, and a place for results."""
 
-import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from engine_models.engines import join
@@ -16,6 +15,7 @@ from studies.running.folder_lock import FolderHeld
 from studies.running.given_scenes import cases_of, require_names
 from studies.running.outcome import load_study
 from studies.running.registry import STUDIES
+from studies.running.whole_file import require_folder
 
 
 def joined(engines: Sequence[str]) -> None:
@@ -73,8 +73,7 @@ def running_in(out: Path) -> Iterator[None]:
     """
     try:
         with writable_folder(), writing("--out", out), terminated_as_interrupted():
-            with suppress(FileNotFoundError):
-                os.stat(out / "rows")  # what is no folder is refused before any work is done
+            require_folder(out)
             yield
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None

@@ -1,8 +1,7 @@
 """What ``crankslider sweep`` is asked for, checked before anything runs, and what it gives a user."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -26,14 +25,14 @@ from engine_models.scene.scene import Scene
 from studies.command.endings import PICTURES, ending_of
 from studies.command.options import DEFAULT_STEP_S, checked, read_engine
 from studies.predictability.sweeps.chunk import Direction
-from studies.predictability.sweeps.draws import Draw, Sample, drawn
-from studies.predictability.sweeps.ranges import values_of
+from studies.predictability.sweeps.draws import MOST_JITTER_RAD, Draw, Sample, drawn
+from studies.predictability.sweeps.ranges import MOST_MEMBERS, values_of
 from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task
 from studies.running.cluster import cluster
 from studies.running.execution import LimitedExecutor
 from studies.running.failures import BadInput, terminated_as_interrupted, writing
-from studies.running.whole_file import whole_file
+from studies.running.whole_file import require_place, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,8 +51,8 @@ class SweepOptions:
     """The options of ``sweep`` that have one value: turns of the crank, jitter in rad, step in s."""
 
     sample: Sample = "grid"
-    members: Annotated[int, Field(ge=1)] | None = None
-    jitter: NonNegative = 0.0
+    members: Annotated[int, Field(ge=1, le=MOST_MEMBERS)] | None = None
+    jitter: Annotated[NonNegative, Field(le=MOST_JITTER_RAD)] = 0.0
     seed: Annotated[int, Field(ge=0)] = 0
     transient: NonNegative = 0.0
     revolutions: Positive = 2.0
@@ -179,6 +178,7 @@ def swept(
     }
     try:
         with writing("--out", path), writable_folder(), terminated_as_interrupted():
+            require_place(path)
             if scheduler is None:
                 run_sweep(sweep, path, made_by, options.jobs, None, options.hours, pool)
             else:
@@ -189,35 +189,41 @@ def swept(
     return Swept(path, f"{task.scene.name}, {task.engine_name}")
 
 
-@contextmanager
-def opened_plot(path: Path | None, show: str | None, fields: int) -> Iterator[Callable[[Swept], None]]:
-    """Open the file of a picture of a sweep over so many fields, if asked for, and yield what draws into it.
+def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swept], None]:
+    """Return what draws a sweep into a file, if a picture is asked for.
 
     Raises:
-        BadInput: it cannot be written, there is none of so many fields, or no such column, or a column is
-            named and no file.
+        BadInput: it cannot be written, there is none of so many fields or so few turns, or no such column, or
+            a column is named and no file.
     """
     if path is None:
         if show is not None:
             raise BadInput(f"--show: expected nothing without --plot, got {show}")
-        yield lambda _: None
-        return
+        return lambda _: None
     ending = ending_of("--plot", path, PICTURES)
-    from reports.plots.sweeps.picture import MOST_FIELDS, MOTION  # loads matplotlib
+    from reports.plots.sweeps.picture import EXPONENT, MOST_FIELDS, MOTION, fewest_turns  # loads matplotlib
 
-    if fields > MOST_FIELDS:
-        raise BadInput(f"--plot: expected at most {MOST_FIELDS} fields with --vary, got {fields}")
-    columns = [*NUMBERS, *((MOTION,) if fields == MOST_FIELDS else LISTS)]
+    varied, watch = sweep.varied, sweep.task.watch
+    if len(varied) > MOST_FIELDS:
+        raise BadInput(f"--plot: expected at most {MOST_FIELDS} fields with --vary, got {len(varied)}")
+    columns = [*NUMBERS, *((MOTION,) if len(varied) == MOST_FIELDS else LISTS)]
     if show is not None and show not in columns:
         raise BadInput(f"--show: expected {one_of(columns)}, got {shown(show)}{meant(show, columns)}")
-    with writing("--plot", path), whole_file(path) as file:
+    if show == EXPONENT and not watch.exponent:
+        raise BadInput(f"--show: expected --exponent beside {EXPONENT}, got none")
+    if watch.revolutions < (fewest := fewest_turns(varied, show)):
+        expected = f"a number >= {fewest} for this picture, or another one with --show"
+        raise BadInput(f"--revolutions: expected {expected}, got {watch.revolutions:g}")
+    with writing("--plot", path):
+        require_place(path)
 
-        def draw(result: Swept) -> None:
-            from reports.run.picture import picture_bytes
+    def draw(result: Swept) -> None:
+        from reports.run.picture import picture_bytes
 
-            file.buffer.write(picture_bytes(result.plot(show), ending))
+        with writing("--plot", path):
+            write_whole(path, picture_bytes(result.plot(show), ending))
 
-        yield draw
+    return draw
 
 
 def options_of(values: Mapping[str, object]) -> SweepOptions:

@@ -26,6 +26,8 @@ from studies.running.whole_file import UNFINISHED, write_through, write_whole
 
 #: The columns that every row has, beside those of its study.
 HEAD = ("case", "fingerprint", "status", "checksum")
+#: The column of a hash of a row's curves, where it has any.
+CURVES = "curves_checksum"
 #: Whatever is in a scene of any name.
 NO_SCENES: Mapping[str, Value] = MappingProxyType({})
 
@@ -41,6 +43,9 @@ class Rows:
         self._folder, self._fingerprints = folder, fingerprints
         self._path = folder / "rows.jsonl"
         self._rows = _sorted_out(folder, frozenset(fingerprints.values()), scenes)
+        self._bare = {key for key, row in self._rows.items() if not self._has_its_curves(key, row)}
+        if self._bare:
+            note(f"{folder}: {len(self._bare)} cases have not the curves that they had: they are run again")
 
     def statuses(self) -> dict[str, str]:
         """Return how each case ended."""
@@ -48,8 +53,14 @@ class Rows:
 
     def lacks(self, key: str, retry_failed: bool) -> bool:
         """Return whether a run that resumes has to make a case; ``retry_failed`` asks for failures, too."""
+        if key in self._bare:
+            return True
         status = self._rows[key]["status"] if key in self._rows else None
         return status in (None, *NO_RESULT) or (retry_failed and status not in ("ok", "unsupported"))
+
+    def digest(self) -> str:
+        """Return a hash of all rows, in whatever order they are."""
+        return _hash(" ".join(sorted(str(row["checksum"]) for row in self._rows.values())).encode())
 
     def keep(self, key: str, row: Row, curves: Curves) -> None:
         """Keep a finished case, its curves first, in place of an earlier row of it.
@@ -57,17 +68,28 @@ class Rows:
         Raises:
             OSError: it could not be written; the rows are as before.
         """
+        new: Row = {"case": key, "fingerprint": self._fingerprints[str(row["engine"])], **row}
         if curves:
             file = io.BytesIO()
             np.savez_compressed(file, **curves)  # type: ignore[arg-type]
-            write_whole(self._folder / "curves" / f"{key}.npz", file.getvalue())
-        new: Row = {"case": key, "fingerprint": self._fingerprints[str(row["engine"])], **row}
+            write_whole(self._curves(key), file.getvalue())
+            new[CURVES] = _hash(file.getvalue())
         new["checksum"] = checksum(new)
         if key in self._rows:
             _write(self._path, {**self._rows, key: new})
         else:
             _append(self._path, _line(new))
         self._rows[key] = new
+        self._bare.discard(key)
+
+    def _has_its_curves(self, key: str, row: Row) -> bool:
+        try:
+            return CURVES not in row or _hash(self._curves(key).read_bytes()) == row[CURVES]
+        except OSError:
+            return False
+
+    def _curves(self, key: str) -> Path:
+        return self._folder / "curves" / f"{key}.npz"
 
 
 @contextmanager
@@ -94,7 +116,11 @@ def opened(
 def checksum(row: Mapping[str, object]) -> str:
     """Return the hash of a row's other columns."""
     rest = {name: value for name, value in row.items() if name != "checksum"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
+    return _hash(json.dumps(rest, sort_keys=True).encode())
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _sorted_out(folder: Path, present: frozenset[str], scenes: Mapping[str, Value]) -> dict[str, Row]:

@@ -48,6 +48,27 @@ EARLY = 8
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT")
 #: Starting a child reaps others: two threads at once would take each other's exit codes.
 _CHILDREN = Lock()
+#: What keeps the current folder out of the path of a Python that starts, from 3.11 on.
+SAFE_PATH = "PYTHONSAFEPATH"
+
+
+@contextmanager
+def starting() -> Iterator[None]:
+    """Start processes in the block, in no other thread meanwhile, without the current folder in their path.
+
+    A file of the user's there, ``array.py``, would take the place of Python's own module. What this process
+    has in its path they have too, once they have begun.
+    """
+    with _CHILDREN:
+        before = os.environ.get(SAFE_PATH)
+        os.environ[SAFE_PATH] = "1"
+        try:
+            yield
+        finally:
+            if before is None:
+                del os.environ[SAFE_PATH]
+            else:
+                os.environ[SAFE_PATH] = before
 
 
 class Processes(LimitedExecutor):
@@ -58,7 +79,8 @@ class Processes(LimitedExecutor):
     """
 
     def __init__(self, jobs: int) -> None:
-        resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
+        with starting():
+            resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
         self._slots = [_Slot() for _ in range(jobs)]
         self._idle: LifoQueue[_Slot] = LifoQueue()
         for slot in self._slots:
@@ -170,7 +192,7 @@ class _WorkerProcess:
         self._calls, calls = context.Pipe()
         self._stderr, stderr = context.Pipe(duplex=False)
         self._process = context.Process(target=serve, args=(calls, stderr), daemon=True)
-        with _CHILDREN:
+        with starting():
             self._process.start()
         calls.close()
         stderr.close()

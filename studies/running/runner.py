@@ -17,7 +17,7 @@ from engine_models.scene.scene import Scene
 from studies.running.case import Case, Curves, Row
 from studies.running.execution import NO_RESULT, NOT_BEGUN, ROOMY, LimitedExecutor, RunBroken
 from studies.running.failures import progress_console
-from studies.running.finished_cases import Rows, opened
+from studies.running.finished_cases import Rows, checksum, opened
 from studies.running.given_scenes import cases_of, contents
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
@@ -74,7 +74,8 @@ def run_studies(
         for name, rows in folders.items():
             asked = [case for case in cases[name] if not only or case.engine in only]
             _run_study(name, asked, rows, executor or local, local, retry_failed)
-            content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY}
+            content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY, "rows": rows.digest()}
+            content["checksum"] = checksum(content)
             write_whole(out / name / "sidecar.json", json.dumps(content, indent=2).encode() + b"\n")
 
 

@@ -1,58 +1,135 @@
-"""A file written whole or not at all: what was there stays until the new one is complete."""
+"""Files and folders written whole or not at all: what was there stays until the new one is complete."""
 
+import errno
 import os
+import shutil
+import stat
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from glob import escape
 from io import FileIO
 from pathlib import Path
-from typing import TextIO
+from secrets import token_hex
+from tempfile import TemporaryFile
 
-#: How the name of a file ends that a kill left unfinished.
-UNFINISHED = ".new"
+from studies.running.folder_lock import held
+
+#: How the name of a file ends that a kill left unfinished; no file is written for so long, in s.
+UNFINISHED, LEFT_S = ".new", 3600.0
+#: Bytes of the random part of a name, so that nobody else has it.
+RANDOM_BYTES = 8
+
+
+def require_place(path: Path) -> None:
+    """Refuse a place where no file can be written, before any work is done; what kills left there goes.
+
+    Raises:
+        OSError: ``path`` is a folder, or no file can be written there.
+    """
+    path = Path(os.path.realpath(path))
+    if path.is_dir() or path.is_symlink():  # a link to itself
+        raise _error(errno.EISDIR if path.is_dir() else errno.ELOOP, path)
+    if path.exists() and not os.access(path, os.W_OK):  # a file that may not be written may not be replaced
+        raise _error(errno.EACCES, path)
+    if path.is_file() or not path.exists():
+        for left in path.parent.glob(f".{escape(path.name)}.{'[0-9a-f]' * 2 * RANDOM_BYTES}{UNFINISHED}"):
+            with suppress(FileNotFoundError):
+                if time.time() - left.stat().st_mtime > LEFT_S:
+                    left.unlink()
+        new = _beside(path)
+        new.touch(exist_ok=False)
+        new.unlink()
+
+
+def require_folder(path: Path) -> None:
+    """Refuse a place that is no folder and cannot be made one, or in which nothing can be written.
+
+    Raises:
+        OSError: it is so.
+    """
+    if os.path.lexists(path) and not path.is_dir():  # a file, or a link to nowhere
+        raise _error(errno.ENOTDIR, path)
+    there = next(place for place in (path.absolute(), *path.absolute().parents) if os.path.lexists(place))
+    with TemporaryFile(dir=there):
+        pass
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[TextIO]:
+def whole_file(path: Path) -> Iterator[FileIO]:
     """Open a file that takes the place of ``path`` when the block ends, and vanishes when the block fails.
 
-    It is created beside ``path`` at once, so a place that cannot be written is known before any work is
-    done. A device or pipe has nothing to lose and is written directly.
+    It is unbuffered (see ``write_through``). A device or pipe has nothing to lose and is written directly.
 
     Raises:
         OSError: ``path`` is a folder, or no file can be written there.
     """
     path = Path(os.path.realpath(path))
     if path.exists() and not path.is_file():
-        with path.open("w", encoding="utf-8", newline="") as file:
+        with path.open("wb", buffering=0) as file:
             yield file
         return
-    if path.exists():
-        path.open("a").close()  # a file that may not be written may not be replaced
-    new = path.with_name(f".{path.name}.{os.getpid()}")
-    with _taking_the_place(new, path), new.open("x", encoding="utf-8", newline="") as file:
-        yield file
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that takes the place of ``path`` once it is on the disk, and vanishes if it fails."""
-    new = path.with_name(f"{path.name}{UNFINISHED}")
-    with _taking_the_place(new, path), new.open("wb", buffering=0) as file:
-        write_through(file, content)
-
-
-@contextmanager
-def _taking_the_place(new: Path, path: Path) -> Iterator[None]:
-    """Let a file that the block writes take the place of ``path``, or vanish when the block fails."""
+    new = _beside(path)
     try:
-        yield
+        with new.open("xb", buffering=0) as file:
+            yield file
         new.replace(path)
     finally:
         new.unlink(missing_ok=True)
 
 
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that takes the place of ``path`` once it is on the disk, and vanishes if it fails."""
+    with whole_file(path) as file:
+        write_through(file, content)
+
+
 def write_through(file: FileIO, content: bytes) -> None:
-    """Write to an unbuffered file, all of it and down to the disk."""
+    """Write to an unbuffered file, all of it and, unless it is a device or pipe, down to the disk."""
     left = memoryview(content)
     while left:
         left = left[file.write(left) :]
-    os.fsync(file.fileno())
+    if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Give an empty folder that takes the place of ``path`` when the block ends, and vanishes when it fails.
+
+    It is in a folder ``.NAME.new`` beside ``path``, which one process holds; what a kill left there goes.
+
+    Raises:
+        FolderHeld: another one does.
+        OSError: nothing can be written there.
+    """
+    path = Path(os.path.realpath(path))
+    beside = path.with_name(f".{path.name}{UNFINISHED}")
+    new, old = beside / "new", beside / "old"
+    beside.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        stack.enter_context(held(beside))
+        stack.callback(shutil.rmtree, beside, ignore_errors=True)
+        if old.exists() and not path.exists():  # killed between the two moves below
+            old.rename(path)
+        for left in (new, old):
+            shutil.rmtree(left, ignore_errors=True)
+        new.mkdir()
+        yield new
+        if path.exists():
+            path.rename(old)
+        try:
+            new.rename(path)
+        except OSError:
+            if old.exists():
+                old.rename(path)
+            raise
+
+
+def _beside(path: Path) -> Path:
+    """Return a name for what is to take the place of a file, which nobody else has."""
+    return path.with_name(f".{path.name}.{token_hex(RANDOM_BYTES)}{UNFINISHED}")
+
+
+def _error(number: int, path: Path) -> OSError:
+    return OSError(number, os.strerror(number), str(path))

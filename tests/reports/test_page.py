@@ -29,6 +29,8 @@ from studies.running.outcome import load_study
 from studies.running.registry import STUDIES
 from studies.running.runner import run_study
 from tests.helpers import row_files
+from tests.helpers.command import crankslider
+from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import read_rows
 
 pytestmark = pytest.mark.system
@@ -93,7 +95,8 @@ def replaced(small: Path, report: Path, tmp_path_factory: pytest.TempPathFactory
     write_sidecar(results, "x")
     out = Path(shutil.copytree(report, folder / "report"))
     (out / "figures/stale.svg").touch()
-    write_report(results, out)
+    done = crankslider("report", "--results", results, "--out", out)
+    assert done.code == 0, done.stderr
     return out
 
 
@@ -288,10 +291,18 @@ def test_broken_results_are_named_and_the_old_report_stays(broken: Path, tmp_pat
     out = tmp_path / "reports" / "old"
     out.mkdir(parents=True)
     (out / "index.html").write_text('<meta name="generator" content="crankslider">', encoding="utf-8")
-    with pytest.raises(BrokenResults, match=re.escape(str(place))):
-        write_report(broken, out)
+    done = crankslider("report", "--results", broken, "--out", out)
+    require_refusal(
+        done.stdout, done.stderr, done.code, "--results: expected the results of a study", str(place)
+    )
     assert [path.name for path in out.parent.iterdir()] == ["old"]
     assert [path.name for path in out.iterdir()] == ["index.html"]
+
+
+def test_rows_of_another_study_are_refused(small: Path, tmp_path: Path) -> None:
+    shutil.copytree(small / "agreement", tmp_path / "results" / "energy")
+    with pytest.raises(BrokenResults, match="energy: expected rows of energy, got some of agreement"):
+        write_report(tmp_path / "results", tmp_path / "report")
 
 
 def test_a_report_replaces_a_report(replaced: Path) -> None:
@@ -302,8 +313,8 @@ def test_a_report_replaces_a_report(replaced: Path) -> None:
 def test_a_report_replaces_nothing_but_a_report(small: Path, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     (tmp_path / "home/thesis.txt").touch()
-    with pytest.raises(FileExistsError, match="out: expected a new folder or a report to replace"):
-        write_report(small, tmp_path / "home")
+    done = crankslider("report", "--results", small, "--out", tmp_path / "home")
+    require_refusal(done.stdout, done.stderr, done.code, "expected a new folder or a report to replace")
     assert [path.name for path in tmp_path.rglob("*")] == ["home", "thesis.txt"]
 
 

@@ -6,18 +6,19 @@ from pathlib import Path
 from random import Random, randrange
 from tempfile import TemporaryDirectory
 
-from tests.soak import fuzz, kills, singular
+from tests.soak import damage, fuzz, kills, singular
 
 #: What was done and found, by words for it.
 Figures = dict[str, int]
-#: Scenes and options that are fuzzed.
-FUZZED = 2000
+#: Scenes and options that are fuzzed, and results that are damaged.
+FUZZED, DAMAGED = 2000, 100
 #: The parts by name; each raises AssertionError at what must not happen.
 PARTS: dict[str, Callable[[Random, Path], Figures]] = {
     "kills": kills.kills,
     "pairs": kills.pairs,
     "full disk": kills.full_disk,
     "fuzz": lambda random, _: fuzz.fuzz(random.randrange(10**6), FUZZED),
+    "damage": lambda random, _: damage.damage(random.randrange(10**6), DAMAGED),
     "singular": lambda random, _: singular.singular(random.randrange(10**6)),
 }
 

@@ -45,6 +45,11 @@ def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: 
     done = frame[frame["status"] == "ok"]
     if done.empty:
         raise NoPicture("expected members that did not fail, got none")
+    if (turns := done[STROBE].map(len).min()) < (fewest := fewest_turns(varied, show)):
+        raise NoPicture(f"expected members of {fewest} turns for this picture, got {turns}")
+    column = show or (FORCE if varied else PHASE)
+    if column != MOTION and done[column].explode().isna().all():
+        raise NoPicture(f"expected members with a number in {column}, got none")
     with mpl.rc_context(RC):
         if len(varied) == 2:
             picture = _over_two(frame, (varied[0], varied[1]), show)
@@ -58,18 +63,25 @@ def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: 
     return picture
 
 
+def fewest_turns(varied: Sequence[str], show: str | None) -> int:
+    """Return how many whole turns of a member the picture of a column, or the first one, is made of."""
+    if show == MOTION or (show is None and len(varied) == MOST_FIELDS and _are_of_start(varied)):
+        return FEWEST_TURNS
+    return int(show == STROBE or (show is None and len(varied) == 1))
+
+
 def _over_two(frame: pd.DataFrame, fields: tuple[str, str], show: str | None) -> Picture:
     done = frame[frame["status"] == "ok"]
-    if show is None and all(field.startswith("start.") and field != SPEED for field in fields):
-        show = MOTION
-    if show == MOTION:
-        if (turns := done[STROBE].map(len).min()) < FEWEST_TURNS:
-            raise NoPicture(f"expected members of {FEWEST_TURNS} turns for {MOTION}, got {turns}")
+    if show == MOTION or (show is None and _are_of_start(fields)):
         return draw_basins(frame, fields)
     shown = show or (EXPONENT if done[EXPONENT].notna().any() else FORCE)
     if _is_list(done, shown):
         raise NoPicture(f"expected a column with one number a member for a map, got {shown}")
     return draw_map(frame, fields, shown)
+
+
+def _are_of_start(fields: Sequence[str]) -> bool:
+    return all(field.startswith("start.") and field != SPEED for field in fields)
 
 
 def _is_list(rows: pd.DataFrame, column: str) -> bool:

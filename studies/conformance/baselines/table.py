@@ -42,25 +42,26 @@ def read_tables(folder: Path = FOLDER) -> dict[Key, Baseline]:
     """
     out: dict[Key, Baseline] = {}
     for path in sorted(folder.glob("*.csv")):
-        with path.open(encoding="utf-8", newline="") as file:
-            for n, line in enumerate(csv.DictReader(file), 2):
-                try:
-                    key = Key(*(line[name] for name in Key._fields))
-                    value, low, high, moved = (
-                        float(line[name]) for name in ("value", "low", "high", "moved")
-                    )
-                    baseline = Baseline(value, low, high, line["unit"], moved, line["truth"], line["why"])
-                except (KeyError, ValueError, TypeError) as error:
-                    raise DamagedTable(f"{path}:{n}: expected a baseline, got {error}") from None
-                if key in out or not low <= value <= high:
-                    raise DamagedTable(f"{path}:{n}: expected one number within its band, got {line}")
-                out[key] = baseline
+        try:
+            lines = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"), newline="")))
+        except (csv.Error, ValueError) as error:
+            raise DamagedTable(f"{path}: expected a table of baselines, got {error}") from None
+        for n, line in enumerate(lines, 2):
+            try:
+                key = Key(*(line[name] for name in Key._fields))
+                value, low, high, moved = (float(line[name]) for name in ("value", "low", "high", "moved"))
+                baseline = Baseline(value, low, high, line["unit"], moved, line["truth"], line["why"])
+            except (KeyError, ValueError, TypeError) as error:
+                raise DamagedTable(f"{path}:{n}: expected a baseline, got {error}") from None
+            if key in out or not low <= value <= high:
+                raise DamagedTable(f"{path}:{n}: expected one number within its band, got {line}")
+            out[key] = baseline
     return out
 
 
 def write_tables(baselines: Mapping[Key, Baseline], folder: Path = FOLDER) -> None:
     """Write all baselines in the order of their keys; tables of studies that have none are removed."""
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     written = set()
     for study, keys in groupby(sorted(baselines), key=lambda key: key.study):
         text = io.StringIO()

@@ -13,15 +13,15 @@ import numpy as np
 from engine_models.engine import FloatArray
 from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
-from studies.predictability.sweeps.ranges import Range, Values
+from studies.predictability.sweeps.ranges import MOST_MEMBERS, Range, Values
 from studies.running.failures import BadInput
 
 Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
 #: Points (n, d) in the unit cube.
 Points = Callable[[int, int, np.random.Generator], FloatArray]
 
-#: The field that a jitter moves, and the most members of one sweep.
-ANGLE, MOST_MEMBERS = "start.crank_angle_rad", 10_000_000
+#: The field that a jitter moves, by a whole turn to either side at most.
+ANGLE, MOST_JITTER_RAD = "start.crank_angle_rad", 2 * math.pi
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.scene.plain_words import NUMBER, shown
+from engine_models.scene.plain_words import NUMBER, shortened, shown
 from studies.running.failures import BadInput
 
+#: The most members of one sweep.
+MOST_MEMBERS = 10_000_000
 FORM = "LOW:HIGH[:log][:COUNT] or a list of numbers"
 
 
@@ -76,6 +78,8 @@ def _number(where: str, text: str) -> float:
 
 
 def _count(where: str, text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) >= 2):
+    if not (text.isascii() and text.isdigit() and float(text) >= 2):
         raise BadInput(f"{where}: expected log or a count >= 2 behind the ends, got {shown(text)}")
-    return int(text)
+    if float(text) > MOST_MEMBERS:  # int() refuses thousands of digits
+        raise BadInput(f"{where}: expected 1 to {MOST_MEMBERS} members, got {shortened(text)}")
+    return int(float(text))

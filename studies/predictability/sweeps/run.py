@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -107,17 +108,20 @@ def run_sweep(
         RunBroken: no member can go on.
         OSError: nothing can be written there.
     """
-    count = len(sweep)
-    if path.exists() and is_whole(path, sweep.identity()):
-        note(f"{path} has all {count} members already")
-        return
+    count, path = len(sweep), Path(os.path.realpath(path))
+    identity = sweep.identity()
+    if path.exists():
+        if is_whole(path, identity, count):
+            note(f"{path} has all {count} members already")
+            return
+        note(f"{path} has not all {count} members as this sweep wrote them: it is made again")
     at_once = min(jobs, len(sweep.directions) or jobs)
     with cluster() if cluster else begun or Processes(at_once) as pool:
         try:
             # Every process here tries them: so all begin, and load what they need, while the code is hashed.
             tried = range((1 if cluster else at_once) if count > FEW else 0)
             trials = [pool.submit_within(ROOMY, try_out, sweep.task, _spread(sweep.changes)) for _ in tried]
-            with opened(path, sweep.identity(), count) as kept:
+            with opened(path, identity, count) as kept:
                 left = sum(end - begin for begin, end in kept.missing())
                 size = MOST_IN_CHUNK
                 if left > FEW:
@@ -153,8 +157,8 @@ def _rows(members: Chunk, kept: Kept, size: int, at_once: int) -> list[list[Chun
             begin = next_begin
     if members.direction is None:
         return [[chunk] for chunk in chunks]
-    if chunks and chunks[0].first > members.first and (before := kept.schema_before(chunks[0].first)):
-        chunks[0] = chunks[0].after(before)
+    if chunks and chunks[0].first > members.first:
+        chunks[0] = chunks[0].after(kept.schema_before(chunks[0].first))
     return [chunks] if chunks else []
 
 
@@ -210,7 +214,7 @@ def _run(task: Task, rows: list[list[Chunk]], pool: LimitedExecutor, kept: Kept,
                     kept.keep(first.first, table)
                     progress.advance(bar, len(first))
                     if others and first.direction:
-                        others[0] = others[0].after(table.schema)
+                        others[0] = others[0].after(kept.schema_before(others[0].first))
                 if others:
                     futures[_submitted(pool, task, others[0])] = others
 

@@ -14,6 +14,8 @@ SCENE, CLEARANCE, SPEED = (
     "clearance.B.radial_clearance_m",
     "start.crank_speed_rad_s",
 )
+#: Half a turn with a picture, and more digits than Python makes an integer of.
+HALF, DIGITS = ("--revolutions", ".5", "--plot", "a.png"), "9" * 5000
 
 
 def test_two_processes_write_the_rows_and_a_picture_that_one_gives_in_the_library(tmp_path: Path) -> None:
@@ -53,6 +55,23 @@ def test_a_tolerance_among_the_settings_is_that_of_the_members() -> None:
         (["--vary", "clearance.B.radius=1,2"], "--vary clearance.B.radius: expected the key"),
         (["--vary", f"{SPEED}=-1:1:3"], f"--vary {SPEED}: expected a number other than 0"),
         (["--vary", "end_time_s=1,2"], "--vary end_time_s: expected --transient and --revolutions"),
+        (["--vary", f"{SPEED}=1,2", *HALF], "--revolutions: expected a number >= 1 for this picture"),
+        (["--vary", f"{SPEED}=1,2", *HALF, "--show", "strobe_m"], "--revolutions: expected a number >= 1"),
+        (
+            ["--vary", f"{SPEED}=1,2", "--vary", f"{CLEARANCE}=1e-5,1e-4", *HALF, "--show", "motion"],
+            "--revolutions: expected a number >= 10",
+        ),
+        (
+            ["--vary", f"{SPEED}=1,2", "--plot", "a.png", "--show", "exponent_1_s"],
+            "--show: expected --exponent beside exponent_1_s, got none",
+        ),
+        (["--members", "5", "--jitter", "1e308"], "--jitter: expected a finite number >= 0 and <= 6.28"),
+        (["--vary", f"{SPEED}=1:2:{DIGITS}"], f"--vary {SPEED}: expected 1 to 10000000 members, got 9999"),
+        (["--vary", f"{SPEED}=1:{DIGITS}:2"], f"--vary {SPEED}: expected LOW:HIGH[:log][:COUNT]"),
+        (["--members", DIGITS, "--jitter", "1"], "--members: expected an integer >= 1 and <= 10000000"),
+        (["--members", "9" * 400, "--jitter", "1"], "--members: expected an integer >= 1 and <= 10000000"),
+        (["--vary", f"{SPEED}=1,2", "--seed", DIGITS], "--seed: expected an integer >= 0"),
+        (["--vary", f"{SPEED}=1,2", "--jobs", DIGITS], "--jobs: expected an integer >= 1 and <= 1000"),
         (["--members", "5", "--jitter", "-1"], "--jitter: expected a finite number >= 0"),
         (["--vary", f"{SPEED}=1,2", "--sample", "dice"], '--sample: expected "grid", "random"'),
         (["--vary", f"{SPEED}=1,2", "--out", "rows.csv"], "--out: expected a file that ends in .parquet"),
@@ -72,3 +91,13 @@ def test_what_cannot_be_swept_is_refused_in_one_line(options: list[str], pieces:
 def test_a_scene_without_clearance_is_refused() -> None:
     done = crankslider("sweep", "ideal-driven", "--vary", f"{SPEED}=1,2")
     require_refusal(done.stdout, done.stderr, done.code, "SCENE: expected a crank-slider with clearance")
+
+
+def test_a_picture_of_what_no_member_did_is_refused_in_one_line(tmp_path: Path) -> None:
+    """In a thousandth of a millionth of a turn no pin touches."""
+    short = ("--revolutions", "1e-9", "--jobs", 1, "--quiet", "--out", tmp_path / "a.parquet")
+    pictures = ("--plot", tmp_path / "a.png", "--show", "impact_speed_m_s")
+    done = crankslider("sweep", SCENE, "--vary", f"{SPEED}=300,400", *short, *pictures)
+    require_refusal(
+        done.stdout, done.stderr, done.code, "--show: expected members with a number in impact_speed_m_s"
+    )

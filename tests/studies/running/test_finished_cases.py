@@ -175,6 +175,75 @@ def test_an_edited_number_is_refused_and_told_by_the_command(tmp_path: Path) -> 
         require_refusal(done.stdout, done.stderr, done.code, f"{file}:1", "checksum")
 
 
+@pytest.mark.parametrize("damage", ["cut", "emptied", "gone", "another's", "as NumPy reads it"])
+def test_curves_that_are_not_those_of_their_row_are_made_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], damage: str
+) -> None:
+    curves = {key: {"time_s": np.arange(number)} for number, key in ((3.0, "a"), (4.0, "b"))}
+    with opened(tmp_path, {"e": NEW}) as rows:
+        for key in curves:
+            rows.keep(key, HEAD, curves[key])
+    file, other = (tmp_path / "curves" / f"{key}.npz" for key in curves)
+    whole = file.read_bytes()
+    if damage == "gone":
+        file.unlink()
+    elif damage == "as NumPy reads it":
+        np.savez(file, time_s=np.arange(3.0))
+    else:
+        file.write_bytes({"cut": whole[:-9], "emptied": b"", "another's": other.read_bytes()}[damage])
+    with pytest.raises(BrokenResults, match=r"a\.npz: expected the curves of a finished run"):
+        read_study(tmp_path).curve("a", "time_s")
+    assert read_study(tmp_path).curve("b", "time_s").tolist() == [0.0, 1.0, 2.0, 3.0]
+    with opened(tmp_path, {"e": NEW}) as rows:
+        assert (rows.lacks("a", False), rows.lacks("b", False)) == (True, False)
+        rows.keep("a", HEAD, curves["a"])
+    assert "1 cases have not the curves that they had: they are run again" in capsys.readouterr().err
+    assert file.read_bytes() == whole
+    assert read_study(tmp_path).curve("a", "time_s").tolist() == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.system
+def test_a_sidecar_is_of_the_rows_that_a_finished_run_left_and_is_not_trusted(tmp_path: Path) -> None:
+    """The smallest study there is, by the command."""
+    command = (
+        "run",
+        "agreement",
+        "--scene",
+        "ideal-free",
+        "--engine",
+        "scipy",
+        "--jobs",
+        1,
+        "--out",
+        tmp_path,
+    )
+    assert crankslider(*command).code == 0
+    folder = tmp_path / "agreement"
+    sidecar, rows = folder / "sidecar.json", (folder / "rows.jsonl").read_bytes()
+    found = read_study(folder)
+    assert (found.notes, found.sidecar and found.sidecar["set"]) == ((), "quick")
+    (folder / "rows.jsonl").write_bytes(rows[rows.index(b"\n") + 1 :])
+    cut = read_study(folder)
+    assert cut.sidecar is None
+    assert "rows are not those that the last finished run left; run `crankslider run`" in cut.notes[0]
+    written = sidecar.read_bytes()
+    for damaged in (
+        written.replace(b"quick", b"quack"),
+        written[:-9],
+        b"",
+        b"[]",
+        b'{"fingerprints": []}',
+        b"\xff",
+    ):
+        sidecar.write_bytes(damaged)
+        with pytest.raises(BrokenResults, match=r"sidecar\.json: expected what a run wrote"):
+            read_study(folder)
+    assert crankslider(*command).code == 0
+    again = read_study(folder)
+    assert (again.notes, again.sidecar) == ((), found.sidecar)
+    assert sorted((folder / "rows.jsonl").read_bytes().splitlines()) == sorted(rows.splitlines())
+
+
 def test_a_row_that_is_there_twice_counts_once_and_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
