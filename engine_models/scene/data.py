@@ -7,6 +7,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from engine_models.scene.arguments import check_arguments
 from engine_models.scene.bad_input import BadInput
 from engine_models.scene.plain_words import refusals
 
@@ -50,6 +51,7 @@ class SceneData(BaseModel):
         except ValidationError as error:
             raise SceneError(*refusals(error, cls)) from None
 
+    @check_arguments
     def model_copy(self: Part, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Part:
         """Return a copy with other values in some fields, checked as if it had been read from a file.
 

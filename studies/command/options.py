@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, InstanceOf, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from engine_models.engine import MOST_SAMPLES, SETTINGS_CONFIG, Engine
@@ -16,7 +16,7 @@ from engine_models.engines import engine_class
 from engine_models.scene.data import Positive
 from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library import SCENES
-from engine_models.scene.plain_words import meant, no_numbers, one_of, refusal, shown
+from engine_models.scene.plain_words import expect, fields, meant, no_numbers, one_of, refusal, shown, typed
 from engine_models.scene.scene import Scene
 from studies.running.failures import BadInput
 
@@ -27,6 +27,10 @@ else:
 
 T = TypeVar("T")
 
+#: A number of equal output intervals.
+Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
+#: A scene as users may give one.
+SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of(list(SCENES))}, or a TOML file")]
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time would be lost in the rounding of time itself.
 SHORTEST_STEP_PART = 1e-12
@@ -39,7 +43,7 @@ class SimulateOptions:
     step: Positive | None = None
     tolerance: Positive | None = None
     end: Positive | None = None
-    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 200
+    samples: Samples = 200
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -57,16 +61,20 @@ class RunOptions:
 
 
 @contextmanager
-def as_arguments() -> Iterator[None]:
-    """Have refusals in the block name the arguments of a function, not the options of the command line."""
+def as_arguments(**names: str) -> Iterator[None]:
+    """Have refusals in the block name the arguments of a function, not the options of the command line.
+
+    ``names`` are arguments that have other names than options do, by those of the options.
+    """
     try:
         yield
     except BadInput as error:
-        raise BadInput(re.sub(r"--(set )?(?=\w)", "", str(error)).replace("SCENE:", "scene:", 1)) from None
+        said = str(error).replace("SCENE:", "scene:", 1)
+        raise BadInput(re.sub(r"--(?:set )?(\w+)", lambda it: names.get(it[1], it[1]), said)) from None
 
 
 def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
-    """Return ``kind`` made from the values that are not None, strings or what is written as one.
+    """Return ``kind`` made from the values that are not None, strings or what can be typed as one.
 
     The prefix makes a field what the user typed.
 
@@ -74,11 +82,12 @@ def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
         BadInput: a field is unknown or its value is refused.
     """
     adapter: TypeAdapter[T] = TypeAdapter(kind)
-    given = {key: str(value) for key, value in values.items() if value is not None}
+    known = fields(kind)
+    given = {key: value for key, value in values.items() if value is not None or key not in known}
     if reason := no_numbers(given, kind, prefix):
         raise BadInput(reason)
     try:
-        return adapter.validate_strings(given)
+        return adapter.validate_strings({key: typed(value) for key, value in given.items()})
     except ValidationError as error:
         raise BadInput(refusal(error, kind, prefix)) from None
 
