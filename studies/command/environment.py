@@ -26,7 +26,7 @@ def make_ready() -> None:
 
 
 def _open_standard_streams() -> None:
-    """Open those that were closed, so that no other file gets their numbers; have stdout say so if written to.
+    """Open those that were closed, so that no other file gets their numbers; stdout so that it refuses text.
 
     What goes there is UTF-8, as in files, whatever the locale is.
     """

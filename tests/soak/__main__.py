@@ -6,18 +6,21 @@ from pathlib import Path
 from random import Random, randrange
 from tempfile import TemporaryDirectory
 
-from tests.soak import fuzz, kills, singular
+from tests.soak import fuzz, kills, library, singular
 
 #: What was done and found, by words for it.
 Figures = dict[str, int]
 #: Scenes and options that are fuzzed.
 FUZZED = 2000
+#: Calls of the library with wrong arguments.
+CALLED = 500
 #: The parts by name; each raises AssertionError at what must not happen.
 PARTS: dict[str, Callable[[Random, Path], Figures]] = {
     "kills": kills.kills,
     "pairs": kills.pairs,
     "full disk": kills.full_disk,
     "fuzz": lambda random, _: fuzz.fuzz(random.randrange(10**6), FUZZED),
+    "library": lambda random, _: library.fuzz(random.randrange(10**6), CALLED),
     "singular": lambda random, _: singular.singular(random.randrange(10**6)),
 }
 
