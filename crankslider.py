@@ -61,7 +61,7 @@ def _home_first() -> Iterator[None]:
 with _home_first():
     from engine_models.scene import file
     from engine_models.scene.arguments import Place, check_arguments
-    from engine_models.scene.data import Positive
+    from engine_models.scene.data import Duration, Positive
     from engine_models.scene.library import SCENES
     from engine_models.scene.scene import Scene
     from studies.command.finished_run import Run
@@ -90,7 +90,7 @@ def simulate(
     *,
     step: Positive | None = None,
     tolerance: Positive | None = None,
-    end: Positive | None = None,
+    end: Duration | None = None,
     samples: Samples = 200,
     settings: Mapping[str, object] | None = None,
     **more_settings: object,
@@ -119,7 +119,7 @@ def simulate(
 
 
 @check_arguments
-def truth(scene: SomeScene, *, end: Positive | None = None, samples: Samples = 120) -> "TrueRun":
+def truth(scene: SomeScene, *, end: Duration | None = None, samples: Samples = 120) -> "TrueRun":
     """Return the true motion of a scene, as far as it is certain: what a solver can be held to.
 
     It is by equations that no engine has a part in. Its samples end where two true solutions part;

@@ -5,7 +5,8 @@ import os
 from collections.abc import Callable, Mapping
 from functools import cache, wraps
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec, TypeVar
+from types import SimpleNamespace
+from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, create_model
 from pydantic_core import PydanticCustomError
@@ -72,6 +73,10 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
         bound.arguments.update((name, getattr(valid, name)) for name in given)
         return function(*bound.args, **bound.kwargs)
 
+    hints = _plain_types(signature)  # as people read them
+    parameters = [each.replace(annotation=hints[each.name]) for each in signature.parameters.values()]
+    checked.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    checked.__annotations__ = {**checked.__annotations__, **hints}
     return checked
 
 
@@ -85,6 +90,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def _plain_types(signature: inspect.Signature) -> dict[str, Any]:
+    """Return the types of parameters without what is checked of their values."""
+    annotations = {name: each.annotation for name, each in signature.parameters.items()}
+    return get_type_hints(SimpleNamespace(__annotations__=annotations))
 
 
 def _kind(parameter: inspect.Parameter) -> Any:

@@ -15,6 +15,8 @@ Part = TypeVar("Part", bound="SceneData")
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+#: Within less time nothing happens, and steps are lost below the least numbers there are.
+Duration = Annotated[float, Field(gt=0, ge=1e-100)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 #: Beyond this an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
 LARGEST_ANGLE_RAD = 1e6

@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import (
     Angle,
+    Duration,
     Fraction,
     NonNegative,
     Positive,
@@ -186,7 +187,7 @@ class Scene(SceneData):
     """
 
     name: Name
-    end_time_s: Positive
+    end_time_s: Duration
     gravity_m_s2: NonNegative = 0.0
     crank: Link
     rod: Link | None = None

@@ -13,7 +13,7 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import MOST_SAMPLES, SETTINGS_CONFIG, Engine
 from engine_models.engines import engine_class
-from engine_models.scene.data import Positive
+from engine_models.scene.data import Duration, Positive
 from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import expect, fields, meant, no_numbers, one_of, refusal, shown, typed
@@ -42,7 +42,7 @@ class SimulateOptions:
 
     step: Positive | None = None
     tolerance: Positive | None = None
-    end: Positive | None = None
+    end: Duration | None = None
     samples: Samples = 200
 
 

@@ -67,7 +67,9 @@ WRONG: dict[str, Callable[[], object]] = {
     'step: expected a finite number > 0, got "1e-5"': lambda: simulate(step="1e-5"),
     "step: expected a finite number > 0, got a huge integer": lambda: simulate(step=HUGE),
     "step: expected a finite number > 0, got a list": lambda: simulate(step=np.ones(1)),
-    "end: expected a finite number > 0, got ...timedelta...": lambda: simulate(end=np.timedelta64(1, "ns")),
+    "end: expected a finite number > 0 ..., got ...timedelta...": lambda: simulate(
+        end=np.timedelta64(1, "ns")
+    ),
     "samples: expected an integer >= 1 and <= 100000, got a huge integer": lambda: simulate(samples=HUGE),
     "samples: expected an integer >= 1 and <= 100000, got 2.0": lambda: simulate(samples=2.0),
     "settings: expected a mapping of names to values, got a list": lambda: simulate(settings=["none"]),
@@ -78,7 +80,8 @@ WRONG: dict[str, Callable[[], object]] = {
     "truth: expected scene, end, samples, got a call with ... 'step'": lambda: lib.truth(
         "ideal-free", step=1
     ),
-    "end: expected a finite number > 0, got 1j": lambda: lib.truth("ideal-free", end=1j),
+    "end: expected a finite number > 0 and >= 1e-100, got 5e-324": lambda: simulate(end=5e-324),
+    "end: expected a finite number > 0 ..., got 1j": lambda: lib.truth("ideal-free", end=1j),
     "scene: expected ideal-free, ... or a TOML file, got 1": lambda: lib.compare(1),
     "engines: expected a list of strings, got 1": lambda: compare(1),
     'engines: expected a list of strings, got "scipy"': lambda: compare("scipy"),
@@ -160,3 +163,8 @@ def test_contacts_without_the_compiler_are_refused_by_the_variable_that_switched
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith("environment variable NUMBA_DISABLE_JIT: expected nothing or 0, ")
+
+
+def test_the_least_tolerance_is_one() -> None:
+    with pytest.raises(cs.Failed, match=r"^slider position not known to 4\.94066e-324 m: "):
+        simulate(tolerance=5e-324)
