@@ -60,13 +60,16 @@ def _home_first() -> Iterator[None]:
 
 with _home_first():
     from engine_models.scene import file
+    from engine_models.scene.arguments import Place, check_arguments
+    from engine_models.scene.data import Duration, Positive
     from engine_models.scene.library import SCENES
     from engine_models.scene.scene import Scene
     from studies.command.finished_run import Run
     from studies.command.options import (
+        Samples,
         SimulateOptions,
+        SomeScene,
         as_arguments,
-        checked,
         read_engine,
         read_scene,
     )
@@ -79,18 +82,15 @@ __version__ = version("crankslider")
 scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in SCENES.items()})
 
 
-def _named(scene: Scene | str | Path) -> Scene | str:
-    return scene if isinstance(scene, Scene) else str(scene)
-
-
+@check_arguments
 def simulate(
-    scene: Scene | str | Path,
+    scene: SomeScene,
     engine: str = "reference",
     *,
-    step: float | None = None,
-    tolerance: float | None = None,
-    end: float | None = None,
-    samples: int = 200,
+    step: Positive | None = None,
+    tolerance: Positive | None = None,
+    end: Duration | None = None,
+    samples: Samples = 200,
     settings: Mapping[str, object] | None = None,
     **more_settings: object,
 ) -> Run:
@@ -108,19 +108,17 @@ def simulate(
     from studies.command.simulation import simulated  # loads the compiler, which takes a second
 
     with as_arguments():
-        if not isinstance(settings, Mapping | None):
-            raise BadInput(f"settings: expected a mapping of names to values, got {settings!r}")
-        numbers = {"step": step, "tolerance": tolerance, "end": end, "samples": samples}
-        options = checked(SimulateOptions, "--", numbers)
-        physics = read_scene(_named(scene), end_s=options.end)
+        options = SimulateOptions(step, tolerance, end, samples)
+        physics = read_scene(scene, end_s=options.end)
         chosen = read_engine(engine, {**(settings or {}), **more_settings}, tolerance is not None)
         run = simulated(physics, engine, chosen, options)
     for doubt in run.warnings:
-        warn(doubt, stacklevel=2)
+        warn(doubt, stacklevel=3)
     return run
 
 
-def truth(scene: Scene | str | Path, *, end: float | None = None, samples: int = 120) -> "TrueRun":
+@check_arguments
+def truth(scene: SomeScene, *, end: Duration | None = None, samples: Samples = 120) -> "TrueRun":
     """Return the true motion of a scene, as far as it is certain: what a solver can be held to.
 
     It is by equations that no engine has a part in. Its samples end where two true solutions part;
@@ -133,16 +131,15 @@ def truth(scene: Scene | str | Path, *, end: float | None = None, samples: int =
     from studies.command.truth import true_run
 
     with as_arguments():
-        options = checked(SimulateOptions, "--", {"end": end, "samples": samples})
-        run = true_run(read_scene(_named(scene), end_s=options.end), options)
+        options = SimulateOptions(end=end, samples=samples)
+        run = true_run(read_scene(scene, end_s=options.end), options)
     for doubt in run.warnings:
-        warn(doubt, stacklevel=2)
+        warn(doubt, stacklevel=3)
     return run
 
 
-def compare(
-    scene: Scene | str | Path, engines: Sequence[str] = (), folder: str | Path | None = None
-) -> "Comparison":
+@check_arguments
+def compare(scene: SomeScene, engines: Sequence[str] = (), folder: Place | None = None) -> "Comparison":
     """Return what engines are worth on a scene: rows, a recommendation, and a page to be saved.
 
     ``engines`` are those named, all if none is. Runs are kept in ``folder``, ``comparison/NAME`` unless
@@ -156,22 +153,21 @@ def compare(
     from studies.command.comparison import comparison, default_folder
     from studies.command.study_run import joined, running_in
 
-    with as_arguments():
-        if isinstance(engines, str) or not all(isinstance(name, str) for name in engines):
-            raise BadInput(f"engines: expected a list of names, got {engines!r}")
+    with as_arguments(engine="engines", out="folder"):
         joined(engines)
-        physics = read_scene(_named(scene))
+        physics = read_scene(scene)
         place = default_folder(physics) if folder is None else Path(folder)
         with running_in(place):
             return comparison(physics, str(getattr(scene, "name", scene)), engines, place)
 
 
+@check_arguments
 def sweep(
-    scene: Scene | str | Path,
+    scene: SomeScene,
     vary: Mapping[str, str | Sequence[float]] | None = None,
     engine: str = "reference",
     *,
-    out: str | Path | None = None,
+    out: Place | None = None,
     exponent: bool = False,
     scheduler: str | None = None,
     settings: Mapping[str, object] | None = None,
@@ -188,17 +184,20 @@ def sweep(
         BadInput: an argument is refused, or what the sweep would take.
         Failed: the members cannot go on.
     """
+    from studies.command.endings import ending_of
     from studies.command.sweep import asked, options_of, swept
 
     with as_arguments():
         chosen = options_of({"jobs": os.cpu_count() or 1, **options})
-        physics = read_scene(_named(scene))
+        physics = read_scene(scene)
         wanted = asked(physics, vary or {}, engine, settings or {}, exponent, chosen)
         place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
+        ending_of("--out", place, (".parquet",))
         return swept(wanted, place, chosen, scheduler)
 
 
-def load(path: str | Path) -> Scene:
+@check_arguments
+def load(path: Place) -> Scene:
     """Return the scene in a TOML file.
 
     Raises:

@@ -37,8 +37,9 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
     """
     twin, every = engine.twin(scene), -(-FEWEST_SAMPLES // samples)
     compared, errors, trouble = samples * every, list[float](), "no step gives a run"
+    to_agree_m = PART_OF_JUDGE * tolerance_m or tolerance_m  # half of the least number is none
     try:
-        solution = agreed_solution(twin, PART_OF_JUDGE * tolerance_m, compared)
+        solution = agreed_solution(twin, to_agree_m, compared)
     except SimulationFailed as failure:
         raise SimulationFailed(f"slider position not known to {tolerance_m:g} m: {failure}") from None
     for present, step in _ever_sharper(engine, scene, compared):

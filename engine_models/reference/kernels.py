@@ -5,11 +5,12 @@ import time
 from engine_models.engine import Engine, RunSettings
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.checked_files import read_checked, write_checked
-from reference_solver.compiled.folder import FolderRefused, writable_folder
+from reference_solver.compiled.folder import FolderRefused, KernelsRefused, writable_folder
 from reference_solver.compiled.store import callback, compiled, compiled_anew, njit
 
 __all__ = [
     "FolderRefused",
+    "KernelsRefused",
     "callback",
     "compile_time_s",
     "compiled",

@@ -5,6 +5,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from engine_models.scene.arguments import check_arguments
 from engine_models.scene.bad_input import BadInput
 from engine_models.scene.plain_words import refusals
 
@@ -12,6 +13,8 @@ Part = TypeVar("Part", bound="SceneData")
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+#: Within less time nothing happens, and steps are lost below the least numbers there are.
+Duration = Annotated[float, Field(gt=0, ge=1e-100)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 #: Beyond this an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
 LARGEST_ANGLE_RAD = 1e6
@@ -46,6 +49,7 @@ class SceneData(BaseModel):
         except ValidationError as error:
             raise SceneError(*refusals(error, cls)) from None
 
+    @check_arguments
     def model_copy(self: Part, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Part:
         """Return a copy with other values in some fields, checked as if it had been read from a file.
 

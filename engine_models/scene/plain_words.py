@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 JsonSchema = dict[str, Any]
@@ -20,16 +20,20 @@ NOUNS = {
     "integer": "an integer",
     "boolean": "true or false",
     "string": "a string",
-    "array": "a list of numbers",
 }
 NUMERIC = (NOUNS["number"], NOUNS["integer"])
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
-UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
 NO_TAG = ("union_tag_invalid", "union_tag_not_found")
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
 LONGEST, MOST_REASONS = 60, 3
 #: A number as it is typed: int() and float() also take 1_0, the digits of all scripts and blanks around.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+def expect(words: str) -> Any:
+    """Return what in an annotation has refusals say so what is expected, in place of words for its types."""
+    return Field(json_schema_extra={"expected": words})
 
 
 def fields(kind: Any) -> dict[str, JsonSchema]:
@@ -40,11 +44,17 @@ def fields(kind: Any) -> dict[str, JsonSchema]:
 
 def expectation(schema: JsonSchema) -> str:
     """Return what a field with this JSON schema takes: ``a finite number > 0``, ``"free" or "torque"``."""
-    schema = next((choice for choice in schema.get("anyOf", ()) if choice.get("type") != "null"), schema)
+    choices = _choices(schema)
+    if "expected" in schema:
+        return str(schema["expected"])
+    if choices:
+        return one_of([expectation(choice) for choice in choices])
     if "enum" in schema or "const" in schema:
         return one_of([shown(value) for value in schema.get("enum", [schema.get("const")])])
-    if schema.get("minLength"):
-        return "a string that is not empty"
+    if schema.get("type") == "array":
+        return f"a list of {schema.get('items', {}).get('type', 'value')}s"
+    if schema.get("additionalProperties"):
+        return "a mapping of names to values"
     noun = NOUNS.get(schema.get("type", ""), "a section")
     bounds = [f"{sign} {schema[name]}" for name, sign in BOUNDS.items() if name in schema]
     return f"{noun} {' and '.join(bounds)}".rstrip()
@@ -57,7 +67,7 @@ def one_of(choices: list[str]) -> str:
 
 def meant(came: object, choices: Iterable[str]) -> str:
     """Return which of the choices was meant, to stand behind a refusal; nothing if none is like what came."""
-    near = get_close_matches(str(came), list(choices), n=1)
+    near = get_close_matches(typed(came), list(choices), n=1)
     return f" (did you mean {near[0]}?)" if near else ""
 
 
@@ -74,18 +84,26 @@ def shown(value: object) -> str:
     return shortened(str(value))
 
 
+def typed(value: object) -> str:
+    """Return a value as it would be typed on a command line."""
+    try:
+        return str(value)
+    except ValueError:  # an integer of thousands of digits
+        return shown(value)
+
+
 def shortened(text: str, longest: int = LONGEST) -> str:
     """Return a text with only its beginning if it is long."""
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
-def no_numbers(strings: Mapping[str, str], kind: Any, prefix: str = "") -> str:
-    """Return a refusal of the strings that are no numbers where ``kind`` has one, empty if all are."""
+def no_numbers(values: Mapping[str, object], kind: Any, prefix: str = "") -> str:
+    """Return a refusal of what is not typed as a number where ``kind`` has one, empty if all are."""
     wanted = {key: expectation(schema) for key, schema in fields(kind).items()}
     return "; ".join(
         f"{prefix}{key}: expected {wanted[key]}, got {shown(value)}"
-        for key, value in strings.items()
-        if wanted.get(key, "").startswith(NUMERIC) and not NUMBER.fullmatch(value)
+        for key, value in values.items()
+        if wanted.get(key, "").startswith(NUMERIC) and not NUMBER.fullmatch(typed(value))
     )
 
 
@@ -99,11 +117,11 @@ def refusal(error: ValidationError, kind: Any, prefix: str = "") -> str:
 
 def refusals(error: ValidationError, kind: Any, prefix: str = "") -> list[str]:
     """Return why pydantic refused input for ``kind``: the first reasons, and how many more there are."""
-    root, errors = TypeAdapter(kind).json_schema(), error.errors()
-    reasons = [prefix + _reason(details, root) for details in errors[:MOST_REASONS]]
-    if len(errors) > MOST_REASONS:
-        reasons.append(f"and {len(errors) - MOST_REASONS} more")
-    return reasons
+    root = TypeAdapter(kind).json_schema()
+    reasons = [prefix + _reason(details, root) for details in error.errors()]
+    reasons = list({reason.partition(": expected ")[0]: reason for reason in reasons}.values())
+    more = len(reasons) - MOST_REASONS  # each type that a field may have gives a reason: the last one stays
+    return [*reasons[:MOST_REASONS], f"and {more} more"] if more > 0 else reasons
 
 
 def _reason(error: ErrorDetails, root: JsonSchema) -> str:
@@ -130,31 +148,39 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
 
 def _key(key: int | str) -> str:
     """Return a key as a TOML file would have it, shortened, on one line."""
-    text = str(key)
-    return shortened(text if text.isprintable() else json.dumps(text))
+    text = typed(key)
+    return shortened(text if text and text.isprintable() else json.dumps(text))
 
 
 def _follow(location: tuple[int | str, ...], root: JsonSchema) -> tuple[list[str], JsonSchema]:
     """Return the path of a location as the input has it, and the schema that stands there.
 
-    Pydantic names the chosen member of a union in its locations; the input does not.
+    Pydantic names the chosen member of a union in its locations, and says where a key is wrong; the input
+    does not. What may be of several types is the end of a path.
     """
-    path, schema = [], root
-    for part in location:
+    path, schema = list[str](), root
+    for part in location[:-2] if location[-1:] == ("[key]",) else location:
         if "discriminator" in schema:
             schema = {"$ref": schema["discriminator"]["mapping"][part]}
+        elif len(_choices(schema)) > 1:
+            break
         else:
             path.append(str(part))
-            schema = schema["items"] if isinstance(part, int) else schema["properties"][part]
+            by_name = schema.get("properties", {}).get(part, schema.get("additionalProperties"))
+            schema = schema.get("items", by_name)
         schema = _resolved(schema, root)
     return path, schema
 
 
+def _choices(schema: JsonSchema) -> list[JsonSchema]:
+    """Return the schemas of the types that a field may have, beside null; none if it has one type."""
+    return [choice for choice in schema.get("anyOf", ()) if choice.get("type") != "null"]
+
+
 def _resolved(schema: JsonSchema, root: JsonSchema) -> JsonSchema:
     """Return the schema behind a reference, and the one beside null of an optional field."""
-    for choice in schema.get("anyOf", ()):
-        if choice.get("type") != "null":
-            schema = choice
+    if len(choices := _choices(schema)) == 1:
+        schema = {**schema, "anyOf": (), **choices[0]}
     if "$ref" in schema:
         schema = root["$defs"][schema["$ref"].rpartition("/")[2]]
     return schema

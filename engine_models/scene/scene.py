@@ -14,8 +14,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import (
     Angle,
+    Duration,
     Fraction,
     NonNegative,
     Positive,
@@ -26,6 +28,7 @@ from engine_models.scene.data import (
 )
 from engine_models.scene.drives import PRESCRIBED, Drive, TableDrive
 from engine_models.scene.loads import Loads
+from engine_models.scene.plain_words import expect
 
 ContactLaw = Literal[
     "linear",
@@ -49,6 +52,9 @@ LAWS_DIVIDING_BY_RESTITUTION: tuple[ContactLaw, ...] = ("gonthier", "flores", "h
 #: A table may end before its scene by rounding, and begin at another speed than its scene says by this part
 #: of the fastest in it: a coarse one is not differentiated more sharply, other units are far off.
 ROUND_OFF, ALIKE = 1e-12, 0.1
+#: Names begin cells of CSV files, and spreadsheets run what begins as a formula does.
+NAME_IN_WORDS = "a string that is not empty and begins with neither a blank nor =, +, - or @"
+Name = Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(NAME_IN_WORDS)]
 #: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
 LATEST_CLOCK_S = 1e4
 
@@ -181,8 +187,8 @@ class Scene(SceneData):
     Without rod and slider it is a physical pendulum: the crank alone, in joint O.
     """
 
-    name: Annotated[str, Field(min_length=1)]
-    end_time_s: Positive
+    name: Name
+    end_time_s: Duration
     gravity_m_s2: NonNegative = 0.0
     crank: Link
     rod: Link | None = None
@@ -235,6 +241,7 @@ class Scene(SceneData):
         if self.load.slider is not None:
             raise ValueError("load.slider: expected nothing without rod and slider, got a section")
 
+    @check_arguments
     def replace(self, field: str | Mapping[str, object], value: object = None) -> "Scene":
         """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
 

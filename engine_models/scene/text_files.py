@@ -3,6 +3,8 @@
 import stat
 from pathlib import Path
 
+from engine_models.scene.plain_words import shortened
+
 #: More than any table needs, and any scene with two tables of that size in it.
 LARGEST_BYTES = {"a table": 1_000_000, "a scene": 5_000_000}
 #: Where a shell puts pipes that it has opened, which cannot keep us waiting for somebody to open them.
@@ -30,7 +32,8 @@ def read_text(path: Path, what: str) -> str:
         with path.open("rb") as file:
             data = file.read(LARGEST_BYTES[what] + 1)
     except OSError as error:
-        raise UnreadableFile(f"{path}: expected a file that can be read, got '{error.strerror}'") from None
+        name = shortened(str(path), 255)
+        raise UnreadableFile(f"{name}: expected a file that can be read, got '{error.strerror}'") from None
     if len(data) > LARGEST_BYTES[what]:
         raise UnreadableFile(f"{path}: expected {what} of at most {LARGEST_BYTES[what]} bytes, got more")
     try:

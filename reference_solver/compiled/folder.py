@@ -18,7 +18,11 @@ WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ROOT_USER = 0
 
 
-class FolderRefused(Exception):
+class KernelsRefused(Exception):
+    """There can be no machine code; the message says why, and how to mend that."""
+
+
+class FolderRefused(KernelsRefused):
     """Somebody else could have put machine code into the folder; the message says how to mend that."""
 
 

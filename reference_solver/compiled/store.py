@@ -23,7 +23,7 @@ from numba.core.serialize import dumps
 from numba.core.typing.templates import _OverloadFunctionTemplate
 
 from reference_solver.compiled.checked_files import read_checked, write_checked
-from reference_solver.compiled.folder import FolderRefused, kernel_folder, temporary_folder
+from reference_solver.compiled.folder import FolderRefused, KernelsRefused, kernel_folder, temporary_folder
 
 __all__ = ["FolderRefused", "compiled_anew", "kernel_folder", "load_kernel", "njit"]
 
@@ -115,11 +115,16 @@ def compiled(function: Callable[..., Any], signature: object) -> Callable[..., A
     It takes arguments of these types and does not look: to find out what they are would take Numba 30 us.
     """
     dispatcher = _dispatcher(function, signature)
-    overloads = [*getattr(dispatcher, "overloads", {}).values()]
-    return cast(Callable[..., Any], overloads[0].entry_point if overloads else dispatcher)
+    (overload,) = dispatcher.overloads.values()
+    return cast(Callable[..., Any], overload.entry_point)
 
 
 def _dispatcher(function: Callable[..., Any], signature: object) -> Any:
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        variable = "environment variable NUMBA_DISABLE_JIT"
+        raise KernelsRefused(
+            f"{variable}: expected nothing or 0, since contacts are compiled, got another value"
+        )
     return njit(signature, cache=True, **function.__globals__["OPTIONS"])(function)
 
 

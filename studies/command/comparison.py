@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
+from engine_models.scene.arguments import Place, check_arguments
 from engine_models.scene.file import to_toml
 from engine_models.scene.scene import Scene
 from reports.chapters.comparison.page import page
@@ -22,7 +23,7 @@ from studies.comparison.question import Question, asked
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
 from studies.running.case import Case
 from studies.running.execution import CaseEnded
-from studies.running.failures import BadInput, Failed, progress_console
+from studies.running.failures import BadInput, Failed, progress_console, writing
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
 from studies.running.runner import lent, run_study
@@ -75,11 +76,12 @@ class Comparison:
             table.add_row(*map(escape, row))
         return table
 
-    def save(self, folder: str | Path) -> None:
+    @check_arguments
+    def save(self, folder: Place) -> None:
         """Write the page, ``index.html``, and the rows, ``rows.csv``, to a folder.
 
         Raises:
-            OSError: it cannot be written.
+            BadInput: it cannot be written.
         """
         place = Path(folder)
         pictures = {}
@@ -88,9 +90,10 @@ class Comparison:
             for joint in self.scene.joints_with_clearance:
                 pictures[f"Pin {joint} in its bearing"] = self.run.plot_orbit(joint)
         text = page(self.results, pictures, to_toml(self.scene), self.command)
-        place.mkdir(parents=True, exist_ok=True)
-        write_whole(place / "index.html", text.encode("utf-8"))
-        write_whole(place / "rows.csv", self.frame.to_csv(index=False).encode("utf-8"))
+        with writing("folder", place):
+            place.mkdir(parents=True, exist_ok=True)
+            write_whole(place / "index.html", text.encode("utf-8"))
+            write_whole(place / "rows.csv", self.frame.to_csv(index=False).encode("utf-8"))
 
     def __repr__(self) -> str:
         return self.recommendation

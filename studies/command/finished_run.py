@@ -10,11 +10,13 @@ from engine_models.engine import Engine, Trajectory
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.progress import tell
+from engine_models.scene.arguments import Place, check_arguments
+from engine_models.scene.data import Positive
 from engine_models.scene.file import to_toml
 from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.endings import film_ending
-from studies.command.options import FilmOptions, as_arguments, checked
+from studies.command.options import as_arguments
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
 from studies.running.whole_file import require_place, write_whole
@@ -58,12 +60,14 @@ class Run:
         """How far the run is from what physics allows; ``summary()`` says so in a line."""
         return quality_of(self.scene, self.trajectory)
 
+    @check_arguments
     def plot(self) -> "Figure":
         """Return a figure of position, velocity, forces and energy over time."""
         from reports.run.time_plot import time_plot
 
         return time_plot(self.frame, self._title, self.quality.summary())
 
+    @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
         """Return a figure of the pin's path in the clearance circle of a joint.
 
@@ -78,7 +82,8 @@ class Run:
             raise BadInput(f"joint: expected {expected}, got {shown(joint)}")
         return orbit_plot(self.frame, joint, loose[joint].radial_clearance_m, self._title)
 
-    def animate(self, file: str | Path, exaggerate: float = 1.0) -> None:
+    @check_arguments
+    def animate(self, file: Place, exaggerate: Positive = 1.0) -> None:
         """Write a film of the mechanism, with its joint forces as arrows, to a .html, .gif or .mp4 file.
 
         Clearances are drawn ``exaggerate`` times as large as they are.
@@ -88,10 +93,9 @@ class Run:
         """
         with as_arguments():
             path, ending = Path(file), film_ending(Path(file))
-            times = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate
             with writing("--animate", path):
                 require_place(path)
-                write_whole(path, self.film(ending, times))
+                write_whole(path, self.film(ending, exaggerate))
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the film of ``animate`` as the bytes of a file; how far it is is told as a run tells."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option, Typer
 
+from studies.command import environment
 from studies.running import failures
 from studies.running.registry import STUDIES
 
@@ -474,7 +475,7 @@ def report(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    os.environ.pop("MPLBACKEND", None)  # what is in there may end Matplotlib, and figures in files need none
+    environment.make_ready()
     logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
         with failures.interrupted_in_silence():

@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, InstanceOf, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from engine_models.engine import MOST_SAMPLES, SETTINGS_CONFIG, Engine
 from engine_models.engines import engine_class
-from engine_models.scene.data import Positive
+from engine_models.scene.data import Duration, Positive
 from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library import SCENES
-from engine_models.scene.plain_words import meant, no_numbers, one_of, refusal, shown
+from engine_models.scene.plain_words import expect, fields, meant, no_numbers, one_of, refusal, shown, typed
 from engine_models.scene.scene import Scene
 from studies.running.failures import BadInput
 
@@ -27,6 +27,10 @@ else:
 
 T = TypeVar("T")
 
+#: A number of equal output intervals.
+Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
+#: A scene as users may give one.
+SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of(list(SCENES))}, or a TOML file")]
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time would be lost in the rounding of time itself.
 SHORTEST_STEP_PART = 1e-12
@@ -38,8 +42,8 @@ class SimulateOptions:
 
     step: Positive | None = None
     tolerance: Positive | None = None
-    end: Positive | None = None
-    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 200
+    end: Duration | None = None
+    samples: Samples = 200
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
@@ -57,16 +61,20 @@ class RunOptions:
 
 
 @contextmanager
-def as_arguments() -> Iterator[None]:
-    """Have refusals in the block name the arguments of a function, not the options of the command line."""
+def as_arguments(**names: str) -> Iterator[None]:
+    """Have refusals in the block name the arguments of a function, not the options of the command line.
+
+    ``names`` are arguments that have other names than options do, by those of the options.
+    """
     try:
         yield
     except BadInput as error:
-        raise BadInput(re.sub(r"--(set )?(?=\w)", "", str(error)).replace("SCENE:", "scene:", 1)) from None
+        said = str(error).replace("SCENE:", "scene:", 1)
+        raise BadInput(re.sub(r"--(?:set )?(\w+)", lambda it: names.get(it[1], it[1]), said)) from None
 
 
 def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
-    """Return ``kind`` made from the values that are not None, strings or what is written as one.
+    """Return ``kind`` made from the values that are not None, strings or what can be typed as one.
 
     The prefix makes a field what the user typed.
 
@@ -74,16 +82,19 @@ def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
         BadInput: a field is unknown or its value is refused.
     """
     adapter: TypeAdapter[T] = TypeAdapter(kind)
-    given = {key: str(value) for key, value in values.items() if value is not None}
+    known = fields(kind)
+    given = {key: value for key, value in values.items() if value is not None or key not in known}
     if reason := no_numbers(given, kind, prefix):
         raise BadInput(reason)
     try:
-        return adapter.validate_strings(given)
+        return adapter.validate_strings({key: typed(value) for key, value in given.items()})
     except ValidationError as error:
         raise BadInput(refusal(error, kind, prefix)) from None
 
 
-def read_scene(scene: str | Scene, assignments: Sequence[str] = (), end_s: float | None = None) -> Scene:
+def read_scene(
+    scene: str | Path | Scene, assignments: Sequence[str] = (), end_s: float | None = None
+) -> Scene:
     """Return a library scene by its name, or the scene in a TOML file, with changes, or a scene itself.
 
     Changes are fields given as ``FIELD=VALUE``, a value as in TOML, and another end. A scene is checked once,
@@ -94,9 +105,12 @@ def read_scene(scene: str | Scene, assignments: Sequence[str] = (), end_s: float
     """
     fields = _fields(assignments)
     changes = fields if end_s is None else {**fields, "end_time_s": end_s}
-    if not isinstance(scene, Scene) and scene not in SCENES:
-        return load(_scene_file(scene), changes, "--with")
-    own = scene if isinstance(scene, Scene) else SCENES[scene]()
+    if isinstance(scene, Scene):
+        own = scene
+    elif (name := str(scene)) in SCENES:
+        own = SCENES[name]()
+    else:
+        return load(_scene_file(name), changes, "--with")
     try:
         return own.replace(changes) if changes else own
     except SceneError as error:

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -45,6 +46,10 @@ class Output:
     def opened(self) -> Iterator[Callable[[bytes], None]]:
         """Open the file, and yield what writes into it; what was there stays until all is well."""
         if self.path == STDOUT:
+            if not sys.stdout.writable():
+                raise BadInput(
+                    f"{self.option}: expected a place that can be written, got stdout, which is closed"
+                )
             yield lambda content: print(content.decode("utf-8"), end="")
             return
         with writing(self.option, self.path), whole_file(self.path) as file:

@@ -6,7 +6,7 @@ from engine_models.convergence.doubts import doubts
 from engine_models.convergence.step_halving import simulate_to_tolerance
 from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.memory import TooLarge
-from engine_models.reference.kernels import FolderRefused
+from engine_models.reference.kernels import KernelsRefused
 from engine_models.scene.scene import Scene
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions, longest_step_s
@@ -32,7 +32,7 @@ def simulated(scene: Scene, engine_name: str, engine: Engine, options: SimulateO
         raise BadInput(f"--{reason}") from None
     except UnsupportedScene as reason:
         raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
-    except FolderRefused as reason:
+    except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
     except SimulationFailed as reason:
         raise Failed(str(reason)) from None

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from engine_models.engines import join
-from engine_models.reference.kernels import FolderRefused, writable_folder
+from engine_models.reference.kernels import KernelsRefused, writable_folder
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.options import read_engine, read_scene
@@ -75,7 +75,7 @@ def running_in(out: Path) -> Iterator[None]:
         with writable_folder(), writing("--out", out), terminated_as_interrupted():
             require_folder(out)
             yield
-    except FolderRefused as reason:
+    except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
     except (FolderHeld, DamagedRows) as reason:
         raise BadInput(f"--out: expected {reason}") from None

@@ -16,8 +16,9 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.watch import SPEED, Watch
-from engine_models.reference.kernels import FolderRefused, writable_folder
+from engine_models.reference.kernels import KernelsRefused, writable_folder
 from engine_models.reference.members import LISTS, NUMBERS
+from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import NonNegative, Positive, SceneError
 from engine_models.scene.file import to_toml
 from engine_models.scene.plain_words import meant, one_of, shown
@@ -76,6 +77,7 @@ class Swept:
 
         return pd.read_parquet(self.path)
 
+    @check_arguments
     def plot(self, show: str | None = None) -> "Figure":
         """Return the picture that fits what was varied, of a column to ``show`` or of one that fits too.
 
@@ -90,7 +92,7 @@ class Swept:
         try:
             return sweep_picture(self.frame, varied, self.title, show)
         except NoPicture as reason:
-            raise BadInput(f"--show: {reason}") from None
+            raise BadInput(f"show: {reason}") from None
 
 
 def asked(
@@ -184,7 +186,7 @@ def swept(
             else:
                 with cluster(scheduler) as executors:
                     run_sweep(sweep, path, made_by, options.jobs, executors, options.hours)
-    except FolderRefused as reason:
+    except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
     return Swept(path, f"{task.scene.name}, {task.engine_name}")
 

@@ -15,7 +15,7 @@ import pandas as pd
 from engine_models.convergence.doubts import doubts_of_tables
 from engine_models.engine import Engine, FloatArray, Impacts, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.samples import selected
-from engine_models.reference.kernels import FolderRefused
+from engine_models.reference.kernels import KernelsRefused
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
@@ -58,7 +58,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
         truth, repeats = converged(scene, options.samples)
         count = followed(scene, options.samples)
         by = truth_by(scene, options.samples)
-    except FolderRefused as reason:
+    except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
     except (UnsupportedScene, SimulationFailed) as reason:
         raise Failed(f"no truth was found: {reason}") from None

@@ -7,11 +7,11 @@ import sys
 import threading
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import typer
 
@@ -37,9 +37,31 @@ class Failed(Exception):
     """The work broke down: exit code 1. The message says when and why."""
 
 
+class Listener:
+    """A stream on which is said what no result depends on: what cannot be written there is lost."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text and return its length."""
+        with suppress(OSError):
+            self._stream.write(text)
+        self.flush()
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what is held back."""
+        with suppress(OSError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
 def say(message: str) -> None:
     """Print one line on stderr."""
-    print(" ".join(message.split()), file=sys.stderr)
+    Listener(sys.stderr).write(" ".join(message.split()) + "\n")
 
 
 @contextmanager
@@ -67,7 +89,7 @@ def progress_console() -> "Console":
     """Return the console on which progress is shown."""
     from rich.console import Console  # which most runs are over without
 
-    return Console(stderr=True, quiet=is_quiet())
+    return Console(file=cast(TextIO, Listener(sys.stderr)), quiet=is_quiet())
 
 
 class Notes(logging.Handler):

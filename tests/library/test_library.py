@@ -115,7 +115,10 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "missing file to load": (lambda: cs.load("such.toml"), "such.toml: expected a file that can be read"),
     "negative step": (lambda: cs.simulate("ideal-free", step=-1.0), "step: expected a finite number > 0"),
     "endless step": (lambda: cs.simulate("ideal-free", step=np.inf), "step: expected a finite number > 0"),
-    "true step": (lambda: cs.simulate("ideal-free", step=True), 'step: expected a finite number > 0, got "T'),
+    "true step": (
+        lambda: cs.simulate("ideal-free", step=True),
+        "step: expected a finite number > 0, got true",
+    ),
     "long step": (lambda: cs.simulate("ideal-free", step=2), "step: expected a number from 1e-12 to"),
     "step and tolerance": (
         lambda: cs.simulate("ideal-free", step=1e-4, tolerance=1e-6),

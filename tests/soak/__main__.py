@@ -6,12 +6,12 @@ from pathlib import Path
 from random import Random, randrange
 from tempfile import TemporaryDirectory
 
-from tests.soak import damage, fuzz, kills, singular
+from tests.soak import damage, fuzz, kills, library, singular
 
 #: What was done and found, by words for it.
 Figures = dict[str, int]
-#: Scenes and options that are fuzzed, and results that are damaged.
-FUZZED, DAMAGED = 2000, 100
+#: Scenes and options that are fuzzed, results that are damaged, and wrong calls of the library.
+FUZZED, DAMAGED, CALLED = 2000, 100, 500
 #: The parts by name; each raises AssertionError at what must not happen.
 PARTS: dict[str, Callable[[Random, Path], Figures]] = {
     "kills": kills.kills,
@@ -19,6 +19,7 @@ PARTS: dict[str, Callable[[Random, Path], Figures]] = {
     "full disk": kills.full_disk,
     "fuzz": lambda random, _: fuzz.fuzz(random.randrange(10**6), FUZZED),
     "damage": lambda random, _: damage.damage(random.randrange(10**6), DAMAGED),
+    "library": lambda random, _: library.fuzz(random.randrange(10**6), CALLED),
     "singular": lambda random, _: singular.singular(random.randrange(10**6)),
 }
 

@@ -1,8 +1,6 @@
 """What is taken for a scene file and for a number, whatever is offered."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -113,19 +111,3 @@ def test_only_plain_decimal_numbers_are_numbers(number: str, arguments: tuple[st
 def test_a_number_may_be_written_in_every_plain_way(number: str) -> None:
     done = crankslider("simulate", "ideal-free", "--end", number, "--step", "20")
     assert done.stderr == "error: --step: expected a number from 1e-11 to the end time 10, got 20\n"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (["report", "--results", "nowhere"], 2, "error: --results: expected the results of a study"),
-        (["simulate", "ideal-driven", "--engine", "exudyn", "--end", "0.001"], 0, "note: "),
-    ],
-)
-def test_the_backend_of_matplotlib_does_not_matter(
-    arguments: list[str], code: int, words: str, tmp_path: Path
-) -> None:
-    command = [str(Path(sys.executable).with_name("crankslider")), *arguments]
-    environment = {**os.environ, "MPLBACKEND": "nonsense"}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr[: len(words)]) == (code, words)

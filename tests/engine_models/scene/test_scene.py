@@ -83,7 +83,7 @@ def scenes(draw: st.DrawFn) -> Scene:
         st.builds(TorqueDrive, kind=st.just("torque"), torque_N_m=number),
     )
     return Scene(
-        name=draw(st.text(st.characters(codec="utf-8"), min_size=1)),
+        name="n" + draw(st.text(st.characters(codec="utf-8"))),
         end_time_s=draw(positive),
         gravity_m_s2=draw(st.just(0.0) | positive),
         crank=draw(links(crank)),

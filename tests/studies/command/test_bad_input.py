@@ -63,6 +63,13 @@ SCENE_CASES = {
     "list for number": ("mass_kg = 0.21", "mass_kg = [1]", "rod.mass_kg", "a finite number > 0", "a list"),
     "number for name": ('name = "ideal-torque"', "name = 3", "name", "a string that is not empty", "3"),
     "empty name": ('name = "ideal-torque"', 'name = ""', "name", "a string that is not empty", '""'),
+    "formula for name": (
+        'name = "ideal-torque"',
+        """name = "=cmd|'/C calc'!A0\"""",
+        "name",
+        "begins with neither a blank nor =, +, - or @",
+        '"=cmd|',
+    ),
     "number for section": ("[start]", "[x]\nstart = 3", "start", "a section", "nothing"),
     "missing field": ("inertia_kg_m2 = 2.5e-05\n", "", "rod.inertia_kg_m2", "a finite number > 0", "nothing"),
     "missing section": ("[start]", "[drive2]", "start", "a section", "nothing"),
