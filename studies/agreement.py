@@ -9,7 +9,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.comparison import compared, conserved
-from studies.judges.converged_truth import converged, truth_by
+from studies.judges.converged_truth import REFERENCE, converged, truth_by
 from studies.judges.kinds import require
 from studies.ladders import by_tolerance
 from studies.running.case import Case, Curves, Row
@@ -82,5 +82,6 @@ def measure(case: Case) -> tuple[Row, Curves]:
     run = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
     errors, error_curves = compared(case.scene, run, *converged(case.scene, case.run.samples))
     ledger, curves = conserved(case.scene, run)
-    row: Row = {"truth": truth_by(case.scene, case.run.samples), "steps": run.steps}
+    by = truth_by(case.scene, case.run.samples)
+    row: Row = {"steps": run.steps, **({"truth": by} if by == REFERENCE else {})}
     return {**row, **errors, **ledger}, {**error_curves, **curves, "time_s": run.time_s}
