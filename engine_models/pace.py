@@ -30,7 +30,7 @@ class Pace:
             SimulationFailed: at this pace the run would need more than ``most_steps``; the message names the
                 field of the scene that forces it.
         """
-        passed_s, since = reached_s - self._judged_s, steps - self._judged
+        passed_s, since = max(reached_s - self._judged_s, 0.0), steps - self._judged
         if since < self._outlasting:
             return
         if passed_s * self._most_steps < since * self._scene.end_time_s:
