@@ -55,12 +55,15 @@ def too_slow(scene: Scene, step_s: float, when: str = "") -> SimulationFailed:
 def forcing_field(scene: Scene) -> tuple[tuple[str, float], float]:
     """Return name and value of the field that makes the shortest time in the scene, and that time in s.
 
-    The times are those of an impact at the speed of the crank's pin at the start, or of a fall from the
-    crank's height, on the lightest body.
+    The times are those of an impact on the lightest body, at the speed of the crank's pin or of a body at the
+    start, of a fall from the crank's height, or of one that crosses a clearance within the scene.
     """
-    r, tiny = scene.crank.length_m, sys.float_info.min
+    r, rooms = scene.crank.length_m, clearances(scene).values()
+    told = (math.hypot(body.velocity_x_m_s, body.velocity_y_m_s) for body in scene.start.states)
+    crossing = (room.radial_clearance_m / scene.end_time_s for room in rooms)
     pin_m_s = math.hypot(r * scene.start.crank_speed_rad_s, math.sqrt(2 * scene.gravity_m_s2 * r))
-    mass, speed = min(body.mass_kg for body in scene.bodies), np.float64(max(pin_m_s, tiny))
+    speed = np.float64(max([pin_m_s, sys.float_info.min, *told, *crossing]))
+    mass = min(body.mass_kg for body in scene.bodies)
     times = {("end_time_s", scene.end_time_s): scene.end_time_s}
     with np.errstate(all="ignore"):
         for joint, clearance in clearances(scene).items():
