@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option, Typer
 
-from studies.command import environment
 from studies.running import failures
 from studies.running.registry import STUDIES
 
@@ -475,7 +474,7 @@ def report(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    environment.make_ready()
+    failures.make_ready()
     logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
         with failures.interrupted_in_silence():

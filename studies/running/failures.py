@@ -1,11 +1,17 @@
-"""What a command says on stderr: notes, and how it failed, in one line, an exit code, never a traceback."""
+"""What a command hears of its environment, and says on stderr: notes, and how it failed, in one line.
 
+A failure has an exit code, and never a traceback.
+"""
+
+import io
 import logging
 import os
+import re
 import signal
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -20,6 +26,11 @@ from engine_models.scene.bad_input import BadInput as BadInput  # exit code 2
 if TYPE_CHECKING:
     from rich.console import Console
 
+#: Beginnings of variables that are not heard: another backend of Matplotlib, Numba without its compiler or
+#: with words of its own on stdout, warnings that end the run of a library.
+UNHEARD = ("MPLBACKEND", "NUMBA_", "PYTHONWARNINGS")
+#: Widths of a terminal on which help can be read.
+WIDTHS = re.compile("[1-9][0-9]{1,3}")
 INTERRUPTED = 130
 #: After this time an interrupt comes again that got lost.
 AGAIN_S = 0.01
@@ -35,6 +46,30 @@ _quiet = ContextVar("quiet", default=False)
 
 class Failed(Exception):
     """The work broke down: exit code 1. The message says when and why."""
+
+
+def make_ready() -> None:
+    """Make this process, and those that it will start, ready for a command."""
+    for name in list(os.environ):
+        unreadable = name == "COLUMNS" and not WIDTHS.fullmatch(os.environ[name])
+        if name.startswith(UNHEARD) or unreadable:
+            del os.environ[name]
+    if sys.warnoptions:  # which other processes would inherit
+        sys.warnoptions.clear()
+        warnings.simplefilter("ignore")
+    _open_streams()
+
+
+def _open_streams() -> None:
+    """Open those that were closed, so that no other file gets their numbers; stdout so that it refuses text.
+
+    What goes there is UTF-8, as in files, whatever the locale is.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "r"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115  it lives as long as the process
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8", errors="surrogateescape")
 
 
 class Listener:
