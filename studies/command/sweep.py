@@ -24,7 +24,7 @@ from engine_models.scene.file import to_toml
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.endings import PICTURES, ending_of
-from studies.command.options import DEFAULT_STEP_S, checked, read_engine
+from studies.command.options import DEFAULT_STEP_S, as_arguments, checked, read_engine
 from studies.predictability.sweeps.chunk import Direction
 from studies.predictability.sweeps.draws import MOST_JITTER_RAD, Draw, Sample, drawn
 from studies.predictability.sweeps.ranges import MOST_MEMBERS, values_of
@@ -84,15 +84,21 @@ class Swept:
         Raises:
             BadInput: there is none of so many fields, or no such column.
         """
-        from pyarrow import parquet
+        with as_arguments():
+            return picture_of(self, show)
 
-        from reports.plots.sweeps.picture import NoPicture, sweep_picture
 
-        varied = json.loads(parquet.read_schema(self.path).metadata[b"varied"])
-        try:
-            return sweep_picture(self.frame, varied, self.title, show)
-        except NoPicture as reason:
-            raise BadInput(f"show: {reason}") from None
+def picture_of(swept: Swept, show: str | None) -> "Figure":
+    """Return the same for a command, whose option is ``--show``."""
+    from pyarrow import parquet
+
+    from reports.plots.sweeps.picture import NoPicture, sweep_picture
+
+    varied = json.loads(parquet.read_schema(swept.path).metadata[b"varied"])
+    try:
+        return sweep_picture(swept.frame, varied, swept.title, show)
+    except NoPicture as reason:
+        raise BadInput(f"--show: {reason}") from None
 
 
 def asked(
@@ -223,7 +229,7 @@ def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swep
         from reports.run.picture import picture_bytes
 
         with writing("--plot", path):
-            write_whole(path, picture_bytes(result.plot(show), ending))
+            write_whole(path, picture_bytes(picture_of(result, show), ending))
 
     return draw
 

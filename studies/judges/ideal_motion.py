@@ -18,7 +18,7 @@ from studies.judges.ideal_load import NODES, WEIGHTS, gas_knots_rad, is_viscous,
 
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-13, 1e-17
 #: More a piece, and a rod that is hardly longer than the crank folds in less than round-off lets one follow.
-MOST_EVALUATIONS = 10_000
+MOST_EVALUATIONS = 100_000
 #: Most that crank angle and phase of a fluctuation together turn in one piece of a quadrature in time.
 LONGEST_PIECE_RAD = 0.1
 #: Which of the nine coordinates is the slider's position.

@@ -48,7 +48,7 @@ def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: 
     if (turns := done[STROBE].map(len).min()) < (fewest := fewest_turns(varied, show)):
         raise NoPicture(f"expected members of {fewest} turns for this picture, got {turns}")
     column = show or (FORCE if varied else PHASE)
-    if column != MOTION and done[column].explode().isna().all():
+    if column in done and done[column].explode().isna().all():  # motions are no column
         raise NoPicture(f"expected members with a number in {column}, got none")
     with mpl.rc_context(RC):
         if len(varied) == 2:

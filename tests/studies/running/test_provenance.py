@@ -37,7 +37,7 @@ from studies.running.closure import closure
 print(json.dumps([*map(str, closure("newcomer.engine").files.values())]))
 """
 #: Studies that compare with the converged solution, which is the reference's.
-BY_THE_REFERENCE = ("clearance", "work-precision", "stability", "extremes", "motions")
+BY_THE_REFERENCE = ("agreement", "clearance", "work-precision", "stability", "extremes", "motions")
 
 #: Files that decide no number.
 OF_NOTHING = (
@@ -82,8 +82,7 @@ def of_the_reference(study: str, engine: str) -> bool | None:
     """Return whether the reference decides, by its runs or its converged solutions; None says neither."""
     if engine == "reference" or study in BY_THE_REFERENCE:
         return True
-    on_its_equations = engine in ("scipy", "heyoka")
-    return None if study == "agreement" or on_its_equations else study == "predictability"
+    return None if engine in ("scipy", "heyoka") else study == "predictability"
 
 
 def of_what_is_compiled(study: str, engine: str) -> bool | None:
