@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine_models.engine import RunSettings, Trajectory
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.quality import quality_of
 from engine_models.pace import too_slow
@@ -82,6 +82,15 @@ def test_no_message_blames_a_number_whose_own_time_is_long() -> None:
     )
     stiff = gentle().replace("clearance.B.young_modulus_Pa", 1e45)
     assert str(too_slow(stiff, 1e-20)).startswith("clearance.B.young_modulus_Pa: expected a value that")
+
+
+@pytest.mark.parametrize("engine", supporting(gentle()))
+def test_a_clearance_whose_stiffness_overflows_is_not_blamed_on_the_material(engine: str) -> None:
+    """By Hertz K goes with the clearance to the power -1/2: of 1e-320 m that is beyond all numbers."""
+    scene = gentle().replace({"clearance.B.radial_clearance_m": 1e-320, "end_time_s": 0.01})
+    with pytest.raises(SimulationFailed) as failed:
+        make_engine(engine).simulate(scene, RunSettings(1e-4, 10))
+    assert "young_modulus" not in str(failed.value)
 
 
 def both(law: dict[str, object]) -> Scene:

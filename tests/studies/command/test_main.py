@@ -216,6 +216,17 @@ def test_the_note_tells_the_step_that_was_taken() -> None:
     assert done.stderr.endswith("\nnote: 12 steps of rk4, the longest 0.000833333 s\n")
 
 
+def test_of_a_method_that_chooses_its_steps_the_note_tells_their_mean() -> None:
+    """The longest of a few steps in a run of 0.1 s was told as 0.1 s, which is what they were allowed."""
+    method = ("--set", "method=dop853", "--step", 0.1)
+    done = crankslider("simulate", "ideal-free", "--end", 0.1, "--samples", 3, *method)
+    (note,) = [line for line in done.stderr.splitlines() if " steps of " in line]
+    steps, mean = note.removeprefix("note: ").split(" steps of dop853, ")
+    mean, allowed = mean.split(" s on average, ")
+    assert float(mean) == pytest.approx(0.1 / int(steps), rel=5e-3)
+    assert allowed == "up to 0.1 s allowed"
+
+
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_the_tolerance_is_kept(engine: str) -> None:
     done = crankslider("simulate", "ideal-torque", *SHORT, "--engine", engine, "--tolerance", 1e-7)

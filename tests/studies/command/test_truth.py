@@ -36,6 +36,12 @@ def test_a_table_ends_where_two_solutions_part_and_has_no_impact_past_it(tmp_pat
     assert "by independent equations" in told.stderr
 
 
+def test_nothing_at_rest_is_certain_beyond_the_last_digit_of_its_size() -> None:
+    rest = {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.0, "end_time_s": 0.01}
+    scene = cs.scenes["clearance-pendulum"].replace(rest)
+    assert cs.truth(scene, samples=4).certain_m >= np.spacing(scene.crank.length_m) / 2
+
+
 def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
     for name in ("ideal-driven", "clearance-pendulum"):
         short = (name, "--end", 0.004, "--samples", 4, "--quiet")

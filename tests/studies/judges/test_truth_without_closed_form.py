@@ -39,7 +39,7 @@ def test_an_ideal_pendulum_swings_by_the_elliptic_integral() -> None:
 
 def test_a_rod_shorter_than_the_crank_turns_over_as_in_its_own_angle() -> None:
     """Lagrange's equation in the rod's angle phi, by hand: the crank follows as asin(-L/r sin(phi))."""
-    scene = _short()
+    scene = short_rod()
     truth, _ = converged(scene, SAMPLES)
     assert scene.rod is not None
     r, length, s, d = 0.3, 0.2, 0.15, 0.1
@@ -73,7 +73,7 @@ def test_a_rod_shorter_than_the_crank_turns_over_as_in_its_own_angle() -> None:
     assert off < 1e-9, f"{off:.1e} rad"
 
 
-def _short() -> Scene:
+def short_rod() -> Scene:
     links = [
         {"length_m": 0.3, "mass_kg": 1.0, "inertia_kg_m2": 0.0075, "centre_of_mass_m": 0.15},
         {"length_m": 0.2, "mass_kg": 0.6, "inertia_kg_m2": 0.002, "centre_of_mass_m": 0.1},
