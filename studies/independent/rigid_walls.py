@@ -28,8 +28,8 @@ from studies.independent.switches import piece_of
 
 #: A part of the crank's speed: a pin that moves no faster along the normal has not left its wall.
 RESTING = 1e-12
-#: The part of its clearance within which a pin is at its wall when another hits.
-AT_ONCE = 1e-11
+#: The part of the time within which a pin hits at the same instant as another.
+AT_ONCE = 1e-13
 #: Of speeds, as a part of the largest in them.
 ROUND_OFF = 1e-14
 
@@ -94,8 +94,8 @@ class RigidWalls:
     def _require_alone(self, y: FloatArray, joint: int, following: Sequence[int]) -> None:
         """Raise a paradox where another pin hits at the same instant: an impact here is of one."""
         for k in set(np.flatnonzero(np.isinf(self.m.walls.K)).tolist()) - {joint, *following}:
-            at_wall = np.hypot(*y[2 * k + 1 : 2 * k + 3]) > (1 - AT_ONCE) * self.m.walls.c[k]
-            if at_wall and self._inward(y, k) < 0:
+            left_m = self.m.walls.c[k] - np.hypot(*y[2 * k + 1 : 2 * k + 3])
+            if left_m < -self._inward(y, k) * AT_ONCE * y[TIME]:
                 raise Paradox(f"joints {joint} and {k} hit at one instant")
 
     def _hit(self, y: FloatArray, phases: FloatArray, joint: int, following: Sequence[int]) -> Impact:
