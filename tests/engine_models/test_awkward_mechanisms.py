@@ -10,20 +10,8 @@ from engine_models.pace import too_slow
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import INDEPENDENT, converged, truth_by
+from tests.helpers.crank_sliders import HELD
 from tests.helpers.engines import supporting
-
-HELD = Scene.checked(
-    {
-        "name": "held",
-        "end_time_s": 0.01,
-        "crank": {"length_m": 1.0, "mass_kg": 1.0, "inertia_kg_m2": 0.1, "centre_of_mass_m": 0.5},
-        "rod": {"length_m": 2.5, "mass_kg": 1.0, "inertia_kg_m2": 0.5, "centre_of_mass_m": 1.25},
-        "slider": {"mass_kg": 1.0, "inertia_kg_m2": 0.1},
-        "start": {"crank_angle_rad": np.pi / 3, "crank_speed_rad_s": 0.0},
-        "drive": {"kind": "constant-speed"},
-        "load": {"slider": {"force_N": -400.0}},
-    }
-)
 
 
 @pytest.mark.parametrize("engine", supporting(HELD))

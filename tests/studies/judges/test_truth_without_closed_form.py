@@ -7,20 +7,12 @@ from scipy.special import ellipj, ellipk
 
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Link, Scene, Start
 from studies.judges.converged_truth import REFERENCE, converged, followed, truth_by
+from tests.helpers.crank_sliders import pendulum, short_rod
 
 #: What is within this of a closed form is right: DOP853 at 1e-13, over ten turns.
 RIGHT = 1e-11
 SAMPLES = 40
-
-
-def pendulum() -> Scene:
-    """Return a crank alone, let go from rest half a radian above the horizontal."""
-    link = Link(length_m=0.5, mass_kg=1.2, inertia_kg_m2=0.02, centre_of_mass_m=0.3)
-    free = SCENES["ideal-free"]().drive
-    start = Start(crank_angle_rad=0.5, crank_speed_rad_s=0.0)
-    return Scene(name="p", end_time_s=1.0, gravity_m_s2=9.81, crank=link, start=start, drive=free)
 
 
 def test_an_ideal_pendulum_swings_by_the_elliptic_integral() -> None:
@@ -71,23 +63,6 @@ def test_a_rod_shorter_than_the_crank_turns_over_as_in_its_own_angle() -> None:
     off = np.abs(truth.position[:, 1, 2] - run.y[0]).max()
     assert np.abs(run.y[0]).max() > np.pi, "the rod does not turn over"
     assert off < 1e-9, f"{off:.1e} rad"
-
-
-def short_rod() -> Scene:
-    links = [
-        {"length_m": 0.3, "mass_kg": 1.0, "inertia_kg_m2": 0.0075, "centre_of_mass_m": 0.15},
-        {"length_m": 0.2, "mass_kg": 0.6, "inertia_kg_m2": 0.002, "centre_of_mass_m": 0.1},
-    ]
-    data = {
-        "name": "short",
-        "end_time_s": 1.0,
-        "crank": links[0],
-        "rod": links[1],
-        "slider": {"mass_kg": 0.5, "inertia_kg_m2": 1e-3},
-        "start": {"crank_angle_rad": 0.0, "crank_speed_rad_s": 5.0},
-        "drive": {"kind": "free"},
-    }
-    return Scene.checked(data)
 
 
 def test_a_free_rod_as_long_as_the_crank_goes_on_through_the_fold() -> None:

@@ -5,8 +5,7 @@ import pytest
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.comparison.question import asked
-from tests.engine_models.test_awkward_mechanisms import HELD
-from tests.studies.judges.test_truth_without_closed_form import pendulum, short_rod
+from tests.helpers.crank_sliders import HELD, pendulum, short_rod
 
 #: A millionth of the crank, and a thousandth of the torque that is held.
 QUESTIONS = [
