@@ -22,6 +22,9 @@ SETTINGS_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 #: The most of one run, on the command line as well.
 MOST_SAMPLES = 100_000
 
+#: Times that are so near to an equally spaced one, as a part of the interval, are that one.
+ROUNDING = 1e-9
+
 BODIES = ("crank", "rod", "slider")
 JOINTS = ("O", "A", "B")
 
@@ -80,10 +83,15 @@ class RunSettings:
     ``samples`` is the number of equal output intervals, so ``samples + 1`` rows come out, ends included.
     ``step_s`` is the longest step allowed. A fixed step is the longest that fits a whole number of times in
     an output interval, so that every sample lies on a step; engines that choose their steps interpolate.
+
+    ``at_s`` are more times at which a scene with clearance is sampled, within its impacts for example (see
+    ``times_s``). They change no step: an engine interpolates. One that leaves them out is judged by the
+    samples that it has.
     """
 
     step_s: float
     samples: int
+    at_s: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse, with a ValueError, what is no step, and no number of samples or too large a one."""
@@ -91,6 +99,14 @@ class RunSettings:
         if isinstance(step, bool) or not (isinstance(step, Real) and 0 < step < math.inf):
             raise ValueError(f"step_s: expected a finite number > 0, got {shown(step)}")
         require_samples(self.samples)
+
+    def times_s(self, scene: Scene) -> FloatArray:
+        """Return the times of all samples, in order: equally spaced, and with clearance those of ``at_s``."""
+        equal = np.linspace(0.0, scene.end_time_s, self.samples + 1)
+        if not (self.at_s and scene.joints_with_clearance):
+            return equal
+        place = np.array(self.at_s) * self.samples / scene.end_time_s
+        return np.union1d(equal, np.array(self.at_s)[np.abs(place - np.rint(place)) > ROUNDING])
 
     def steps_per_sample(self, end_time_s: float) -> int:
         """Return the number of equal steps between two samples."""
@@ -108,7 +124,8 @@ class Impacts:
 
     ``time_s`` (m,) is that of touch, ``duration_s`` (m,) is 0 between rigid walls. ``approach_speed_m_s``
     (m,) is the normal speed at touch, ``normal_impulse_N_s`` (m,) the integral of the normal force and
-    ``energy_lost_J`` (m,) what contact and friction dissipated.
+    ``energy_lost_J`` (m,) what contact and friction dissipated. The largest normal force and penetration, and
+    the times of both, (m,) each, are NaN between rigid walls.
     """
 
     time_s: FloatArray
@@ -116,6 +133,10 @@ class Impacts:
     approach_speed_m_s: FloatArray
     normal_impulse_N_s: FloatArray
     energy_lost_J: FloatArray
+    largest_normal_force_N: FloatArray
+    largest_normal_force_time_s: FloatArray
+    largest_penetration_m: FloatArray
+    largest_penetration_time_s: FloatArray
 
 
 @dataclass(frozen=True)
@@ -154,7 +175,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion and forces at ``n = samples + 1`` equally spaced times, in SI units and the global frame.
+    """Motion and forces at n times (see ``RunSettings.times_s``), in SI units and the global frame.
 
     ``position`` and ``velocity`` are (n, 3, 3): body (crank, rod, slider) by (x, y, phi) of its centre of
     mass, angles unwrapped. ``joint_force_N`` is (n, 3, 2): joint (O, A, B) by (x, y), acting on the crank,

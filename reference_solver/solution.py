@@ -134,6 +134,7 @@ def contact_impacts(events: RecordArray, sums: FloatArray, names: list[str], con
     lost = sum(change[:, names.index(f"{of}{contact}")] for of in LOSSES if f"{of}{contact}" in names)
     impulse, unknown = change[:, names.index(f"normal{contact}")], np.full(len(began), np.nan)
     duration, speed = events["time_s"][releases] - began, events["rate"][touches]
-    columns = (began, duration, speed, impulse, unknown, lost, unknown)
+    largest = (events[name][releases] for name in ("force", "force_s", "deepest", "deepest_s"))
+    columns = (began, duration, speed, impulse, unknown, lost, unknown, *largest)
     rows = zip(*(np.asarray(column).tolist() for column in columns), strict=True)
     return [Impact(t, contact, "contact", *rest) for t, *rest in rows]

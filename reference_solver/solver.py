@@ -174,7 +174,7 @@ class Solver:
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
         self.steps = self.settled = 0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it
-            run = self._new(self._q_start, np.zeros_like(self._q_start), 0.0, np.zeros(1))
+            run = self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0)
             self._gaps((), run)
             self._face(()).advance(run)
 
@@ -191,14 +191,16 @@ class Solver:
 
         return Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
 
-    def _new(self, q: FloatArray, v: FloatArray, end_time_s: float, times: FloatArray) -> types.Run:
+    def _new(
+        self, q: FloatArray, v: FloatArray, times: FloatArray, end_time_s: float, interval_s: float
+    ) -> types.Run:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
         contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         sizes = len(q), len(self._names), len(self._equations.C)
         knots, face = self._mechanism.knots_by_angle, self._face(())
         run = types.new_run(contacts, sizes, times, face.rows, LOG_ROWS, knots)
         run.old.q[:], run.old.v[:] = q, v
-        set_out(run, self._mechanism, self._choice, face.kernel, face.parameters, end_time_s)
+        set_out(run, self._mechanism, self._choice, face.kernel, face.parameters, end_time_s, interval_s)
         return run
 
     def _shortest_flight_s(self, run: types.Run) -> float:
@@ -217,14 +219,22 @@ class Solver:
             face.kernel.gaps(face.parameters, run.contacts, float(run.clock["time"][0]), run.old)
 
     def run(
-        self, q: FloatArray, v: FloatArray, end_time_s: float, samples: int, tell: Tell = nobody
+        self,
+        q: FloatArray,
+        v: FloatArray,
+        end_time_s: float,
+        samples: int,
+        tell: Tell = nobody,
+        times_s: FloatArray | None = None,
     ) -> Solution:
         """Integrate from q and v, which ``check_start`` is to have passed, as ``solve`` does.
 
-        ``tell`` is called now and then with the time reached.
+        ``tell`` is called now and then with the time reached. With contacts ``times_s`` (s,), in order from 0
+        to the end, may be those of the samples.
         """
         require_run(end_time_s, samples)
-        run = self._new(q, v, end_time_s, np.linspace(0.0, end_time_s, samples + 1))
+        times = np.linspace(0.0, end_time_s, samples + 1) if times_s is None else times_s
+        run = self._new(q, v, times, end_time_s, end_time_s / samples)
         motion, records, now = run.old, run.records, run.clock[0]
         self.steps = self.settled = at_once = 0
         events, sums = [np.zeros(0, types.EVENT_RECORD)], [np.zeros((0, len(self._names)))]
@@ -342,12 +352,14 @@ def set_out(
     kernel: Any,
     parameters: FloatArray | None,
     end_time_s: float,
+    interval_s: float,
 ) -> None:
     """Set clock and control of a run of zeros whose motion and contacts are those of its start.
 
-    ``kernel`` with its ``parameters`` tells the accelerations there (see ``compiled.faces``).
+    ``kernel`` with its ``parameters`` tells the accelerations there (see ``compiled.faces``). Steps of one
+    length land on multiples of ``interval_s``.
     """
-    (now,), times, (n, y, _) = run.clock, run.records.time, run.old
+    (now,), (n, y, _) = run.clock, run.old
     now["longest"], now["end"], now["rigid"], now["condition"] = choice.longest_s, end_time_s, -1, 1.0
     now["least"] = np.inf
     kernel.slopes(parameters, run.contacts, 0.0, types.START, 1.0, y, run.slopes)
@@ -358,9 +370,9 @@ def set_out(
         set_control(run, choice, scales)
         return
     now["per_contact"], now["located"] = choice.steps_per_contact, run.contacts.size and choice.locate_events
-    if len(times) > 1 and not now["located"]:
-        interval = times[1]
-        now["longest"] = interval / np.ceil(interval / choice.longest_s * (1 - 1e-9))
+    if not now["located"]:
+        now["interval"] = interval_s
+        now["longest"] = interval_s / np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
 
 
 def set_control(run: types.Run, choice: ErrorControl, scales: Scales) -> None:
@@ -378,12 +390,12 @@ def set_control(run: types.Run, choice: ErrorControl, scales: Scales) -> None:
 def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
     """Return a contact in flight as ``CONTACT_RECORD`` has it."""
     law, clearance, friction = joint.law, joint.radial_clearance_m, joint.friction
-    state = (types.FLIGHT, *[0.0] * 6)
+    state, unknown = (types.FLIGHT, *[0.0] * 6), [0.0] * 4
     slope = 0.0 if friction is None else friction.coefficient * steepest(friction)
     if isinstance(law, RigidWall):
-        return *state, clearance, *[0.0] * 4, slope, 0.0, 1.0, 0.0, 0.0, 0.0
+        return *state, clearance, *[0.0] * 4, slope, 0.0, 1.0, 0.0, 0.0, 0.0, *unknown
     compliant = (law.stiffness, law.exponent, law.damping_factor, law.minimum_impact_speed_m_s, slope)
-    return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0
+    return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0, *unknown
 
 
 def require_flight(part: str, lowest: float | None) -> None:

@@ -8,8 +8,8 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.comparison import compared, conserved
-from studies.judges.converged_truth import REFERENCE, converged, truth_by
+from studies.judges.comparison import compared, conserved, judged
+from studies.judges.converged_truth import REFERENCE
 from studies.judges.kinds import require
 from studies.ladders import by_tolerance
 from studies.running.case import Case, Curves, Row
@@ -79,9 +79,9 @@ def _case(scene: Scene, arm: Arm, step_s: float, varied: str, added: Mapping[str
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return the largest error of every signal with the truth's uncertainty, and curves."""
-    run = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-    errors, error_curves = compared(case.scene, run, *converged(case.scene, case.run.samples))
-    ledger, curves = conserved(case.scene, run)
-    by = truth_by(case.scene, case.run.samples)
-    row: Row = {"steps": run.steps, **({"truth": by} if by == REFERENCE else {})}
-    return {**row, **errors, **ledger}, {**error_curves, **curves, "time_s": run.time_s}
+    found = judged(make_engine(case.engine, **case.settings), case.scene, case.run)
+    errors, error_curves = compared(found)
+    ledger, curves = conserved(case.scene, found.run)
+    if errors["truth"] != REFERENCE:
+        del errors["truth"]
+    return {"steps": found.run.steps, **errors, **ledger}, {**error_curves, **curves, "time_s": found.run.time_s}

@@ -4,17 +4,24 @@ from itertools import chain
 
 import numpy as np
 
-from engine_models.engine import RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import ROUNDING, RunSettings, SimulationFailed, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.comparison import compared, conserved
-from studies.judges.converged_truth import converged, cross_check, followed, truth_by
-from studies.judges.impact_matching import impact_errors
+from studies.judges.comparison import Judged, compared, conserved, judged
+from studies.judges.converged_truth import (
+    converged,
+    cross_check,
+    followed,
+    solved,
+    times_between_s,
+    true_at,
+)
+from studies.judges.impact_matching import FORCE_ERROR, force_error_in_phase_N, impact_errors
 from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
-from studies.judges.metrics import errors, with_suffix
+from studies.judges.metrics import errors
 from studies.ladders import clearance_ladder
 from studies.running.case import Case, Curves, Row
 
@@ -88,22 +95,21 @@ def measure(case: Case) -> tuple[Row, Curves]:
     Errors are the largest up to the horizon (see ``converged_truth.followed``), ``compared_until_s``. So is
     the distance of the truth from the cross-check; ``truth`` says what the truth is by.
     """
-    engine = make_engine(case.engine, **case.settings)
-    own = engine.twin(case.scene)
-    truth, repeats = converged(own, case.run.samples)
-    until = followed(own, case.run.samples)
-    run = engine.simulate(case.scene, case.run)
-    worst, error_curves = compared(own, run, truth, repeats, until)
+    engine, samples = make_engine(case.engine, **case.settings), case.run.samples
+    found = judged(engine, case.scene, case.run)
+    worst, error_curves = compared(found)
+    own, until = found.own, followed(found.own, samples)
+    truth, _ = converged(own, samples)
+    run = selected(found.run, found.equal)
     ledger, curves = conserved(case.scene, run)
     assert run.dissipated_energy_J is not None
     row: Row = {
-        "truth": truth_by(own, case.run.samples),
         "slider_position_cross_check_m": _cross_check_m(own, truth, until),
         "steps": run.steps,
         "mean_step_s": case.scene.end_time_s / run.steps,
         **worst,
-        **(_model_differences(case, own) if own != case.scene else {}),
-        **_impacts(run, truth, repeats, worst["compared_until_s"]),
+        **(_model_differences(case.scene, own, samples) if own != case.scene else {}),
+        **impacts_of(found),
         **local_errors(engine, case.scene, truth, case.run, until),
         **ledger,
         "dissipated_energy_J": float(run.dissipated_energy_J[-1]),
@@ -120,19 +126,26 @@ def _cross_check_m(scene: Scene, truth: Trajectory, until: int) -> float | None:
     return float(np.abs(found.slider_position_m - truth.slider_position_m)[:until].max())
 
 
-def _model_differences(case: Case, own: Scene) -> Row:
-    """Return how far the converged solution of the engine's own law is from that of the scene's."""
-    truth, other = (converged(scene, case.run.samples)[0] for scene in (case.scene, own))
-    both = slice(None, min(followed(scene, case.run.samples) for scene in (case.scene, own)))
-    apart = errors(own, selected(other, both), selected(truth, both))
+def _model_differences(scene: Scene, own: Scene, samples: int) -> Row:
+    """Return how far the true solution of the engine's own law is from that of the scene's.
+
+    Both are at the times at which runs of the scene are judged.
+    """
+    until = min(followed(each, samples) for each in (scene, own))
+    end_s = converged(scene, samples)[0].time_s[until - 1]
+    truth = solved(scene, samples).truth
+    both = truth.time_s <= end_s * (1 + ROUNDING)
+    other = selected(true_at(own, samples, times_between_s(scene, samples)), both)
+    apart = errors(own, other, selected(truth, both))
     return {
         name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in apart.items()
     }
 
 
-def _impacts(run: Trajectory, truth: Trajectory, repeats: tuple[Trajectory, ...], end_s: float) -> Row:
+def impacts_of(found: Judged) -> Row:
     """Return what all joints' impacts miss: counts summed, the largest errors; and the truth's doubt."""
     row: Row = {}
+    run, (truth, repeats, _), end_s = found.run, found.solved, found.compared_until_s
     by_joint = [
         impact_errors(contact.impacts, truth.contacts[joint].impacts, end_s)
         for joint, contact in run.contacts.items()
@@ -140,10 +153,27 @@ def _impacts(run: Trajectory, truth: Trajectory, repeats: tuple[Trajectory, ...]
     for name in dict.fromkeys(chain.from_iterable(by_joint)):
         values = [numbers[name] for numbers in by_joint if name in numbers]
         row[name] = sum(values) if name.startswith("impacts_") else max(values)
+    if FORCE_ERROR in row:
+        own = [(contact, truth.contacts[joint]) for joint, contact in run.contacts.items()]
+        in_phase = max(force_error_in_phase_N(*pair, truth.time_s, end_s) for pair in own)
+        row |= {"impact_force_in_phase_error_N": in_phase} if in_phase == in_phase else {}
+    row |= {"largest_contact_force_error_N": abs(_largest_N(run, end_s) - _largest_N(truth, end_s))}
     doubts = [
-        impact_errors(repeat.contacts[joint].impacts, contact.impacts, end_s).get("impact_time_error_s", 0.0)
+        impact_errors(repeat.contacts[joint].impacts, contact.impacts, end_s)
         for repeat in repeats
         for joint, contact in truth.contacts.items()
     ]
-    row[with_suffix("impact_time_s", "uncertainty")] = max(doubts)
+    for name in ("impact_time_error_s", FORCE_ERROR):
+        doubt = max(each.get(name, 0.0) for each in doubts)
+        row[name.replace("_error_", "_uncertainty_")] = doubt
     return row
+
+
+def _largest_N(run: Trajectory, end_s: float) -> float:
+    """Return the largest normal force in any joint up to a time, as samples and impacts have it."""
+    until = run.time_s <= end_s * (1 + ROUNDING)
+    return max(
+        float(np.nanmax(np.append(contact.normal_force_N[until], at.largest_normal_force_N[at.time_s <= end_s])))
+        for contact in run.contacts.values()
+        for at in [contact.impacts]
+    )

@@ -15,11 +15,11 @@ from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import DAMPING_FACTORS
+from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from studies.command.trajectory_table import sample_columns
-from studies.judges.comparison import checked, compared, conserved
-from studies.judges.converged_truth import converged, followed, truth_by
+from studies.judges.comparison import checked, compared, conserved, judged
 from studies.judges.energy_ledger import ledger
 from studies.judges.ideal_motion import slider_position_m
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
@@ -151,7 +151,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     past it not a number. A ``whole`` scene has no truth beside it, and its own definition in its row.
     """
     scene, engine = case.scene, make_engine(case.engine, **case.settings)
-    run = engine.simulate(scene, case.run)
+    found = None if case.columns["view"] == "whole" else judged(engine, scene, case.run)
+    run = selected(found.run, found.equal) if found else engine.simulate(scene, case.run)
     curves = _curves(scene, run)
     row: Row = {"steps": run.steps, "mean_step_s": scene.end_time_s / run.steps}
     row |= {name: float(np.abs(of).max()) for name, of in curves.items() if name.endswith("_force_N")}
@@ -159,20 +160,19 @@ def measure(case: Case) -> tuple[Row, Curves]:
         name: float(curves[name][-1]) for name in curves if name.endswith(("_work_J", "dissipated_energy_J"))
     }
     row |= _contacts(run) if run.contacts else {}
-    if case.columns["view"] == "whole":
+    if found is None:
         row |= checked(scene, run)
         row |= {
             "scene_json": scene.model_dump_json(exclude_none=True),
             "scene_text": SCENES[scene.name].__doc__ or "",
         }
         return row, {name: _short(curve[::WHOLE_EVERY]) for name, curve in curves.items()}
-    own = engine.twin(scene)
-    truth, repeats = converged(own, case.run.samples)
-    until = followed(own, case.run.samples)
-    worst, errors = compared(own, run, truth, repeats, until)
-    row |= {"truth": truth_by(own, case.run.samples), **worst, **conserved(scene, run)[0]}
-    beyond = np.full(len(run.time_s) - until, np.nan) if until < len(run.time_s) else np.zeros(0)
-    curves |= {name: np.append(curve, beyond) for name, curve in errors.items()}
+    own, truth = found.own, selected(found.solved.truth, found.equal)
+    worst, errors = compared(found)
+    row |= {**worst, **conserved(scene, run)[0]}
+    curves |= {
+        name: np.append(curve, np.full(len(run.time_s) - len(curve), np.nan)) for name, curve in errors.items()
+    }
     true = _curves(own, truth)
     curves |= {f"true_{name}": curve for name, curve in true.items() if name.startswith(OF_TRUTH)}
     shown = run.time_s >= (0 if case.columns["view"] == "revolution" else IMPACT_FROM_S)

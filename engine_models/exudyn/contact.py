@@ -21,6 +21,7 @@ from engine_models.mechanics.contact_law import (
     minimum_impact_speed_of,
     stiffness_of,
 )
+from engine_models.mechanics.impacts import instants_in, largest
 from engine_models.mechanics.joints import (
     JointGap,
     clearances,
@@ -133,6 +134,12 @@ def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray)
     impulse, normal_loss, friction_loss = since_start(time_s)
     impulses, normal_losses, friction_losses = since_start(release) - since_start(ended)
     states = contact_states(scene, joint, motion, time_s)
+    inside = instants_in(ended, release - ended)
+    within = contact_states(scene, joint, motion, inside.ravel())
+    forces, depths = (
+        np.reshape([largest(*pair) for pair in zip(inside, value.reshape(inside.shape), strict=True)], (-1, 2)).T
+        for value in (within.normal_force_N, within.penetration_m)
+    )
     return contact_of(
         clearances(scene)[joint],
         states.gap_m,
@@ -148,6 +155,10 @@ def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray)
             approach_speed_m_s=contact_states(scene, joint, motion, ended).rate_m_s,
             normal_impulse_N_s=impulses,
             energy_lost_J=normal_losses + friction_losses,
+            largest_normal_force_N=forces[0],
+            largest_normal_force_time_s=forces[1],
+            largest_penetration_m=depths[0],
+            largest_penetration_time_s=depths[1],
         ),
     )
 

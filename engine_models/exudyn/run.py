@@ -77,6 +77,7 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
     force = np.stack([forces[name] for name in scene.joints], axis=1)
     return trajectory_of(
         scene,
+        time_s=grid[samples],
         position=position,
         velocity=velocity,
         joint_force_N=force,
@@ -121,7 +122,7 @@ def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: 
     between steps; without constraints they follow from the accelerations.
     """
     motion = _recorded_motion(scene, model)
-    time = np.linspace(0.0, scene.end_time_s, run.samples + 1)
+    time = run.times_s(scene)
     position, velocity, _ = motion.at(time)
     if model.tree:
         force, torque, work = _balances(scene, motion, time)
@@ -130,6 +131,7 @@ def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: 
     works = _works(scene, motion, time)
     return trajectory_of(
         scene,
+        time_s=time,
         position=position,
         velocity=velocity,
         joint_force_N=force,

@@ -92,11 +92,12 @@ class HeyokaEngine:
         from engine_models.heyoka.run import Reading
 
         derivative, flight = self._flight(scene, settings)
-        reading = Reading(derivative, np.linspace(0.0, scene.end_time_s, settings.samples + 1))
+        times = settings.times_s(scene)
+        reading = Reading(derivative, times)
         record = reading.read(flight.pieces(kept=True))
         samples = derivative.absolute(record.y)
         solution = Derivative(wound(scene)).solution(
-            scene.end_time_s, samples, record.phases, record.ends, flight.steps
+            times, samples, record.phases, record.ends, flight.steps
         )
         longest, solve_time = min(settings.step_s, scene.end_time_s), self.bare_solve_time_s(scene, settings)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)

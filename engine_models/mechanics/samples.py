@@ -1,30 +1,51 @@
 """Some of a trajectory's samples, as a trajectory, and parts of a contact's put together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
-from engine_models.engine import Contact, Trajectory
+from engine_models.engine import Contact, FloatArray, Trajectory
 
 Record = TypeVar("Record", Trajectory, Contact)
 
 
 def selected(record: Record, which: slice | NDArray[np.bool_]) -> Record:
     """Return a trajectory, or a contact within it, with some of its samples; impacts all stay."""
+    return _of_arrays(record, lambda values: values[which])
+
+
+def _of_arrays(record: Record, change: Callable[[FloatArray], FloatArray]) -> Record:
+    """Return a record with all arrays over its samples changed, those in what it holds by name as well."""
     changed: dict[str, Any] = {}
     for name, value in vars(record).items():
         if isinstance(value, np.ndarray):
-            changed[name] = value[which]
+            changed[name] = change(value)
         elif isinstance(value, Mapping):
-            changed[name] = {key: _part(part, which) for key, part in value.items()}
+            changed[name] = {
+                key: change(part) if isinstance(part, np.ndarray) else _of_arrays(part, change)
+                for key, part in value.items()
+            }
     return replace(record, **changed)
 
 
-def _part(part: Any, which: slice | NDArray[np.bool_]) -> Any:
-    return part[which] if isinstance(part, np.ndarray) else selected(part, which)
+def interpolated(run: Trajectory, time_s: FloatArray) -> Trajectory:
+    """Return a run at other times (n,), from samples at its steps: positions by cubics, all else linearly.
+
+    That is as accurate as a method of second order.
+    """
+    step = np.clip(np.searchsorted(run.time_s, time_s, "right") - 1, 0, len(run.time_s) - 2)
+    part = (time_s - run.time_s[step]) / (run.time_s[step + 1] - run.time_s[step])
+
+    def linear(values: FloatArray) -> FloatArray:
+        weight = part.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((1 - weight) * values[step] + weight * values[step + 1])
+
+    position = CubicHermiteSpline(run.time_s, run.position, run.velocity)(time_s)
+    return replace(_of_arrays(run, linear), time_s=time_s, position=position)
 
 
 def joined(parts: Sequence[Contact]) -> Contact:

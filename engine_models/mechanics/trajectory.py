@@ -16,6 +16,7 @@ from engine_models.scene.scene import Clearance, Scene
 def trajectory_of(
     scene: Scene,
     *,
+    time_s: FloatArray,
     position: FloatArray,
     velocity: FloatArray,
     joint_force_N: FloatArray,
@@ -29,7 +30,7 @@ def trajectory_of(
     stabilisation_loss_J: FloatArray | None = None,
     load_work_J: Mapping[str, FloatArray] | None = None,
 ) -> Trajectory:
-    """Return the trajectory with equally spaced samples from t = 0 to the scene's end.
+    """Return the trajectory at samples (n,) from t = 0 to the scene's end.
 
     Torque and work of a driver that prescribes the speed are taken as given, (n,) each, and so are a motor's
     work and those of the load that are integrals; the others are the scene's, and what there is not, is None.
@@ -43,7 +44,7 @@ def trajectory_of(
     elif scene.drive.kind == "free":
         torque = work = None
     return Trajectory(
-        time_s=np.linspace(0.0, scene.end_time_s, len(position)),
+        time_s=time_s,
         position=position,
         velocity=velocity,
         joint_force_N=joint_force_N,

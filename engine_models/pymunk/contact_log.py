@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts
+from engine_models.mechanics.impacts import largest
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.pymunk.compiled.records import KICK
 from engine_models.scene.scene import Clearance
@@ -13,16 +14,20 @@ from engine_models.scene.scene import Clearance
 #: What is added up, named as in ``Contact``.
 SUMS = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
 #: Stands in a contact whose run is not over.
-NO_IMPACTS = Impacts(*np.zeros((5, 0)))
+NO_IMPACTS = Impacts(*np.zeros((9, 0)))
 
 
 class ContactLog:
     """The kicks of one contact, taken up block by block; a kick is there for every step in contact.
 
-    Kept for good are the sums since the start and a row for each contact that has begun.
+    Kept for good are the sums since the start and a row for each contact that has begun. Between ``rigid``
+    walls a force is an impulse over the step, and has no largest value.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rigid: bool) -> None:
+        self._rigid = rigid
+        #: Of every contact begun: its largest force and penetration, each with its time.
+        self._largest: list[list[tuple[float, float]]] = []
         self._last_step = -2  # of those taken up so far: the first kick, at step 0 or later, begins a contact
         self._totals = dict.fromkeys((*SUMS, "energy_lost_J"), 0.0)
         self._last_time_s = 0.0
@@ -66,6 +71,18 @@ class ContactLog:
             )
         )
         self._last_step, self._last_time_s = int(before[-1]), float(times[-1])
+        self._largest += [[(-np.inf, np.nan)] * 2 for _ in first]
+        if not self._rigid:
+            self._keep_largest(kicks, first)
+
+    def _keep_largest(self, kicks: NDArray[Any], first: NDArray[np.int64]) -> None:
+        """Keep the largest of the contacts that have kicks here, which begin at the ``first`` ones."""
+        parts = np.split(kicks, first)  # the first part belongs to the contact before, if there was one
+        kept = self._largest[-len(parts) :]
+        for of_contact, part in zip(kept, parts[len(parts) - len(kept) :], strict=True):
+            if len(part):
+                for k, value in enumerate((part["normal_N_s"] / part["kick_s"], part["depth_m"])):
+                    of_contact[k] = max(of_contact[k], largest(part["time_s"], value))
 
     def at(self, impulse: FloatArray, wanted: NDArray[np.int64]) -> FloatArray:
         """Return an impulse at the wanted steps, zero where there is no contact."""
@@ -88,12 +105,18 @@ class ContactLog:
         def change(before_each: FloatArray, amount: str) -> FloatArray:
             return np.asarray(np.diff(np.append(before_each, self._totals[amount]))[over])
 
+        of_each = np.reshape(self._largest, (-1, 4))[over]
+        force, force_s, depth, depth_s = np.where(self._rigid, np.nan, of_each).T
         return Impacts(
             time_s=first_s[over],
             duration_s=(ends_s - first_s)[over],
             approach_speed_m_s=speed[over],
             normal_impulse_N_s=change(impulse, "normal_impulse_N_s"),
             energy_lost_J=change(lost, "energy_lost_J"),
+            largest_normal_force_N=force,
+            largest_normal_force_time_s=force_s,
+            largest_penetration_m=depth,
+            largest_penetration_time_s=depth_s,
         )
 
     def contact(

@@ -19,7 +19,7 @@ from engine_models.guards import guarded
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, gaps
 from engine_models.mechanics.reactions import reactions
-from engine_models.mechanics.samples import joined, selected
+from engine_models.mechanics.samples import interpolated, joined, selected
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.pymunk.contact_log import ContactLog
 from engine_models.pymunk.model import crank_is_kinematic
@@ -49,7 +49,8 @@ class Samples:
         self.timing = Timing(model.scene, settings, shorter)
         self._scene, self._workspace = model.scene, model.workspace
         self._clearances, self._half_kick_start = clearances(model.scene), half_kick_start
-        self._logs = {name: ContactLog() for name in self._clearances}
+        self._times_s, self._between = settings.times_s(model.scene), np.array(settings.at_s)
+        self._logs = {name: ContactLog(room.law == "rigid") for name, room in self._clearances.items()}
         self._parts: list[dict[str, FloatArray]] = []
         self._load_works: list[dict[str, FloatArray]] = []
         self._contact_parts: dict[str, list[Contact]] = {name: [] for name in self._logs}
@@ -62,7 +63,7 @@ class Samples:
             SimulationFailed: see ``require_the_mechanism``.
         """
         scene, rows = self._scene, block.rows
-        wanted, time_s, kick_s, sample = rows["kick"], rows["time_s"], rows["kick_s"], rows["sample"]
+        wanted, time_s, kick_s = rows["kick"], rows["time_s"], rows["kick_s"]
         rigid = []
         for number, (name, log) in enumerate(self._logs.items()):
             log.add(self._workspace.taken(number))
@@ -71,6 +72,7 @@ class Samples:
         if not len(wanted):
             return
         struck = np.isin(wanted, np.concatenate(rigid)) if rigid else np.zeros(len(wanted), dtype=bool)
+        sample = rows["sample"] | self._beside(time_s)
         position, velocity, mean, acceleration = self._motion(block, struck)
         gap = gaps(scene, position)
         require_the_mechanism(scene, position, gap, time_s)
@@ -84,6 +86,7 @@ class Samples:
         force, guide, torque = reactions(scene, position, felt, acceleration, contacts)
         works = self._works.since_start(time_s, kick_s, share, position, felt, mean, torque)
         arrays = {
+            "time_s": time_s,
             "position": position,
             "velocity": velocity,
             "joint_force_N": force,
@@ -96,8 +99,16 @@ class Samples:
         for name, contact in contacts.items():
             self._contact_parts[name].append(selected(contact, sample))
 
+    def _beside(self, time_s: FloatArray) -> NDArray[np.bool_]:
+        """Return which steps of a block, at times (n,), are next to a time between steps that is asked for."""
+        beside = np.zeros(len(time_s), dtype=bool)
+        if len(self._between):
+            after = np.searchsorted(time_s, self._between)
+            beside[np.clip([after - 1, after], 0, len(time_s) - 1)] = beside[[0, -1]] = True
+        return beside
+
     def trajectory(self, solve_time_s: float) -> Trajectory:
-        """Return the trajectory at all samples."""
+        """Return the trajectory at all samples; between steps it is interpolated (see ``interpolated``)."""
         steps = int(self._workspace.run[0]["end"])
         arrays: dict[str, Any] = _joined(self._parts)
         contacts = {
@@ -113,7 +124,10 @@ class Samples:
             contacts=contacts,
             load_work_J=_joined(self._load_works),
         )
-        return replace(trajectory, evaluations=steps)  # a kick each
+        trajectory = replace(trajectory, evaluations=steps)  # a kick each
+        if len(self._between):
+            return interpolated(trajectory, self._times_s)
+        return replace(trajectory, time_s=self._times_s)
 
     def _motion(
         self, block: Block, struck: NDArray[np.bool_]

@@ -71,6 +71,7 @@ class Timing:
     def __init__(self, scene: Scene, settings: RunSettings, shorter: float = 1.0) -> None:
         self.step_s = settings.step_used_s(scene.end_time_s)
         self._scene, self._samples, self._contact_s = scene, settings.samples, self.step_s / shorter
+        self._every_step = add_up(scene) or bool(settings.at_s)
         self._per_sample = settings.steps_per_sample(scene.end_time_s)
 
     def set(self, run: NDArray[Any]) -> None:
@@ -79,8 +80,8 @@ class Timing:
         run["interval_s"], run["samples"] = self._scene.end_time_s / self._samples, self._samples
         varies, end = self._contact_s < self.step_s, self._samples * self._per_sample
         run["per_sample"], run["end"] = (0, NEVER) if varies else (self._per_sample, end)
-        # Works need forces and torques at every step, all else is asked for at the samples alone.
-        run["every"] = 1 if add_up(self._scene) else run["per_sample"]
+        # Works need forces and torques at every step, and so do samples between steps.
+        run["every"] = 1 if self._every_step else run["per_sample"]
 
 
 def run(model: Model, timing: Timing, half_kick_start: bool, work_off: Callable[[Block], None]) -> float:

@@ -197,7 +197,9 @@ class Group:
             clock=rows.clock[k : k + 1],
             records=records,
         )
-        set_out(run, begin.mechanism, begin.choice, self._face.kernel, rows.p[k], float(begin.times_s[-1]))
+        times_s, kernel = begin.times_s.tolist(), self._face.kernel
+        interval_s = times_s[1] if len(times_s) > 1 else times_s[-1]
+        set_out(run, begin.mechanism, begin.choice, kernel, rows.p[k], times_s[-1], interval_s)
         run.clock["end"] = rows.ends[k, 0]
         if rows.weights.size:
             rows.weights[k] = run.slopes[WEIGHT, : 2 * n]

@@ -71,7 +71,8 @@ def reference_run(
     choice = taken(choice, scene, settings)
     solver = Solver(mechanism, q, choice, stabilisation, compiled)
     try:
-        solution = solver.run(q, v, scene.end_time_s, settings.samples, _watch(scene, solver, most_steps))
+        watch, times_s = _watch(scene, solver, most_steps), settings.times_s(scene)
+        solution = solver.run(q, v, scene.end_time_s, settings.samples, watch, times_s)
     except Stalled as stalled:
         spacing_s = math.ulp(stalled.time_s)
         raise too_slow(scene, spacing_s, f" or less at t = {stalled.time_s:.6g} s") from stalled

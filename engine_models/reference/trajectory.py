@@ -33,6 +33,7 @@ def trajectory_of_solution(
         work = works["drive"]
     return trajectory_of(
         scene,
+        time_s=solution.time_s,
         position=position,
         velocity=solution.v.reshape(position.shape),
         joint_force_N=joint_force,

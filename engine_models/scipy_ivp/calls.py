@@ -23,6 +23,8 @@ UNCONTROLLED = 1e30
 ODEINT = "odeint"
 #: Of t and y.
 OfTime = Callable[[float, FloatArray], float]
+#: y (size, n) at times (n,).
+Course = Callable[[FloatArray], FloatArray]
 #: The status of a solution that an event has ended.
 STOPPED = 1
 #: Evaluations after which a run tells how far it has come, and after which its pace is judged.
@@ -84,15 +86,17 @@ class Calls:
 
     def solve(
         self, t: float, y: FloatArray, times: FloatArray, watched: Sequence[Watch]
-    ) -> tuple[list[FloatArray], list[Root]]:
-        """Integrate from y at t to the last of the times, or to an alarm; return y at the times, and roots.
+    ) -> tuple[list[FloatArray], list[Root], Course | None]:
+        """Integrate from y at t to the last of the times, or to an alarm.
+
+        Return y at the times, roots, and y as a function of time where there are contacts to be looked into.
 
         Raises:
             SimulationFailed: too many evaluations, a singular configuration, steps too short to go on, or
                 anything that SciPy warns of.
         """
         if self._choice.method == ODEINT:
-            return self._by_odeint(t, y, times[-1:] if self._bare else times), []
+            return self._by_odeint(t, y, times[-1:] if self._bare else times), [], None
         if self._bare:
             solution = self._solution(self._derivative.right, t, y, float(times[-1]), None, watched)
             states = [] if solution.status == STOPPED else [solution.y[:, -1].copy()]
@@ -102,7 +106,7 @@ class Calls:
         self.evaluations += solution.nfev
         found = zip(watched, solution.t_events or [], solution.y_events or [], strict=False)
         roots = [Root(of, float(t), y) for of, at, there in found for t, y in zip(at, there, strict=True)]
-        return states, roots
+        return states, roots, solution.sol
 
     def _by_odeint(self, t: float, y: FloatArray, times: FloatArray) -> list[FloatArray]:
         """Return y at the times by ``odeint``, which knows no events and is heard of at its end alone."""
@@ -167,6 +171,7 @@ class Calls:
             rtol=choice.rtol,
             atol=self._atol,
             max_step=choice.longest_step_s,
+            dense_output=self._derivative.contact_count > 0 and not self._bare,
         )
 
     def _right(self, t: float, y: FloatArray) -> FloatArray:

@@ -117,7 +117,7 @@ class ScipyEngine:
         """
         self.check(scene)
         require_memory(scene, settings)
-        times = np.linspace(0.0, scene.end_time_s, settings.samples + 1)
+        times = settings.times_s(scene)
         derivative, longest = self._derivative(scene), min(settings.step_s, scene.end_time_s)
         located = self._located(scene)
         memory = None if located else np.full(derivative.contact_count, np.nan)
@@ -131,7 +131,7 @@ class ScipyEngine:
         samples, reader = derivative.absolute(record.y), derivative
         if self.coordinates == "minimal":
             reader = Derivative(wound(scene))
-        solution = reader.solution(scene.end_time_s, samples, record.phases, record.ends, calls.steps)
+        solution = reader.solution(times, samples, record.phases, record.ends, calls.steps)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
 

@@ -36,8 +36,6 @@ from reference_solver.tape import Scalar, choose
 ROUND_OFF = 8 * float(np.finfo(float).eps)
 #: Fields of a gap (see ``contact.types.GAP_RECORD``) whose zeros are watched.
 WATCHED = ("g", "rate", "push")
-#: A contact that is over: time of touch, contact, duration, approach speed, normal impulse and energy lost.
-ContactEnd = tuple[float, int, float, float, float, float]
 
 
 def derivative_source(topology: Topology, minimal: bool) -> str:
@@ -171,26 +169,21 @@ class Derivative:
 
     def solution(
         self,
-        end_time_s: float,
+        time_s: FloatArray,
         samples: Sequence[FloatArray],
         phases: Sequence[FloatArray],
-        ends: Sequence[ContactEnd],
+        impacts: Sequence[types.Impact],
         steps: int,
     ) -> Solution:
-        """Return a run with equally spaced samples of y and phases as a solution, with the forces at them."""
-        y, forces, unknown = np.array(samples), [], float("nan")
-        time = np.linspace(0.0, end_time_s, len(y))
-        for t, at, then in zip(time, y, phases, strict=True):
+        """Return a run with samples of y and phases at times as a solution, with the forces at them."""
+        y, forces = np.array(samples), []
+        for t, at, then in zip(time_s, y, phases, strict=True):
             self.set_phases(then)
             forces.append(self.forces(t, at))
         multipliers, of_contacts = (np.array(column) for column in zip(*forces, strict=True))
-        impacts = [
-            types.Impact(t, k, "contact", duration, speed, impulse, unknown, lost, unknown)
-            for t, k, duration, speed, impulse, lost in ends
-        ]
         return Solution(
             mechanism=self.mechanism,
-            time_s=time,
+            time_s=time_s,
             q=y[:, : self.n],
             v=y[:, self.n : 2 * self.n],
             multipliers=multipliers,
@@ -237,6 +230,11 @@ class Derivative:
         gaps = np.zeros(len(self._joints), types.GAP_RECORD)
         self._kernel.gaps(self._parameters, self._contacts, 0.0, types.Motion(self.n, y, gaps))
         return gaps
+
+    def pressed(self, y: FloatArray) -> FloatArray:
+        """Return every contact's normal force in N, in its present phase, and penetration, (K, 2)."""
+        gaps, pushing = self.gaps(y), self._contacts["phase"] == types.CONTACT
+        return np.column_stack([np.where(pushing, gaps["elastic"] * gaps["push"], 0.0), gaps["depth"]])
 
     def phases(self) -> FloatArray:
         """Return every contact's phase and a/v0, (2K,)."""

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from engine_models.engine import FloatArray
+from engine_models.mechanics.impacts import instants_in, largest
 from engine_models.scipy_ivp.calls import Calls
 from engine_models.scipy_ivp.contact import Event, alarms, crossing, nearest
-from engine_models.scipy_ivp.model import ContactEnd, Derivative
+from engine_models.scipy_ivp.model import Derivative
+from reference_solver.contact.types import Impact
 
 
 class Record:
@@ -15,10 +17,11 @@ class Record:
 
     def __init__(self, derivative: Derivative) -> None:
         self._derivative = derivative
-        self._touches: dict[int, tuple[float, FloatArray]] = {}
+        #: Of contacts that are on: time and y of the touch, and what ``trace`` has found of them since.
+        self._touches: dict[int, tuple[float, FloatArray, list[tuple[float, ...]]]] = {}
         self.y: list[FloatArray] = []
         self.phases: list[FloatArray] = []
-        self.ends: list[ContactEnd] = []
+        self.ends: list[Impact] = []
 
     def sample(self, rows: Sequence[FloatArray]) -> None:
         """Record samples, each (size of y,), in the present phases."""
@@ -27,18 +30,27 @@ class Record:
 
     def touch(self, contact: int, t: float, y: FloatArray) -> None:
         """Begin a contact."""
-        self._touches[contact] = (t, y)
+        self._touches[contact] = (t, y, [])
+
+    def trace(self, times: FloatArray, rows: Sequence[FloatArray]) -> None:
+        """Look at the contacts that are on, at times in the present phases, with y in rows."""
+        for t, y in zip(times, rows, strict=True):
+            pressed = self._derivative.pressed(y)
+            for contact, (_, _, trace) in self._touches.items():
+                trace.append((t, *pressed[contact]))
 
     def release(self, contact: int, t: float, y: FloatArray) -> None:
         """End a contact, if it has begun."""
         if contact not in self._touches:
             return
-        begin, before = self._touches.pop(contact)
+        begin, before, trace = self._touches.pop(contact)
         speed = float(self._derivative.gaps(before)["rate"][contact])
         change = self._derivative.named_sums(y - before)
-        impulse = float(change[f"normal{contact}"])
+        impulse, unknown = float(change[f"normal{contact}"]), float("nan")
         lost = sum(float(change.get(f"{part}{contact}", 0.0)) for part in ("loss", "clip", "slide"))
-        self.ends.append((begin, contact, t - begin, speed, impulse, lost))
+        of_contact = (begin, contact, "contact", t - begin, speed, impulse, unknown, lost, unknown)
+        times, forces, depths = np.transpose(trace) if trace else np.full((3, 1), unknown)
+        self.ends.append(Impact(*of_contact, *largest(times, forces), *largest(times, depths)))
 
 
 class LocatedRun:
@@ -88,18 +100,22 @@ class LocatedRun:
         marks = [nearest(derivative, k) for k in in_flight]
         stop = min([knot for knot in self._knots if knot > t], default=float(times[-1]))
         times = times[times <= stop]
-        states, roots = self._calls.solve(t, y, np.union1d(times, stop), [*watched, *marks])
+        states, roots, course = self._calls.solve(t, y, np.union1d(times, stop), [*watched, *marks])
         parting = [root for root in roots if root.watch.event is None and root.t > t]
         missed = [root.t for root in parting if derivative.gaps(root.y)["g"][root.watch.contact] > 0]
         if missed:  # a step that ends where the pin is nearest to the wall shows its touch
             stop, times = min(missed), times[times < min(missed)]
-            states, roots = self._calls.solve(t, y, np.append(times, stop), watched)
+            states, roots, course = self._calls.solve(t, y, np.append(times, stop), watched)
         derivative.close_clipped(y, [*states, *(root.y for root in roots)])
         self.record.sample(states[: len(times)])
-        for root in roots:
-            if root.watch.event is not None:
-                return root.t, root.y, root.watch.event
-        return stop, states[-1], None
+        ended = [root for root in roots if root.watch.event is not None]
+        end = ended[0].t if ended else stop
+        if course is not None and len(in_flight) < derivative.contact_count:
+            inside = instants_in(np.array([t]), np.array([end - t]))[0]
+            self.record.trace(inside, course(inside).T)
+        if ended:
+            return end, ended[0].y, ended[0].watch.event
+        return end, states[-1], None
 
 
 def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Record:
@@ -110,11 +126,20 @@ def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Re
     """
     record = Record(derivative)
     crossings = [crossing(derivative, k) for k in range(derivative.contact_count)]
-    states, roots = calls.solve(float(times[0]), derivative.start, times[1:], crossings)
+    states, roots, course = calls.solve(float(times[0]), derivative.start, times[1:], crossings)
     for t, y in zip(times, (derivative.start, *states), strict=True):
         derivative.sense(y, calls.memory_at(t))
         record.sample([y])
+    begun: dict[int, float] = {}
     for watch, t, y in roots:
-        note = record.touch if derivative.gaps(y)["rate"][watch.contact] > 0 else record.release
-        note(watch.contact, t, y)
+        if derivative.gaps(y)["rate"][watch.contact] > 0:
+            record.touch(watch.contact, t, y)
+            begun[watch.contact] = t
+        elif watch.contact in begun:
+            touch = begun.pop(watch.contact)
+            for at in instants_in(np.array([touch]), np.array([t - touch]))[0] if course else ():
+                state = np.ascontiguousarray(course(at))
+                derivative.sense(state, calls.memory_at(at))
+                record.trace(np.array([at]), [state])
+            record.release(watch.contact, t, y)
     return record

@@ -133,16 +133,6 @@ def round_off(run):
 
 
 @register_jitable(**INNER)
-def value_on(run, h, x, event):
-    """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
-    at, n = run.at, run.old.n
-    for c in range(n):
-        at.y[c], at.y[n + c] = loop.on_quintic(run, h, c, x)
-    run.kernel.gaps(run.p, run.contacts, run.clock[0].time + x * h, at)
-    return loop.alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
-
-
-@register_jitable(**INNER)
 def turning(run, h, k, rising):
     """Return where the gap of a contact turns that is rising, or falling, at a step's start.
 
@@ -151,7 +141,7 @@ def turning(run, h, k, rising):
     low, high = 0.0, 1.0
     for _ in range(30):
         x = 0.5 * (low + high)
-        value = value_on(run, h, x, 2 * k)
+        value = loop.value_on(run, h, x, 2 * k)
         if rising and run.contacts[k].phase == FLIGHT and value > 0.0:
             return x
         if (run.at.gaps[k].rate > 0.0) == rising:
@@ -164,7 +154,7 @@ def turning(run, h, k, rising):
 @register_jitable(**INNER)
 def root(run, h, event, low, high):
     """Return where between two places of a step the alarm of an event passes zero (Illinois method)."""
-    low_value, high_value = value_on(run, h, low, event), value_on(run, h, high, event)
+    low_value, high_value = loop.value_on(run, h, low, event), loop.value_on(run, h, high, event)
     if low_value > 0.0:
         return low
     for _ in range(60):
@@ -173,7 +163,7 @@ def root(run, h, event, low, high):
         x = high - high_value * (high - low) / (high_value - low_value)
         if not low < x < high:
             x = 0.5 * (low + high)
-        value = value_on(run, h, x, event)
+        value = loop.value_on(run, h, x, event)
         if value > 0.0:
             high, high_value, low_value = x, value, 0.5 * low_value
         else:
@@ -335,6 +325,7 @@ def cut(run, step, releasing):
 def accept(run, step, event, error, factor):
     """Move on to the end of a step, and choose the one after it."""
     now, control, contacts = run.clock[0], run.control[0], run.contacts
+    loop.note_largest(run, step.end - now.time, True)
     loop.settled(now, contacts, step.end > now.time)
     move_on(run, step.end, error)
     for k in range(len(contacts)):

@@ -31,7 +31,7 @@ GROWTH_RECORD = types.record("from_s last_s followed_s total", "missed")
 class Companion(NamedTuple):
     """The memory of a companion: of its run (see ``types.Run``); and whether there is one, 0 or 1.
 
-    ``of_contacts`` (18 K,) are its contacts as numbers.
+    ``of_contacts`` (22 K,) are its contacts as numbers.
     """
 
     wanted: int

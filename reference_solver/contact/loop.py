@@ -53,6 +53,7 @@ class Kernel(NamedTuple):
     step: object
     slopes: object
     forces: object
+    gaps: object
     mobilities: object
 
 
@@ -62,7 +63,7 @@ def advance_type(kernel):
     return int64(NumbaTuple(parts, types.Run))
 
 
-KERNEL = NumbaTuple((STEP, SLOPES, FORCES, MOBILITIES), Kernel)
+KERNEL = NumbaTuple((STEP, SLOPES, FORCES, AT_STATE, MOBILITIES), Kernel)
 ADVANCE = advance_type(KERNEL)
 
 #: The slope that makes dense output a quartic; rows of slopes in all.
@@ -90,6 +91,8 @@ ASIDE, SHORTENED = 2.0 / 3.0, 4
 MOST_SHORTENED = 60
 #: How often a step is halved in which a pin may have been out: in still shorter ones round-off looks so.
 HALVED = 20
+#: How far from its supposed place in a step, as a part of it, a contact's largest force is looked for.
+ASIDE_OF_PEAK = 0.1
 
 
 # ---------------------------------------------------------------------------------------- events
@@ -282,7 +285,8 @@ def switch(run, event):
     speed = max(gap.rate, contact.slowest)
     energy = (n + 1.0) * speed * speed / (2.0 * contact.stiffness * contact.mobility)
     contact.memory = contact.factor / speed
-    contact.began_s = run.clock[0].time
+    contact.began_s = contact.force_s = contact.deepest_s = run.clock[0].time
+    contact.force, contact.deepest = -np.inf, 0.0
     contact.duration_s = 3.0 * energy ** (1.0 / (n + 1.0)) / speed
     return 1
 
@@ -295,6 +299,8 @@ def note(run, event):
     entry.time_s, entry.contact = now.time, k
     entry.what = switch(run, event)
     entry.rate, entry.depth = gap.rate, gap.depth
+    entry.force, entry.force_s = run.contacts[k].force, run.contacts[k].force_s
+    entry.deepest, entry.deepest_s = run.contacts[k].deepest, run.contacts[k].deepest_s
     for c in range(sums.shape[1]):
         sums[now.events, c] = run.old.y[2 * run.old.n + c]
     now.events += 1
@@ -505,6 +511,116 @@ def within(run, h):
     return ok
 
 
+# ------------------------------------------------------------------------- the largest of a contact
+
+
+@register_jitable(**INNER)
+def value_on(run, h, x, event):
+    """Return an event's alarm at x of a step of h, on the quintic through both its ends, left in ``at``."""
+    at, n = run.at, run.old.n
+    for c in range(n):
+        at.y[c], at.y[n + c] = on_quintic(run, h, c, x)
+    run.kernel.gaps(run.p, run.contacts, run.clock[0].time + x * h, at)
+    return alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
+
+
+@register_jitable(**INNER)
+def cubic(x, h, value, rate, new_value, new_rate):
+    """Return at x of a step of h the cubic through values and rates at its ends, and its two derivatives."""
+    change, start, stop = new_value - value, h * rate, h * new_rate
+    second, third = 3.0 * change - 2.0 * start - stop, start + stop - 2.0 * change
+    slope, curve = start + x * (2.0 * second + x * 3.0 * third), 2.0 * second + x * 6.0 * third
+    return value + x * (start + x * (second + x * third)), slope / h, curve / (h * h)
+
+
+@register_jitable(**INNER)
+def depth_rate(contact, gap):
+    """Return the rate of a penetration."""
+    return gap.rate * contact.clearance / (contact.clearance + gap.depth)
+
+
+@register_jitable(**INNER)
+def rises(contact, gap, elastic, depth, rate, curve):
+    """Return whether the normal force rises at a penetration, by its elastic force and both derivatives.
+
+    The part of the damper that is not in proportion to the elastic force is taken from ``gap``.
+    """
+    stiffer = contact.exponent * elastic * rate * (1.0 + contact.memory * rate)
+    damper = gap.damper + (elastic - gap.elastic) * contact.memory
+    return stiffer + damper * curve * depth > 0.0
+
+
+@register_jitable(**INNER)
+def place_of_largest(contact, gap, new_gap, h):
+    """Return about where in a step of h the normal force peaks, by the penetration's cubic; 1 at its end."""
+    force, new_force = gap.elastic * gap.push, new_gap.elastic * new_gap.push
+    if new_force < force < contact.force:
+        return 1.0
+    ends = gap.depth, depth_rate(contact, gap), new_gap.depth, depth_rate(contact, new_gap)
+    if rises(contact, new_gap, new_gap.elastic, *cubic(1.0, h, *ends)):
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        x = 0.5 * (low + high)
+        depth, rate, curve = cubic(x, h, *ends)
+        elastic = contact.stiffness * max(depth, 0.0) ** contact.exponent
+        if rises(contact, new_gap, elastic, depth, rate, curve):
+            low = x
+        else:
+            high = x
+    return low
+
+
+@register_jitable(**INNER)
+def keep_largest(contact, gap, time):
+    """Keep force and penetration at a time, if they are a contact's largest so far; return the force."""
+    force = gap.elastic * gap.push
+    if force > contact.force:
+        contact.force, contact.force_s = force, time
+    if gap.depth > contact.deepest:
+        contact.deepest, contact.deepest_s = gap.depth, time
+    return force
+
+
+@register_jitable(**INNER)
+def force_on(run, h, x, k):
+    """Return the normal force of a contact at x of a step of h, and keep it if it is the largest so far."""
+    value_on(run, h, x, 2 * k)
+    return keep_largest(run.contacts[k], run.at.gaps[k], run.clock[0].time + x * h)
+
+
+@register_jitable(**INNER)
+def note_largest(run, h, slopes_known):
+    """Note the largest normal forces and penetrations of the compliant contacts in a step of h.
+
+    Within it they are sought where cubics say, and by a parabola around that, on the quintic, for which the
+    slopes at both ends have to be known.
+    """
+    contacts, t = run.contacts, run.clock[0].time
+    for k in range(len(contacts)):
+        contact, gap, new_gap = contacts[k], run.old.gaps[k], run.new.gaps[k]
+        if contact.phase != types.CONTACT or contact.rigid != 0.0:
+            continue
+        keep_largest(contact, new_gap, t + h)
+        x, turns = place_of_largest(contact, gap, new_gap, h), gap.rate > 0.0 > new_gap.rate
+        if (x < 1.0 or turns) and not slopes_known:
+            run.kernel.slopes(run.p, contacts, t, types.START, 1.0, run.old.y, run.slopes)
+            run.kernel.slopes(run.p, contacts, t + h, types.END, 1.0, run.new.y, run.slopes)
+        if turns:
+            force_on(run, h, peak(gap.g, gap.rate, new_gap.g, new_gap.rate, h) / h, k)
+        if x < 1.0:
+            x = min(max(x, ASIDE_OF_PEAK), 1.0 - ASIDE_OF_PEAK)
+            before, at, after = (
+                force_on(run, h, x - ASIDE_OF_PEAK, k),
+                force_on(run, h, x, k),
+                force_on(run, h, x + ASIDE_OF_PEAK, k),
+            )
+            bend = before - 2.0 * at + after
+            if bend < 0.0:
+                x += 0.5 * ASIDE_OF_PEAK * (before - after) / bend
+                force_on(run, h, min(max(x, 0.0), 1.0), k)
+
+
 # -------------------------------------------------------------------------------------- the loop
 
 
@@ -620,8 +736,9 @@ def meet(run, event):
 def advance(run):
     """Advance the motion to the clock's end in place, event by event; return how that ended.
 
-    Events are added to the log, and a sample is written for each of the records' times up to the end. Where
-    events are located, steps do not depend on the times; else, they land on each. An event on a rigid wall
+    Events are added to the log, and a sample is written for each of the records' times up to the end. Steps
+    do not depend on them; where no events are located, they land on multiples of the clock's interval. An
+    event on a rigid wall
     ends the call: whoever called settles it. A run that is watched pauses after every step.
     """
     now, contacts, old, new, times = run.clock[0], run.contacts, run.old, run.new, run.records.time
@@ -639,8 +756,10 @@ def advance(run):
         if now.located:
             probe_now_and_then(run)
             h = step_length(contacts, old.gaps, now)
-        elif now.taken < len(times):
-            landing = min(landing, times[now.taken])
+        elif now.interval > 0.0:
+            while (now.landed + 1) * now.interval <= t:
+                now.landed += 1
+            landing = min(landing, (now.landed + 1) * now.interval)
         short = SHORT * now.longest
         h = to_knot(run, h, 0.0, short)
         last = t + h >= landing - 1e-6 * h
@@ -675,6 +794,7 @@ def advance(run):
         new_t = landing if last else t + change
         if now.taken < len(times) and times[now.taken] < new_t and not within(run, h):
             return types.FAILED
+        note_largest(run, h, False)
         now.lost = 0.0 if last else change - (new_t - t)
         now.time = new_t
         take(old, new)

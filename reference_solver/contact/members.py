@@ -39,7 +39,7 @@ class Members(NamedTuple):
     ``p`` (m, P), ``contacts`` and ``gaps`` (m, K), ``y`` (m, w), ``control`` and ``clock`` (m,), ``times``
     (m, s) and ``samples`` (m, s, W) and ``knots`` are as in ``types.Run``. ``weights`` (m, 2n) are those of
     error control, (m, 0) without. ``ends`` (m, l) are times on which steps land, the last one the run's.
-    ``notes`` (m,) are the observer's, ``growth`` (m,) the companion's, to which ``of_contacts`` (m, 18 K) are
+    ``notes`` (m,) are the observer's, ``growth`` (m,) the companion's, to which ``of_contacts`` (m, 22 K) are
     the contacts as numbers. ``status`` (m,) says how each run ended.
     """
 

@@ -1,5 +1,6 @@
 """What the loop of contacts and the kernels that it calls share: records of contacts, arrays of a state."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -28,10 +29,11 @@ def record(floats: str, integers: str = "") -> np.dtype[np.void]:
 #: duration expected then, and its ``Equations.mobilities`` when last looked up. Its law: radial clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, and whether
 #: the force is clipped. Of a rigid wall: that it is one, the round-off of g and of its rate, and that it
-#: takes no part in a step.
+#: takes no part in a step. Since its touch: the largest normal force in N and penetration, and their times.
 CONTACT_RECORD = record(
     "phase memory began_s duration_s mobility sliding following "
-    "clearance stiffness exponent factor slowest friction clipped rigid noise rate_noise ignored"
+    "clearance stiffness exponent factor slowest friction clipped rigid noise rate_noise ignored "
+    "force force_s deepest deepest_s"
 )
 
 #: A contact's gap at a state: g in m, which has the sign of the penetration, its rate, the speed of the pin's
@@ -39,19 +41,19 @@ CONTACT_RECORD = record(
 #: normal force as a part of the elastic one; on a rigid wall the normal force in N.
 GAP_RECORD = record("g rate speed depth elastic damper push")
 
-#: An event: contact, what = 1 for touch, -1 release, 2 force clipped, 3 force back; rate of g, penetration.
-EVENT_RECORD = np.dtype(
-    [("time_s", np.float64), ("contact", np.int64), ("what", np.int64), ("rate", float), ("depth", float)]
-)
+#: An event: contact, what = 1 for touch, -1 release, 2 force clipped, 3 force back; rate of g, penetration;
+#: and of the contact that was until then the largest force and penetration, with their times.
+EVENT_RECORD = record("time_s rate depth force force_s deepest deepest_s", "contact what")
 
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
-#: contact, the step tried last, the end, the worst condition so far and the least at a sample; whether events
-#: are located; events, samples and steps so far, the most steps, the contact whose event on a rigid wall is
+#: contact, the step tried last, the end, the worst condition so far and the least at a sample; the interval
+#: on whose multiples steps land, or 0, and how many of them have been reached; whether events are located;
+#: events, samples and steps so far, the most steps, the contact whose event on a rigid wall is
 #: to be settled, whether the run is watched, and whether it goes on where its last call paused, as if that
 #: had not ended: slopes at the start of a step are known then, and differ by round-off from such anew.
 CLOCK_RECORD = record(
-    "time lost longest per_contact tried end condition least",
-    "located events taken steps budget rigid watched resumed",
+    "time lost longest per_contact tried end condition least interval",
+    "landed located events taken steps budget rigid watched resumed",
 )
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the
@@ -75,7 +77,8 @@ class Impact(NamedTuple):
     when another hit. The approach speed and the impulse along n are positive, the latter pushing the pin
     inwards; the tangential one is on the pin along t (see ``contact.walls``). ``energy_lost_J`` is this
     contact's part, friction's included; ``effective_mass_kg`` is its own on a rigid wall. What a compliant
-    contact does not tell is NaN.
+    contact does not tell is NaN; so are, of a rigid wall, the largest normal force and penetration, and their
+    times.
     """
 
     time_s: float
@@ -87,6 +90,10 @@ class Impact(NamedTuple):
     tangential_impulse_N_s: float
     energy_lost_J: float
     effective_mass_kg: float
+    largest_normal_force_N: float = math.nan
+    largest_normal_force_time_s: float = math.nan
+    largest_penetration_m: float = math.nan
+    largest_penetration_time_s: float = math.nan
 
 
 class Motion(NamedTuple):

@@ -86,7 +86,8 @@ class IndependentSolver:
         except ValueError as error:
             raise UnsupportedScene(str(error)) from error
         began, samples = time.perf_counter(), []
-        for t in np.linspace(0.0, scene.end_time_s, settings.samples + 1).tolist():
+        times = settings.times_s(scene)
+        for t in times.tolist():
             try:
                 reached = motion.to(t)
             except (Paradox, np.linalg.LinAlgError) as error:
@@ -94,7 +95,7 @@ class IndependentSolver:
             if not reached:
                 raise SimulationFailed(f"no more than {MOST_STEPS} steps, by t = {motion.time_s:.6g} s")
             samples.append(_sample(motion, len(scene.bodies)))
-        return _trajectory(scene, motion, samples, time.perf_counter() - began)
+        return _trajectory(scene, motion, times, samples, time.perf_counter() - began)
 
 
 def _sample(motion: Motion, bodies: int) -> Sample:
@@ -129,7 +130,9 @@ def _places(m: Mechanism, y: FloatArray, x_slider: float) -> FloatArray:
     return np.array([[*(y[1:3] + b.crank_centre_m * along), theta], [*rod, phi], [x_slider, 0.0, 0.0]])
 
 
-def _trajectory(scene: Scene, motion: Motion, samples: Sequence[Sample], took_s: float) -> Trajectory:
+def _trajectory(
+    scene: Scene, motion: Motion, times: FloatArray, samples: Sequence[Sample], took_s: float
+) -> Trajectory:
     states, told = (np.array([getattr(s, name) for s in samples]) for name in ("y", "told"))
     contacts = {}
     for k, name in enumerate(JOINTS):
@@ -141,7 +144,7 @@ def _trajectory(scene: Scene, motion: Motion, samples: Sequence[Sample], took_s:
     works = dict(zip(loads.PARTS, states[:, WORK + 1 :].T, strict=True))
     steps = int(motion.clock[STEPS])
     return Trajectory(
-        time_s=np.linspace(0.0, scene.end_time_s, len(samples)),
+        time_s=times,
         position=np.array([s.position for s in samples]),
         velocity=np.array([s.velocity for s in samples]),
         joint_force_N=joint_force,
@@ -175,6 +178,7 @@ def _contact(clearance: Clearance, motion: Motion, k: int, states: FloatArray, t
         elastic = walls.K[k] * np.maximum(depth, 0.0) ** (walls.n[k] + 1) / (walls.n[k] + 1)
     rubs, clips = clearance.friction is not None, walls.a[k] > 0 and not clearance.may_pull
     over = np.array(motion.contacts[k]).reshape(-1, 5)
+    over = np.pad(over[np.argsort(over[:, 0], kind="stable")], ((0, 0), (0, 4)), constant_values=np.nan)
     return Contact(
         gap_m=gap,
         penetration_m=depth,
@@ -185,7 +189,7 @@ def _contact(clearance: Clearance, motion: Motion, k: int, states: FloatArray, t
         normal_loss_J=sums[:, 1],
         friction_loss_J=sums[:, 3] if rubs else None,
         clipped_loss_J=sums[:, 2] if clips else None,
-        impacts=Impacts(*over[np.argsort(over[:, 0], kind="stable")].T),
+        impacts=Impacts(*over.T),
     )
 
 

@@ -1,34 +1,101 @@
 """A run held against the truth of the scene that it solves, and against physics' own laws."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from engine_models.engine import Trajectory
+from engine_models.engine import ROUNDING, Engine, RunSettings, Trajectory
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.samples import selected
 from engine_models.scene.scene import Scene
 from studies.judges import metrics
+from studies.judges.converged_truth import Solved, followed, solved, times_between_s
 from studies.running.case import Curves, Row
 
+#: Samples on which runs of ideal joints are judged, at the most, and the part of a signal's largest value
+#: that the judged samples have to see.
+FINE, SEEN = 480, 0.99
 
-def compared(
-    scene: Scene, run: Trajectory, truth: Trajectory, repeats: Sequence[Trajectory], until: int | None = None
-) -> tuple[dict[str, float], Curves]:
+
+@dataclass(frozen=True)
+class Judged:
+    """A recorded run of an engine, and the true motion at the same times of the scene ``own`` that it solves.
+
+    ``peaks`` are the largest sizes of the truth's signals, wherever they are seen, up to
+    ``compared_until_s``; ``equal`` (n,) tells which samples are equally spaced.
+    """
+
+    own: Scene
+    run: Trajectory
+    solved: Solved
+    peaks: Mapping[str, float]
+    compared_until_s: float
+    equal: NDArray[np.bool_]
+
+
+def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
+    """Run a scene by an engine, with samples where something happens, and find its truth.
+
+    Steps are those of the run that is asked for. With clearance ``times_between_s`` are sampled; of ideal
+    joints as many of the steps, or equal times where an engine chooses its steps, as make ``FINE`` samples.
+    An engine that leaves times out is judged at those that it has.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: as the engine does, or there is no truth.
+    """
+    own = engine.twin(scene)
+    if not scene.joints_with_clearance:
+        asked = _finer(engine, scene, asked)
+        run, found = engine.simulate(scene, asked), solved(own, asked.samples)
+        peaks = _peaks(own, solved(own, FINE).truth)
+        return Judged(own, run, found, peaks, scene.end_time_s, np.ones(len(run.time_s), dtype=bool))
+    run = engine.simulate(scene, replace(asked, at_s=times_between_s(own, asked.samples)))
+    whole, every = solved(own, asked.samples), np.linspace(0.0, scene.end_time_s, asked.samples + 1)
+    until_s = float(every[followed(own, asked.samples) - 1])
+    equal = np.searchsorted(whole.truth.time_s, every - ROUNDING * every[1])
+    found = whole if len(run.time_s) == len(whole.truth.time_s) else whole.selected(equal)
+    peaks = _peaks(own, selected(whole.truth, whole.truth.time_s <= until_s))
+    return Judged(own, run, found, peaks, until_s, np.isin(found.truth.time_s, whole.truth.time_s[equal]))
+
+
+def _finer(engine: Engine, scene: Scene, asked: RunSettings) -> RunSettings:
+    """Return the settings with more samples, up to ``FINE``, that leave the steps as they are."""
+    most, steps = max(1, FINE // asked.samples), asked.steps_per_sample(scene.end_time_s)
+    if getattr(engine, "order", 0) is not None:
+        most = max(times for times in range(1, most + 1) if steps % times == 0)
+    return replace(asked, samples=most * asked.samples)
+
+
+def _peaks(own: Scene, truth: Trajectory) -> dict[str, float]:
+    """Return the largest sizes of the truth's signals."""
+    return {name: float(size.max()) for name, size in metrics.sizes(own, truth).items()}
+
+
+def compared(found: Judged) -> tuple[Row, Curves]:
     """Return the largest error of every signal with the truth's uncertainty and scale, and errors as curves.
 
-    ``scene`` is the one that the engine really solves, ``repeats`` are its truth found otherwise. Samples
-    before ``until`` count, up to ``compared_until_s``; ``largest_kinetic_energy_J`` is the truth's.
+    Samples up to ``compared_until_s`` count, and curves have those that are equally spaced. A signal of whose
+    largest value the samples see less than ``SEEN``, or that is zero, is not judged, and the row says so.
+    ``largest_kinetic_energy_J`` is the truth's.
     """
-    first = slice(None, until)
-    judged = selected(truth, first)
-    curves: Curves = dict(metrics.errors(scene, selected(run, first), judged))
-    row = {"compared_until_s": float(judged.time_s[-1])}
-    row |= {name: float(curve.max()) for name, curve in curves.items()}
-    row["largest_kinetic_energy_J"] = float(metrics.kinetic_energy_J(scene, judged).max())
-    row |= metrics.uncertainties(scene, judged, [selected(repeat, first) for repeat in repeats])
-    return row | metrics.scales(scene, judged), curves
+    own, until = found.own, found.solved.truth.time_s <= found.compared_until_s * (1 + ROUNDING)
+    (truth, repeats, by), equal = found.solved.selected(until), found.equal[until]
+    errors = metrics.errors(own, selected(found.run, until), truth)
+    row: Row = {"truth": by, "compared_until_s": found.compared_until_s}
+    row |= {name: float(curve.max()) for name, curve in errors.items()}
+    row["largest_kinetic_energy_J"] = float(metrics.kinetic_energy_J(own, truth).max())
+    row |= metrics.uncertainties(own, truth, list(repeats)) | metrics.scales(own, truth, equal)
+    reasons = []
+    for name, seen in _peaks(own, truth).items():
+        if not seen or seen < SEEN * found.peaks[name]:
+            del row[metrics.with_suffix(name, "error")]
+            part = f"{100 * seen / found.peaks[name]:.0f} % of its peak is seen" if seen else "zero"
+            reasons.append(f"{name}: {part}")
+    row["not_judged"] = "; ".join(reasons)
+    return row, {name: curve[equal] for name, curve in errors.items()}
 
 
 def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:

@@ -8,11 +8,16 @@ in, with repeats of its own, as for ideal pendulums and rods no longer than thei
 up to the horizon, where repeats or runs begun a hair beside part. All are kept on disk (see ``run_cache``).
 """
 
+from dataclasses import replace
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.mechanics.impacts import instants_in, with_largest
+from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.reference.engine import ReferenceEngine
@@ -21,7 +26,8 @@ from studies.independent.solver import IndependentSolver
 from studies.judges.horizon import PERTURBATION_RAD, moved
 from studies.judges.ideal_truth import exact, exact_repeats
 from studies.judges.kinds import has_closed_form
-from studies.judges.run_cache import kept_run
+from studies.judges.metrics import sizes
+from studies.judges.run_cache import kept, kept_run
 
 #: The solvers of the truth and of its repeats, which leave out shorter flights between rigid walls.
 COLLOCATION = IndependentSolver("collocation", 1e-11)
@@ -32,46 +38,134 @@ SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", tolerance=tolerance) for t
 RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
 #: Scenes whose samples divide these are solved once.
 GRID = 120
+#: Peaks of a signal above this part of its largest value have a time of their own, found on so many samples.
+PEAK, DENSE = 0.5, 4800
 #: Pointwise errors mean something while repeats are no further apart than this in slider position.
 POINTWISE_M = 1e-8
 #: What the truth of a scene is by.
 INDEPENDENT, REFERENCE = "independent", "reference"
 
-Solved = tuple[Trajectory, tuple[Trajectory, ...]]
 
 
-def converged(scene: Scene, samples: int) -> Solved:
-    """Return the true trajectory and its repeats.
+class Solved(NamedTuple):
+    """A true trajectory, its repeats, and what they are by."""
+
+    truth: Trajectory
+    repeats: tuple[Trajectory, ...]
+    by: str
+
+    def selected(self, which: slice | NDArray[Any]) -> "Solved":
+        """Return the same at some of its samples."""
+        repeats = tuple(selected(repeat, which) for repeat in self.repeats)
+        return Solved(selected(self.truth, which), repeats, self.by)
+
+
+def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
+    """Return the true trajectory and its repeats, at equally spaced times.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: see ``solved``.
+    """
+    found = _on_equal(scene, samples)
+    return found.truth, found.repeats
+
+
+def truth_by(scene: Scene, samples: int) -> str:
+    """Return what the truth of a scene is by: ``INDEPENDENT`` equations, or the ``REFERENCE``."""
+    return _on_equal(scene, samples).by
+
+
+def times_between_s(scene: Scene, samples: int) -> tuple[float, ...]:
+    """Return the times, beside equal samples, at which runs of a scene with clearance are judged.
+
+    They are those of ``GRID``, where the samples are some of them; those within every impact of the true
+    solution (see ``instants_in``), one included that has not ended; and those at which a signal has a peak of
+    more than ``PEAK`` of its largest, of ``DENSE`` samples.
+    """
+    return tuple(_judging(scene, _at_least(samples)).times_s(scene).tolist())
+
+
+def _judging(scene: Scene, samples: int) -> RunSettings:
+    """Return the settings of a true run to judge by."""
+    return RunSettings(scene.end_time_s, samples, _telling_times_s(scene))
+
+
+@lru_cache(maxsize=64)
+def solved(scene: Scene, samples: int) -> Solved:
+    """Return the true solution at all times at which runs with so many samples are judged.
 
     Raises:
         UnsupportedScene, SimulationFailed: the independent equations have no solution, nor has the reference,
             or not a good one.
     """
-    if has_closed_form(scene):
-        return exact(scene, samples), tuple(exact_repeats(scene, samples))
-    return _on_samples(scene, samples)[1]
-
-
-def truth_by(scene: Scene, samples: int) -> str:
-    """Return what the truth of a scene is by: ``INDEPENDENT`` equations, or the ``REFERENCE``."""
-    return INDEPENDENT if has_closed_form(scene) else _on_samples(scene, samples)[0]
+    if not scene.joints_with_clearance:
+        return _on_equal(scene, samples)
+    if _at_least(samples) > samples:
+        return solved(scene, _at_least(samples))
+    truth, repeats, by = _solved(scene, _judging(scene, samples))
+    return Solved(with_largest(truth), tuple(with_largest(repeat) for repeat in repeats), by)
 
 
 @lru_cache(maxsize=64)
-def _on_samples(scene: Scene, samples: int) -> tuple[str, Solved]:
-    """Return what solved a scene without closed form, and its solution; those on few samples are of more."""
-    if samples < GRID and GRID % samples == 0:
-        by, (truth, repeats) = _on_samples(scene, GRID)
-        some = slice(None, None, GRID // samples)
-        return by, (selected(truth, some), tuple(selected(repeat, some) for repeat in repeats))
-    whole, fine = RunSettings(scene.end_time_s, samples), RunSettings(RK4_STEP_S, samples)
+def _on_equal(scene: Scene, samples: int) -> Solved:
+    """Return the true solution at equally spaced times."""
+    if has_closed_form(scene):
+        return Solved(exact(scene, samples), tuple(exact_repeats(scene, samples)), INDEPENDENT)
+    if _at_least(samples) > samples:
+        return _on_equal(scene, GRID).selected(slice(None, None, GRID // samples))
+    return _solved(scene, RunSettings(scene.end_time_s, samples))
+
+
+def _at_least(samples: int) -> int:
+    """Return how many equal samples a scene is solved on: those on few are of more."""
+    return GRID if samples < GRID and GRID % samples == 0 else samples
+
+
+@lru_cache(maxsize=64)
+def _telling_times_s(scene: Scene) -> tuple[float, ...]:
+    """Return the times within the impacts of the true solution, and those at which a signal is large."""
+    dense = RunSettings(scene.end_time_s, DENSE)
+    return kept(f"times, {PEAK}", COLLOCATION, scene, dense, lambda: _found_telling(scene, dense))
+
+
+def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
+    try:
+        run = COLLOCATION.simulate(scene, dense)
+    except (UnsupportedScene, SimulationFailed):
+        run = SHARP.simulate(scene, dense)
+    times = [np.zeros(0)]
+    for size in sizes(scene, run).values():
+        beside = np.pad(size, 1, constant_values=-np.inf)
+        peaks = (size >= beside[:-2]) & (size > beside[2:]) & (size > PEAK * size.max())
+        times.append(run.time_s[peaks])
+    for contact in run.contacts.values():
+        touch_s, duration_s = contact.impacts.time_s, contact.impacts.duration_s
+        if contact.penetration_m[-1] > 0:  # a contact that has not ended
+            begin_s = np.append(run.time_s[contact.penetration_m <= 0], touch_s + duration_s).max(initial=0.0)
+            touch_s, duration_s = np.append(touch_s, begin_s), np.append(duration_s, run.time_s[-1] - begin_s)
+        times.append(instants_in(touch_s, duration_s)[duration_s > 0].ravel())
+    return tuple(np.unique(np.concatenate(times)).tolist())
+
+
+def _solved(scene: Scene, whole: RunSettings) -> Solved:
+    """Return what solves a scene, and its solution, at the times of a run in whole steps."""
+    fine = replace(whole, step_s=RK4_STEP_S)
     try:
         truth, repeat = kept_run(COLLOCATION, scene, whole), _repeat(scene, whole)
-        return INDEPENDENT, (require_quality(scene, truth), (require_quality(scene, repeat),))
+        return Solved(require_quality(scene, truth), (require_quality(scene, repeat),), INDEPENDENT)
     except (UnsupportedScene, SimulationFailed):
         runs = ((SHARP, whole), (LESS_SHARP, whole), (RK4, fine))
         truth, *others = (require_quality(scene, kept_run(engine, scene, run)) for engine, run in runs)
-        return REFERENCE, (truth, tuple(others))
+        return Solved(truth, tuple(others), REFERENCE)
+
+
+def true_at(scene: Scene, samples: int, at_s: tuple[float, ...]) -> Trajectory:
+    """Return the true trajectory at equal samples and other times.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: see ``solved``.
+    """
+    return _solved(scene, RunSettings(scene.end_time_s, samples, at_s)).truth
 
 
 def _repeat(scene: Scene, whole: RunSettings) -> Trajectory:

@@ -3,11 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from engine_models.engine import FloatArray, Impacts
+from engine_models.engine import Contact, FloatArray, Impacts
 
 #: Two impacts are the same if they are no further apart than this part of the flights around them.
 PART_OF_FLIGHT = 0.25
+#: The columns of the largest force's error, and of that as a part of it.
+FORCE_ERROR, FORCE_PART = "impact_force_error_N", "impact_force_relative_error"
+#: Samples in an impact by which its force can be interpolated.
+FEWEST = 12
 
 
 @dataclass(frozen=True)
@@ -43,8 +48,9 @@ def match(run: FloatArray, true: FloatArray, end_s: float) -> Matching:
 def impact_errors(run: Impacts, true: Impacts, end_s: float) -> dict[str, float]:
     """Return a row's columns: impacts matched, unmatched and missed until ``end_s``, and errors.
 
-    Time by its largest error; speed, impulse and energy lost by the largest error relative to the largest of
-    the true ones.
+    Time and largest force by their largest error; speed, impulse and energy lost by the largest error
+    relative to the largest of the true ones; the largest force and penetration and the duration also
+    relative to each true one, where an impact that is missed is off by all of its force.
     """
     pairs = match(run.time_s, true.time_s, end_s)
     row: dict[str, float] = {
@@ -54,15 +60,54 @@ def impact_errors(run: Impacts, true: Impacts, end_s: float) -> dict[str, float]
     }
     if not len(pairs.run):
         return row
-    row["impact_time_error_s"] = float(np.abs(run.time_s[pairs.run] - true.time_s[pairs.true]).max())
+
+    def both(name: str) -> tuple[FloatArray, FloatArray]:
+        return getattr(run, name)[pairs.run], getattr(true, name)[pairs.true]
+
+    for name, column in (("time_s", "impact_time_error_s"), ("largest_normal_force_N", FORCE_ERROR)):
+        found, expected = both(name)
+        row[column] = float(np.abs(found - expected).max())
     for name, column in (
         ("approach_speed_m_s", "impact_speed_relative_error"),
         ("normal_impulse_N_s", "impact_impulse_relative_error"),
         ("energy_lost_J", "impact_loss_relative_error"),
     ):
-        expected = getattr(true, name)
-        scale = float(np.abs(expected[pairs.true]).max())
-        if scale > 0:
-            off = np.abs(getattr(run, name)[pairs.run] - expected[pairs.true]).max()
-            row[column] = float(off / scale)
-    return row
+        found, expected = both(name)
+        if (scale := np.abs(expected).max()) > 0:
+            row[column] = float(np.abs(found - expected).max() / scale)
+    for name, column in (
+        ("largest_normal_force_N", FORCE_PART),
+        ("largest_penetration_m", "impact_penetration_relative_error"),
+        ("duration_s", "impact_duration_relative_error"),
+    ):
+        found, expected = both(name)
+        if (expected > 0).all():
+            row[column] = float((np.abs(found - expected) / expected).max())
+    if pairs.missed and FORCE_PART in row:
+        row[FORCE_PART] = max(row[FORCE_PART], 1.0)
+    return {name: value for name, value in row.items() if not np.isnan(value)}
+
+
+def force_error_in_phase_N(run: Contact, true: Contact, time_s: FloatArray, end_s: float) -> float:
+    """Return the largest difference of normal forces at equal parts of the durations of matched impacts.
+
+    Both contacts have samples at the same times (n,). It is NaN where an impact of the run has too few of
+    them for its force to be interpolated, as one that is late by as long as it lasts.
+    """
+    pairs, worst = match(run.impacts.time_s, true.impacts.time_s, end_s), 0.0
+    for own, other in zip(pairs.run, pairs.true, strict=True):
+        phase, force = _within(run, own, time_s)
+        true_phase, true_force = _within(true, other, time_s)
+        if len(phase) < FEWEST:
+            return np.nan
+        there = (true_phase >= phase[0]) & (true_phase <= phase[-1])
+        off = CubicSpline(phase, force)(true_phase[there]) - true_force[there]
+        worst = max(worst, float(np.abs(off).max(initial=0.0)))
+    return worst
+
+
+def _within(contact: Contact, number: int, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the normal force at the samples within an impact, and at which part of its duration they are."""
+    begin_s, duration_s = contact.impacts.time_s[number], contact.impacts.duration_s[number]
+    inside = (time_s > begin_s) & (time_s < begin_s + duration_s)
+    return (time_s[inside] - begin_s) / duration_s, contact.normal_force_N[inside]

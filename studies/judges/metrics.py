@@ -21,10 +21,14 @@ def in_flight(*runs: Trajectory) -> NDArray[np.bool_]:
 
 
 def finite(run: Trajectory) -> bool:
-    """Return whether every number of a trajectory is finite, its contacts' and their impacts' included."""
+    """Return whether every number of a trajectory is finite, its contacts' and their impacts' included.
+
+    The largest of an impact's forces may be unknown.
+    """
     contacts = run.contacts.values()
     records = (run, *contacts, *(contact.impacts for contact in contacts))
-    values = [value for record in records for value in vars(record).values()]
+    known = [(name, value) for record in records for name, value in vars(record).items()]
+    values = [value for name, value in known if not name.startswith("largest_")]
     return all(np.isfinite(value).all() for value in values if isinstance(value, np.ndarray))
 
 
@@ -52,6 +56,16 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
         yield f"contact_{joint}_normal_impulse_N_s", contact.normal_impulse_N_s
 
 
+def sizes(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
+    """Return the sizes of all signals, (n,), forces by length, by their names."""
+    return {name: _size(value) for name, value in signals(scene, trajectory)}
+
+
+def _size(value: FloatArray) -> FloatArray:
+    """Return the size of a signal, (n,), of a vector (n, 2) its length."""
+    return np.hypot(*value.T) if value.ndim == 2 else np.abs(value)
+
+
 def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
     """Return the error of each signal over time, (n,), forces by the length of the difference vector.
 
@@ -66,8 +80,7 @@ def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str,
         raise ValueError(f"truth: expected {expected}, got {there} up to {truth.time_s[-1]:g} s")
     out = {}
     for (name, value), (_, true) in zip(signals(scene, trajectory), signals(scene, truth), strict=True):
-        difference = np.abs(value - true)
-        out[with_suffix(name, "error")] = np.hypot(*difference.T) if difference.ndim == 2 else difference
+        out[with_suffix(name, "error")] = _size(value - true)
     return out
 
 
@@ -83,15 +96,14 @@ def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) ->
     }
 
 
-def scales(scene: Scene, truth: Trajectory) -> dict[str, float]:
+def scales(scene: Scene, truth: Trajectory, equal: NDArray[np.bool_] | slice = slice(None)) -> dict[str, float]:
     """Return how far each signal is from its mean at most, forces by length: an error as large knows nothing.
 
-    The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
+    The mean is that of the ``equal`` samples, (n,). The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
     """
-    swings = ((name, np.abs(value - value.mean(axis=0))) for name, value in signals(scene, truth))
     return {
-        with_suffix(name, "scale"): float((np.hypot(*swing.T) if swing.ndim == 2 else swing).max())
-        for name, swing in swings
+        with_suffix(name, "scale"): float(_size(value - value[equal].mean(axis=0)).max())
+        for name, value in signals(scene, truth)
     }
 
 

@@ -6,7 +6,8 @@ They are beside the kernels, checked in the same way, and as private: what is re
 import hashlib
 import pickle
 import platform
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, TypeVar
 
 from llvmlite.binding import get_host_cpu_name
 
@@ -14,6 +15,9 @@ from engine_models.engine import RunSettings, Trajectory
 from engine_models.reference.kernels import read_checked, write_checked
 from engine_models.scene.scene import Scene
 from studies.running.provenance import engine_fingerprint
+
+
+Kept = TypeVar("Kept")
 
 
 class Solver(Protocol):
@@ -33,20 +37,22 @@ def kept_run(engine: Solver, scene: Scene, settings: RunSettings) -> Trajectory:
         UnsupportedScene, SimulationFailed: as ``simulate`` does; a failure is not kept.
         FolderRefused: others could have written what would be read.
     """
-    name = _file_name(engine, scene, settings)
-    content = read_checked(name)
-    if content is not None:
-        run: Trajectory = pickle.loads(content)
-        return run
-    run = engine.simulate(scene, settings)
-    write_checked(name, pickle.dumps(run))
-    return run
+    return kept("run", engine, scene, settings, lambda: engine.simulate(scene, settings))
 
 
-def _file_name(engine: Solver, scene: Scene, settings: RunSettings) -> str:
-    """Return the name of a run's file: a hash of engine, scene and settings, of code and processor."""
+def kept(what: str, engine: Solver, scene: Scene, settings: RunSettings, make: Callable[[], Kept]) -> Kept:
+    """Return what is made of an engine's run of a scene, now or before by the same code (see ``kept_run``).
+
+    ``what`` names it, with all that decides it besides.
+    """
     kind = type(engine)
     code = engine_fingerprint(kind.__module__), kind.__qualname__
     run = engine, scene.model_dump_json(), settings
-    text = repr((*code, *run, platform.machine(), get_host_cpu_name()))
-    return f"run-{hashlib.sha256(text.encode()).hexdigest()[:32]}.pickle"
+    text = repr((what, *code, *run, platform.machine(), get_host_cpu_name()))
+    name = f"run-{hashlib.sha256(text.encode()).hexdigest()[:32]}.pickle"
+    if (content := read_checked(name)) is not None:
+        found: Kept = pickle.loads(content)
+        return found
+    made = make()
+    write_checked(name, pickle.dumps(made))
+    return made

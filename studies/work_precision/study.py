@@ -15,11 +15,11 @@ import numpy as np
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import engine_class, make_engine
+from engine_models.mechanics.samples import selected
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
-from studies.judges.comparison import checked, compared
-from studies.judges.converged_truth import converged, followed, truth_by
+from studies.judges.comparison import checked, compared, judged
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 
@@ -101,14 +101,13 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 
 def _errors(case: Case) -> Row:
-    engine = make_engine(case.engine, **case.settings)
-    own, samples = engine.twin(case.scene), case.run.samples
-    run = engine.simulate(case.scene, case.run)
-    errors, _ = compared(own, run, *converged(own, samples), followed(own, samples))
-    row: Row = {"truth": truth_by(own, samples), "steps": run.steps}
-    if run.evaluations is not None:
-        row["evaluations"] = run.evaluations
-    return {**row, **errors, **checked(case.scene, run)}
+    found = judged(make_engine(case.engine, **case.settings), case.scene, case.run)
+    errors, _ = compared(found)
+    row: Row = {"steps": found.run.steps}
+    if found.run.evaluations is not None:
+        row["evaluations"] = found.run.evaluations
+    impacts = clearance.impacts_of(found) if found.run.contacts else {}
+    return {**row, **errors, **impacts, **checked(case.scene, selected(found.run, found.equal))}
 
 
 def _solve_time_s(engine: Engine, scene: Scene, run: RunSettings) -> float:

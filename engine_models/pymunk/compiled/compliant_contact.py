@@ -39,7 +39,7 @@ def push(pin, state, loads, kick_s, kick):
     _add(loads[pin.bearing], -f_x, -f_y, arm_y * f_x - arm_x * f_y)
     kick.normal_N_s, kick.friction_N_s, kick.spring_N_s = normal * kick_s, friction * kick_s, spring * kick_s
     kick.rate_before, kick.mean_rate, kick.mean_sliding = rate, rate, sliding
-    kick.clipped = clipped
+    kick.clipped, kick.depth_m, kick.kick_s = clipped, pin.depth, kick_s
 
 
 @register_jitable(**INNER)
