@@ -43,7 +43,7 @@ LOCATED = Arm("reference", "located", {"locate_events": True})
 LOCATED_ALONE = Arm("reference", "located, none", {"locate_events": True, "stabilisation": "none"})
 PLAIN = Arm("reference", "plain", {"locate_events": False})
 PLAIN_RK4 = Arm("reference", "plain RK4", {"locate_events": False, "stabilisation": "none"})
-REFERENCE_DOP853 = Arm("reference", "DOP853", {"method": "dop853"}, ("tolerance",))
+REFERENCE_DOP853 = Arm("reference", "DOP853", {"method": "dop853"}, ("step_tolerance",))
 
 #: Exudyn as it comes, and its solvers by name.
 EXUDYN = Arm("exudyn", AS_IT_COMES)
@@ -53,8 +53,8 @@ GENERALIZED_ALPHA_09 = Arm(
     "exudyn", "generalized-alpha 0.9", {"solver": "GeneralizedAlpha", "spectral_radius": 0.9}
 )
 RK44 = Arm("exudyn", "RK44", {"solver": "RK44"})
-DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("tolerance",))
-ODE23 = Arm("exudyn", "ODE23", {"solver": "ODE23"}, ("tolerance",))
+DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("step_tolerance",))
+ODE23 = Arm("exudyn", "ODE23", {"solver": "ODE23"}, ("step_tolerance",))
 
 
 def _all_settings(engine: PymunkEngine) -> dict[str, Setting]:
@@ -84,7 +84,7 @@ LSODA_MINIMAL = Arm("scipy", "LSODA minimal", {"method": "LSODA", "coordinates":
 ODEINT_MINIMAL = Arm(
     "scipy", "odeint minimal", {"method": "odeint", "coordinates": "minimal"}, ("rtol", "atol")
 )
-HEYOKA = Arm("heyoka", "Taylor", {}, ("tolerance",))
+HEYOKA = Arm("heyoka", "Taylor", {}, ("step_tolerance",))
 #: Arms whose solve gives the motion alone: forces are computed afterwards, at the samples.
 MOTION_ALONE = (SCIPY_DOP853_MINIMAL, LSODA_MINIMAL, HEYOKA)
 

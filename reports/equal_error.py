@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from reports.quantities import floor, value
+from reports.quantities import floor, knobs, tolerances, value
 from reports.results import FloatArray, with_columns
-from reports.tables import number, plain
+from reports.tables import plain, setting
 
 #: Draws of rounds with replacement, and the percentiles of the medians drawn: an interval of 95 %.
 DRAWS, PERCENTILES = 2000, (2.5, 97.5)
@@ -113,12 +113,10 @@ def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
 
 def from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one scene's rows in the order of ladders, with what each arm varies: tolerance, or else step."""
-    others = ("setting_rtol", "setting_tolerance", "round", "compiled_anew", "steps", "evaluations")
-    rows = with_columns(rows, *others)
-    tolerance = rows["setting_rtol"].astype(float).fillna(rows["setting_tolerance"].astype(float))
+    rows, tolerance = with_columns(rows, "round", "compiled_anew", "steps", "evaluations"), tolerances(rows)
     varied = tolerance.groupby(rows["label"], observed=True).transform("nunique") > 1
     return rows.assign(
-        knob=varied.map({True: "tolerance", False: "step"}), value=tolerance.where(varied, rows["step_s"])
+        knob=knobs(rows).where(varied, "step"), value=tolerance.where(varied, rows["step_s"])
     ).sort_values("value", ascending=False, kind="stable")
 
 
@@ -144,7 +142,7 @@ def arrival(rungs: pd.DataFrame, error: float) -> Arrival | None:
 
 def at_rung(rung: Any) -> Arrival:
     """Return how an arm gets to a rung of its own, one of ``itertuples``."""
-    return Arrival(rung.engine, rung.label, _setting(rung), rung.times_s)
+    return Arrival(rung.engine, rung.label, setting(rung.knob, rung.value), rung.times_s)
 
 
 def _ways(arm: pd.DataFrame, error: float) -> Iterator[Arrival]:
@@ -157,12 +155,7 @@ def _ways(arm: pd.DataFrame, error: float) -> Iterator[Arrival]:
         share = math.log(one.error / error) / math.log(one.error / other.error)
         times = one.times_s * (other.times_s / one.times_s) ** share
         if np.isfinite(times).any():  # rounds that both have
-            yield Arrival(one.engine, one.label, _setting(one, other), times)
-
-
-def _setting(*rungs: Any) -> str:
-    values = " to ".join(number(rung.value) for rung in rungs)
-    return f"{rungs[0].knob} {values}{' s' if rungs[0].knob == 'step' else ''}"
+            yield Arrival(one.engine, one.label, setting(one.knob, one.value, other.value), times)
 
 
 def ratio(slow: Arrival, fast: Arrival) -> Ratio | None:

@@ -4,6 +4,8 @@ import math
 
 import pandas as pd
 
+from reports.results import with_columns
+
 
 def finished(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of runs that the engine finished."""
@@ -38,6 +40,19 @@ def floor(rows: pd.DataFrame, column: str) -> float:
     """Return the truth's largest uncertainty of a column, 0 where there is none."""
     largest = uncertainty(rows, column).max()
     return 0.0 if math.isnan(largest) else float(largest)
+
+
+def tolerances(rows: pd.DataFrame) -> pd.Series:
+    """Return the tolerance of a step that each run was set to, NaN where it had none."""
+    rows = with_columns(rows, "setting_rtol", "setting_step_tolerance")
+    return rows["setting_rtol"].astype(float).fillna(rows["setting_step_tolerance"].astype(float))
+
+
+def knobs(rows: pd.DataFrame) -> pd.Series:
+    """Return what resolves each run: its tolerance of a step by that setting's name, or else ``step``."""
+    of_scipy = with_columns(rows, "setting_rtol")["setting_rtol"].notna()
+    names = of_scipy.map({True: "rtol", False: "step_tolerance"})
+    return names.where(tolerances(rows).notna(), "step")
 
 
 def signal_errors(rows: pd.DataFrame) -> list[str]:

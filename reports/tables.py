@@ -33,6 +33,12 @@ def number(value: float) -> str:
     return ABSENT if math.isnan(value) else f"{value:.1e}"
 
 
+def setting(name: str, *values: float) -> str:
+    """Return a setting with its value or its range as it is typed: step_tolerance 1e-10, step 0.001 s."""
+    ends = " to ".join(dict.fromkeys(f"{value:.3g}" for value in values))
+    return f"{name} {ends}{' s' if name == 'step' else ''}"
+
+
 def plain(value: float) -> str:
     """Return a number of ordinary size with two significant digits and no exponent: 140, 0.12."""
     return f"{float(f'{value:.2g}'):g}"

@@ -58,7 +58,7 @@ def _cases_on(scene: Scene, full: bool) -> list[Case]:
     for arm in (*ARMS, *arms.newcomers()):
         out += [_by_step(scene, arm, count) for count in LADDER + (FINER if full else ())]
     for intervals in INTERVALS:
-        out.append(_by_step(scene, arms.REFERENCE_DOP853, 1 / intervals, tolerance=NO_LIMIT))
+        out.append(_by_step(scene, arms.REFERENCE_DOP853, 1 / intervals, step_tolerance=NO_LIMIT))
     for arm in CHOOSING:
         for exponents in (EXPONENTS, BETWEEN) if full else (EXPONENTS,):
             rungs = by_tolerance(arm, scene.end_time_s, exponents)

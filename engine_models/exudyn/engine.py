@@ -50,7 +50,7 @@ class ExudynEngine(ExudynSettings):
 
     def sharper(self) -> "ExudynEngine":
         """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""
-        return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
+        return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
     def bare_solve_time_s(self, scene: Scene, settings: RunSettings) -> float:
         """Return the wall time of the solve with nothing recorded but its ends.

@@ -28,10 +28,10 @@ class ExudynSettings:
     ``solver = auto`` is the implicit trapezoidal rule for ideal joints and DOPRI5 for joints with clearance,
     wherever its model can be built. Implicit solvers run the absolute model: every ideal joint but O is a
     constraint. Explicit ones run the tree model, which has no constraint, and only scenes with clearance.
-    DOPRI5 and ODE23 choose their steps, up to the run's, for a local error of ``tolerance`` in m, rad, m/s
-    and rad/s; the others take the run's step. With larger tolerances than are allowed runs have overflowed,
-    and Exudyn then went on for ever. With ``locate_events`` steps are shortened to end on touch and release,
-    the more closely the smaller the tolerance, and grow again; without it they are as they come.
+    DOPRI5 and ODE23 choose their steps, up to the run's, for a local error of ``step_tolerance`` in m, rad,
+    m/s and rad/s; the others take the run's step. With larger tolerances than are allowed runs have
+    overflowed, and Exudyn then went on for ever. With ``locate_events`` steps are shortened to end on touch
+    and release, the more closely the smaller the tolerance, and grow again; without it they are as they come.
 
     ``spectral_radius`` (at infinite frequency) matters to the generalized-alpha method alone: 1 would keep
     the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps. Newton's
@@ -57,7 +57,7 @@ class ExudynSettings:
         "RK33",
         "ExplicitMidpoint",
     ] = "auto"
-    tolerance: Annotated[float, Field(gt=0, le=1e-4)] = 1e-10
+    step_tolerance: Annotated[float, Field(gt=0, le=1e-4)] = 1e-10
     locate_events: bool = True
     spectral_radius: Annotated[float, Field(ge=0, lt=1)] = 0.5
     newton_tolerance: Annotated[float, Field(gt=0, le=1e-6)] | None = None

@@ -85,7 +85,7 @@ def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) 
     else:
         _set_explicit(integration, solver)
     if solver in ADAPTIVE:
-        _set_adaptive(integration, engine.tolerance, quickest_s(scene) / FEWEST_STEPS)
+        _set_adaptive(integration, engine.step_tolerance, quickest_s(scene) / FEWEST_STEPS)
     return settings
 
 
@@ -158,7 +158,7 @@ def _set_events(
     kind = "implicit" if solver in IMPLICIT else "explicit"
     locate, gap = engine.locate_events, EVENT_GAP_M[kind]
     if solver in ADAPTIVE:
-        gap = min(max(GAP_PER_TOLERANCE * engine.tolerance, LEAST_GAP_M), LARGEST_GAP_M)
+        gap = min(max(GAP_PER_TOLERANCE * engine.step_tolerance, LEAST_GAP_M), LARGEST_GAP_M)
     integration.endTime = scene.end_time_s + OVERRUN_S
     integration.minimumStepSize = SHORTEST_STEP_S[kind]
     integration.adaptiveStep = locate

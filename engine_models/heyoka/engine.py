@@ -32,7 +32,7 @@ SHARPEST = 2.3e-16
 class HeyokaEngine:
     """Taylor series of the equations of motion in minimal coordinates, by heyoka (Biscani and Izzo 2021).
 
-    heyoka compiles the equations for their Taylor coefficients; the ``tolerance`` sets the order of the
+    heyoka compiles the equations for their Taylor coefficients; the ``step_tolerance`` sets the order of the
     series, 6 at 1e-4 and 20 at round-off, and with it the steps. It gives the motion alone: joint forces
     follow after the solve from the multiplier equations at the samples, works and losses from Gauss's
     quadrature of the series. There is an integrator for flight, and one for every combination of contacts
@@ -43,7 +43,7 @@ class HeyokaEngine:
     ``max_steps``; the default takes about a minute.
     """
 
-    tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-12
+    step_tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-12
     max_steps: Annotated[int, Field(gt=0)] = 20_000_000
 
     def check(self, scene: Scene) -> None:
@@ -78,7 +78,7 @@ class HeyokaEngine:
 
     def sharper(self) -> "HeyokaEngine":
         """Return the engine with a tenth of its tolerance."""
-        return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
+        return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene.
@@ -140,7 +140,7 @@ def _systems(engine: HeyokaEngine, scene: Scene) -> "Systems":
     """Return the integrators of a scene; of the same one again, the same."""
     from engine_models.heyoka.systems import Systems
 
-    return Systems(scene, engine.tolerance)
+    return Systems(scene, engine.step_tolerance)
 
 
 def _without_series(clearance: Clearance) -> str | None:

@@ -75,7 +75,7 @@ class Flight:
             if self.steps >= self._max_steps and t < self._end_s:
                 raise SimulationFailed(
                     f"{self.steps} steps came no further than t = {t:.6g} s: "
-                    "loosen tolerance, or raise max_steps"
+                    "loosen step_tolerance, or raise max_steps"
                 )
             if piece.event is not None:
                 contact, kind = piece.event

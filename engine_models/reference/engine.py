@@ -54,8 +54,8 @@ class ReferenceEngine:
     Without ``locate_events`` every step has the run's length, as in the paper.
 
     ``method = dop853``, of order 8, and ``dopri5``, of order 5, take steps up to the run's longest that are
-    in error by the ``tolerance``: a part of the mechanism's longest lever, a radian, and both times the rate
-    of its start (see ``ErrorControl``).
+    in error by the ``step_tolerance``: a part of the mechanism's longest lever, a radian, and both times the
+    rate of its start (see ``ErrorControl``).
 
     Pins before rigid walls bounce as long as step or tolerance let them; or, where ``lowest_flight`` is
     given, down to heights of so many times round-off.
@@ -65,7 +65,7 @@ class ReferenceEngine:
     """
 
     method: Literal["rk4", "dop853", "dopri5"] = "rk4"
-    tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-9
+    step_tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-9
     stabilisation: Literal["none", "baumgarte", "projection"] = "projection"
     baumgarte_alpha_s: Annotated[float, Field(ge=0)] = 100.0
     baumgarte_beta_s: Annotated[float, Field(ge=0)] = 100.0
@@ -87,7 +87,7 @@ class ReferenceEngine:
 
     def idle(self) -> dict[str, str]:
         """Return the settings other than their defaults that change nothing, with that which says so."""
-        of_method = ("steps_per_contact",) if self.controls_error else ("tolerance",)
+        of_method = ("steps_per_contact",) if self.controls_error else ("step_tolerance",)
         idle = dict.fromkeys(of_method, f"method = {self.method}")
         if self.stabilisation != "baumgarte":
             of_feedback = ("baumgarte_alpha_s", "baumgarte_beta_s")
@@ -104,13 +104,13 @@ class ReferenceEngine:
         """Return the engine with a tenth of its tolerance; with RK4 the step alone decides."""
         if self.method == "rk4":
             return self
-        return replace(self, tolerance=max(self.tolerance / 10, SHARPEST))
+        return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
     def finer(self) -> "ReferenceEngine":
         """Return the engine that a run is held against to see whether it has converged."""
         if self.method == "rk4":
             return replace(self, steps_per_contact=2 * self.steps_per_contact, kernel="compiled")
-        return replace(self, tolerance=max(self.tolerance / 100, SHARPEST), kernel="compiled")
+        return replace(self, step_tolerance=max(self.step_tolerance / 100, SHARPEST), kernel="compiled")
 
     @property
     def order(self) -> float | None:
@@ -122,13 +122,14 @@ class ReferenceEngine:
         """Whether the tolerance decides, and the step is no more than a limit."""
         return self.method != "rk4"
 
-    def controlling_error(self, tolerance: float = LOOSE) -> "ReferenceEngine":
+    def controlling_error(self, step_tolerance: float = LOOSE) -> "ReferenceEngine":
         """Return the engine with DOP853 and a tolerance, with its events located and all bounces followed.
 
         Those left out are an error of the order of the square root of their height, which falls too slowly.
         """
         lowest = self.lowest_flight or LOWEST_FLIGHT
-        return replace(self, method="dop853", tolerance=tolerance, locate_events=True, lowest_flight=lowest)
+        located = replace(self, locate_events=True, lowest_flight=lowest)
+        return replace(located, method="dop853", step_tolerance=step_tolerance)
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene.
@@ -170,7 +171,7 @@ class ReferenceEngine:
         """
         if self.method != "rk4":
             return ErrorControl(
-                self.tolerance, min(settings.step_s, scene.end_time_s), self.method, self.lowest_flight
+                self.step_tolerance, min(settings.step_s, scene.end_time_s), self.method, self.lowest_flight
             )
         step = settings.step_used_s(scene.end_time_s)
         if not (scene.joints_with_clearance and self.locate_events):

@@ -126,5 +126,5 @@ def _by_control(
     method: Literal["dop853", "dopri5"], scene: Scene, samples: int, tolerance: float
 ) -> Trajectory:
     lowest = HIGHER if method == "dopri5" else LOWEST_FLIGHT
-    engine = ReferenceEngine(method=method, tolerance=tolerance, lowest_flight=lowest)
+    engine = ReferenceEngine(method=method, step_tolerance=tolerance, lowest_flight=lowest)
     return engine.simulate(scene, RunSettings(scene.end_time_s, samples))

@@ -13,10 +13,9 @@ from matplotlib.ticker import NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from reports.plots.series import mark
-from reports.quantities import floor, value
-from reports.results import with_columns
+from reports.quantities import floor, knobs, tolerances, value
 from reports.style import GREY, WIDTH_IN, axis_label, line_styles
-from reports.tables import number
+from reports.tables import setting
 
 #: A panel: its scene, and the column that it shows.
 Panel = tuple[str, str]
@@ -78,17 +77,11 @@ def grid(count: int, height_in: float = 2.7) -> tuple[Drawing, list[Axes]]:
     return drawing, [drawing.add_subplot(down, across, place + 1) for place in range(count)]
 
 
-def tolerances(rows: pd.DataFrame) -> pd.Series:
-    """Return the tolerance that each run was set to, NaN where it had none."""
-    settings = with_columns(rows, "setting_rtol", "setting_tolerance")
-    return settings["setting_rtol"].astype(float).fillna(settings["setting_tolerance"].astype(float))
-
-
 def settings_in_words(rows: pd.DataFrame) -> list[str]:
     """Return what each run was set to, as a reader of its point wants it: the step, a tolerance."""
     return [
-        f"step {number(step)} s" if math.isnan(of) else f"tolerance {number(of)}, mean step {number(step)} s"
-        for step, of in zip(rows["mean_step_s"], tolerances(rows), strict=True)
+        setting(knob, step) if knob == "step" else f"{setting(knob, of)}, mean {setting('step', step)}"
+        for knob, of, step in zip(knobs(rows), tolerances(rows), rows["mean_step_s"], strict=True)
     ]
 
 

@@ -41,13 +41,13 @@ class Comparison:
     """What engines are worth on a scene.
 
     ``results`` has the rows and their curves, ``run`` is the recommended one at more samples, None where none
-    can be recommended; ``command`` makes it again.
+    can be recommended; ``given`` is the scene as it is typed in a command.
     """
 
     scene: Scene
     results: Results
     run: Run | None
-    command: str
+    given: str
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -62,7 +62,7 @@ class Comparison:
     @property
     def recommendation(self) -> str:
         """Which engine to take at which setting, what it costs, and where it stops being trustworthy."""
-        return "\n".join(sentences(self.standings))
+        return "\n".join(sentences(self.standings, self.given))
 
     def table(self) -> Any:
         """Return a line for each engine, as ``rich`` prints it."""
@@ -89,7 +89,7 @@ class Comparison:
             pictures["Motion, forces and energy"] = self.run.plot()
             for joint in self.scene.joints_with_clearance:
                 pictures[f"Pin {joint} in its bearing"] = self.run.plot_orbit(joint)
-        text = page(self.results, pictures, to_toml(self.scene), self.command)
+        text = page(self.results, pictures, to_toml(self.scene), self.given)
         with writing("folder", place):
             place.mkdir(parents=True, exist_ok=True)
             write_whole(place / "index.html", text.encode("utf-8"))
@@ -107,7 +107,7 @@ def default_folder(scene: Scene) -> Path:
 def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path) -> Comparison:
     """Run what ``folder`` lacks of a scene's comparison, on the engines named or on all, and return it.
 
-    ``given`` is how the scene was named.
+    ``given`` is the scene as it is typed in a command.
 
     Raises:
         BadInput: there is no truth for the scene, or no engine that can run it.
@@ -126,7 +126,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    return Comparison(scene, results, run, command_of(case, given) if case else "")
+    return Comparison(scene, results, run, given)
 
 
 def _question(scene: Scene, pool: Processes) -> Question:
@@ -174,12 +174,3 @@ def _shown(case: Case, pool: Processes) -> Run | None:
 
 def _simulated(engine: Engine, scene: Scene, run: RunSettings) -> Trajectory:
     return engine.simulate(scene, run)
-
-
-def command_of(case: Case, given: str) -> str:
-    """Return the command that makes a rung's run, with what is not the engine's default."""
-    usual = make_engine(case.engine)
-    settings = {name: value for name, value in case.settings.items() if getattr(usual, name) != value}
-    words = [f"--set {name}={value}" for name, value in settings.items()]
-    step = f"--step {case.run.step_used_s(case.scene.end_time_s):.6g}"
-    return " ".join(["crankslider simulate", given, f"--engine {case.engine}", *words, step])

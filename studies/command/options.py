@@ -169,7 +169,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     """Return the engine of this name with the settings given, the rest at their defaults.
 
     To keep a tolerance, an engine that can control its error does, unless ``method`` is among the settings;
-    if its own tolerance is, it begins with that.
+    if ``step_tolerance`` is, it begins with that.
 
     Raises:
         BadInput: the engine or a setting is unknown, or a value is refused.
@@ -180,7 +180,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
         raise BadInput(f"--{reason}") from None
     engine: Engine = checked(kind, "--set ", settings)
     if to_tolerance and hasattr(engine, "controlling_error") and "method" not in settings:
-        given = {"tolerance": vars(engine)["tolerance"]} if "tolerance" in settings else {}
+        given = {"step_tolerance": vars(engine)["step_tolerance"]} if "step_tolerance" in settings else {}
         engine = engine.controlling_error(**given)
     return engine
 

@@ -34,7 +34,7 @@ COLLOCATION = IndependentSolver("collocation", 1e-11)
 EXTRAPOLATION = IndependentSolver("extrapolation", 1e-14, shortest_flight_s=1e-9)
 SHARPER = IndependentSolver("collocation", 1e-12, shortest_flight_s=1e-9)
 #: The cross-check, and what stands in with it: its runs at ten times the tolerance, and by RK4 at this step.
-SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", tolerance=tolerance) for tolerance in (1e-13, 1e-12))
+SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", step_tolerance=at) for at in (1e-13, 1e-12))
 RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
 #: Scenes whose samples divide these are solved once.
 GRID = 120

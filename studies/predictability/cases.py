@@ -47,11 +47,11 @@ SEED = 20240229
 
 REFERENCE = Rung(arms.REFERENCE, STEP_S)
 #: What others are compared with, and the same by the paper's method.
-SHARP, PAPERS = Rung(arms.REFERENCE_DOP853, 1.0, {"tolerance": 1e-8}), Rung(arms.REFERENCE, 1e-4)
+SHARP, PAPERS = Rung(arms.REFERENCE_DOP853, 1.0, {"step_tolerance": 1e-8}), Rung(arms.REFERENCE, 1e-4)
 #: The engines' arms of the ensembles, at steps and tolerances that resolve an impact. With a hundred times
 #: the tolerance 75 of Exudyn's members dissipated less than the reference's, by 7 % +- 3 %.
 RUNGS = {
-    "DOPRI5": Rung(arms.DOPRI5, 2e-5, {"tolerance": 1e-7}),
+    "DOPRI5": Rung(arms.DOPRI5, 2e-5, {"step_tolerance": 1e-7}),
     "as the scene": Rung(arms.AS_THE_SCENE, 4e-6),
     "native contact": Rung(arms.NATIVE_CONTACT, 2e-6),
 }

@@ -58,7 +58,7 @@ MAP_SIZE: Row = {
 }
 #: Loose: of a chaotic motion no tolerance gives the one of this start. Where chaos is transient, when it ends
 #: is as much chance as the start.
-RUNG = Rung(arms.REFERENCE_DOP853, 1.0, {"tolerance": 1e-6})
+RUNG = Rung(arms.REFERENCE_DOP853, 1.0, {"step_tolerance": 1e-6})
 
 
 def cases(full: bool) -> list[Case]:

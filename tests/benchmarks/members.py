@@ -36,7 +36,7 @@ MANY, SWEEPS = 10_000, 3
 def one_thread(paths: Sequence[str], tolerance: float) -> FloatArray:
     """Return for each round the time of members together, over the kernel's own of the same, one by one."""
     changes = {path: np.linspace(*ENDS[path], FEW).tolist() for path in paths}
-    engine = ReferenceEngine(method="dop853", tolerance=tolerance)
+    engine = ReferenceEngine(method="dop853", step_tolerance=tolerance)
     task = Members(engine, SCENES[SCENE](), changes, Watch(), None)
     ratios = []
     for _ in range(ROUNDS + 1):

@@ -80,7 +80,12 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
                 }
     for scene, errors in BY_TOLERANCE.items():
         for tolerance, position in errors.items():
-            columns = {"varied": "tolerance", "setting_tolerance": tolerance, "steps": 20, "end_time_s": 0.05}
+            columns = {
+                "varied": "tolerance",
+                "setting_step_tolerance": tolerance,
+                "steps": 20,
+                "end_time_s": 0.05,
+            }
             columns |= {c: SIGNALS[c][0] * position for c in SIGNALS if has(scene, c)}
             columns |= {
                 c.replace("_error_", "_uncertainty_"): SIGNALS[c][2] for c in SIGNALS if has(scene, c)
@@ -155,14 +160,14 @@ def test_errors_by_tolerance_stand_beside_the_tolerance(sections: dict[str, Sect
     assert shown.head == ("scene", "engine", "arm", "tolerance", *(signal[1] for signal in SIGNALS.values()))
     expected = []
     for scene, tolerance, position in (
-        ("ideal-driven", "1.0e-06", 4e-7),
-        ("ideal-driven", "1.0e-08", 2e-9),
-        ("ideal-free", "1.0e-06", 3e-5),
+        ("ideal-driven", "step_tolerance 1e-06", 4e-7),
+        ("ideal-driven", "step_tolerance 1e-08", 2e-9),
+        ("ideal-free", "step_tolerance 1e-06", 3e-5),
     ):
         cells = (cell(scene, column, signal[0] * position) for column, signal in SIGNALS.items())
         expected.append((scene, "heyoka", "Taylor", tolerance, *cells))
     assert list(shown.rows[:3]) == expected
-    assert shown.rows[3][:5] == ("ideal-free", "heyoka", "Taylor", "1.0e-15", "< 1.0e-12")
+    assert shown.rows[3][:5] == ("ideal-free", "heyoka", "Taylor", "step_tolerance 1e-15", "< 1.0e-12")
     # 4e-7 of 1e-6 is 0.4, 2e-9 of 1e-8 a fifth, 3e-5 of 1e-6 thirty; the last, 500, is not told from truth.
     assert sections["tolerance"].text == (
         "heyoka (Taylor) has slider position errors, in m, of at most 30 times the tolerance asked for.",

@@ -1,12 +1,22 @@
-"""What a comparison says of the run it recommends, on rows with round numbers."""
+"""What is said of the run that is recommended, on rows with round numbers, and what its command asks for."""
 
-from typing import Any
+from pathlib import Path
+from shlex import split
+from typing import Any, NoReturn
 
+import pytest
+
+from engine_models.engines import make_engine
+from reports.chapters.answer.picks import races
 from reports.chapters.comparison.recommendation import sentences
 from reports.chapters.comparison.sections import standings_table
 from reports.chapters.comparison.standing import Standings
-from reports.results import frame
+from reports.results import Results, frame
+from studies.command import simulation
+from studies.running.failures import Failed
+from studies.work_precision.study import cases
 from tests.end_to_end.written_rows import row
+from tests.helpers.command import crankslider
 
 ASKED: dict[str, Any] = {"judged_by": "slider_position_error_m", "wanted_error": 1e-6}
 
@@ -35,24 +45,26 @@ def standings(**of_reference: Any) -> Standings:
 
 def said(**of_reference: Any) -> tuple[str, ...]:
     """Return the sentences on these."""
-    return tuple(sentences(standings(**of_reference)))
+    return tuple(sentences(standings(**of_reference), "mine.toml --with end_time_s=0.5"))
 
 
 def test_every_engine_has_its_numbers_in_the_table_under_their_heads() -> None:
     table = standings_table(standings())
     assert table.head == ("engine and arm", "setting", "time [ms]", "ratio", "error [m]", "force error [N]")
     assert table.rows == (
-        ("reference (arm)", "step 1.0e-02 s", "3", "–", "2.0e-07", "5.0e-01"),
-        ("exudyn (arm)", "step 1.0e-02 s", "9", "3 (3 to 3)", "4.0e-07", "5.0e-01"),
+        ("reference (arm)", "step 0.01 s", "3", "–", "2.0e-07", "5.0e-01"),
+        ("exudyn (arm)", "step 0.01 s", "9", "3 (3 to 3)", "4.0e-07", "5.0e-01"),
     )
 
 
 def test_every_sentence_has_its_numbers() -> None:
     assert said(impacts_matched=7, impacts_missed=2, impacts_unmatched=3, impact_time_error_s=4e-6) == (
-        "Take reference (arm) at a step of 0.01 s.",
+        "Take reference (arm) at step 0.01 s.",
+        "To run it: crankslider simulate mine.toml --with end_time_s=0.5 --engine reference --step 0.01",
         "Its slider position error is 2.0×10⁻⁷ m at most; 1.0×10⁻⁶ m is what is asked for.",
         "Its solve takes 3 ms; building the model and reading out take 40 ms more.",
-        "Without reference, take exudyn (arm) at a step of 0.01 s: it takes 3 times as long at equal error.",
+        "Without reference, take exudyn (arm) at step 0.01 s: it takes 3 times as long at equal error.",
+        "To run it: crankslider simulate mine.toml --with end_time_s=0.5 --engine exudyn --step 0.01",
         "Its joint forces are off by up to 0.5 N at the samples compared.",
         # Two of nine are missed, and three are none.
         "It has 7 of 9 impacts, bounces that die away included.",
@@ -68,3 +80,42 @@ def test_every_sentence_has_its_numbers() -> None:
 def test_impacts_that_are_all_found_are_told_with_their_time() -> None:
     found = said(impacts_matched=7, impacts_missed=0, impacts_unmatched=0, impact_time_error_s=4e-6)
     assert "It finds every impact, 7 of them, at times that are off by 4.0×10⁻⁶ s at most." in found
+
+
+def test_every_command_of_the_answer_typed_asks_for_the_rung_it_is_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All rungs of all engines are as good here, so that each may be recommended."""
+    rungs = [case for case in cases(full=False) if "compiled_anew" not in case.columns]
+    recorded: dict[str, Any] = {"slider_position_error_m": 1e-9}
+    timed: dict[str, Any] = {"solve_time_s": 1e-3, "build_time_s": 1e-3}
+    rows = [
+        {
+            **row(n, case.scene.name, case.engine, case.arm.name, 0.0),
+            **case.head(),
+            **(timed if case.timed else recorded),
+        }
+        for n, case in enumerate(rungs)
+    ]
+    asked = set()
+
+    def hear(scene: Any, name: str, engine: Any, options: Any) -> NoReturn:
+        asked.add((scene.name, scene.end_time_s, name, engine, options.step))
+        raise Failed("heard")
+
+    monkeypatch.setattr(simulation, "simulated", hear)
+    for race in races(Results(tmp_path, frame(rows), None)):
+        for pick in race.within:
+            done = crankslider(*split(pick.command)[1:])
+            assert done.stderr == "error: heard\n", pick.command
+    heads = [(case, case.head()["step_s"]) for case in rungs if not case.timed]
+    assert asked == {
+        (
+            case.scene.name,
+            case.scene.end_time_s,
+            case.engine,
+            make_engine(case.engine, **case.settings),
+            float(f"{step:.6g}"),
+        )
+        for case, step in heads
+    }

@@ -38,7 +38,7 @@ def timed_on(folder: Path, scenes: Sequence[str]) -> Results:
         for (engine, arm, tolerance), of_scenes in ARMS.items():
             error_m, time_ms = of_scenes[scenes.index(scene) % 2] if scene in scenes else (1e-9, 7.0)
             head: tuple[str, str, str, float] = (scene, engine, arm, 0.01)
-            setting: dict[str, Any] = {"setting_tolerance": tolerance, "end_time_s": 0.05}
+            setting: dict[str, Any] = {"setting_step_tolerance": tolerance, "end_time_s": 0.05}
             columns: dict[str, Any] = {
                 "steps": 100,
                 "compared_until_s": 0.05,
@@ -78,7 +78,7 @@ def test_each_engines_cheapest_run_within_the_target_is_picked_the_cheapest_firs
     ]
     for race, expected in zip((first, second), by_hand, strict=True):
         assert [(label, round(time, 9)) for label, _, time in told(race)] == expected
-    assert [setting for _, setting, _ in told(second)] == ["tolerance 1.0e-08", "tolerance 1.0e-06"]
+    assert [setting for _, setting, _ in told(second)] == ["step_tolerance 1e-08", "step_tolerance 1e-06"]
     assert first.ratios["reference (DOP853)"].median == pytest.approx(4.0)
     assert second.ratios["exudyn (DOPRI5)"].median == pytest.approx(2.5)
 
@@ -96,8 +96,8 @@ def test_one_setting_for_all_scenes_is_the_one_that_is_least_bad_at_its_worst(fo
     settings = widest(asked(found, POSITION, loose=True))
     # DOPRI5 at 1e-6 takes 2 and 2.5 times the cheapest, at 1e-8 3 and 2.75; the reference 6 times and once.
     assert [(each.label, each.setting) for each in settings] == [
-        ("exudyn (DOPRI5)", "tolerance 1.0e-06"),
-        ("reference (DOP853)", "tolerance 1.0e-08"),
+        ("exudyn (DOPRI5)", "step_tolerance 1e-06"),
+        ("reference (DOP853)", "step_tolerance 1e-08"),
     ]
     assert settings[0].ratios == pytest.approx((2.0, 2.5))
     assert settings[1].ratios == pytest.approx((6.0, 1.0))
@@ -107,14 +107,18 @@ def test_one_setting_for_all_scenes_is_the_one_that_is_least_bad_at_its_worst(fo
 def test_the_answer_says_where_the_one_that_it_takes_is_beaten(found: list[Race]) -> None:
     """At any setting the reference takes 2 ms on the second scene, where Exudyn's 5 are 2.5 times that."""
     assert list(whom_to_take(found)) == [
-        "For the slider within 1 µm with clearance take exudyn (DOPRI5) at tolerance 1.0e-06. "
+        "For the slider within 1 µm with clearance take exudyn (DOPRI5) at step_tolerance 1e-06. "
         "A run takes 4 to 5 ms on the scenes timed.",
+        "To run it: crankslider simulate clearance-a --end 0.05 --engine exudyn --set step_tolerance=1e-06 "
+        "--step 0.01",
         "In motion reference wins on 1 of 2 scenes; exudyn takes up to 2.5 times as long there. "
-        "Its widest setting is reference (DOP853) at tolerance 1.0e-08.",
+        "Its widest setting is reference (DOP853) at step_tolerance 1e-08.",
+        "To run it: crankslider simulate clearance-a --end 0.05 --engine reference "
+        "--set step_tolerance=1e-08 --step 0.01",
         "No setting of pymunk has the slider within 1 µm.",
-        "exudyn (DOPRI5) at tolerance 1.0e-06 has joint forces within 1 N as well.",
+        "exudyn (DOPRI5) at step_tolerance 1e-06 has joint forces within 1 N as well.",
         "In joint forces reference wins on 1 of 2 scenes; exudyn takes up to 1.5 times as long there. "
-        "Its widest setting is reference (DOP853) at tolerance 1.0e-08.",
+        "Its widest setting is reference (DOP853) at step_tolerance 1e-08.",
         "No setting of pymunk has joint forces within 1 N.",
     ]
 
@@ -125,8 +129,8 @@ def test_a_setting_that_is_within_the_target_on_part_of_the_scenes_says_on_how_m
     """The reference's finer rung, too, is beyond a micrometre on the second scene."""
     monkeypatch.setitem(ARMS, ("reference", "DOP853", 1e-8), ((5e-9, 12.0), (2e-6, 2.0)))
     told = list(whom_to_take(races(timed_on(tmp_path / "work-precision", SCENES))))
-    assert told[1:3] == [
-        "reference (DOP853) at tolerance 1.0e-06: 4 times as long as the cheapest; it is enough on 1 of 2 "
+    assert told[2:4] == [
+        "reference (DOP853) at step_tolerance 1e-06: 4 times as long as the cheapest; it is enough on 1 of 2 "
         "scenes.",
         "No setting of pymunk has the slider within 1 µm.",
     ]

@@ -92,7 +92,7 @@ def test_times_at_equal_error_are_medians_in_ms_on_the_line_between_rungs(
     head = ("scene", "error [m]", "engine and arm", "setting", "time [ms]", "ratio to the cheapest")
     assert shown.head == head
     # Half way between two rungs in powers of ten a time is the root of their product: 2.8 of 2 and 4.
-    settings = ("step 1.0e-01 s", "step 1.0e-01 to 5.0e-02 s", "step 5.0e-02 s", "step 5.0e-02 to 2.5e-02 s")
+    settings = ("step 0.1 s", "step 0.1 to 0.05 s", "step 0.05 s", "step 0.05 to 0.025 s")
     numbers = (
         ("1.0e-04", "2", "20", "10 (10 to 10)"),
         ("1.0e-05", "2.8", "35", "12 (12 to 12)"),

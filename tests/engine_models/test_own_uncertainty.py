@@ -20,7 +20,7 @@ LEAST, MOST = 0.95, 1.25
 PLAIN: tuple[dict[str, object], float] = ({}, 2e-4)
 COARSE: dict[str, tuple[dict[str, object], float]] = {
     "scipy": ({"method": "RK45", "rtol": 1e-8, "atol": 1e-10}, 5e-3),
-    "heyoka": ({"tolerance": 1e-6}, 5e-3),
+    "heyoka": ({"step_tolerance": 1e-6}, 5e-3),
 }
 
 

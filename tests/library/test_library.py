@@ -64,7 +64,9 @@ def test_an_ideal_run_has_no_impacts() -> None:
 
 def test_settings_go_by_name_or_in_a_mapping() -> None:
     by_name = cs.simulate("ideal-free", end=0.01, samples=4, method="dop853")
-    mapped = cs.simulate("ideal-free", end=0.01, samples=4, settings={"method": "dop853", "tolerance": 1e-9})
+    mapped = cs.simulate(
+        "ideal-free", end=0.01, samples=4, settings={"method": "dop853", "step_tolerance": 1e-9}
+    )
     assert by_name.engine == mapped.engine
     assert by_name.made_by["settings"]["method"] == "dop853"
 

@@ -176,7 +176,7 @@ CONTROLLED = (
 @pytest.mark.parametrize("name", CONTROLLED)
 def test_error_control_meets_minimal_coordinates(name: str) -> None:
     of, true = CASES[name], exact(CASES[name], SAMPLES)
-    found = misses(of, run(of, END_S, method="dop853", tolerance=1e-12), true)
+    found = misses(of, run(of, END_S, method="dop853", step_tolerance=1e-12), true)
     for signal, size in sizes_of(of, true).items():
         assert found[signal] < 1e-10 * size, f"{signal}: {found[signal]:.1e} of {size:.1e}"
 
@@ -295,7 +295,9 @@ def sampled(of: Trajectory) -> dict[str, FloatArray]:
 
 def test_error_control_takes_a_slow_crank_under_gas_in_few_steps() -> None:
     of = scene(0.01, SliderLoad(gas=GAS), end_time_s=400 * np.pi)  # two turns of a hand crank
-    steps = [run(of, of.end_time_s, method="dop853", tolerance=tolerance).steps for tolerance in (1e-7, 1e-9)]
+    steps = [
+        run(of, of.end_time_s, method="dop853", step_tolerance=tolerance).steps for tolerance in (1e-7, 1e-9)
+    ]
     assert max(steps) < 1000, f"{steps}: 300 measured; a million without the gas among the scales"
 
 

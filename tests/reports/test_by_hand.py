@@ -241,7 +241,7 @@ def test_times_are_medians_in_milliseconds_the_cheapest_first() -> None:
     assert table is not None
     assert table.head[4] == "time [ms]"
     at = [line[2:] for line in table.rows if line[1] == "1.0e-05"]
-    setting = "step 1.0e-01 s"  # which takes no longer than the other
+    setting = "step 0.1 s"  # which takes no longer than the other
     # By round the reference is 5, 2 and 2 times as fast.
     assert at == [("reference (DOP853)", setting, "4", "–"), ("exudyn (DOPRI5)", setting, "10", "2 (2 to 5)")]
 

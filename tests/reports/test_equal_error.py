@@ -29,7 +29,7 @@ def ladder(*rungs: Rung, label: str = "engine (arm)", places: tuple[int, ...] | 
 
 
 def timed(*times_s: float) -> Arrival:
-    return Arrival("engine", "engine (arm)", "step 1.0e-01 s", np.array(times_s))
+    return Arrival("engine", "engine (arm)", "step 0.1 s", np.array(times_s))
 
 
 def reached(rungs: pd.DataFrame, error: float) -> tuple[str, str, object]:
@@ -40,28 +40,26 @@ def reached(rungs: pd.DataFrame, error: float) -> tuple[str, str, object]:
 
 def test_the_time_at_an_error_lies_on_the_line_between_two_rungs_log_log() -> None:
     arm = ladder((1e-4, 1.0), (1e-8, 10.0))
-    assert reached(arm, 1e-6)[1:] == ("step 1.0e-05 to 1.0e-09 s", pytest.approx(10**0.5))
-    assert reached(arm, 1e-4)[1:] == ("step 1.0e-05 s", 1.0)
-    assert reached(arm, 1e-8)[1:] == ("step 1.0e-09 s", 10.0)
+    assert reached(arm, 1e-6)[1:] == ("step 1e-05 to 1e-09 s", pytest.approx(10**0.5))
+    assert reached(arm, 1e-4)[1:] == ("step 1e-05 s", 1.0)
+    assert reached(arm, 1e-8)[1:] == ("step 1e-09 s", 10.0)
 
 
 def test_no_time_lies_between_the_rungs_of_different_arms() -> None:
     both = pd.concat([ladder(*CRUDE, label="engine (crude)"), ladder(*SHARP, label="engine (sharp)")])
     assert list(front(both)["error"]) == [1e-2, 1e-4, 1e-6, 1e-9], "the arms alternate on the front"
     mixed = 3.0**0.5
-    assert reached(both, 1e-3) == ("engine (sharp)", "step 1.0e-05 s", 3.0), (
-        f"not {mixed}, which no step gives"
-    )
+    assert reached(both, 1e-3) == ("engine (sharp)", "step 1e-05 s", 3.0), f"not {mixed}, which no step gives"
     assert reached(both, 1e-5) == (
         "engine (sharp)",
-        "step 1.0e-05 to 1.0e-10 s",
+        "step 1e-05 to 1e-10 s",
         pytest.approx(3.0 * (400 / 3) ** 0.2),
     )
 
 
 def test_a_rung_that_failed_is_not_interpolated_over() -> None:
     arm = ladder((1e-4, 1.0), (1e-8, 10.0), places=(0, 2))
-    assert reached(arm, 1e-6)[1:] == ("step 1.0e-09 s", 10.0)
+    assert reached(arm, 1e-6)[1:] == ("step 1e-09 s", 10.0)
 
 
 def test_a_lucky_rung_counts_and_a_worse_one_that_costs_more_does_not() -> None:
@@ -143,14 +141,14 @@ def test_rungs_go_by_what_their_ladder_varies_with_failed_ones_and_compilations_
         for tolerance in tolerances
         for row in rows_of(
             slider_position_error_m=tolerance,
-            setting_tolerance=tolerance,
+            setting_step_tolerance=tolerance,
             case=str(tolerance),
             status="failed" if tolerance == 1e-8 else "ok",
         )
     ]
-    compiled = {**rows_of()[0], "case": "c", "setting_tolerance": 1e-6, "compiled_anew": 1}
+    compiled = {**rows_of()[0], "case": "c", "setting_step_tolerance": 1e-6, "compiled_anew": 1}
     found = rungs(frame([*rows, compiled]), "slider_position_error_m", 0.0)
     assert [(rung.knob, rung.value, rung.place) for rung in found.itertuples()] == [
-        ("tolerance", 1e-6, 0),
-        ("tolerance", 1e-10, 2),
+        ("step_tolerance", 1e-6, 0),
+        ("step_tolerance", 1e-10, 2),
     ]

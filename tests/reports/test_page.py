@@ -330,9 +330,9 @@ def test_the_table_of_settings_says_what_a_ladder_varies() -> None:
     head |= {"status": "ok", "reason": ""}
     ladder = {"arm": "DOP853", "label": "reference (DOP853)", "setting_method": "dop853"}
     plain = {"case": "1", "arm": "default", "label": "reference (default)"}
-    rungs = [{**head, **ladder, "case": str(k), "setting_tolerance": 10.0**-k} for k in (6, 8)]
+    rungs = [{**head, **ladder, "case": str(k), "setting_step_tolerance": 10.0**-k} for k in (6, 8)]
     shown = {row[1]: row[2] for row in settings_table(frame([*rungs, {**head, **plain}]), "s").rows}
-    assert shown == {"DOP853": "method = dop853, tolerance varied", "default": "the defaults"}
+    assert shown == {"DOP853": "method = dop853, step_tolerance varied", "default": "the defaults"}
 
 
 def test_a_report_of_runs_that_all_failed_says_so_of_every_study(tmp_path: Path) -> None:

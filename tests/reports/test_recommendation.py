@@ -32,7 +32,7 @@ def rows(engine: str, rungs: tuple[tuple[float, float], ...], **more: Any) -> It
             "label": f"{engine} (arm)",
             "end_time_s": 1.0,
             "step_s": 0.01,
-            "setting_tolerance": tolerance,
+            "setting_step_tolerance": tolerance,
             "judged_by": "slider_position_error_m",
             "wanted_error": WANTED_M,
             "status": "ok",
@@ -60,28 +60,28 @@ def standings(*of: Iterator[dict[str, Any]]) -> Standings:
 
 
 def said(*of: Iterator[dict[str, Any]]) -> str:
-    return "\n".join(sentences(standings(*of)))
+    return "\n".join(sentences(standings(*of), "mine.toml"))
 
 
 def test_the_cheapest_at_the_error_wanted_is_recommended_at_a_setting_that_was_run() -> None:
     text = said(rows("exudyn", FAST), rows("reference", SLOW))
-    assert "Take exudyn (arm) at a tolerance of 1e-08." in text
+    assert "Take exudyn (arm) at step_tolerance 1e-08." in text
     assert "1.0×10⁻⁷ m at most; 1.0×10⁻⁶ m is what is asked for" in text
-    assert "It stops being good enough at a tolerance of 1e-06, the next coarser here" in text
+    assert "It stops being good enough at step_tolerance 1e-06, the next coarser here" in text
 
 
 def test_times_are_compared_at_equal_error() -> None:
     found = standings(rows("exudyn", FAST), rows("reference", SLOW))
     assert [each.time_s for each in found.there] == pytest.approx([FAST_M_S, SLOW_M_S])
-    text = "\n".join(sentences(found))
-    other = "Without exudyn, take reference (arm) at a tolerance of 1e-06"
+    text = "\n".join(sentences(found, "mine.toml"))
+    other = "Without exudyn, take reference (arm) at step_tolerance 1e-06"
     assert f"{other}: it takes {SLOW_M_S / FAST_M_S:.0f} times as long at equal error." in text
 
 
 def test_motion_alone_is_recommended_as_such_with_what_gives_forces_too() -> None:
     text = said(rows("heyoka", FAST, motion_alone=True), rows("reference", SLOW))
-    assert "For the motion alone take heyoka (arm) at a tolerance of 1e-08." in text
-    assert "For forces in the solve, or without heyoka, take reference (arm) at a tolerance of 1e-06" in text
+    assert "For the motion alone take heyoka (arm) at step_tolerance 1e-08." in text
+    assert "For forces in the solve, or without heyoka, take reference (arm) at step_tolerance 1e-06" in text
     both = said(rows("heyoka", FAST, motion_alone=True), rows("scipy", FAST, motion_alone=True))
     assert "Nothing that gives forces in its solve gets to that error." in both
 
@@ -105,7 +105,7 @@ def test_an_error_below_what_is_known_of_the_truth_has_no_digits() -> None:
 def test_the_form_of_the_model_counts_as_error() -> None:
     other_law = {"slider_position_model_difference_m": 1e-5}
     text = said(rows("exudyn", FAST, **other_law), rows("reference", SLOW))
-    assert "Take reference (arm) at a tolerance of 1e-06." in text
+    assert "Take reference (arm) at step_tolerance 1e-06." in text
     assert "No other engine gets to that error." in text
 
 
@@ -119,7 +119,7 @@ def test_where_none_is_good_enough_the_nearest_is_named_as_such() -> None:
     coarse = ((1e-2, 0.001), (1e-3, 0.002), (1e-4, 0.003))
     text = said(rows("exudyn", coarse))
     assert "No engine gets to the slider position error of 1.0×10⁻⁶ m" in text
-    assert "The nearest is exudyn (arm) at a tolerance of 1e-08, with 1.0×10⁻⁴ m." in text
+    assert "The nearest is exudyn (arm) at step_tolerance 1e-08, with 1.0×10⁻⁴ m." in text
     assert "nothing to compare it with" in text
 
 
@@ -150,5 +150,5 @@ def test_no_sentence_has_more_than_two_numbers() -> None:
 def test_the_rows_are_not_changed() -> None:
     table = frame([*rows("exudyn", FAST)])
     before = table.copy()
-    list(sentences(Standings.of(table)))
+    list(sentences(Standings.of(table), "mine.toml"))
     pd.testing.assert_frame_equal(table, before)

@@ -151,7 +151,7 @@ PLACES: dict[str, Callable[[], Iterable[str]]] = {
 
 @pytest.mark.parametrize("place", PLACES)
 def test_no_sentence_has_more_numbers_than_one_can_read(place: str) -> None:
-    found = list(PLACES[place]())
+    found = [text for text in PLACES[place]() if not text.startswith("To run it: ")]  # which is to be typed
     assert found
     for text in found:
         for sentence in re.split(r"[.:;] ", text):

@@ -104,8 +104,8 @@ def test_the_table_names_arm_and_setting_of_each_engine_and_its_ratio_to_the_che
     rows = rows_of({REFERENCE: OWN, "pymunk (tuned)": [(1e-4, 40.0), (1e-6, 80.0)]})
     table = cells(cheapest(judged(rows)))
     at = {(line["error [m]"], line["engine and arm"]): line for line in table}
-    assert at["1.0e-05", REFERENCE]["setting"] == "step 1.0e-01 to 5.0e-02 s"
-    assert at["1.0e-06", "pymunk (tuned)"]["setting"] == "step 5.0e-02 s"
+    assert at["1.0e-05", REFERENCE]["setting"] == "step 0.1 to 0.05 s"
+    assert at["1.0e-06", "pymunk (tuned)"]["setting"] == "step 0.05 s"
     assert at["1.0e-06", "pymunk (tuned)"]["ratio to the cheapest"] == "40 (40 to 40)"
 
 

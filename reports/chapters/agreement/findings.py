@@ -5,8 +5,7 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from reports.parts import stated
-from reports.plots.step_figures import tolerances
-from reports.quantities import finished, floor, own_scenes, signal_errors, uncertainty, value
+from reports.quantities import finished, floor, own_scenes, signal_errors, tolerances, uncertainty, value
 from reports.shared_tables import orders, orders_in_text
 from reports.style import labels, words
 from reports.tables import in_text, listed, plain

@@ -7,11 +7,10 @@ import pandas as pd
 
 from reports.convergence import RULE
 from reports.parts import Table
-from reports.plots.step_figures import tolerances
-from reports.quantities import floor, signal_errors, uncertainty, value
+from reports.quantities import floor, knobs, signal_errors, tolerances, uncertainty, value
 from reports.shared_tables import CASE, head, heading, order_cells, smallest_errors
 from reports.style import words
-from reports.tables import error, number
+from reports.tables import error, number, setting
 
 
 def orders_table(rows: pd.DataFrame) -> Table:
@@ -53,7 +52,7 @@ def tolerance_table(rows: pd.DataFrame) -> Table:
     rows = rows.assign(tolerance=tolerances(rows))
     rows = rows.sort_values(["scene", "label", "tolerance"], ascending=[True, True, False])
     cells = _errors(rows, signal_errors(rows)).drop(columns="step [s]")
-    cells.insert(3, "tolerance", rows["tolerance"].map(number))
+    cells.insert(3, "tolerance", [*map(setting, knobs(rows), rows["tolerance"])])
     return Table.of(
         "agreement-tolerances",
         "Largest errors by tolerance",

@@ -68,11 +68,13 @@ HEAD = (
     "run time [ms]",
     "next engine: times as long",
     "where it breaks",
+    "command",
 )
 READING = (
     "The cheapest measured run within each error, by the median of its rounds, and how many times as long "
     "the next engine takes; brackets where rounds do not tell. Hard cases are those of the gallery. For "
-    "energy each engine's best arm is named that hides no more; its runs are not timed."
+    "energy each engine's best arm is named that hides no more; its runs are not timed, and are of several "
+    "scenes. The command makes the run of the others; its 200 output intervals may shorten a fixed step."
 )
 
 
@@ -93,6 +95,7 @@ def _row(race: Race, studies: Mapping[str, Results]) -> tuple[str, ...]:
         plain(1e3 * way.time_s),
         next_one,
         trust.breaks(studies, way.engine, way.label),
+        first.command,
     )
 
 
@@ -109,6 +112,7 @@ def _energy_rows(arms: Sequence[trust.Hidden], studies: Mapping[str, Results]) -
             ABSENT,
             ABSENT,
             trust.breaks(studies, arm.engine, arm.label),
+            ABSENT,
         )
         for arm in {arm.engine: arm for arm in reversed(keep)}.values()
     ]

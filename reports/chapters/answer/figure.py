@@ -11,7 +11,7 @@ from reports.plots.step_figures import grid
 from reports.quantities import finished
 from reports.results import Results
 from reports.style import GREY, axis_label, legend_place, variant
-from reports.tables import listed, number
+from reports.tables import listed, setting
 
 #: The scenes shown, a driven one and a free one, where they were raced on; otherwise the first ones.
 SHOWN = ("clearance-driven-0.5mm", "clearance-free-0.5mm")
@@ -54,4 +54,4 @@ def figure(timed: Results, races: list[Race]) -> Figure | None:
 def _line(ax: Axes, engine: str, best: pd.DataFrame) -> None:
     drawn = ax.plot(best["time_s"], best["error"], label=engine, **variant(engine, 0))
     settings = zip(best["label"], best["knob"], best["value"], strict=True)
-    mark(drawn, engine, [f"{label}, {knob} {number(value)}" for label, knob, value in settings])
+    mark(drawn, engine, [f"{label}, {setting(knob, value)}" for label, knob, value in settings])

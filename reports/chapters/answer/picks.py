@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from shlex import quote
 
 import pandas as pd
 
 from reports.equal_error import Arrival, Judged, Ratio, at_rung, ratio
 from reports.quantities import finished, with_largest
 from reports.results import Results, with_columns
+from reports.run.command import command
 
 POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
 #: What is asked for: an error in a signal, in words, and how large it may be, in the column's unit.
@@ -18,15 +20,16 @@ LOOSE = "^clearance_"
 
 @dataclass(frozen=True)
 class Pick:
-    """An engine's cheapest rung within a target: ``way`` is arm, setting and times, ``error`` its own."""
+    """A rung within a target: ``way`` is arm, setting and times, ``error`` its own, ``command`` runs it."""
 
     way: Arrival
     error: float
+    command: str
 
 
 @dataclass(frozen=True)
 class Race:
-    """The picks of all engines for one target on one scene, the cheapest first; ``absent`` do not get there.
+    """Each engine's cheapest pick for one target on one scene, in that order; ``absent`` do not get there.
 
     ``end_s`` is the length of the motion, ``uncertainty`` the truth's own, ``within`` are all rungs within
     the target.
@@ -41,7 +44,7 @@ class Race:
     uncertainty: float
     picks: tuple[Pick, ...]
     absent: tuple[str, ...]
-    within: tuple[Arrival, ...]
+    within: tuple[Pick, ...]
 
     @property
     def ratios(self) -> dict[str, Ratio]:
@@ -72,12 +75,18 @@ def _races(rows: pd.DataFrame, column: str, what: str, target: float, loose: set
     for scene, (rungs, floor) in Judged("", rows, column).ladders.items():
         within = rungs[rungs["error"] <= target].sort_values("time_s")
         best = within.drop_duplicates("engine")
-        picks = tuple(Pick(at_rung(rung), float(str(rung.error))) for rung in best.itertuples())
         absent = tuple(sorted(set(rungs["engine"]) - set(best["engine"])))
         end = float(rows["end_time_s"][rows["scene"] == scene].max())
-        if picks:
-            ways = tuple(map(at_rung, within.itertuples()))
-            yield Race(column, what, target, scene, scene in loose, end, floor, picks, absent, ways)
+        typed = f"{quote(scene)} --end {end:.6g}"
+        ways = {
+            rung.Index: Pick(at_rung(rung), float(str(rung.error)), command(rows.loc[rung.Index], typed))
+            for rung in within.itertuples()
+        }
+        if ways:
+            picks = tuple(ways[place] for place in best.index)
+            yield Race(
+                column, what, target, scene, scene in loose, end, floor, picks, absent, tuple(ways.values())
+            )
 
 
 def asked(found: Sequence[Race], column: str, *, loose: bool) -> list[Race]:
@@ -89,7 +98,8 @@ def asked(found: Sequence[Race], column: str, *, loose: bool) -> list[Race]:
 class Setting:
     """An arm at a setting that is within a target on some scenes.
 
-    ``times_s`` are its run times there, ``ratios`` the same in times of the cheapest engine's.
+    ``times_s`` are its run times there, ``ratios`` the same in times of the cheapest engine's. ``command``
+    runs it on the first of them.
     """
 
     engine: str
@@ -97,6 +107,7 @@ class Setting:
     setting: str
     times_s: tuple[float, ...]
     ratios: tuple[float, ...]
+    command: str
 
 
 def widest(races: Sequence[Race]) -> list[Setting]:
@@ -104,14 +115,15 @@ def widest(races: Sequence[Race]) -> list[Setting]:
 
     Of those within it on as many it is the one that takes the least on the scene where it does worst.
     """
-    ways: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
+    ways: dict[tuple[str, str, str], list[tuple[float, float, str]]] = {}
     for race in races:
-        for way in race.within:
-            costs = (way.time_s, way.time_s / race.picks[0].way.time_s)
+        for pick in race.within:
+            way = pick.way
+            costs = (way.time_s, way.time_s / race.picks[0].way.time_s, pick.command)
             ways.setdefault((way.engine, way.label, way.setting), []).append(costs)
     settings = [
-        Setting(*way, tuple(time for time, _ in costs), tuple(ratio for _, ratio in costs))
-        for way, costs in ways.items()
+        Setting(*way, times, ratios, commands[0])
+        for way, (times, ratios, commands) in ((way, zip(*costs, strict=True)) for way, costs in ways.items())
     ]
     best: dict[str, Setting] = {}
     for each in sorted(settings, key=lambda each: (-len(each.times_s), max(each.ratios))):

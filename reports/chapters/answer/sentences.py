@@ -18,6 +18,7 @@ WITHIN = {POSITION: "the slider within 1 µm", FORCE: "joint forces within 1 N"}
 def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
     """Yield whose setting is within each target on most scenes with clearance, its cost, and the others'."""
     taken: Setting | None = None
+    told: set[str] = set()
     for column in WITHIN:
         of = asked(races, column, loose=True)
         settings = widest(of)
@@ -29,10 +30,12 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
             first = settings[0]
             taken = taken or first
             yield _taken(first, column, len(of))
+            yield from _run(first, of, told)
         others = [(each, won_by(of, each.engine, first.engine)) for each in settings]
         for each, won in sorted(others, key=lambda pair: -len(pair[1])):
             if won:
                 yield _winner(each, first, of, won)
+                yield from _run(each, of, told)
             elif column == POSITION and each.engine != first.engine:
                 yield _beside(each, of)
         absent = {engine for race in of for engine in race.absent} - {each.engine for each in settings}
@@ -43,7 +46,7 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
 def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
     """Return whether a setting is within the target of all races."""
     at = (taken.label, taken.setting)
-    return all(at in {(way.label, way.setting) for way in race.within} for race in races)
+    return all(at in {(pick.way.label, pick.way.setting) for pick in race.within} for race in races)
 
 
 def _taken(first: Setting, column: str, scenes: int) -> Finding:
@@ -53,6 +56,13 @@ def _taken(first: Setting, column: str, scenes: int) -> Finding:
         f"A run takes {_between(times)} ms on the scenes timed."
     )
     return Finding(text, f"take-{column}", [Number(time, "ms") for time in times])
+
+
+def _run(each: Setting, races: Sequence[Race], told: set[str]) -> Iterator[Finding]:
+    """Yield the command that runs a setting, unless it is among those told."""
+    if each.command not in told:
+        told.add(each.command)
+        yield Finding(f"To run it: {each.command}", f"run-{_id(each, races)}")
 
 
 def _winner(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[Ratio]) -> Finding:

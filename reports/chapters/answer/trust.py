@@ -10,7 +10,7 @@ from reports.chapters.extremes.verdict import answers
 from reports.chapters.predictability import data
 from reports.quantities import finished
 from reports.results import Results
-from reports.tables import ABSENT
+from reports.tables import ABSENT, setting
 
 #: What an engine may hide, as a part of what contacts dissipate.
 HIDDEN_PART = 1e-3
@@ -59,10 +59,8 @@ def hidden(energy: Results) -> list[Hidden]:
 
 
 def _setting(rows: pd.DataFrame) -> str:
-    tolerances = rows["tolerance"].dropna()
-    name, values, unit = ("tolerance", tolerances, "") if len(tolerances) else ("step", rows["step_s"], " s")
-    ends = dict.fromkeys(f"{value:.1e}" for value in (values.min(), values.max()))
-    return f"{name} {' to '.join(ends)}{unit}"
+    values = rows["tolerance"].fillna(rows["step_s"])
+    return setting(rows["knob"].iloc[0], values.min(), values.max())
 
 
 def breaks(studies: Mapping[str, Results], engine: str, label: str) -> str:

@@ -17,11 +17,11 @@ from reports.style import RC
 FOLDERS = (Path(__file__).parent, Path(__file__).parents[2] / "page")
 
 
-def page(results: Results, pictures: Mapping[str, Drawing], scene: str, command: str) -> str:
+def page(results: Results, pictures: Mapping[str, Drawing], scene: str, given: str) -> str:
     """Return the page of the results on one scene as HTML that needs no other file.
 
-    ``pictures`` are of the run that is recommended, by their titles; ``command`` makes that run again, and
-    ``scene`` is the scene as TOML.
+    ``pictures`` are of the run that is recommended, by their titles; ``scene`` is the scene as TOML, and
+    ``given`` how it is typed in a command.
     """
     environment = Environment(
         loader=FileSystemLoader(FOLDERS),
@@ -32,9 +32,9 @@ def page(results: Results, pictures: Mapping[str, Drawing], scene: str, command:
     )
     environment.filters["embedded"] = _embedded
     with mpl.rc_context(RC):
-        parts = sections(results, pictures)
+        parts = sections(results, pictures, given)
     return environment.get_template("page.html.jinja").render(
-        name=results.rows["scene"].iloc[0], sections=parts, command=command, scene=scene
+        name=results.rows["scene"].iloc[0], sections=parts, scene=scene
     )
 
 

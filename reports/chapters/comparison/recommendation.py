@@ -8,9 +8,10 @@ import pandas as pd
 from reports.chapters.comparison.standing import Standings
 from reports.equal_error import Arrival
 from reports.quantities import finished
+from reports.run.command import command
 from reports.shared_tables import SHORT_OF, quality_failures, speakers
 from reports.style import words
-from reports.tables import in_text, plain
+from reports.tables import in_text, plain, setting
 
 #: A share of energy that no physics accounts for is worth a word from here on; less is what any run has.
 WORTH_A_WORD = 1e-6
@@ -18,22 +19,20 @@ WORTH_A_WORD = 1e-6
 MS_OF_A_SECOND = 1000.0
 
 
-def sentences(standings: Standings) -> Iterator[str]:
-    """Yield the recommendation, at most two numbers a sentence, and what it rests on."""
+def sentences(standings: Standings, given: str) -> Iterator[str]:
+    """Yield the recommendation, at most two numbers a sentence, and what it rests on.
+
+    ``given`` is the scene as it is typed in the commands that run what is recommended.
+    """
     chosen = standings.chosen
     if chosen is None:
         yield "Nothing can be recommended: no run finished and passed the check of energy and gaps."
     else:
-        yield from _choice(standings, chosen)
-        yield from _others(standings, chosen)
+        yield from _choice(standings, chosen, given)
+        yield from _others(standings, chosen, given)
         yield from _trust(standings, chosen)
     yield from _horizon(standings)
     yield from refusals(standings)
-
-
-def setting(rung: Any) -> str:
-    """Return what a rung's ladder sets, in words: a tolerance of 1e-08, a step of 1e-05 s."""
-    return f"a {rung.knob} of {rung.value:.3g}{' s' if rung.knob == 'step' else ''}"
 
 
 def size(value: float) -> str:
@@ -52,18 +51,26 @@ def duration(time_s: float) -> str:
     return f"{plain(ms)} ms" if ms < MS_OF_A_SECOND else f"{plain(time_s)} s"
 
 
-def _choice(standings: Standings, chosen: Any) -> Iterator[str]:
+def _run(standings: Standings, rung: Any, given: str) -> str:
+    return f"To run it: {command(standings.rows.loc[rung.Index], given)}"
+
+
+def _choice(standings: Standings, chosen: Any, given: str) -> Iterator[str]:
     what, unit = words(standings.column)
     wanted = f"{size(standings.wanted)} {unit}"
     if standings.there:
         alone = standings.motion_alone[chosen.Index]
-        yield f"{'For the motion alone take' if alone else 'Take'} {chosen.label} at {setting(chosen)}."
+        take = "For the motion alone take" if alone else "Take"
+        yield f"{take} {chosen.label} at {setting(chosen.knob, chosen.value)}."
+        yield _run(standings, chosen, given)
         above = chosen.error > standings.floor
         error = f"{size(chosen.error)} {unit} at most" if above else below(standings.floor, unit)
         yield f"Its {what} is {error}; {wanted} is what is asked for."
     else:
         yield f"No engine gets to the {what} of {wanted} that is asked for."
-        yield f"The nearest is {chosen.label} at {setting(chosen)}, with {size(chosen.error)} {unit}."
+        at = setting(chosen.knob, chosen.value)
+        yield f"The nearest is {chosen.label} at {at}, with {size(chosen.error)} {unit}."
+        yield _run(standings, chosen, given)
     if standings.floor > standings.wanted:
         yield f"The truth itself is only known to {size(standings.floor)} {unit}."
     own = standings.rows[(standings.rows["label"] == chosen.label) & standings.rows["round"].notna()]
@@ -71,7 +78,7 @@ def _choice(standings: Standings, chosen: Any) -> Iterator[str]:
     yield f"Its solve takes {duration(chosen.time_s)}{besides}."
 
 
-def _others(standings: Standings, chosen: Any) -> Iterator[str]:
+def _others(standings: Standings, chosen: Any, given: str) -> Iterator[str]:
     """Yield what to take for forces, without the engine chosen, with building, and for less error."""
     there, forces = standings.there, standings.with_forces
     reasons: dict[str, list[str]] = {}
@@ -85,9 +92,10 @@ def _others(standings: Standings, chosen: Any) -> Iterator[str]:
         reasons.setdefault(there[1].label, []).append(f"without {chosen.engine}")
     arrived = {each.label: each for each in (*forces, *there)}
     for label, when in reasons.items():
-        other = arrived[label]
-        take = f"take {label} at {setting(standings.rung(other))}"
+        other, rung = arrived[label], standings.rung(arrived[label])
+        take = f"take {label} at {setting(rung.knob, rung.value)}"
         yield f"{', or '.join(when).capitalize()}, {take}: {_cost(standings, other)}."
+        yield _run(standings, rung, given)
     if len(set(finished(standings.recorded)["engine"])) == 1:
         yield "No other engine ran, so there is nothing to compare it with."
     elif len(there) == 1:
@@ -142,7 +150,8 @@ def _impacts(row: pd.Series) -> Iterator[str]:
 def _next_coarser(standings: Standings, row: pd.Series) -> str:
     what, unit = words(standings.column)
     begins = "It stops being good enough at" if standings.there else "It is worse still at"
-    begin = f"{begins} {setting(row)}, the next coarser here:"
+    at = setting(row["knob"], row["value"])
+    begin = f"{begins} {at}, the next coarser here:"
     if row["status"] != "ok":
         return f"{begin} it {row['status']}, {row['reason']}."
     if failure := quality_failures(row.to_frame().T).iloc[0]:
@@ -150,7 +159,7 @@ def _next_coarser(standings: Standings, row: pd.Series) -> str:
     error = row[standings.column]
     if error > standings.level:
         return f"{begin} its {what} is {size(error)} {unit}."
-    return f"At {setting(row)}, the next coarser here, it is as good but not cheaper."
+    return f"At {at}, the next coarser here, it is as good but not cheaper."
 
 
 def _horizon(standings: Standings) -> Iterator[str]:

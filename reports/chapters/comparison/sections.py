@@ -19,12 +19,15 @@ from reports.tables import ABSENT, number, plain
 NAME = "comparison"
 
 
-def sections(results: Results, pictures: Mapping[str, Drawing]) -> list[Section]:
-    """Return the recommendation, what it rests on, and pictures of the run that is recommended."""
+def sections(results: Results, pictures: Mapping[str, Drawing], given: str) -> list[Section]:
+    """Return the recommendation, what it rests on, and pictures of the run that is recommended.
+
+    ``given`` is the scene as it is typed.
+    """
     standings = Standings.of(results.rows)
     recorded = standings.recorded
     parts = [
-        Section.of(NAME, "Recommendation", sentences(standings), tables=[standings_table(standings)]),
+        Section.of(NAME, "Recommendation", sentences(standings, given), tables=[standings_table(standings)]),
         Section.of(
             "errors",
             "Error and run time",

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import pandas as pd
 
+from reports.quantities import knobs, tolerances
 from reports.results import with_columns
-from reports.tables import in_text
+from reports.tables import setting
 
 #: The ends of names of scenes whose runs are longer than those under the plain name.
 LONG, LASTING = "-long", "-turns"
@@ -19,8 +20,9 @@ FAR_OFF = 0.1
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with what the chapter asks of them.
 
-    ``tolerance`` is that of a method that chooses its steps, NaN of others; ``half_width`` half of the
-    confidence interval of the hidden power in W, and ``significant`` whether that leaves zero out;
+    ``tolerance`` is that of a method that chooses its steps, NaN of others, and ``knob`` what resolves a run
+    (see ``quantities.knobs``); ``half_width`` half of the confidence interval of the hidden power in W, and
+    ``significant`` whether that leaves zero out;
     ``uncertain_part`` is half of the interval as a part of what it has to be small against (see ``SMALL``),
     and ``near`` whether no more than ``FAR_OFF`` of that was ever gained or lost;
     ``has_clearance`` whether the scene has contacts, which dissipate.
@@ -29,7 +31,7 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
         rows,
         *("hidden_power_W", "hidden_power_low_W", "hidden_power_high_W", "mean_hidden_power_W"),
         *("dissipated_power_W", "stabilisation_power_W", "largest_kinetic_energy_J", "driver_work_J"),
-        *("largest_numerical_gain_J", "energy_balance_residual_J", "setting_rtol", "setting_tolerance"),
+        *("largest_numerical_gain_J", "energy_balance_residual_J"),
         *("constraint_violation_m", "constraint_violation_exponent"),
         *("constraint_speed_m_s", "constraint_speed_exponent"),
     )
@@ -37,7 +39,8 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     scale = rows["dissipated_power_W"].where(rows["dissipated_power_W"] > 0)
     scale = scale.fillna(rows["largest_kinetic_energy_J"] / rows["end_time_s"])
     return rows.assign(
-        tolerance=rows["setting_rtol"].astype(float).fillna(rows["setting_tolerance"].astype(float)),
+        tolerance=tolerances(rows),
+        knob=knobs(rows),
         half_width=half_width,
         uncertain_part=half_width / scale,
         near=rows["largest_numerical_gain_J"] <= FAR_OFF * scale * rows["end_time_s"],
@@ -64,7 +67,6 @@ def at_rungs(rows: pd.DataFrame, rungs: Mapping[str, float]) -> pd.DataFrame:
 
 def resolution(rows: pd.DataFrame) -> str:
     """Return in words the step that engines take on a rung, and the tolerance of those that choose it."""
-    step, tolerance = rows["step_s"][rows["tolerance"].isna()].min(), rows["tolerance"].min()
-    parts = [f"a step of {in_text(step)} s"] if step == step else []
-    parts += [f"a tolerance of {in_text(tolerance)}"] if tolerance == tolerance else []
-    return " or ".join(parts)
+    least = rows["tolerance"].fillna(rows["step_s"]).groupby(rows["knob"]).min()
+    least = least.reindex(["step", "step_tolerance", "rtol"]).dropna()
+    return " or ".join(setting(str(knob), value) for knob, value in least.items())

@@ -14,7 +14,7 @@ from reports.plots.series import mark
 from reports.plots.step_figures import engine_legend, grid
 from reports.shared_tables import followed
 from reports.style import GREY, axis_label, line_styles, words
-from reports.tables import number
+from reports.tables import setting
 
 #: What an error may cost, by its column among the rungs: the axis, and how to read a figure of it.
 COSTS = {
@@ -95,5 +95,4 @@ def _line(ax: Axes, ladder: pd.DataFrame, cost: str, label: str, style: dict[str
         below = ladder["time_s"] - ladder["times_s"].map(np.nanmin)
         spread = {"xerr": [below, ladder["times_s"].map(np.nanmax) - ladder["time_s"]], "elinewidth": 0.7}
     drawn = ax.errorbar(ladder[cost], ladder["error"], **spread, **style)
-    notes = [f"{knob} {number(value)}" for knob, value in zip(ladder["knob"], ladder["value"], strict=True)]
-    mark(drawn.get_children(), label, notes)
+    mark(drawn.get_children(), label, [*map(setting, ladder["knob"], ladder["value"])])

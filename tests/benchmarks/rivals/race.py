@@ -108,7 +108,7 @@ def scripts(rival: Rival) -> Iterator[tuple[Row, Turn]]:
             "label": arm.label,
             "status": "ok",
             "step_s": physics(rival.scene).end_time_s / max(setting, 1.0),
-            "setting_tolerance": min(setting, 1.0),
+            "setting_step_tolerance": min(setting, 1.0),
         }
 
         def turn(row: Row = row, setting: float = setting) -> Row:

@@ -62,7 +62,7 @@ def largest(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 def test_DOPRI5_meets_its_twin_within_a_nanometre_and_far_less(name: str) -> None:
     """Set F over 0.05 s, 15 impacts; set R over two milliseconds of its horizon, 6 impacts."""
     scene = short(name)
-    trajectory = run(scene, tolerance=1e-11)
+    trajectory = run(scene, step_tolerance=1e-11)
     off = largest(scene, trajectory)
     # Measured 1e-11 and 3e-13 m, 1e-3 N of 1.5 and 46 kN; the twin's own halved step moves it by 3e-12 m.
     assert off["slider_position_error_m"] < 1e-10, f"{off['slider_position_error_m']:.1e} m"
@@ -83,7 +83,10 @@ def test_DOPRI5_meets_its_twin_within_a_nanometre_and_far_less(name: str) -> Non
 
 def test_a_tighter_tolerance_brings_set_R_closer_to_its_twin() -> None:
     scene = short(DRIVEN)
-    off = [largest(scene, run(scene, tolerance=tol))["slider_position_error_m"] for tol in (1e-5, 1e-7, 1e-9)]
+    off = [
+        largest(scene, run(scene, step_tolerance=tol))["slider_position_error_m"]
+        for tol in (1e-5, 1e-7, 1e-9)
+    ]
     assert off[0] > 20 * off[1] > 400 * off[2], f"{off} m"
     assert off[2] < 1e-10, f"{off[2]:.1e} m"
 
@@ -409,7 +412,7 @@ def test_the_last_stage_of_an_embedded_pair_is_the_acceleration_at_the_steps_end
     from engine_models.exudyn.solver import simulation_settings
 
     scene, records = short(DRIVEN), []
-    engine = ExudynEngine(solver=solver, tolerance=1e-6)  # type: ignore[arg-type]
+    engine = ExudynEngine(solver=solver, step_tolerance=1e-6)  # type: ignore[arg-type]
     for computed_again in (True, False):
         model, settings = (
             build_model(scene, tree=True),
@@ -456,9 +459,9 @@ else:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("tolerance", 0.0),
-        ("tolerance", 1e-3),
-        ("tolerance", math.nan),
+        ("step_tolerance", 0.0),
+        ("step_tolerance", 1e-3),
+        ("step_tolerance", math.nan),
         ("timeout_s", -1.0),
         ("solver", "DVERK6"),
         ("fast", 2),

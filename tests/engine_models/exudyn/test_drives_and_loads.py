@@ -192,14 +192,14 @@ LOOSE = {
 @lru_cache
 def twin_run(scene: Scene) -> Trajectory:
     """Return the reference's converged solution of Exudyn's twin of a scene."""
-    engine = ReferenceEngine(method="dop853", tolerance=1e-12)
+    engine = ReferenceEngine(method="dop853", step_tolerance=1e-12)
     return engine.simulate(ExudynEngine().twin(scene), RunSettings(1e-4, 40))
 
 
 @pytest.mark.parametrize("name", LOOSE)
 def test_DOPRI5_meets_the_reference_with_clearance_in_every_signal_and_work(name: str) -> None:
     scene, truth = LOOSE[name], twin_run(LOOSE[name])
-    trajectory = run(scene, 1e-5, 40, tolerance=1e-12)
+    trajectory = run(scene, 1e-5, 40, step_tolerance=1e-12)
     assert truth.driver_torque_N_m is not None
     assert truth.driver_work_J is not None
     assert sum(len(contact.impacts.time_s) for contact in truth.contacts.values()) > 0
@@ -221,7 +221,7 @@ def test_DOPRI5_meets_the_reference_with_clearance_in_every_signal_and_work(name
 @pytest.mark.parametrize("name", LOOSE)
 def test_the_trapezoidal_rule_converges_to_the_explicit_tree_with_clearance(name: str) -> None:
     scene = shorter(LOOSE[name], LOOSE[name].end_time_s / 2)
-    tree = run(scene, 1e-5, 20, tolerance=1e-12)
+    tree = run(scene, 1e-5, 20, step_tolerance=1e-12)
     coarse, fine = (
         largest_errors(scene, run(scene, scene.end_time_s / steps, 20, solver="TrapezoidalIndex2"), tree)
         for steps in (1000, 4000)

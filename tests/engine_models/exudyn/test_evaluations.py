@@ -44,9 +44,13 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         ("ideal-free", 1e-3, {"solver": "GeneralizedAlpha"}),
         ("ideal-driven", 1e-4, {}),
         ("clearance-driven-0.5mm", 2e-6, {"solver": "TrapezoidalIndex2"}),
-        ("clearance-driven-0.5mm", 1e-4, {"solver": "DOPRI5", "tolerance": 1e-8}),
-        ("clearance-driven-0.5mm", 1e-4, {"solver": "DOPRI5", "tolerance": 1e-8, "locate_events": False}),
-        ("clearance-driven-0.5mm", 2e-6, {"solver": "ODE23", "tolerance": 1e-6}),
+        ("clearance-driven-0.5mm", 1e-4, {"solver": "DOPRI5", "step_tolerance": 1e-8}),
+        (
+            "clearance-driven-0.5mm",
+            1e-4,
+            {"solver": "DOPRI5", "step_tolerance": 1e-8, "locate_events": False},
+        ),
+        ("clearance-driven-0.5mm", 2e-6, {"solver": "ODE23", "step_tolerance": 1e-6}),
         *(
             ("clearance-driven-0.5mm", 5e-6, {"solver": solver})
             for solver in ("RK67", "RK44", "RK33", "ExplicitMidpoint")

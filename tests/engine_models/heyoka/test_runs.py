@@ -38,7 +38,7 @@ HORIZON_S = {
 @cache
 def run(name: str, tolerance: float = 1e-15) -> Trajectory:
     scene = scene_of(name)
-    return HeyokaEngine(tolerance=tolerance).simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
+    return HeyokaEngine(step_tolerance=tolerance).simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
 
 
 def scene_of(name: str) -> Scene:
@@ -65,7 +65,7 @@ def test_loads_and_a_motor_do_the_work_that_the_ledger_asks_for() -> None:
     load = SliderLoad(force_N=-30.0, viscous_N_s_m=4.0, spring_N_m=900.0, free_position_m=0.1)
     compressor = IDEAL_SCENES["ideal-compressor"]()
     scene = compressor.model_copy(update={"load": Loads(slider=load)})
-    trajectory = HeyokaEngine(tolerance=1e-15).simulate(scene, RunSettings(1.0, SAMPLES))
+    trajectory = HeyokaEngine(step_tolerance=1e-15).simulate(scene, RunSettings(1.0, SAMPLES))
     truth = exact(scene, SAMPLES)
     assert np.abs(trajectory.slider_position_m - truth.slider_position_m).max() < IDEAL_M
     assert residual(scene, trajectory) < LEDGER
@@ -80,7 +80,7 @@ def test_a_flight_that_begins_at_the_wall_to_the_last_digit_ends_there_again() -
     place, rates = np.array([[s, -c, 0.0]]), np.array([[0.0, speed, 0.0]])
     scene = started_from(scene, place, rates, end_time_s=0.004)  # thrown up from the lowest place, it falls
     for tolerance in (1e-8, 1e-12, 1e-15):
-        run = HeyokaEngine(tolerance=tolerance).simulate(scene, RunSettings(0.004, SAMPLES))
+        run = HeyokaEngine(step_tolerance=tolerance).simulate(scene, RunSettings(0.004, SAMPLES))
         first = run.contacts["O"].impacts.time_s[0]
         assert first == pytest.approx(2 * speed / scene.gravity_m_s2, rel=1e-6)
 
@@ -122,7 +122,7 @@ def test_every_kind_of_law_gives_what_scipy_gives(law: str) -> None:
     driven = SCENES["ideal-driven"]()
     scene = driven.model_copy(update={"end_time_s": 0.001, "clearance": Clearances(B=room)})
     settings = RunSettings(scene.end_time_s, SAMPLES)
-    own = HeyokaEngine(tolerance=1e-15).simulate(scene, settings)
+    own = HeyokaEngine(step_tolerance=1e-15).simulate(scene, settings)
     other = ScipyEngine(rtol=1e-12, atol=1e-14).simulate(scene, settings)
     assert np.abs(own.slider_position_m - other.slider_position_m).max() < POSITION_M
     assert residual(scene, own) < LEDGER
@@ -137,7 +137,7 @@ def test_pins_that_touch_together_each_have_their_own_root() -> None:
     """At three joints, with contacts that overlap."""
     scene = CLEARANCE_SCENES["clearance-free-OAB"]().model_copy(update={"end_time_s": 0.008})
     settings = RunSettings(scene.end_time_s, SAMPLES)
-    own = HeyokaEngine(tolerance=1e-15).simulate(scene, settings)
+    own = HeyokaEngine(step_tolerance=1e-15).simulate(scene, settings)
     truth = in_minimal_coordinates(scene, SAMPLES)
     assert sum(len(contact.impacts.time_s) for contact in truth.contacts.values()) > 2
     assert np.abs(own.slider_position_m - truth.slider_position_m).max() < POSITION_M
@@ -154,7 +154,7 @@ def test_a_run_begun_in_the_wall_goes_on_from_there() -> None:
     settings = RunSettings(rest.end_time_s, SAMPLES)
     own, other = (
         engine.simulate(rest, settings)
-        for engine in (HeyokaEngine(tolerance=1e-15), ScipyEngine(rtol=1e-12, atol=1e-14))
+        for engine in (HeyokaEngine(step_tolerance=1e-15), ScipyEngine(rtol=1e-12, atol=1e-14))
     )
     assert np.abs(own.slider_position_m - other.slider_position_m).max() < POSITION_M
     assert own.contacts["B"].normal_force_N[0] > 0
@@ -203,6 +203,6 @@ def test_a_run_that_takes_too_many_steps_fails() -> None:
 
 def test_a_pendulum_with_clearance_keeps_its_ledger() -> None:
     scene = CLEARANCE_SCENES["clearance-pendulum"]().model_copy(update={"end_time_s": 0.07})
-    trajectory = HeyokaEngine(tolerance=1e-15).simulate(scene, RunSettings(1.0, SAMPLES))
+    trajectory = HeyokaEngine(step_tolerance=1e-15).simulate(scene, RunSettings(1.0, SAMPLES))
     assert len(trajectory.contacts["O"].impacts.time_s) > 3
     assert residual(scene, trajectory) < LEDGER

@@ -35,7 +35,7 @@ def beginning(place: tuple[float, float], rate: tuple[float, float]) -> Scene:
 
 def steps(scene: Scene) -> int:
     """Return how many steps a run takes."""
-    engine = ReferenceEngine(method="dop853", tolerance=1e-6)
+    engine = ReferenceEngine(method="dop853", step_tolerance=1e-6)
     return engine.simulate(scene, RunSettings(scene.end_time_s, 1)).steps
 
 

@@ -29,7 +29,7 @@ def hertzian(stiffness: float) -> Scene:
 
 
 def truth(scene: Scene) -> Trajectory:
-    engine = ReferenceEngine(method="dop853", tolerance=1e-13)
+    engine = ReferenceEngine(method="dop853", step_tolerance=1e-13)
     return engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
 
 

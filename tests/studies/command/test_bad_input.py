@@ -221,9 +221,13 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "samples without end": ((*SIMULATE, "--samples", "\u221e"), ("--samples: expected an integer", "\u221e")),
     "setting without a name": ((*SIMULATE, "--set", "=1"), ("--set: expected KEY=VALUE", '"=1"')),
     "setting without its value": ((*SIMULATE, "--set", "method="), ("--set method: expected", 'got ""')),
+    "setting by its old name": (
+        (*SIMULATE, "--set", "tolerance=1e-9"),
+        ("--set tolerance: expected the key method, step_tolerance", "(did you mean step_tolerance?)"),
+    ),
     "setting beyond doubles": (
-        (*SIMULATE, "--set", "tolerance=1e400"),
-        ("--set tolerance: expected a finite number >= 1e-14 and < 1", "1e400"),
+        (*SIMULATE, "--set", "step_tolerance=1e400"),
+        ("--set step_tolerance: expected a finite number >= 1e-14 and < 1", "1e400"),
     ),
     "section as a number": ((*SIMULATE, "--with", "crank=1"), ("--with crank: expected a section, got 1",)),
     "list that does not end": (

@@ -4,13 +4,14 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import crankslider as cs
 from engine_models.arms import BAUMGARTE
 from engine_models.engine import RunSettings
 from engine_models.scene.library import SCENES
-from studies.command.comparison import command_of
+from reports.run.command import command
 from studies.judges.ideal_truth import exact
 from studies.running.case import Case
 from tests.helpers.command import Finished, crankslider
@@ -92,4 +93,4 @@ def test_the_command_of_a_rung_has_its_engine_its_step_and_what_it_sets() -> Non
     scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.01})
     rung = Case("comparison", scene, BAUMGARTE, RunSettings(2.5e-5, 10))
     told = "crankslider simulate mine.toml --engine reference --set stabilisation=baumgarte --step 2.5e-05"
-    assert command_of(rung, "mine.toml") == told
+    assert command(pd.Series(rung.head()), "mine.toml") == told

@@ -29,8 +29,8 @@ def test_a_slider_that_they_leave_where_it_is_is_not() -> None:
 @pytest.mark.parametrize(
     ("engine", "lines"),
     [
-        (ReferenceEngine(tolerance=1e-6), ["tolerance changes nothing with method = rk4"]),
-        (ReferenceEngine(method="dop853", tolerance=1e-6), []),
+        (ReferenceEngine(step_tolerance=1e-6), ["step_tolerance changes nothing with method = rk4"]),
+        (ReferenceEngine(method="dop853", step_tolerance=1e-6), []),
         (
             ReferenceEngine(method="dop853", steps_per_contact=50.0),
             ["steps_per_contact changes nothing with method = dop853"],

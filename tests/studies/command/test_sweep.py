@@ -35,11 +35,10 @@ def test_two_processes_write_the_rows_and_a_picture_that_one_gives_in_the_librar
 def test_a_tolerance_among_the_settings_is_that_of_the_members() -> None:
     loose, sharp = (
         cs.sweep(SCENE, {CLEARANCE: [5e-4]}, revolutions=0.5, jobs=1, settings=settings).frame
-        for settings in ({}, {"tolerance": 1e-9})
+        for settings in ({}, {"step_tolerance": 1e-9})
     )
-    same = cs.sweep(
-        SCENE, {CLEARANCE: [5e-4]}, revolutions=0.5, jobs=1, settings={"method": "dop853", "tolerance": 1e-9}
-    ).frame
+    settings = {"method": "dop853", "step_tolerance": 1e-9}
+    same = cs.sweep(SCENE, {CLEARANCE: [5e-4]}, revolutions=0.5, jobs=1, settings=settings).frame
     pd.testing.assert_frame_equal(sharp, same, check_exact=True)
     assert (loose["impact_speed_m_s"] != sharp["impact_speed_m_s"]).all()
 

@@ -78,7 +78,8 @@ def assert_alike(scene: Scene, run: Trajectory, other: Trajectory) -> None:
 )
 def test_exudyn_s_own_model_moves_alike(name: str, end_s: float) -> None:
     """Its equations, contacts and integration share no line with these; 7e-15 and 1.3e-13 m are measured."""
-    scene, exudyn = until(SCENES[name](), end_s), make_engine("exudyn", **DOPRI5.settings, tolerance=1e-12)
+    scene = until(SCENES[name](), end_s)
+    exudyn = make_engine("exudyn", **DOPRI5.settings, step_tolerance=1e-12)
     own = exudyn.twin(scene)
     run, mine = exudyn.simulate(scene, RunSettings(1e-5, SAMPLES)), solved(own)
     assert len(mine.contacts["B"].impacts.time_s) >= 8
@@ -152,7 +153,7 @@ def test_under_drives_and_loads_it_is_the_reference_s_motion(name: str, law: str
         room = Clearance(radial_clearance_m=1e-4, bearing_radius_m=0.01, law="rigid", restitution=0.5)
     scene = driven(0.002, drive=drive, load=Loads(slider=load), clearance=Clearances(**{joint: room}))
     scene = scene.model_copy(update={"start": scene.start.model_copy(update={"time_s": 0.006})})
-    run = ReferenceEngine(method="dop853", tolerance=1e-13).simulate(scene, RunSettings(1.0, SAMPLES))
+    run = ReferenceEngine(method="dop853", step_tolerance=1e-13).simulate(scene, RunSettings(1.0, SAMPLES))
     own = solved(scene)
     assert own.contacts[joint].normal_impulse_N_s[-1] > 0.1
     assert_alike(scene, run, own)
@@ -172,7 +173,7 @@ def test_steps_end_on_the_kinks_of_gas_by_straight_lines(speed: float, law: str)
     scene = driven(0.002, load=Loads(slider=SliderLoad(gas=lines)), clearance=Clearances(B=room))
     start = scene.start.model_copy(update={"crank_speed_rad_s": speed})
     scene = scene.model_copy(update={"start": start, "drive": FreeDrive(kind="free")})
-    run = ReferenceEngine(method="dop853", tolerance=1e-13).simulate(scene, RunSettings(1.0, SAMPLES))
+    run = ReferenceEngine(method="dop853", step_tolerance=1e-13).simulate(scene, RunSettings(1.0, SAMPLES))
     own, again = solved(scene), solved(scene, METHODS[1])
     assert abs(own.position[-1, 0, 2]) > 0.3, "two kinks are passed"
     assert_alike(scene, run, own)
@@ -194,7 +195,7 @@ def test_where_a_law_pulls_force_and_friction_are_the_reference_s(may_pull: bool
     """Hu and Guo's at e = 0.1 pulls as the crank turns on; where it may not, that is the clipped loss."""
     room = clearance(1e-4, "hu-guo", 0.1, RUBS[friction]).model_copy(update={"may_pull": may_pull})
     scene = driven(0.008, clearance=Clearances(A=room))
-    run = ReferenceEngine(method="dop853", tolerance=1e-13).simulate(scene, RunSettings(1.0, 400))
+    run = ReferenceEngine(method="dop853", step_tolerance=1e-13).simulate(scene, RunSettings(1.0, 400))
     own = solved(scene, samples=400)
     force, clipped = own.contacts["A"].normal_force_N, own.contacts["A"].clipped_loss_J
     if may_pull:

@@ -14,7 +14,7 @@ from studies.judges import run_cache
 from studies.judges.run_cache import kept_run
 from studies.running.closure import closure
 
-SHARP = ReferenceEngine(method="dop853", tolerance=1e-10)
+SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-10)
 SCENE = SCENES["ideal-driven"]()
 SETTINGS = RunSettings(SCENE.end_time_s, 10)
 

@@ -82,7 +82,7 @@ def test_chains_go_up_and_down_over_the_same_values(rows: pd.DataFrame) -> None:
 def test_a_chain_that_never_changes_its_field_is_one_long_run() -> None:
     """A chaotic motion followed for two turns, and in two members of a turn, is at the same place."""
     one, two = Watch(0.0, 1.0), Watch(0.0, 2.0)
-    settings: dict[str, object] = {"method": "dop853", "tolerance": 1e-10}
+    settings: dict[str, object] = {"method": "dop853", "step_tolerance": 1e-10}
     scene = SCENES["clearance-driven-0.1mm"]()
     parts = Task(scene, "reference", settings, None, one), Task(scene, "reference", settings, None, two)
     chunks = Chunk(0, {SPEED: np.full(2, 300.0)}, "up"), Chunk(0, {SPEED: np.array([300.0])})

@@ -12,7 +12,7 @@ from studies.predictability.sweeps.gathered import row_of
 from studies.predictability.sweeps.task import Task
 
 SCENE = cs.scenes["clearance-driven-0.5mm"]
-SETTINGS: dict[str, object] = {"method": "dop853", "tolerance": 1e-11}
+SETTINGS: dict[str, object] = {"method": "dop853", "step_tolerance": 1e-11}
 TRANSIENT, TURNS = 1, 2
 PERIOD_S = 2 * math.pi / SCENE.start.crank_speed_rad_s
 #: Both come from one run of the same samples: nothing but rounding lies between them.

@@ -24,7 +24,7 @@ MISSED_DEVIATION, MISSED_FORCE = 0.01, 0.12
 
 @pytest.fixture(scope="module")
 def paths() -> tuple[pd.DataFrame, pd.DataFrame]:
-    settings = {"method": "dop853", "tolerance": 1e-10}
+    settings = {"method": "dop853", "step_tolerance": 1e-10}
     task = Task(SCENES["clearance-driven-0.5mm"](), "reference", settings, None, Watch(1.0, TURNS))
     together = run_chunk(task, Chunk(0, {FIELD: np.array(CLEARANCES_M)})).to_pandas()
     return together, pd.DataFrame([row_of(task, {FIELD: clearance}) for clearance in CLEARANCES_M])
