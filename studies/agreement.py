@@ -84,4 +84,5 @@ def measure(case: Case) -> tuple[Row, Curves]:
     ledger, curves = conserved(case.scene, found.run)
     if errors["truth"] != REFERENCE:
         del errors["truth"]
-    return {"steps": found.run.steps, **errors, **ledger}, {**error_curves, **curves, "time_s": found.run.time_s}
+    row = {"steps": found.run.steps, **errors, **ledger}
+    return row, {**error_curves, **curves, "time_s": found.run.time_s}

@@ -171,9 +171,9 @@ def impacts_of(found: Judged) -> Row:
 
 def _largest_N(run: Trajectory, end_s: float) -> float:
     """Return the largest normal force in any joint up to a time, as samples and impacts have it."""
-    until = run.time_s <= end_s * (1 + ROUNDING)
-    return max(
-        float(np.nanmax(np.append(contact.normal_force_N[until], at.largest_normal_force_N[at.time_s <= end_s])))
-        for contact in run.contacts.values()
-        for at in [contact.impacts]
-    )
+    until, forces = run.time_s <= end_s * (1 + ROUNDING), [0.0]
+    for contact in run.contacts.values():
+        impacts = contact.impacts
+        forces += contact.normal_force_N[until].tolist()
+        forces += impacts.largest_normal_force_N[impacts.time_s <= end_s].tolist()
+    return float(np.nanmax(forces))

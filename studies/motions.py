@@ -170,9 +170,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     own, truth = found.own, selected(found.solved.truth, found.equal)
     worst, errors = compared(found)
     row |= {**worst, **conserved(scene, run)[0]}
-    curves |= {
-        name: np.append(curve, np.full(len(run.time_s) - len(curve), np.nan)) for name, curve in errors.items()
-    }
+    beyond = len(run.time_s) - len(errors["slider_position_error_m"])
+    curves |= {name: np.append(curve, np.full(beyond, np.nan)) for name, curve in errors.items()}
     true = _curves(own, truth)
     curves |= {f"true_{name}": curve for name, curve in true.items() if name.startswith(OF_TRUTH)}
     shown = run.time_s >= (0 if case.columns["view"] == "revolution" else IMPACT_FROM_S)

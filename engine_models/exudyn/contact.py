@@ -21,7 +21,7 @@ from engine_models.mechanics.contact_law import (
     minimum_impact_speed_of,
     stiffness_of,
 )
-from engine_models.mechanics.impacts import instants_in, largest
+from engine_models.mechanics.impacts import instants_in, largest_of_each
 from engine_models.mechanics.joints import (
     JointGap,
     clearances,
@@ -137,7 +137,7 @@ def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray)
     inside = instants_in(ended, release - ended)
     within = contact_states(scene, joint, motion, inside.ravel())
     forces, depths = (
-        np.reshape([largest(*pair) for pair in zip(inside, value.reshape(inside.shape), strict=True)], (-1, 2)).T
+        largest_of_each(inside, value.reshape(inside.shape))
         for value in (within.normal_force_N, within.penetration_m)
     )
     return contact_of(

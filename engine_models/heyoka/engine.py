@@ -6,7 +6,6 @@ from functools import lru_cache
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
@@ -96,9 +95,7 @@ class HeyokaEngine:
         reading = Reading(derivative, times)
         record = reading.read(flight.pieces(kept=True))
         samples = derivative.absolute(record.y)
-        solution = Derivative(wound(scene)).solution(
-            times, samples, record.phases, record.ends, flight.steps
-        )
+        solution = Derivative(wound(scene)).solution(times, samples, record.phases, record.ends, flight.steps)
         longest, solve_time = min(settings.step_s, scene.end_time_s), self.bare_solve_time_s(scene, settings)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
 from engine_models.heyoka.systems import Event, System, Systems
-from engine_models.pace import Pace
 from engine_models.mechanics.impacts import POINTS
+from engine_models.pace import Pace
 from engine_models.progress import tell
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp.model import Derivative

@@ -36,6 +36,12 @@ def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
     return max([best, *((float(through(turn)), float(turn)) for turn in turns)])
 
 
+def largest_of_each(time_s: FloatArray, value: FloatArray) -> FloatArray:
+    """Return the largest value of each of m signals and its time, (2, m), from samples (m, k)."""
+    found = [largest(times, values) for times, values in zip(time_s, value, strict=True)]
+    return np.reshape(found, (-1, 2)).T
+
+
 def with_largest(run: Trajectory) -> Trajectory:
     """Return a run whose impacts have their largest forces and penetrations, from its samples within them."""
     return replace(run, contacts={joint: _with_largest(run, of) for joint, of in run.contacts.items()})

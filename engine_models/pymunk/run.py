@@ -100,7 +100,7 @@ class Samples:
             self._contact_parts[name].append(selected(contact, sample))
 
     def _beside(self, time_s: FloatArray) -> NDArray[np.bool_]:
-        """Return which steps of a block, at times (n,), are next to a time between steps that is asked for."""
+        """Return which steps of a block, at times (n,), are beside a time asked for between steps."""
         beside = np.zeros(len(time_s), dtype=bool)
         if len(self._between):
             after = np.searchsorted(time_s, self._between)

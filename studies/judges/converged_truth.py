@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.impacts import instants_in, with_largest
-from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.reference.engine import ReferenceEngine
@@ -44,7 +43,6 @@ PEAK, DENSE = 0.5, 4800
 POINTWISE_M = 1e-8
 #: What the truth of a scene is by.
 INDEPENDENT, REFERENCE = "independent", "reference"
-
 
 
 class Solved(NamedTuple):

@@ -96,10 +96,11 @@ def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) ->
     }
 
 
-def scales(scene: Scene, truth: Trajectory, equal: NDArray[np.bool_] | slice = slice(None)) -> dict[str, float]:
+def scales(scene: Scene, truth: Trajectory, equal: NDArray[np.bool_]) -> dict[str, float]:
     """Return how far each signal is from its mean at most, forces by length: an error as large knows nothing.
 
-    The mean is that of the ``equal`` samples, (n,). The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
+    The mean is that of the samples that are ``equal``, (n,). The keys have ``_scale`` before the unit, as in
+    ``slider_position_scale_m``.
     """
     return {
         with_suffix(name, "scale"): float(_size(value - value[equal].mean(axis=0)).max())

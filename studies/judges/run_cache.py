@@ -16,7 +16,6 @@ from engine_models.reference.kernels import read_checked, write_checked
 from engine_models.scene.scene import Scene
 from studies.running.provenance import engine_fingerprint
 
-
 Kept = TypeVar("Kept")
 
 

@@ -31,8 +31,8 @@ PIN = np.dtype(
 
 #: A kick in contact: its step and time; impulses in N s on the pin, inward and along t; speeds in m/s. These
 #: are that of the penetration before the kick, and the means of before and after: an impulse times the mean
-#: speed is its work, exactly. ``spring_N_s`` is the elastic part of the normal impulse. Of a compliant contact
-#: there are the penetration and for how long loads act.
+#: speed is its work, exactly. ``spring_N_s`` is the elastic part of the normal impulse. Of a compliant
+#: contact there are the penetration and for how long loads act.
 KICK = np.dtype(
     _fields(
         "step time_s normal_N_s friction_N_s rate_before mean_rate mean_sliding spring_N_s clipped "
