@@ -19,6 +19,9 @@ from reports.quantities import floor, knobs, tolerances, value
 from reports.results import FloatArray, with_columns
 from reports.tables import plain, setting
 
+#: How a ratio looks that the timing does not resolve from 1, and what a table's caption says of it.
+UNRESOLVED_MARK = "~"
+UNRESOLVED = f"A ratio marked {UNRESOLVED_MARK} is not resolved by the timing: its interval has 1 in it."
 #: Draws of rounds with replacement, and the percentiles of the medians drawn: an interval of 95 %.
 DRAWS, PERCENTILES = 2000, (2.5, 97.5)
 
@@ -54,9 +57,15 @@ class Ratio:
         """Whether the interval leaves out that both take as long."""
         return self.low > 1 or self.high < 1
 
+    @property
+    def in_words(self) -> str:
+        """The ratio in a sentence: 1.5 times as long."""
+        text = f"{plain(self.median)} times as long"
+        return text if self.decided else f"{UNRESOLVED_MARK}{text} (not resolved by the timing)"
+
     def __str__(self) -> str:
         text = f"{plain(self.median)} ({plain(self.low)} to {plain(self.high)})"
-        return text if self.decided else f"[{text}]"
+        return text if self.decided else f"{UNRESOLVED_MARK}{text}"
 
 
 @dataclass(frozen=True)

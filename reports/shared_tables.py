@@ -1,6 +1,6 @@
 """What several chapters show: settings, observed orders, smallest errors, and runs that did not finish."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -8,7 +8,7 @@ import pandas as pd
 from reports.convergence import Order, observed_order
 from reports.parts import Section, Table
 from reports.quantities import scale, uncertainty, value
-from reports.results import with_columns
+from reports.results import NOT_INSTALLED, with_columns
 from reports.style import axis_label, labels
 from reports.tables import ABSENT, error, listed, number
 
@@ -118,9 +118,29 @@ def speakers(rows: pd.DataFrame) -> pd.Series:
     return with_columns(rows, "spoken_by")["spoken_by"].map(SPEAKERS).fillna(ABSENT)
 
 
+def unfinished(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs that did not finish, without those of engines that are not installed."""
+    return rows[~rows["status"].isin(("ok", NOT_INSTALLED))]
+
+
+def not_finished(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield how many runs did not finish, and which engines are not installed."""
+    absent = rows["status"] == NOT_INSTALLED
+    failed, count = len(unfinished(rows)), (~absent).sum()
+    if count:
+        yield f"{failed} of {count} runs did not finish." if failed else f"All {count} runs finished."
+    yield from not_installed(rows)
+
+
+def not_installed(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield of each engine that is not installed how many runs are not there for it."""
+    for engine, runs in rows["engine"][rows["status"] == NOT_INSTALLED].value_counts(sort=False).items():
+        yield f"{engine} is not installed: its runs are left out, {runs} of {len(rows)}."
+
+
 def failures_table(rows: pd.DataFrame, study: str) -> Table | None:
     """Return the runs that did not finish, with the reason and whose that is; None if all did."""
-    failed = rows[rows["status"] != "ok"]
+    failed = unfinished(rows)
     if failed.empty:
         return None
     return Table.of(
@@ -160,10 +180,8 @@ def quality_table(rows: pd.DataFrame, study: str) -> Table | None:
 def failures_section(rows: pd.DataFrame, study: str, name: str = "failures") -> Section:
     """Return the section on runs that did not finish, or fail the check, with tables of them if any did."""
     table, failing = failures_table(rows, study), quality_table(rows, study)
-    failed = rows[rows["status"] != "ok"]
-    text = [
-        f"{len(failed)} of {len(rows)} runs did not finish." if table else f"All {len(rows)} runs finished."
-    ]
+    failed = unfinished(rows)
+    text = [*not_finished(rows)]
     told = list(with_columns(failed, "spoken_by")["spoken_by"])
     text += [said.format(told.count(speaker)) for speaker, said in SAID.items() if speaker in told]
     if failing:

@@ -64,6 +64,13 @@ def listed(parts: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
+def on_scenes(count: int, whole: int | None = None) -> str:
+    """Return on how many of some scenes something is so, without ``whole`` on all: on 2 of 15 scenes."""
+    if whole == 1 or (whole or count) > count:
+        return f"on {count} of {whole} scenes"
+    return {1: "on the one scene", 2: "on both scenes"}.get(count, f"on all {count} scenes")
+
+
 def markdown(table: Table) -> str:
     """Return the table as Markdown, its caption above."""
     rows = [table.head, ("---",) * len(table.head), *table.rows]

@@ -8,8 +8,8 @@ from reports import shared_tables
 from reports.parts import Figure, Section, Table
 from reports.plots.step_figures import against_step, panels_of
 from reports.quantities import uncertainty, value, with_largest
-from reports.results import Results, with_columns
-from reports.tables import error, in_text, number
+from reports.results import NEVER_BEGUN, Results, with_columns
+from reports.tables import error, in_text, number, on_scenes
 
 STUDY = "clearance"
 TITLE = "Agreement on joints with clearance"
@@ -92,7 +92,8 @@ def cross_check_found(rows: pd.DataFrame) -> list[str]:
     furthest = rows.loc[apart.idxmax(), "scene"]
     return [
         "Solved by the reference, another code, near round-off, a twin's slider is at most "
-        f"{in_text(float(apart.max()))} m from where that solver has it, on {furthest}."
+        f"{in_text(float(apart.max()))} m from where that solver has it, on {furthest}, the worst of "
+        f"{rows.loc[apart.index, 'scene'].nunique()} scenes."
     ]
 
 
@@ -124,7 +125,7 @@ def finest(rows: pd.DataFrame) -> pd.DataFrame:
 def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
     """Return the smallest error that each arm reaches on each scene, of those that the engine can run."""
     # Between rigid walls an error that is zero compares nothing.
-    rows = rows[rows["status"] != "unsupported"]
+    rows = rows[~rows["status"].isin(NEVER_BEGUN)]
     cells = shared_tables.smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
     until = (
         value(rows, "compared_until_s").groupby([rows[name] for name in shared_tables.CASE], sort=False).max()
@@ -187,8 +188,8 @@ def impacts_found(rows: pd.DataFrame) -> Iterator[str]:
     complete = (rows["impacts_unmatched"] + rows["impacts_missed"]) == 0
     for label, scenes in complete.groupby(rows["label"], observed=True):
         yield (
-            f"{label}: every impact of the model twin is found, and no other, on {scenes.sum()} of "
-            f"{len(scenes)} scenes."
+            f"{label}: every impact of the model twin is found, and no other, "
+            f"{on_scenes(scenes.sum(), len(scenes))}."
         )
 
 
@@ -197,9 +198,9 @@ def laws_found(rows: pd.DataFrame) -> Iterator[str]:
     for label, arm in finest(rows).dropna(subset=MODEL_FORM).groupby("label", observed=True):
         larger, most = (arm[MODEL_FORM] > arm[SLIDER]).sum(), arm[MODEL_FORM].max()
         if most == 0:
-            yield f"{label} solves a law of its own, with the same motion on all scenes here."
+            yield f"{label} solves a law of its own, with the same motion {on_scenes(len(arm))}."
         else:
             yield (
                 f"{label} solves a law of its own, up to {in_text(most)} m from the scene's. That "
-                f"is more than its smallest numerical error on {larger} of {len(arm)} scenes."
+                f"is more than its smallest numerical error {on_scenes(larger, len(arm))}."
             )

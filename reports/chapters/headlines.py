@@ -15,7 +15,6 @@ from reports.chapters.stability import map_cells
 from reports.parts import Finding, Number
 from reports.quantities import finished, floor, value
 from reports.results import Results, with_columns
-from reports.style import labels
 from reports.tables import in_text, listed, plain
 
 
@@ -29,13 +28,15 @@ def right_with_clearance(results: Results) -> Iterator[Finding]:
     """Yield the same with clearance, by each engine's own law, and how far that is from the scene's."""
     rows = finished(with_columns(results.rows, clearance.SLIDER, clearance.MODEL_FORM))
     yield from _nearest(rows, clearance.SLIDER, "With clearance, of its own contact law,")
-    form = rows.groupby("engine", sort=False)[clearance.MODEL_FORM].max().dropna()
-    for engine, most in form[form > 0].items():
-        yield Finding(
-            f"The law that {engine} solves is itself up to {in_text(most)} m from the scene's.",
-            f"model-form-{engine}",
-            [Number(float(most), "m")],
-        )
+    for engine, of_engine in rows.dropna(subset=clearance.MODEL_FORM).groupby("engine", sort=False):
+        worst = of_engine.loc[of_engine[clearance.MODEL_FORM].idxmax()]
+        if (most := float(worst[clearance.MODEL_FORM])) > 0:
+            yield Finding(
+                f"The law that {engine} solves is itself up to {in_text(most)} m from the scene's, on "
+                f"{worst['scene']}, the worst of {of_engine['scene'].nunique()} scenes.",
+                f"model-form-{engine}",
+                [Number(most, "m")],
+            )
 
 
 def _nearest(rows: pd.DataFrame, column: str, where: str) -> Iterator[Finding]:
@@ -43,13 +44,14 @@ def _nearest(rows: pd.DataFrame, column: str, where: str) -> Iterator[Finding]:
     best = rows.assign(error=value(rows, column)).dropna(subset="error")
     best = best.sort_values("error").drop_duplicates(["engine", "scene"])
     worst = best.sort_values("error").drop_duplicates("engine", keep="last")
+    scenes = best["engine"].value_counts()
     for row in worst.itertuples():
         doubt = floor(rows[rows["scene"] == row.scene], column)
         least = float(str(row.error))
         size = f"{in_text(max(least, doubt))} m{', the uncertainty of truth' if least <= doubt else ''}"
         yield Finding(
             f"{where} the best runs of {row.engine} have the slider right to {size}, "
-            f"on {row.scene}, the worst of the scenes.",
+            f"on {row.scene}, the worst of {scenes[row.engine]} scenes.",
             f"nearest-{column}-{row.engine}",
             [Number(least, "m", max(0.0, least - doubt), least + doubt)],
         )
@@ -91,15 +93,19 @@ def stable(results: Results) -> Iterator[Finding]:
     in_maps = map_cells.in_all_maps(map_cells.prepared(results.rows))
     if in_maps.empty:
         return
-    grows = in_maps.groupby("label", observed=True)["grows"].mean()
+    of_label = in_maps.groupby("label", observed=True)["grows"]
+    grows, runs = of_label.mean(), of_label.size()
     calm = list(grows.index[grows == 0])
     if calm:
-        yield Finding(f"No run of {listed(calm)} gains energy beyond its bound, at any step.", "calm")
+        yield Finding(
+            f"None of {runs[calm].sum()} runs of {listed(calm)} gains energy beyond its bound, at any step.",
+            "calm",
+        )
     if len(calm) < len(grows):
         worst = grows.idxmax()
         yield Finding(
-            f"{worst} gains energy or diverges in {plain(100 * grows.max())} % of its runs, the most of all "
-            f"{len(labels(in_maps))} arms.",
+            f"{worst} gains energy or diverges in {plain(100 * grows.max())} % of its {runs[worst]} runs; no "
+            f"other of {len(grows)} arms does so more often.",
             "grows",
             [Number(100 * float(grows.max()), "%")],
         )

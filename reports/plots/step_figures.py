@@ -14,6 +14,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from reports.plots.series import mark
 from reports.quantities import floor, knobs, tolerances, value
+from reports.results import NEVER_BEGUN
 from reports.style import GREY, WIDTH_IN, axis_label, line_styles
 from reports.tables import setting
 
@@ -48,7 +49,7 @@ def _against(
     """Return the figure over the column ``at``; a run that failed has only what it was asked for."""
     drawing, axes = grid(len(panels))
     styles = line_styles(rows)
-    failed = rows[~rows["status"].isin(["ok", "unsupported"])]
+    failed = rows[~rows["status"].isin(["ok", *NEVER_BEGUN])]
     missing = {
         scene: failed[failed["scene"] == scene].groupby("label", observed=True)[asked] for scene, _ in panels
     }

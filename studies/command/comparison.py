@@ -17,7 +17,7 @@ from reports.chapters.comparison.page import page
 from reports.chapters.comparison.recommendation import refusals, sentences
 from reports.chapters.comparison.sections import standings_table
 from reports.chapters.comparison.standing import Standings
-from reports.results import Results, read_study
+from reports.results import NEVER_BEGUN, Results, read_study
 from studies.command.finished_run import Run
 from studies.comparison.question import Question, asked
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
@@ -155,7 +155,7 @@ def _require_a_run(standings: Standings) -> None:
     if (recorded["status"] == "ok").any():
         return
     reasons = " ".join(refusals(standings))
-    if (recorded["status"] == "unsupported").all():
+    if recorded["status"].isin(NEVER_BEGUN).all():
         raise BadInput(f"--engine: expected one that can run this scene, got: {reasons}")
     raise Failed(f"no engine has a run of this scene: {reasons}")
 

@@ -71,11 +71,31 @@ def test_a_band_shows_another_result_and_not_another_processor(
     assert not [value for value in unseen if not found.low <= value <= found.high]
 
 
-def test_an_order_is_the_slope_between_two_steps_and_none_is_told_at_round_off() -> None:
-    coarse: Row = {"steps": 100, "x_error_m": 1.6e-3, "x_uncertainty_m": 1e-15, "y_error_N": 2e-15}
-    fine: Row = {"steps": 200, "x_error_m": 1e-4, "x_uncertainty_m": 1e-15, "y_error_N": 1e-15}
-    fine |= {"y_uncertainty_N": 1e-15}
-    assert orders(coarse, fine) == pytest.approx({"x_order": 4.0})
+@pytest.mark.parametrize(
+    ("errors", "known_to", "found"),
+    [
+        ((1.6e-3, 3.2e-4, 1e-4), 1e-15, {"x_order": 4.0}),
+        ((1.6e-3, 7.2e-4, 4e-4), 1e-15, {"x_order": 2.0}),
+        ((2e-15, 1.4e-15, 1e-15), 1e-15, {}),  # the truth is known no better
+        ((1e-9, 1.5e-9, 2.8e-9), 1e-15, {}),  # a run's own round-off, which plain slopes take for -1.49
+        ((4e-9, 1.9e-9, 1.6e-9), 1e-15, {}),  # it falls no further, and a plain slope is 1.3
+        ((94.0, 93.0, 92.0), 1e-15, {}),
+    ],
+)
+def test_an_order_is_the_slope_between_two_steps_where_the_step_between_shows_it_too(
+    errors: tuple[float, float, float], known_to: float, found: dict[str, float]
+) -> None:
+    rows: list[Row] = [
+        {"steps": steps, "x_error_m": error, "x_uncertainty_m": known_to}
+        for steps, error in zip((100, 150, 200), errors, strict=True)
+    ]
+    assert orders(rows) == pytest.approx(found, abs=0.01)
+
+
+def test_an_order_may_appear_and_may_not_vanish() -> None:
+    order = KEY._replace(quantity="slider_position_order")
+    assert verdicts({order: NUMBER}, {}) == []
+    assert "got no such number" in verdicts({}, {order: BASELINE})[0]
 
 
 def test_every_arm_of_the_catalogue_has_baselines() -> None:

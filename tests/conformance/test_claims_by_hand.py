@@ -150,3 +150,39 @@ class ByTolerance(Altered):
 def test_an_error_that_hardly_falls_with_its_tolerance_is_no_order(factor: float, holds: bool) -> None:
     """Sharpened three times it has to be a hundredth: three times 3 is 27, and three times 10 is 1000."""
     assert states_its_order(ByTolerance(unaltered, factor=factor)).holds == holds
+
+
+@dataclass(frozen=True)
+class OfRoundOff(Altered):
+    """Its error falls from ``off_m`` at 0.2 ms with its true order; its round-off adds up by chance."""
+
+    off_m: float = 1e-6
+    true_order: int = 2
+    round_off_m: float = 0.0
+    order: ClassVar[int | None] = 2
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        run = make_engine("reference", method="dop853").simulate(scene, settings)
+        step_s = settings.step_used_s(scene.end_time_s)
+        size_m = self.round_off_m * (2e-4 / step_s) ** 0.5
+        noise = size_m * np.random.default_rng(round(1 / step_s)).uniform(-1, 1, len(run.time_s))
+        position = run.position.copy()
+        position[:, -1, 0] += self.off_m * (step_s / 2e-4) ** self.true_order + noise
+        return replace(run, position=position, step_s=step_s)
+
+
+@pytest.mark.parametrize(
+    ("engine", "measured"),
+    [
+        (OfRoundOff(unaltered), "2.00, and 2 is stated"),
+        (OfRoundOff(unaltered, true_order=4), "3.99, and 2 is stated"),
+        (OfRoundOff(unaltered, 2e-6, round_off_m=1e-9), "1.99, and 2 is stated"),  # 0.67 of the finest four
+        (OfRoundOff(unaltered, 1e-8, round_off_m=1e-9), "and none can be measured (too few points)"),
+        (OfRoundOff(unaltered, 0.0, round_off_m=1e-9), "and none can be measured (flat)"),
+    ],
+    ids=["order 2", "order 4", "order 2 down to round-off", "hardly above round-off", "round-off alone"],
+)
+def test_an_order_is_measured_above_round_off_alone(engine: OfRoundOff, measured: str) -> None:
+    found = states_its_order(engine)
+    assert found.holds == (measured in ("2.00, and 2 is stated", "1.99, and 2 is stated"))
+    assert measured in found.measured, found.measured

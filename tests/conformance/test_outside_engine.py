@@ -140,7 +140,9 @@ def test_its_numbers_are_held_to_tables_of_its_own_by_the_rules_of_ours(written:
     assert "FAILS" not in done.stdout
     where = re.escape(f"of {NAME} (default) on ideal-free, step ")
     assert re.search(f"joint_A_force_error_N {where}.* is worse", done.stdout), done.stdout
-    assert "got no" not in done.stdout
+    gone = [line.split()[0] for line in done.stdout.splitlines() if "got no" in line]
+    assert gone
+    assert all(name.endswith("_force_order") for name in gone)  # a hundredth does not fall
 
 
 @pytest.mark.usefixtures("written")

@@ -170,7 +170,9 @@ def test_errors_by_tolerance_stand_beside_the_tolerance(sections: dict[str, Sect
     assert shown.rows[3][:5] == ("ideal-free", "heyoka", "Taylor", "step_tolerance 1e-15", "< 1.0e-12")
     # 4e-7 of 1e-6 is 0.4, 2e-9 of 1e-8 a fifth, 3e-5 of 1e-6 thirty; the last, 500, is not told from truth.
     assert sections["tolerance"].text == (
-        "heyoka (Taylor) has slider position errors, in m, of at most 30 times the tolerance asked for.",
+        "heyoka (Taylor) has slider position errors, in m, of at most 30 times the tolerance asked for, on "
+        "both "
+        "scenes.",
     )
     panel = figure(sections, "agreement-tolerance-position").drawing.axes[0]
     assert (panel.get_title(), panel.get_xlabel()) == ("ideal-driven", "tolerance")
@@ -205,10 +207,11 @@ def test_energy_and_constraints_are_those_at_the_middle_step(sections: dict[str,
     assert list(shown.rows) == expected
     # Of 8 J, which is the smaller energy of the two scenes: 1e-7 and 6e-3 of it.
     assert sections["conservation"].text == (
-        "At the steps of the table the largest energy balance residual relative to the largest kinetic "
-        "energy over all scenes is least with reference (projection), 1.2×10⁻⁸ and most with pymunk (tuned), "
+        "At the steps of the table, on both scenes: the largest energy balance residual relative to the "
+        "largest "
+        "kinetic energy is least with reference (projection), 1.2×10⁻⁸ and most with pymunk (tuned), "
         "7.5×10⁻⁴.",
-        "At the steps of the table the largest constraint violation over all scenes is least with reference "
+        "At the steps of the table, on both scenes: the largest constraint violation is least with reference "
         "(projection), 4.0×10⁻¹⁵ m and most with pymunk (tuned), 8.0×10⁻⁴ m.",
     )
 

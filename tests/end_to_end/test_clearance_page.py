@@ -91,7 +91,7 @@ def test_impacts_are_counted_and_their_errors_those_of_the_most_accurate_run(
             expected.append((scene, engine, arm, "1.0e-05", *numbers, *cells))
     assert list(shown.rows) == expected
     assert sections["clearance-impacts"].text == (
-        "reference (located): every impact of the model twin is found, and no other, on 2 of 2 scenes.",
+        "reference (located): every impact of the model twin is found, and no other, on both scenes.",
         "pymunk (native contact): every impact of the model twin is found, and no other, on 0 of 2 scenes.",
     )
 
@@ -114,7 +114,7 @@ def test_the_model_forms_distance_stands_beside_the_smallest_error(sections: dic
 def test_the_sentences_tell_the_cross_check_and_orders(sections: dict[str, Section]) -> None:
     assert sections["clearance-errors"].text == (
         "Solved by the reference, another code, near round-off, a twin's slider is at most 3.0×10⁻¹⁰ m from "
-        "where that solver has it, on clearance-b.",
+        "where that solver has it, on clearance-b, the worst of 2 scenes.",
         "reference (located), local position error: order 4.00 on clearance-a and clearance-b.",
         "pymunk (native contact), local position error: order 1.00 on clearance-a and clearance-b.",
     )

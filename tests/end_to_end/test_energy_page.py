@@ -130,7 +130,8 @@ def test_every_line_of_the_ledger_has_its_column(sections: dict[str, Section], s
     )
     # 1.1 times the hidden powers of 1e-7 and 7.5e-3 W, in parts of 0.9375 W.
     assert sections["ledger"].text == (
-        "Of what contacts dissipate, the part that the ledger lacks or has too much is at most 1.2×10⁻⁷ with "
+        "On the one scene with contact, of what contacts dissipate: the part that the ledger lacks or has "
+        "too much is at most 1.2×10⁻⁷ with "
         "reference (projection) and 8.8×10⁻³ with pymunk (tuned).",
     )
 
@@ -147,7 +148,9 @@ def test_drift_tells_gap_and_speed_with_their_powers_of_time(sections: dict[str,
         for scene in SCENES
         for engine, arm in ARMS
     )
-    assert sections["drift"].text == ("Projection leaves round-off alone: gaps of at most 4.0×10⁻⁸ m.",)
+    assert sections["drift"].text == (
+        "Projection leaves round-off alone on the one scene: gaps of at most 4.0×10⁻⁸ m.",
+    )
 
 
 @pytest.mark.parametrize(

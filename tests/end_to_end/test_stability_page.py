@@ -188,19 +188,21 @@ def test_boundaries_lie_between_the_last_step_without_and_the_first_with(
 
 
 def test_the_sentences_on_a_map_tell_who_grows_from_where_on(sections: dict[str, Section]) -> None:
+    limit = "times theory's linear limit on"
     assert sections["contact-stiffness"].text == (
-        "No run of reference (located) gains energy beyond its bound or diverges, at any step.",
-        "exudyn (RK44): energy grows from 1.1 to 4.5 times theory's linear limit on.",
-        "exudyn (RK44): runs diverge from 2.3 to 4.5 times that limit on.",
-        "pymunk (tuned): energy grows from 1 times theory's linear limit on.",
-        "pymunk (tuned): runs diverge from 2.8 times that limit on.",
+        "None of 8 runs of reference (located) gains energy beyond its bound or diverges, at any step.",
+        f"exudyn (RK44) at 2 of 2 values of the contact stiffness: energy grows from 1.1 to 4.5 {limit}.",
+        f"exudyn (RK44) at 2 of 2 values of the contact stiffness: runs diverge from 2.3 to 4.5 {limit}.",
+        f"pymunk (tuned) at 1 of 2 values of the contact stiffness: energy grows from 1 {limit}.",
+        f"pymunk (tuned) at 1 of 2 values of the contact stiffness: runs diverge from 2.8 {limit}.",
     )
     assert sections["crank-speed"].text == (
-        "No run of reference (located), exudyn (trapezoidal) gains energy beyond its bound or diverges, "
+        "None of 8 runs of reference (located), exudyn (trapezoidal) gains energy beyond its bound or "
+        "diverges, "
         "at any step.",
-        "exudyn (RK44): energy grows from 2.3 times theory's linear limit on.",
-        "exudyn (RK44): runs diverge from 2.3 times that limit on.",
-        "pymunk (tuned): energy grows from 1.4 times theory's linear limit on.",
+        f"exudyn (RK44) at 1 of 1 values of the crank speed: energy grows from 2.3 {limit}.",
+        f"exudyn (RK44) at 1 of 1 values of the crank speed: runs diverge from 2.3 {limit}.",
+        f"pymunk (tuned) at 1 of 1 values of the crank speed: energy grows from 1.4 {limit}.",
     )
 
 

@@ -237,6 +237,22 @@ def test_failures_are_counted_by_who_speaks_and_a_row_that_does_not_tell_counts_
     assert [row[5] for row in section.tables[0].rows] == ["the engine", *2 * ["a check of ours"], "–"]
 
 
+def test_an_engine_that_is_not_installed_did_not_fail() -> None:
+    head: dict[str, object] = {"fingerprint": "0", "scene": "s", "arm": "default", "step_s": 1.0}
+    reasons = {"exudyn": "no clearance", "heyoka": "heyoka is not installed: pip install heyoka"}
+    rows = frame(
+        {**head, "case": name, "engine": name, "label": name, "status": "unsupported", "reason": reason}
+        for name, reason in reasons.items()
+    )
+    assert dict(zip(rows["engine"], rows["status"], strict=True))["heyoka"] == "not installed"
+    section = failures_section(rows, "s")
+    assert section.text == (
+        "1 of 1 runs did not finish.",
+        "heyoka is not installed: its runs are left out, 1 of 2.",
+    )
+    assert [row[1] for row in section.tables[0].rows] == ["exudyn"]
+
+
 def test_the_error_table_shows_the_numbers_of_the_rows(results: Path, report: Path) -> None:
     with (report / "tables/agreement-errors.csv").open(encoding="utf-8", newline="") as file:
         shown = next(

@@ -60,7 +60,7 @@ def cells(table: Table | None) -> list[dict[str, str]]:
 def test_a_rival_that_is_dearer_everywhere_is_told_with_the_share_of_its_time() -> None:
     (sentence,) = told({"exudyn (DOPRI5)": [(1e-4, 4.0), (1e-6, 20.0)]})
     assert "is cheaper at the errors of all its rivals' best rungs on 1 of 1 scenes" in sentence
-    assert "it takes 0.1 to 0.25 of their time" in sentence
+    assert "on 1 of 1 scenes. There it takes 0.1 to 0.25 of their time" in sentence
 
 
 def test_a_rival_that_is_cheaper_is_told_in_a_sentence_of_its_own() -> None:
@@ -83,7 +83,7 @@ def test_a_rung_that_only_a_rival_gets_to_counts() -> None:
 
 def test_a_rung_that_takes_as_long_decides_nothing() -> None:
     _, undecided = told({"scipy (DOP853)": [(1e-4, 1.9), (1e-6, 2.0)]})
-    assert undecided.endswith("the rounds do not tell who is cheaper at 1 of 2 best rungs.")
+    assert undecided.endswith("the timing does not resolve who is cheaper at 1 of 2 best rungs.")
 
 
 def test_a_rivals_rungs_count_once_however_many_errors_they_cover() -> None:

@@ -8,7 +8,7 @@ from reports.parts import stated
 from reports.quantities import finished, floor, own_scenes, signal_errors, tolerances, uncertainty, value
 from reports.shared_tables import orders, orders_in_text
 from reports.style import labels, words
-from reports.tables import in_text, listed, plain
+from reports.tables import in_text, listed, on_scenes, plain
 
 #: Pymunk's two arms: as the library comes, and as an expert runs it.
 AS_IT_COMES, TUNED = "pymunk (out of the box)", "pymunk (tuned)"
@@ -36,13 +36,15 @@ def pymunk_arms(rows: pd.DataFrame, column: str) -> Iterator[str]:
     if not all(slopes):
         return
     first, second = (
-        " to ".join(dict.fromkeys(f"{end:.2f}" for end in (min(each), max(each)))) for each in slopes
+        f"observed on {len(each)} scenes: "
+        + " to ".join(dict.fromkeys(f"{end:.2f}" for end in (min(each), max(each))))
+        for each in slopes
     )
     sentence = (
         f"Pymunk is shown twice: {AS_IT_COMES} is the library as it comes, a first-order method "
-        f"(observed: {first}). {TUNED} is how an expert would run it, with each step's joint error corrected "
+        f"({first}). {TUNED} is how an expert would run it, with each step's joint error corrected "
         "in full and half a kick before the first step, which makes it the second-order leap-frog scheme "
-        f"(observed: {second})."
+        f"({second})."
     )
     yield stated(sentence, [set(map(round, each)) for each in slopes] == [{1}, {2}])
 
@@ -77,7 +79,8 @@ def _least_and_most(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[
     arms = (
         f"{end} with {label}, {in_text(worst[label])}{unit and ' ' + unit}" for end, label in ends.items()
     )
-    sentence = f"At the steps of the table the largest {what} over all scenes is {listed(arms)}."
+    scenes = on_scenes(rows["scene"].nunique())
+    sentence = f"At the steps of the table, {scenes}: the largest {what} is {listed(arms)}."
     failed = rows[rows["status"] != "ok"]
     if len(failed):
         sentence += (
@@ -92,7 +95,9 @@ def errors_by_tolerance(rows: pd.DataFrame, column: str) -> Iterator[str]:
     times = (sizes / tolerances(rows))[sizes > doubt]
     for label, most in times.groupby(rows["label"], observed=True).max().items():
         what, unit = _signal(column), words(column)[1]
-        yield f"{label} has {what} errors, in {unit}, of at most {plain(most)} times the tolerance asked for."
+        scenes = rows["scene"][times.index][rows["label"] == label].nunique()
+        asked = f"{plain(most)} times the tolerance asked for, {on_scenes(scenes)}"
+        yield f"{label} has {what} errors, in {unit}, of at most {asked}."
 
 
 def enough(rows: pd.DataFrame, setting: str, column: str) -> Iterator[str]:

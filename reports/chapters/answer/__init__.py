@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from reports.chapters.answer import sentences, trust
 from reports.chapters.answer.figure import figure
 from reports.chapters.answer.picks import POSITION, Race, asked, races
+from reports.equal_error import UNRESOLVED
 from reports.parts import Figure, Table
 from reports.results import Results
 from reports.tables import ABSENT, number, plain
@@ -72,9 +73,9 @@ HEAD = (
 )
 READING = (
     "The cheapest measured run within each error, by the median of its rounds, and how many times as long "
-    "the next engine takes; brackets where rounds do not tell. Hard cases are those of the gallery. For "
-    "energy each engine's best arm is named that hides no more; its runs are not timed, and are of several "
-    "scenes. The command makes the run of the others; its 200 output intervals may shorten a fixed step."
+    f"the next engine takes. {UNRESOLVED} Hard cases are those of the gallery. For energy each engine's best "
+    "arm is named that hides no more; its runs are not timed, and are of several scenes. The command makes "
+    "the run of the others; its 200 output intervals may shorten a fixed step."
 )
 
 

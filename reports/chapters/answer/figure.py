@@ -32,8 +32,10 @@ def figure(timed: Results, races: list[Race]) -> Figure | None:
             _line(ax, engine, front(of_engine))
             engines.append(engine)
         ax.axhline(race.target, color=GREY, linestyle="--", linewidth=1.0)
-        best = race.picks[0]
-        ax.plot(best.way.time_s, best.error, "o", markersize=13, markerfacecolor="none", markeredgecolor=GREY)
+        for best in race.cheapest:
+            ax.plot(
+                best.way.time_s, best.error, "o", markersize=13, markerfacecolor="none", markeredgecolor=GREY
+            )
         ax.set(
             xscale="log", yscale="log", title=race.scene, xlabel="run time [s]", ylabel=axis_label(POSITION)
         )
@@ -44,7 +46,8 @@ def figure(timed: Results, races: list[Race]) -> Figure | None:
         "answer",
         "What the slider's position costs",
         "Each line is an engine with its best settings: down and to the left is better. Dashed is the error "
-        f"asked for, and the ring is the cheapest run within it.{others}",
+        "asked for. The ring is the cheapest run within it; there are several rings where the timing does "
+        f"not resolve which run is the cheapest.{others}",
         f"Slider position error against run time, log-log, on {scenes}: a line for each of "
         f"{listed(dict.fromkeys(engines))}.",
         drawing,

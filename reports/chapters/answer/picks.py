@@ -47,6 +47,13 @@ class Race:
     within: tuple[Pick, ...]
 
     @property
+    def cheapest(self) -> list[Pick]:
+        """The cheapest pick, and those that the timing does not resolve from it."""
+        first, *others = self.picks
+        ratios = self.ratios
+        return [first, *(pick for pick in others if (of := ratios.get(pick.way.label)) and not of.decided)]
+
+    @property
     def ratios(self) -> dict[str, Ratio]:
         """What every other engine takes in times of the cheapest."""
         first, *others = self.picks

@@ -1,5 +1,6 @@
 """The answer in sentences: whom to take, what it costs, what not to trust, what the study cannot say."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from reports.chapters.answer.picks import FORCE, POSITION, Race, Setting, asked, widest, won_by
@@ -8,8 +9,9 @@ from reports.chapters.extremes.verdict import Verdict, answers
 from reports.equal_error import Ratio
 from reports.parts import Finding, Number
 from reports.results import Results
+from reports.shared_tables import not_installed
 from reports.style import words
-from reports.tables import listed, plain
+from reports.tables import listed, on_scenes, plain
 
 #: How a target is written in a sentence, by its column.
 WITHIN = {POSITION: "the slider within 1 µm", FORCE: "joint forces within 1 N"}
@@ -23,7 +25,8 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
         of = asked(races, column, loose=True)
         settings = widest(of)
         if taken and of and _as_sharp(taken, of):
-            text = f"{taken.label} at {taken.setting} has {WITHIN[column]} as well."
+            scenes = on_scenes(len(of))
+            text = f"{taken.label} at {taken.setting} has {WITHIN[column]} as well; it is enough {scenes}."
             yield Finding(text, f"take-{column}")
             first = taken
         elif settings:
@@ -38,9 +41,10 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
                 yield from _run(each, of, told)
             elif column == POSITION and each.engine != first.engine:
                 yield _beside(each, of)
-        absent = {engine for race in of for engine in race.absent} - {each.engine for each in settings}
-        if absent:
-            yield Finding(f"No setting of {listed(sorted(absent))} has {WITHIN[column]}.", f"absent-{column}")
+        without = Counter(engine for race in of for engine in race.absent)
+        for engine in sorted(without.keys() - {each.engine for each in settings}):
+            text = f"No setting of {engine} has {WITHIN[column]} on any of {without[engine]} scenes."
+            yield Finding(text, f"{engine}-{column}")
 
 
 def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
@@ -53,7 +57,7 @@ def _taken(first: Setting, column: str, scenes: int) -> Finding:
     times = [1e3 * time for time in first.times_s]
     text = (
         f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}{_there(first, scenes)}. "
-        f"A run takes {_between(times)} ms on the scenes timed."
+        f"A run takes {_between(times)} ms there."
     )
     return Finding(text, f"take-{column}", [Number(time, "ms") for time in times])
 
@@ -69,9 +73,9 @@ def _winner(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[
     """Return on how many scenes an engine is faster than the one taken, by how much, and where it stops."""
     worst = max(won, key=lambda times: times.median)
     text = (
-        f"In {races[0].what} {each.engine} wins on {len(won)} of {len(races)} scenes; {first.engine} takes "
-        f"up to {plain(worst.median)} times as long there. Its widest setting is {each.label} at "
-        f"{each.setting}{_there(each, len(races))}."
+        f"In {races[0].what} {each.engine} is cheaper {on_scenes(len(won), len(races))}; {first.engine} "
+        f"takes up to {plain(worst.median)} times as long there. Its setting for most scenes is {each.label} "
+        f"at {each.setting}{_there(each, len(races))}."
     )
     return Finding(text, _id(each, races), [Number(worst.median, "times", worst.low, worst.high)])
 
@@ -79,7 +83,7 @@ def _winner(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[
 def _beside(each: Setting, races: Sequence[Race]) -> Finding:
     """Return what an engine's setting costs beside the cheapest engine's."""
     text = (
-        f"{each.label} at {each.setting}: {_between(each.ratios)} times as long as the cheapest"
+        f"{each.label} at {each.setting}: a run takes {_between(each.ratios)} times as long as the cheapest"
         f"{_there(each, len(races))}."
     )
     return Finding(text, _id(each, races), [Number(value, "times") for value in each.ratios])
@@ -90,18 +94,17 @@ def _id(each: Setting, races: Sequence[Race]) -> str:
 
 
 def _there(setting: Setting, scenes: int) -> str:
-    """Return on how many scenes a setting is within the target, nothing where it is on all."""
-    count = len(setting.times_s)
-    return f"; it is enough on {count} of {scenes} scenes" if count < scenes else ""
+    """Return on how many scenes a setting is within the target."""
+    return f"; it is enough {on_scenes(len(setting.times_s), scenes)}"
 
 
 def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
     """Yield the cheapest engine for each target on each scene with clearance, and how far the next one is."""
     for race in (race for column in WITHIN for race in asked(races, column, loose=True)):
         first, *others = race.picks
-        times_ms = [1e3 * time for time in (min(first.way.times_s), max(first.way.times_s))]
+        times_ms = [1e3 * time for time in (first.way.time_s, min(first.way.times_s), max(first.way.times_s))]
         numbers = [
-            Number(1e3 * first.way.time_s, "ms", *times_ms),
+            Number(times_ms[0], "ms", *times_ms[1:]),
             Number(
                 first.error,
                 words(race.column)[1],
@@ -110,17 +113,13 @@ def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
             ),
         ]
         text = (
-            f"For {WITHIN[race.column]} on {race.scene} {first.way.label} at {first.way.setting} is the "
-            f"cheapest; it takes {plain(1e3 * first.way.time_s)} ms"
+            f"For {WITHIN[race.column]} on {race.scene} {first.way.label} at {first.way.setting} is "
+            f"{'among ' if race.cheapest[1:] else ''}the cheapest; it takes {plain(times_ms[0])} ms"
         )
         if others and (times := race.ratios.get(others[0].way.label)):
-            text += f"; next is {others[0].way.label}, {_slower(times)}"
+            text += f"; next is {others[0].way.label}, {times.in_words}"
             numbers.append(Number(times.median, "times", times.low, times.high))
         yield Finding(f"{text}.", f"cheapest-{race.column}-{race.scene}", numbers)
-
-
-def _slower(times: Ratio) -> str:
-    return f"{plain(times.median)} times as long" if times.decided else "which rounds do not tell apart"
 
 
 def _between(values: Sequence[float]) -> str:
@@ -133,7 +132,8 @@ def who_keeps_energy(arms: Sequence[Hidden]) -> Iterator[Finding]:
     if keep:
         yield Finding(
             f"Energy stays, to {100 * HIDDEN_PART:g} % of what contacts dissipate, with "
-            f"{listed(arm.label for arm in keep)}, on all scenes with contact that they finished.",
+            f"{listed(arm.label for arm in keep)}, on all scenes with contact that they finished; each "
+            f"finished {min(arm.scenes for arm in keep)} or more of {keep[0].of_scenes} such scenes.",
             "energy-kept",
             [Number(100 * keep[-1].part, "%")],
         )
@@ -141,7 +141,8 @@ def who_keeps_energy(arms: Sequence[Hidden]) -> Iterator[Finding]:
     if told:
         worst = max(told, key=lambda arm: arm.told)
         yield Finding(
-            f"{worst.label} makes or takes up to {plain(100 * worst.told)} % of it.",
+            f"On {worst.worst_scene} {worst.label} makes or takes {plain(100 * worst.told)} % of it, the "
+            f"most of all arms on {worst.of_scenes} scenes.",
             "energy-hidden",
             [Number(100 * worst.told, "%")],
         )
@@ -186,6 +187,7 @@ def what_it_cannot_say(races: Sequence[Race], studies: Mapping[str, Results]) ->
             f"Run times are of {machine} and {len(scenes)} scenes; ratios carry over to other machines, "
             "milliseconds do not."
         )
+    yield from not_installed(timed.rows) if timed else ()
     yield (
         "Truth is the exact solution of each engine's own model: how well rigid links, planar motion and a "
         "dry contact law describe a machine is not asked, nor anything of bending, lubrication, heat or wear."

@@ -22,7 +22,8 @@ LOST, LOST_IN_WORDS = "100um", "100 µm"
 class Hidden:
     """The most that an arm may hide on scenes with contact, as a part of what contacts dissipate there.
 
-    ``part`` is the end of the interval, ``told`` the most that is told from zero.
+    ``part`` is the end of the interval, ``told`` the most that is told from zero, on the ``worst_scene``. The
+    arm finished so many ``scenes``, ``of_scenes`` that any arm did.
     """
 
     engine: str
@@ -30,7 +31,9 @@ class Hidden:
     setting: str
     part: float
     told: float
+    worst_scene: str
     scenes: int
+    of_scenes: int
 
 
 def hidden(energy: Results) -> list[Hidden]:
@@ -51,7 +54,9 @@ def hidden(energy: Results) -> list[Hidden]:
             _setting(of),
             float(of["part"].max()),
             float(of["told"].max()),
+            of["scene"][of["told"].idxmax()],
             len(of),
+            rows["scene"].nunique(),
         )
         for label, of in rows.groupby("label", observed=True)
     ]

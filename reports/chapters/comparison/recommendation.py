@@ -8,6 +8,7 @@ import pandas as pd
 from reports.chapters.comparison.standing import Standings
 from reports.equal_error import Arrival
 from reports.quantities import finished
+from reports.results import NOT_INSTALLED
 from reports.run.command import command
 from reports.shared_tables import SHORT_OF, quality_failures, speakers
 from reports.style import words
@@ -114,9 +115,7 @@ def _others(standings: Standings, chosen: Any, given: str) -> Iterator[str]:
 
 def _cost(standings: Standings, other: Arrival) -> str:
     share = standings.share(other)
-    if share and share.decided:
-        return f"it takes {plain(share.median)} times as long at equal error"
-    return "the rounds do not tell whether it takes longer at equal error"
+    return f"it takes {share.in_words} at equal error" if share else "no round has both at equal error"
 
 
 def _trust(standings: Standings, chosen: Any) -> Iterator[str]:
@@ -177,5 +176,8 @@ def _horizon(standings: Standings) -> Iterator[str]:
 def refusals(standings: Standings) -> Iterator[str]:
     """Yield of each engine that finished no run why not, and who says so."""
     silent = standings.silent
-    for engine, reason, speaker in zip(silent["engine"], silent["reason"], speakers(silent), strict=True):
-        yield f"{engine} finished no run: {reason} (said by {speaker})."
+    for row, speaker in zip(silent.itertuples(), speakers(silent), strict=True):
+        if row.status == NOT_INSTALLED:
+            yield f"{row.reason}."
+        else:
+            yield f"{row.engine} finished no run: {row.reason} (said by {speaker})."

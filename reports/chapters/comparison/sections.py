@@ -8,7 +8,7 @@ from reports.chapters import clearance
 from reports.chapters.comparison.recommendation import refusals, sentences
 from reports.chapters.comparison.standing import Standings
 from reports.chapters.work_precision import figures, tables
-from reports.equal_error import at_rung
+from reports.equal_error import UNRESOLVED, at_rung
 from reports.parts import Figure, Section, Table
 from reports.plots.time_figures import over_time
 from reports.results import Results, with_columns
@@ -60,9 +60,8 @@ def standings_table(standings: Standings) -> Table:
         f"{NAME}-standings",
         f"Each engine at a {what} of {number(standings.level)} {unit}",
         "The time is that of the native solve at that error, between two settings interpolated, and in ratio "
-        "to the cheapest, in brackets where the rounds do not tell who is cheaper. Errors are those of the "
-        "run at the setting. An engine without a time does not get to that error: shown is its most "
-        "accurate run.",
+        f"to the cheapest. {UNRESOLVED} Errors are those of the run at the setting. An engine without a time "
+        "does not get to that error: shown is its most accurate run.",
         ("engine and arm", "setting", "time [ms]", "ratio", f"error [{unit}]", "force error [N]"),
         tuple(_line(standings, engine) for engine in engines),
     )

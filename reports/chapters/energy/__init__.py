@@ -10,7 +10,7 @@ from reports.parts import Section, stated
 from reports.quantities import finished, own_scenes
 from reports.results import Results
 from reports.shared_tables import failures_section
-from reports.tables import in_text, listed
+from reports.tables import in_text, listed, on_scenes
 
 STUDY = "energy"
 TITLE = "Energy over long runs"
@@ -115,27 +115,31 @@ def lost_as_it_comes(rows: pd.DataFrame, scene: str) -> Iterator[str]:
 def drift(rows: pd.DataFrame) -> Iterator[str]:
     """Yield, checked, how the reference's constraints drift with each stabilisation."""
     rows = finished(rows[~rows["has_clearance"] & own_scenes(rows)])
-    plain, bounded, projected = (rows[rows["label"] == label] for label in (PLAIN, BAUMGARTE, PROJECTED))
+    free, bounded, projected = (rows[rows["label"] == label] for label in (PLAIN, BAUMGARTE, PROJECTED))
     grows, stays = (
-        of[["constraint_violation_exponent", "constraint_speed_exponent"]].dropna() for of in (plain, bounded)
+        of[["constraint_violation_exponent", "constraint_speed_exponent"]].dropna() for of in (free, bounded)
     )
     if len(grows):
         gaps, speeds = (_span(map("{:.2f}".format, (of.min(), of.max()))) for _, of in grows.items())
         off = (grows - [2, 1]).abs() < EXPONENT
+        scenes = free["scene"][grows.index].nunique()
         sentence = (
-            "Without stabilisation the reference's constraints drift as theory has it for RK4: the speeds at "
-            f"which gaps open grow in proportion to time (exponents {speeds})."
+            f"Without stabilisation the reference's constraints drift {on_scenes(scenes)} as theory has "
+            f"it for RK4: the speeds at which gaps open grow in proportion to time (exponents {speeds})."
         )
         yield stated(sentence, bool(off["constraint_speed_exponent"].all()))
         sentence = f"The gaps then grow with the square of time (exponents {gaps})."
         yield stated(sentence, bool(off["constraint_violation_exponent"].all()))
     if len(stays):
         largest = stays.max(axis=None)
-        sentence = f"Baumgarte's stabilisation bounds them: exponents are at most {max(0.0, largest):.2f}."
+        scenes = bounded["scene"][stays.index].nunique()
+        bound = f"exponents are at most {max(0.0, largest):.2f}"
+        sentence = f"Baumgarte's stabilisation bounds them {on_scenes(scenes)}: {bound}."
         yield stated(sentence, largest < EXPONENT)
     if len(projected):
         worst = in_text(projected["constraint_violation_m"].max())
-        sentence = f"Projection leaves round-off alone: gaps of at most {worst} m."
+        scenes = projected["scene"].nunique()
+        sentence = f"Projection leaves round-off alone {on_scenes(scenes)}: gaps of at most {worst} m."
         yield stated(sentence, bool(projected["constraint_violation_exponent"].isna().all()))
 
 
@@ -147,7 +151,11 @@ def ledger_closes(at_rung: pd.DataFrame) -> Iterator[str]:
     if len(worst):
         ends = dict.fromkeys((worst.index[0], worst.index[-1]))
         arms = listed(f"{in_text(worst[label])} with {label}" for label in ends)
-        yield f"Of what contacts dissipate, the part that the ledger lacks or has too much is at most {arms}."
+        scenes = rows["scene"].nunique()
+        yield (
+            f"{on_scenes(scenes).capitalize()} with contact, of what contacts dissipate: the part that "
+            f"the ledger lacks or has too much is at most {arms}."
+        )
 
 
 def _signed(value: float) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from reports.results import with_columns
+from reports.results import NEVER_BEGUN, with_columns
 from reports.shared_tables import QUALITY, quality_failures
 from reports.tables import in_text
 
@@ -99,7 +99,7 @@ def _told_by(row: Row, other: Row | None) -> str:
 
     A guard ended the run, or failed it afterwards, where the same run without guards comes out otherwise.
     """
-    if row["status"] == "unsupported":
+    if row["status"] in NEVER_BEGUN:
         return SCENE if row["reason"].startswith(NO_SCENE) else MODEL
     if row["verdict"] is Verdict.NOTICED:
         return GUARD
@@ -144,7 +144,7 @@ def verdict_on(row: Row) -> Verdict:
     """
     if row["status"] in _ENDED:
         return _ENDED[row["status"]]
-    if row["status"] == "unsupported":
+    if row["status"] in NEVER_BEGUN:
         return Verdict.REFUSED
     if row["status"] != "ok":
         told = _TIME.search(row["reason"]) or row["reason"].startswith("initial ")

@@ -18,7 +18,7 @@ from reports.chapters.predictability import (
 from reports.parts import Figure, Section
 from reports.quantities import own_scenes
 from reports.results import Results
-from reports.shared_tables import quality_table
+from reports.shared_tables import not_finished, quality_table
 
 STUDY = "predictability"
 TITLE = "Predictability"
@@ -154,8 +154,5 @@ def _diagrams(results: Results, rows: pd.DataFrame) -> Iterator[Section]:
 
 def _failures(rows: pd.DataFrame) -> Section:
     table = tables.failures(rows)
-    failed = (rows["status"] != "ok").sum()
-    text = f"{failed} of {len(rows)} runs did not finish." if failed else f"All {len(rows)} runs finished."
-    return Section.of(
-        "failures", "Runs that did not finish", [text], tables=[table, quality_table(rows, STUDY)]
-    )
+    shown = [table, quality_table(rows, STUDY)]
+    return Section.of("failures", "Runs that did not finish", not_finished(rows), tables=shown)

@@ -9,7 +9,7 @@ from reports.chapters.predictability import data
 from reports.chapters.predictability.statistics import CONFIDENCE, student_interval
 from reports.parts import Table
 from reports.results import FloatArray
-from reports.shared_tables import speakers
+from reports.shared_tables import speakers, unfinished
 from reports.tables import ABSENT
 
 _PERCENT = f"{100 * CONFIDENCE:.0f} %"
@@ -95,7 +95,7 @@ def _interval(values: FloatArray) -> str:
 
 def failures(rows: pd.DataFrame) -> Table | None:
     """Return the runs that did not finish, a line for each reason."""
-    failed = rows[rows["status"] != "ok"].astype({"label": str})
+    failed = unfinished(rows).astype({"label": str})
     reasons = ["scene", "label", "status", "said", "reason"]
     counts = failed.assign(said=speakers(failed)).groupby(reasons).size().reset_index(name="runs")
     if counts.empty:

@@ -135,15 +135,19 @@ def begun(rows: pd.DataFrame, varied: str) -> Iterator[str]:
     """Yield the sentences on a map: who never grows, and where others begin to grow and to diverge."""
     grows = rows.groupby("label", observed=True)["grows"].any()
     if not grows.all():
-        calm = ", ".join(grows.index[~grows])
-        yield f"No run of {calm} gains energy beyond its bound or diverges, at any step."
+        calm, runs = ", ".join(grows.index[~grows]), rows["label"].isin(grows.index[~grows]).sum()
+        yield f"None of {runs} runs of {calm} gains energy beyond its bound or diverges, at any step."
     for label, arm in rows.groupby("label", observed=True):
         multiples = map_rows(arm, varied) / map_cells.limit_of(arm)
         growth, divergence = multiples["growth"].dropna(), multiples["divergence"].dropna()
+        at, of = (
+            f"{label} at {{}} of {len(multiples)} values of the {VARIED[varied][0]}",
+            "theory's linear limit",
+        )
         if len(growth):
-            yield f"{label}: energy grows from {span(growth)} times theory's linear limit on."
+            yield f"{at.format(len(growth))}: energy grows from {span(growth)} times {of} on."
         if len(divergence):
-            yield f"{label}: runs diverge from {span(divergence)} times that limit on."
+            yield f"{at.format(len(divergence))}: runs diverge from {span(divergence)} times {of} on."
 
 
 def verdicts(rows: pd.DataFrame) -> Iterator[str]:
@@ -180,7 +184,8 @@ def bounds(in_maps: pd.DataFrame, others: Sequence[str]) -> Iterator[str]:
     )
     steady = changes.index[changes.sum(axis=1) == 0]
     if len(steady):
-        yield f"No bound halved or doubled changes a verdict on {listed(steady)}."
+        runs = in_maps["label"].isin(steady).sum()
+        yield f"No bound halved or doubled changes one of {runs} verdicts on {listed(steady)}."
 
 
 def _honest(rows: pd.DataFrame) -> str:

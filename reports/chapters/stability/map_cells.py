@@ -5,13 +5,13 @@ import math
 import pandas as pd
 
 from reports.quantities import finished
-from reports.results import with_columns
+from reports.results import NEVER_BEGUN, with_columns
 
 #: The verdicts, their places the column ``verdict_severity``: from growth on a run is no longer stable.
 VERDICTS = ("accurate", "inaccurate", "energy-growing", "diverged", "timed out", "refused")
 GROWING, DIVERGED, REFUSED = 2, 3, 5
 #: What a run was that could not say so itself, by its status.
-BY_STATUS = {"timed out": 4, "unsupported": REFUSED}
+BY_STATUS = {"timed out": 4, **dict.fromkeys(NEVER_BEGUN, REFUSED)}
 
 #: How columns of other bounds begin, and what the bounds are called.
 OTHERWISE = "severity_if_"

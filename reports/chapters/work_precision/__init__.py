@@ -9,7 +9,7 @@ from reports.equal_error import Judged
 from reports.parts import Section
 from reports.quantities import finished, value, with_largest
 from reports.results import Results, with_columns
-from reports.shared_tables import quality_table
+from reports.shared_tables import not_installed, quality_table
 
 STUDY = "work-precision"
 TITLE = "Work and precision"
@@ -78,4 +78,5 @@ def _costs(rows: pd.DataFrame, judged: Sequence[Judged]) -> Section:
         tables.failures(rows),
         quality_table(rows, STUDY),
     )
-    return Section.of("work-precision-costs", "What is outside the times", [text], tables=shown)
+    title = "What is outside the times"
+    return Section.of("work-precision-costs", title, [text, *not_installed(rows)], tables=shown)

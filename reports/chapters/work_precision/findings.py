@@ -8,7 +8,7 @@ import pandas as pd
 from reports.equal_error import Judged, Ratio, arrival, at_rung, front, ratio
 from reports.parts import Table
 from reports.style import words
-from reports.tables import ABSENT, in_text, listed, plain
+from reports.tables import ABSENT, in_text, listed, on_scenes, plain
 
 REFERENCE = "reference"
 
@@ -45,7 +45,7 @@ class Race:
 
     @property
     def undecided(self) -> int:
-        """At how many rungs the rounds do not tell who is cheaper."""
+        """At how many rungs the timing does not resolve who is cheaper."""
         return len(self.shares) - len(self.cheaper) - len(self.dearer) - len(self.rivals_alone)
 
 
@@ -76,11 +76,12 @@ def found(judged: Judged) -> Iterator[str]:
     name, unit = words(judged.column)
     won = sum(len(race.cheaper) == len(race.shares) for race in run)
     sentence = (
-        f"By {name}, {judged.work}, the reference is cheaper at the errors of all its rivals' best rungs on "
-        f"{won} of {len(run)} scenes."
+        f"By {name}, {judged.work}, the reference is cheaper at the errors of all its rivals' best rungs "
+        f"{on_scenes(won, len(run))}."
     )
     if shares := [share for race in run for share in race.cheaper]:
-        sentence += f" Where it is cheaper it takes {_span(shares)} of their time."
+        scenes = on_scenes(sum(bool(race.cheaper) for race in run), len(run))
+        sentence += f" It is cheaper at some of them {scenes}. There it takes {_span(shares)} of their time."
     yield sentence
     for race in run:
         yield from (f"{race.scene} by {name}, {judged.work}: {each}" for each in _not_won(race, unit))
@@ -100,7 +101,8 @@ def _not_won(race: Race, unit: str) -> Iterator[str]:
             f"best rungs; the reference comes no nearer than {in_text(race.nearest)} {unit}."
         )
     if race.undecided:
-        yield f"the rounds do not tell who is cheaper at {race.undecided} of {len(race.shares)} best rungs."
+        rungs = f"{race.undecided} of {len(race.shares)} best rungs"
+        yield f"the timing does not resolve who is cheaper at {rungs}."
 
 
 def races_table(judged: Judged) -> Table | None:
@@ -121,7 +123,7 @@ def races_table(judged: Judged) -> Table | None:
             "reference cheaper": [str(len(race.cheaper)) for race in run],
             "in parts of the rival's time": [_span(race.cheaper) for race in run],
             "rival cheaper": [str(len(race.dearer)) for race in run],
-            "undecided": [str(race.undecided) for race in run],
+            "not resolved": [str(race.undecided) for race in run],
             "rival alone": [str(len(race.rivals_alone)) for race in run],
             "reference alone": [str(race.alone) for race in run],
         },

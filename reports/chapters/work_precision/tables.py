@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pandas as pd
 
-from reports.equal_error import Judged, arrival, arrivals, levels, ratio
+from reports.equal_error import UNRESOLVED, Judged, arrival, arrivals, levels, ratio
 from reports.parts import Table
 from reports.quantities import finished
 from reports.shared_tables import failures_table, followed, head
@@ -34,7 +34,7 @@ def cheapest(judged: Judged) -> Table | None:
         "not there does not get to that error. Between two neighbouring rungs of one arm's ladder, whose "
         "settings are both named, it is interpolated log-log. The ratio to the cheapest is the median over "
         "the rounds, with an interval of 95 % by drawing rounds with replacement; of three rounds that is "
-        f"their range. It is in brackets where it does not tell who is cheaper. {followed(judged.rows)}",
+        f"their range. {UNRESOLVED} {followed(judged.rows)}",
         ("scene", f"error [{unit}]", "engine and arm", "setting", "time [ms]", "ratio to the cheapest"),
         tuple(lines),
     )

@@ -1,10 +1,12 @@
 """A subject's numbers: those of its rows as the study writes them, and the orders between its two steps."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from engine_models.engine import RunSettings
+from reports.convergence import observed_order
 from studies.conformance.baselines.subjects import Subject
 from studies.judges.metrics import UNITS
 from studies.running.case import Case, Row, Value
@@ -70,7 +72,7 @@ def measured(subject: Subject) -> dict[Key, Number]:
                 out[Key(*subject.key, at, name)] = _number(name, value, row)
     if subject.key[0] == OF_ORDERS:
         coarse, fine = rows.values()
-        for name, order in orders(coarse, fine).items():
+        for name, order in orders([coarse, _row(_between(*subject.cases)), fine]).items():
             out[Key(*subject.key, "both steps", name)] = Number(order, "1", TRUTHS[OF_ORDERS])
     return out
 
@@ -83,16 +85,28 @@ def resolution(case: Case) -> str:
     return f"step {step_s:.4g} s"
 
 
-def orders(coarse: Row, fine: Row) -> dict[str, float]:
-    """Return the order of each error between two steps, where it is well above the truth's uncertainty."""
+def orders(rows: Sequence[Row]) -> dict[str, float]:
+    """Return the order of each error from the first of three or more rows, coarse to fine, to the last.
+
+    It is none unless the rows between show the same order (see ``observed_order``) and the finest error is
+    well above the truth's uncertainty.
+    """
+    steps = [1 / _float(row["steps"]) for row in rows]
     out = {}
-    for name in (name for name in coarse if "_error_" in name):
-        first, second = _float(coarse[name]), _float(fine.get(name))
-        known_to = _float(fine.get(name.replace("_error_", "_uncertainty_")))
-        if second > ABOVE_UNCERTAINTY * known_to:
-            halvings = math.log(_float(fine["steps"]) / _float(coarse["steps"]))
-            out[name.partition("_error_")[0] + "_order"] = math.log(first / second) / halvings
+    for name in (name for name in rows[0] if "_error_" in name):
+        errors = [_float(row.get(name)) for row in rows]
+        known_to = _float(rows[-1].get(name.replace("_error_", "_uncertainty_")))
+        claimed = errors[-1] > ABOVE_UNCERTAINTY * known_to and observed_order(steps, errors, known_to).slope
+        if claimed:
+            order = math.log(errors[0] / errors[-1]) / math.log(steps[0] / steps[-1])
+            out[name.partition("_error_")[0] + "_order"] = order
     return out
+
+
+def _between(coarse: Case, fine: Case) -> Case:
+    """Return the case with the mean number of steps of two, which shows where an error stops falling."""
+    step_s = 2 / (1 / coarse.run.step_s + 1 / fine.run.step_s)
+    return replace(coarse, run=replace(coarse.run, step_s=step_s))
 
 
 def _row(case: Case) -> Row:
