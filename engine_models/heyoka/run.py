@@ -165,7 +165,7 @@ class Reading:
             inside = np.linspace(ends[0], ends[-1], POINTS + 2)[1:-1]  # in time they are closer to both ends
             states = np.array(series(inside))[:, : 2 * self._derivative.n]
             rows = np.pad(states, ((0, 0), (0, len(self._derivative.sums))))
-            self.record.trace(piece.system.clock(series, inside), rows)
+            self.record.trace(piece.system.clock(series, inside), list(rows))
         marks = [*zip(ends[1:].tolist(), [False] * len(ends), strict=False), *((s, True) for s in at)]
         before = float(ends[0])
         for s, is_sample in sorted(marks):

@@ -39,7 +39,7 @@ def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
 def largest_of_each(time_s: FloatArray, value: FloatArray) -> FloatArray:
     """Return the largest value of each of m signals and its time, (2, m), from samples (m, k)."""
     found = [largest(times, values) for times, values in zip(time_s, value, strict=True)]
-    return np.reshape(found, (-1, 2)).T
+    return np.asarray(np.reshape(found, (-1, 2)).T)
 
 
 def with_largest(run: Trajectory) -> Trajectory:

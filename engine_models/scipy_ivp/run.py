@@ -137,7 +137,8 @@ def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Re
             begun[watch.contact] = t
         elif watch.contact in begun:
             touch = begun.pop(watch.contact)
-            for at in instants_in(np.array([touch]), np.array([t - touch]))[0] if course else ():
+            assert course is not None
+            for at in instants_in(np.array([touch]), np.array([t - touch]))[0]:
                 state = np.ascontiguousarray(course(at))
                 derivative.sense(state, calls.memory_at(at))
                 record.trace(np.array([at]), [state])

@@ -59,17 +59,27 @@ def test_what_is_run_again_depends_on_how_it_ended(tmp_path: Path) -> None:
 
 
 def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts() -> None:
-    def impacts(*times: float) -> SimpleNamespace:
+    def joint(strongest_N: float, *times: float) -> SimpleNamespace:
         at = np.array(times)
-        return SimpleNamespace(impacts=Impacts(at, 0 * at, at**0, at**0, at**0))
+        told = Impacts(at, 0.1 * at**0, at**0, at**0, at**0, strongest_N * at**0, at, at**0, at)
+        return SimpleNamespace(impacts=told, normal_force_N=np.array([0.0, 2.0]))
 
-    truth: Any = SimpleNamespace(contacts={"A": impacts(1.0, 2.0), "B": impacts(1.5, 3.5)})
-    run: Any = SimpleNamespace(contacts={"A": impacts(1.001, 2.0), "B": impacts(1.53)})
-    doubt: Any = SimpleNamespace(contacts={"A": impacts(1.0, 2.0), "B": impacts(1.5, 3.501)})
-    row = clearance._impacts(run, truth, (doubt,), 4.0)
+    def moving(**joints: SimpleNamespace) -> Any:
+        return SimpleNamespace(contacts=joints, time_s=np.array([0.0, 3.9]))
+
+    truth = moving(A=joint(8.0, 1.0, 2.0), B=joint(5.0, 1.5, 3.5))
+    run = moving(A=joint(8.5, 1.001, 2.0), B=joint(6.0, 1.53))
+    doubt = moving(A=joint(8.01, 1.0, 2.0), B=joint(5.0, 1.5, 3.501))
+    solved = (truth, (doubt,), "independent")
+    found: Any = SimpleNamespace(run=run, solved=solved, compared_until_s=4.0)
+    row = clearance.impacts_of(found)
     assert (row["impacts_matched"], row["impacts_unmatched"], row["impacts_missed"]) == (3, 0, 1)
     assert row["impact_time_error_s"] == pytest.approx(0.03)
     assert row["impact_time_uncertainty_s"] == pytest.approx(0.001)
+    assert row["impact_force_error_N"] == pytest.approx(1.0)
+    assert row["impact_force_relative_error"] == pytest.approx(1.0), "one is missed"
+    assert row["impact_force_uncertainty_N"] == pytest.approx(0.01)
+    assert row["largest_contact_force_error_N"] == pytest.approx(0.5)
 
 
 def test_a_cross_check_ends_at_the_horizon(monkeypatch: pytest.MonkeyPatch) -> None:

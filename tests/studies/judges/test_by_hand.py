@@ -12,8 +12,8 @@ from engine_models.scene.library import CLEARANCE_SCENES, ideal_driven, ideal_fr
 from engine_models.scene.scene import Scene
 from studies.extremes.checks import ideal_motion
 from studies.judges import converged_truth, ideal_truth
-from studies.judges.comparison import compared, conserved
-from studies.judges.converged_truth import reach
+from studies.judges.comparison import Judged, compared, conserved
+from studies.judges.converged_truth import Solved, reach
 from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.energy_rates import drift_rate, growth_exponent
 from studies.judges.horizon import first_beyond_s
@@ -21,7 +21,7 @@ from studies.judges.ideal_truth import exact
 from studies.judges.impact_matching import impact_errors
 from studies.judges.local_error import local_errors
 from studies.judges.lyapunov import Growth
-from studies.judges.metrics import errors, in_flight, uncertainties
+from studies.judges.metrics import errors, in_flight, sizes, uncertainties
 from studies.stability.theory import RK4, leading_loss
 
 POSITION = "slider_position_error_m"
@@ -76,14 +76,37 @@ def test_an_uncertainty_is_the_largest_distance_from_any_repeat_and_round_off(
     )
 
 
+def judged_by(scene: Scene, run: Trajectory, truth: Trajectory, until_s: float, **peaks: float) -> Judged:
+    """A run with a truth that is its own repeat."""
+    equal = np.ones(len(truth.time_s), dtype=bool)
+    largest = {name: float(size.max()) for name, size in sizes(scene, truth).items()} | peaks
+    return Judged(scene, run, Solved(truth, (truth,), "independent"), largest, until_s, equal)
+
+
+def test_a_signal_of_which_too_little_is_seen_or_nothing_is_there_is_not_judged(
+    driven: tuple[Scene, Trajectory],
+) -> None:
+    scene, truth = driven
+    seen = float(np.hypot(*truth.joint_force_N[:, 2].T).max())
+    assert truth.guide_normal_force_N is not None
+    truth = replace(truth, guide_normal_force_N=0 * truth.guide_normal_force_N)
+    for part, judged_at_all in ((0.995, True), (0.98, False)):
+        row, _ = compared(judged_by(scene, truth, truth, 1.0, joint_B_force_N=seen / part))
+        assert ("joint_B_force_error_N" in row) == judged_at_all
+        assert "guide_normal_force_error_N" not in row
+        assert "guide_normal_force_N: zero" in str(row["not_judged"])
+        assert ("joint_B_force_N: 98 % of its peak is seen" in str(row["not_judged"])) == (not judged_at_all)
+
+
 def test_what_is_compared_ends_at_the_horizon_and_is_the_largest(driven: tuple[Scene, Trajectory]) -> None:
     scene, truth = driven
     run = shifted(shifted(truth, -2e-6, 3), 5.0, 7)
-    row, _ = compared(scene, run, truth, [truth], until=6)
+    row, _ = compared(judged_by(scene, run, truth, float(truth.time_s[5])))
     assert row[POSITION] == pytest.approx(2e-6)
     assert row["compared_until_s"] == pytest.approx(5 * 0.024 / 8)
     fast = replace(truth, velocity=2 * truth.velocity)
-    both = [compared(scene, each, truth, [truth])[0]["largest_kinetic_energy_J"] for each in (truth, fast)]
+    found = [compared(judged_by(scene, each, truth, 1.0))[0] for each in (truth, fast)]
+    both = [row["largest_kinetic_energy_J"] for row in found]
     assert both[0] == both[1], "it is the truth's"
 
 
@@ -139,7 +162,7 @@ def test_a_slider_that_leaves_its_guide_with_all_joints_closed_has_a_speed() -> 
 
 def contact(depths: list[float], times: tuple[float, ...] = (), impulse: float = 1.0) -> Contact:
     zeros, ones = np.zeros(len(depths)), np.ones(len(times))
-    impacts = Impacts(np.array(times), 0 * ones, ones, impulse * ones, ones)
+    impacts = Impacts(np.array(times), 0 * ones, ones, impulse * ones, ones, *[np.nan * ones] * 4)
     losses: dict[str, Any] = dict.fromkeys(("friction_force_N", "friction_loss_J", "clipped_loss_J"))
     return Contact(
         gap_m=np.zeros((len(depths), 2)),

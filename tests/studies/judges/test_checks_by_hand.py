@@ -14,7 +14,7 @@ from studies.stability import verdict
 
 def contact(gap_m: FloatArray, impulse_N_s: list[float], impulses: list[float]) -> Contact:
     zero, told = np.zeros(len(gap_m)), np.array(impulses)
-    impacts = Impacts(told, told, told, told, told)
+    impacts = Impacts(*[told] * 9)
     return Contact(gap_m, zero, zero, None, zero, np.array(impulse_N_s), zero, None, None, impacts)
 
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from engine_models.engine import Impacts
-from studies.judges.impact_matching import impact_errors, match
+from engine_models.engine import Contact, Impacts
+from studies.judges.impact_matching import force_error_in_phase_N, impact_errors, match
 
 TRUE = np.array([1.0, 2.0, 3.0, 3.1])
 
 
 def impacts(times: np.ndarray, impulse: float | np.ndarray = 1.0, loss: float = 0.5) -> Impacts:
     ones = np.ones(len(times))
-    return Impacts(times, 0 * ones, ones, impulse * ones, loss * ones)
+    return Impacts(times, 0 * ones, ones, impulse * ones, loss * ones, *[np.nan * ones] * 4)
 
 
 def test_shifted_impacts_are_all_matched() -> None:
@@ -78,3 +78,61 @@ def test_the_shorter_flight_beside_an_impact_decides_how_far_off_it_may_be() -> 
     assert (len(late.run), late.unmatched, late.missed) == (2, 1, 1)
     same = match(np.array([1.0, 1.12, 5.0]), true, 6.0)
     assert (len(same.run), same.unmatched, same.missed) == (3, 0, 0)
+
+
+def bumps(touches: list[float], lasts: list[float], peaks: list[float], time: np.ndarray) -> Contact:
+    """Half sines of force, at times (n,), whose penetration is a thousandth of it."""
+    force = np.zeros(len(time))
+    for touch, last, high in zip(touches, lasts, peaks, strict=True):
+        part = (time - touch) / last
+        force += np.where((part > 0) & (part < 1), high * np.sin(np.pi * part), 0.0)
+    at, lasting, peak = np.array(touches), np.array(lasts), np.array(peaks)
+    middle = at + lasting / 2
+    told = Impacts(at, lasting, at**0, at**0, at**0, peak, middle, peak / 1e3, middle)
+    zero = np.zeros(len(time))
+    return Contact(np.zeros((len(time), 2)), force / 1e3, force, None, zero, zero, zero, None, None, told)
+
+
+TIME = np.linspace(0.0, 4.0, 4001)
+LASTS, PEAKS = [0.1, 0.2, 0.1], [100.0, 40.0, 60.0]
+
+
+def test_forces_that_are_late_are_the_same_at_equal_parts_of_an_impact_and_stronger_ones_are_not() -> None:
+    """3 % more in the second, and 10 ms late: at a flank of 100 N in 0.1 s that is 31 N."""
+    true = bumps([1.0, 2.0, 3.0], LASTS, PEAKS, TIME)
+    late = bumps([1.01, 2.01, 3.01], LASTS, PEAKS, TIME)
+    assert np.abs(late.normal_force_N - true.normal_force_N).max() == pytest.approx(31.2, rel=0.01)
+    assert force_error_in_phase_N(late, true, TIME, 4.0) == pytest.approx(0.0, abs=1e-3)
+    assert "impact_force_error_N" in (row := impact_errors(late.impacts, true.impacts, 4.0))
+    assert row["impact_force_error_N"] == row["impact_force_relative_error"] == 0.0
+    strong = bumps([1.01, 2.01, 3.01], LASTS, [100.0, 41.2, 60.0], TIME)
+    assert force_error_in_phase_N(strong, true, TIME, 4.0) == pytest.approx(1.2, rel=1e-3)
+    row = impact_errors(strong.impacts, true.impacts, 4.0)
+    assert row["impact_force_error_N"] == pytest.approx(1.2)
+    assert row["impact_force_relative_error"] == pytest.approx(0.03)
+    assert row["impact_penetration_relative_error"] == pytest.approx(0.03)
+
+
+def test_each_duration_is_judged_by_its_own() -> None:
+    true = bumps([1.0, 2.0, 3.0], LASTS, PEAKS, TIME)
+    longer = bumps([1.0, 2.0, 3.0], [0.1, 0.2, 0.11], PEAKS, TIME)
+    row = impact_errors(longer.impacts, true.impacts, 4.0)
+    assert row["impact_duration_relative_error"] == pytest.approx(0.1)
+
+
+def test_an_impact_that_is_missed_is_off_by_all_of_its_force() -> None:
+    true, fewer = bumps([1.0, 2.0, 3.0], LASTS, PEAKS, TIME), bumps([1.0, 2.0], LASTS[:2], PEAKS[:2], TIME)
+    row = impact_errors(fewer.impacts, true.impacts, 4.0)
+    assert (row["impacts_missed"], row["impact_force_relative_error"]) == (1, 1.0)
+    assert row["impact_force_error_N"] == 0.0
+
+
+def test_forces_of_an_impact_without_samples_have_no_error_at_equal_parts() -> None:
+    coarse = np.linspace(0.0, 4.0, 41)
+    true = bumps([1.0, 2.0, 3.0], LASTS, PEAKS, coarse)
+    assert np.isnan(force_error_in_phase_N(true, true, coarse, 4.0))
+
+
+def test_impacts_on_rigid_walls_have_no_forces_to_be_off() -> None:
+    row = impact_errors(impacts(TRUE), impacts(TRUE), 4.0)
+    assert not any("force" in name or "penetration" in name or "duration" in name for name in row)

@@ -43,7 +43,8 @@ def member(scene: Scene) -> Trajectory:
     depth = np.array([1, 1, 1, 1, -1, 1, 1, -1, 1]) * 1e-6
     sums = np.array([0, 1, 1, 2, 3, 3, 5, 6, 7], float)
     touches = np.array([0.015, 0.045, 0.062])
-    impacts = Impacts(touches, 0 * touches, np.array([5.0, 1.0, 2.0]), np.array([9.0, 1.0, 2.0]), touches)
+    speeds, impulses = np.array([5.0, 1.0, 2.0]), np.array([9.0, 1.0, 2.0])
+    impacts = Impacts(touches, 0 * touches, speeds, impulses, touches, *[np.nan * touches] * 4)
     contact = Contact(
         np.zeros((9, 2)), depth, 0 * depth, None, 0 * depth, sums, sums / 10, None, None, impacts
     )
