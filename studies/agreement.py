@@ -8,9 +8,10 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.comparison import compared, conserved, judged
+from studies.judges.comparison import compared, judged
 from studies.judges.converged_truth import REFERENCE
 from studies.judges.kinds import require
+from studies.judges.metrics import conserved
 from studies.ladders import by_tolerance
 from studies.running.case import Case, Curves, Row
 

@@ -9,7 +9,7 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.comparison import Judged, compared, conserved, judged
+from studies.judges.comparison import Judged, compared, judged
 from studies.judges.converged_truth import (
     converged,
     cross_check,
@@ -21,7 +21,7 @@ from studies.judges.converged_truth import (
 from studies.judges.impact_matching import FORCE_ERROR, force_error_in_phase_N, impact_errors
 from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
-from studies.judges.metrics import errors
+from studies.judges.metrics import conserved, errors
 from studies.ladders import clearance_ladder
 from studies.running.case import Case, Curves, Row
 

@@ -12,10 +12,10 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.comparison import checked
 from studies.judges.energy_ledger import constraint_speed_m_s, ledger
 from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
 from studies.judges.metrics import (
+    checked,
     constraint_violation_m,
     energy_balance_residual_J,
     kinetic_energy_J,

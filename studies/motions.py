@@ -19,9 +19,10 @@ from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from studies.command.trajectory_table import sample_columns
-from studies.judges.comparison import checked, compared, conserved, judged
+from studies.judges.comparison import compared, judged
 from studies.judges.energy_ledger import ledger
 from studies.judges.ideal_motion import slider_position_m
+from studies.judges.metrics import checked, conserved
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row
 

@@ -21,7 +21,7 @@ from engine_models.mechanics.contact_law import (
     minimum_impact_speed_of,
     stiffness_of,
 )
-from engine_models.mechanics.impacts import instants_in, largest_of_each
+from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.joints import (
     JointGap,
     clearances,
@@ -134,11 +134,12 @@ def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray)
     impulse, normal_loss, friction_loss = since_start(time_s)
     impulses, normal_losses, friction_losses = since_start(release) - since_start(ended)
     states = contact_states(scene, joint, motion, time_s)
-    inside = instants_in(ended, release - ended)
-    within = contact_states(scene, joint, motion, inside.ravel())
+    inside = [along_steps(motion.time_s, *ends) for ends in zip(ended, release, strict=True)]
+    within = contact_states(scene, joint, motion, np.concatenate([np.zeros(0), *inside]))
+    ends = np.cumsum([len(times) for times in inside], dtype=int)[:-1]
     forces, depths = (
-        largest_of_each(inside, value.reshape(inside.shape))
-        for value in (within.normal_force_N, within.penetration_m)
+        np.reshape([largest(*each) for each in zip(inside, np.split(of, ends), strict=False)], (-1, 2)).T
+        for of in (within.normal_force_N, within.penetration_m)
     )
     return contact_of(
         clearances(scene)[joint],

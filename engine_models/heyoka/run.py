@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
 from engine_models.heyoka.systems import Event, System, Systems
-from engine_models.mechanics.impacts import POINTS
+from engine_models.mechanics.impacts import along_steps
 from engine_models.pace import Pace
 from engine_models.progress import tell
 from engine_models.scene.scene import Scene
@@ -162,10 +162,10 @@ class Reading:
         times = self._times[taken : np.searchsorted(self._times, clock[-1], side="right")]
         at = times if not piece.system.touching else [_when(series, ends, clock, t) for t in times.tolist()]
         if piece.system.touching:
-            inside = np.linspace(ends[0], ends[-1], POINTS + 2)[1:-1]  # in time they are closer to both ends
+            inside = along_steps(ends, ends[0], ends[-1])
             states = np.array(series(inside))[:, : 2 * self._derivative.n]
             rows = np.pad(states, ((0, 0), (0, len(self._derivative.sums))))
-            self.record.trace(piece.system.clock(series, inside), list(rows))
+            self.record.trace(piece.system.clock(series, inside), [*rows])
         marks = [*zip(ends[1:].tolist(), [False] * len(ends), strict=False), *((s, True) for s in at)]
         before = float(ends[0])
         for s, is_sample in sorted(marks):

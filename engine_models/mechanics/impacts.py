@@ -9,14 +9,23 @@ from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
 
 #: Instants within an impact.
 POINTS = 40
+#: Parts of a step of the methods that choose theirs: of some radian of a contact's swing.
+PARTS = 8
 #: Samples to either side of the largest one through which a polynomial is laid.
 BESIDE = 3
 
 
-def instants_in(touch_s: FloatArray, duration_s: FloatArray) -> FloatArray:
-    """Return instants within each of m contacts, (m, POINTS), closer to one another towards both ends."""
-    part = (1 - np.cos(np.pi * np.arange(1, POINTS + 1) / (POINTS + 1))) / 2
-    return np.asarray(touch_s[:, None] + duration_s[:, None] * part)
+def instants_in(begin_s: float, end_s: float, count: int = POINTS) -> FloatArray:
+    """Return instants within an impact, (count,), closer to one another towards both ends."""
+    part = (1 - np.cos(np.pi * np.arange(1, count + 1) / (count + 1))) / 2
+    return np.asarray(begin_s + (end_s - begin_s) * part)
+
+
+def along_steps(steps_s: FloatArray, begin_s: float, end_s: float) -> FloatArray:
+    """Return times within an impact that cut each of the steps taken in it into ``PARTS``, with its ends."""
+    inside = steps_s[(steps_s > begin_s) & (steps_s < end_s)]
+    ends = np.concatenate([[begin_s], inside, [end_s]])
+    return np.asarray(np.interp(np.arange(PARTS * (len(ends) - 1) + 1) / PARTS, np.arange(len(ends)), ends))
 
 
 def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
@@ -34,12 +43,6 @@ def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
     roots = through.deriv().roots()
     turns = roots.real[(abs(roots.imag) == 0) & (time_s[k - 1] < roots.real) & (roots.real < time_s[k + 1])]
     return max([best, *((float(through(turn)), float(turn)) for turn in turns)])
-
-
-def largest_of_each(time_s: FloatArray, value: FloatArray) -> FloatArray:
-    """Return the largest value of each of m signals and its time, (2, m), from samples (m, k)."""
-    found = [largest(times, values) for times, values in zip(time_s, value, strict=True)]
-    return np.asarray(np.reshape(found, (-1, 2)).T)
 
 
 def with_largest(run: Trajectory) -> Trajectory:

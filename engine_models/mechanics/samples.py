@@ -6,7 +6,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from engine_models.engine import Contact, FloatArray, Trajectory
 
@@ -44,7 +43,11 @@ def interpolated(run: Trajectory, time_s: FloatArray) -> Trajectory:
         weight = part.reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray((1 - weight) * values[step] + weight * values[step + 1])
 
-    position = CubicHermiteSpline(run.time_s, run.position, run.velocity)(time_s)
+    x, h = part[:, None, None], np.diff(run.time_s)[step][:, None, None]
+    start, stop = run.velocity[step] * h, run.velocity[step + 1] * h
+    change = run.position[step + 1] - run.position[step]
+    curve = (1 - x) * (start - change) + x * (change - stop)
+    position = run.position[step] + x * (change + (1 - x) * curve)
     return replace(_of_arrays(run, linear), time_s=time_s, position=position)
 
 

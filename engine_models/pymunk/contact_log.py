@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts
-from engine_models.mechanics.impacts import largest
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.pymunk.compiled.records import KICK
 from engine_models.scene.scene import Clearance
@@ -82,7 +81,8 @@ class ContactLog:
         for of_contact, part in zip(kept, parts[len(parts) - len(kept) :], strict=True):
             if len(part):
                 for k, value in enumerate((part["normal_N_s"] / part["kick_s"], part["depth_m"])):
-                    of_contact[k] = max(of_contact[k], largest(part["time_s"], value))
+                    at = int(np.argmax(value))
+                    of_contact[k] = max(of_contact[k], (float(value[at]), float(part["time_s"][at])))
 
     def at(self, impulse: FloatArray, wanted: NDArray[np.int64]) -> FloatArray:
         """Return an impulse at the wanted steps, zero where there is no contact."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import odeint, solve_ivp
+from scipy.integrate import OdeSolution, odeint, solve_ivp
 from scipy.optimize import OptimizeResult
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
@@ -23,8 +23,6 @@ UNCONTROLLED = 1e30
 ODEINT = "odeint"
 #: Of t and y.
 OfTime = Callable[[float, FloatArray], float]
-#: y (size, n) at times (n,).
-Course = Callable[[FloatArray], FloatArray]
 #: The status of a solution that an event has ended.
 STOPPED = 1
 #: Evaluations after which a run tells how far it has come, and after which its pace is judged.
@@ -86,7 +84,7 @@ class Calls:
 
     def solve(
         self, t: float, y: FloatArray, times: FloatArray, watched: Sequence[Watch]
-    ) -> tuple[list[FloatArray], list[Root], Course | None]:
+    ) -> tuple[list[FloatArray], list[Root], OdeSolution | None]:
         """Integrate from y at t to the last of the times, or to an alarm.
 
         Return y at the times, roots, and y as a function of time where there are contacts to be looked into.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.impacts import instants_in, largest
+from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.scipy_ivp.calls import Calls
 from engine_models.scipy_ivp.contact import Event, alarms, crossing, nearest
 from engine_models.scipy_ivp.model import Derivative
@@ -111,8 +111,8 @@ class LocatedRun:
         ended = [root for root in roots if root.watch.event is not None]
         end = ended[0].t if ended else stop
         if course is not None and len(in_flight) < derivative.contact_count:
-            inside = instants_in(np.array([t]), np.array([end - t]))[0]
-            self.record.trace(inside, course(inside).T)
+            inside = along_steps(course.ts, t, end)
+            self.record.trace(inside, [*np.ascontiguousarray(course(inside).T)])
         if ended:
             return end, ended[0].y, ended[0].watch.event
         return end, states[-1], None
@@ -138,7 +138,7 @@ def switching_run(derivative: Derivative, calls: Calls, times: FloatArray) -> Re
         elif watch.contact in begun:
             touch = begun.pop(watch.contact)
             assert course is not None
-            for at in instants_in(np.array([touch]), np.array([t - touch]))[0]:
+            for at in along_steps(course.ts, touch, t):
                 state = np.ascontiguousarray(course(at))
                 derivative.sense(state, calls.memory_at(at))
                 record.trace(np.array([at]), [state])

@@ -431,8 +431,8 @@ def places(pattern: str, values: Iterable[Scalar], first: int = 0) -> list[tuple
 def source_of(topology: Topology) -> str:
     """Return the module of a marked topology: ``slopes``, and what the loop that is to run calls.
 
-    Of RK4 that is ``advance``, or, where it lands on events, ``step`` and ``mobilities``; with error control
-    ``move``; and beside them, of contacts, ``gaps`` and ``mobilities``.
+    Of RK4 that is ``advance``, or, where it lands on events, ``step``, ``gaps`` and ``mobilities``; with
+    error control ``move``, and of contacts these two as well.
     """
     kernel, controlled = Kernel(topology), topology.method.embedded is not None
     kernel.answer()
@@ -446,8 +446,7 @@ def source_of(topology: Topology) -> str:
         kernel.contact_step()
     else:
         kernel.advance()
-    if topology.mechanism.contacts:
-        kernel.gaps()
     if topology.mechanism.contacts or (topology.by_events and not controlled):
+        kernel.gaps()
         kernel.mobilities()
     return kernel.source()

@@ -22,8 +22,8 @@ from engine_models.scene.file import SceneError, from_toml, to_toml
 from engine_models.scene.scene import Scene
 from studies.extremes import contacts, dead_centres, loose_joints, mechanisms, wheels
 from studies.extremes.case import Extreme
-from studies.judges.comparison import checked
 from studies.judges.metrics import (
+    checked,
     constraint_violation_m,
     finite,
     kinetic_energy_J,

@@ -1,6 +1,5 @@
-"""A run held against the truth of the scene that it solves, and against physics' own laws."""
+"""A run held against the truth of the scene that it solves, where something happens."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -8,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import ROUNDING, Engine, RunSettings, Trajectory
-from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.samples import selected
 from engine_models.scene.scene import Scene
 from studies.judges import metrics
@@ -96,25 +94,3 @@ def compared(found: Judged) -> tuple[Row, Curves]:
             reasons.append(f"{name}: {part}")
     row["not_judged"] = "; ".join(reasons)
     return row, {name: curve[equal] for name, curve in errors.items()}
-
-
-def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
-    """Return what needs no truth: energy balance, constraints and quality, at their worst, and as curves."""
-    curves = {
-        "energy_balance_residual_J": metrics.energy_balance_residual_J(scene, run),
-        "constraint_violation_m": metrics.constraint_violation_m(scene, run),
-    }
-    worst = {name: float(np.abs(curve).max()) for name, curve in curves.items()}
-    return {**worst, **checked(scene, run)}, curves
-
-
-def checked(scene: Scene, run: Trajectory) -> Row:
-    """Return the columns of the check that ``crankslider simulate`` makes: what it found, and why it failed.
-
-    They are ``unaccounted_energy_part``, ``ideal_gap_part``, ``penetration_part`` as far as the scene has
-    them (see ``mechanics.quality``), None where not finite, and ``quality_failure``, empty where the run
-    passed.
-    """
-    quality = quality_of(scene, run)
-    parts = {name: part if math.isfinite(part) else None for name, part in quality.parts().items()}
-    return {**parts, "quality_failure": quality.failure() or ""}

@@ -8,6 +8,7 @@ in, with repeats of its own, as for ideal pendulums and rods no longer than thei
 up to the horizon, where repeats or runs begun a hair beside part. All are kept on disk (see ``run_cache``).
 """
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.mechanics.impacts import instants_in, with_largest
+from engine_models.mechanics.impacts import POINTS, instants_in, with_largest
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.reference.engine import ReferenceEngine
@@ -39,6 +40,8 @@ RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
 GRID = 120
 #: Peaks of a signal above this part of its largest value have a time of their own, found on so many samples.
 PEAK, DENSE = 0.5, 4800
+#: A contact that lasts longer than usual has more instants, so many times as many at the most.
+MOST_PARTS = 20
 #: Pointwise errors mean something while repeats are no further apart than this in slider position.
 POINTWISE_M = 1e-8
 #: What the truth of a scene is by.
@@ -136,12 +139,16 @@ def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
         beside = np.pad(size, 1, constant_values=-np.inf)
         peaks = (size >= beside[:-2]) & (size > beside[2:]) & (size > PEAK * size.max())
         times.append(run.time_s[peaks])
+    ended = [contact.impacts.duration_s for contact in run.contacts.values()]
+    usual_s = float(np.median(np.concatenate([*ended, [run.time_s[-1] / MOST_PARTS]])))
     for contact in run.contacts.values():
-        touch_s, duration_s = contact.impacts.time_s, contact.impacts.duration_s
+        begin_s, end_s = contact.impacts.time_s, contact.impacts.time_s + contact.impacts.duration_s
         if contact.penetration_m[-1] > 0:  # a contact that has not ended
-            begin_s = np.append(run.time_s[contact.penetration_m <= 0], touch_s + duration_s).max(initial=0.0)
-            touch_s, duration_s = np.append(touch_s, begin_s), np.append(duration_s, run.time_s[-1] - begin_s)
-        times.append(instants_in(touch_s, duration_s)[duration_s > 0].ravel())
+            flown_s = np.append(run.time_s[contact.penetration_m <= 0], end_s).max(initial=0.0)
+            begin_s, end_s = np.append(begin_s, flown_s), np.append(end_s, run.time_s[-1])
+        for begin, end in zip(begin_s[begin_s < end_s], end_s[begin_s < end_s], strict=True):
+            parts = min(MOST_PARTS, math.ceil((end - begin) / usual_s))
+            times.append(instants_in(begin, end, POINTS * parts))
     return tuple(np.unique(np.concatenate(times)).tolist())
 
 

@@ -1,5 +1,6 @@
 """What is judged, computed from a scene and a trajectory alone, the same way for every engine."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,7 +12,9 @@ from engine_models.mechanics.energy import kinetic_energy_J as kinetic_energy_J
 from engine_models.mechanics.energy import numerical_gain_J as numerical_gain_J
 from engine_models.mechanics.energy import potential_energy_J as potential_energy_J
 from engine_models.mechanics.quality import constraint_violation_m as constraint_violation_m
+from engine_models.mechanics.quality import quality_of
 from engine_models.scene.scene import Scene
+from studies.running.case import Curves, Row
 
 
 def in_flight(*runs: Trajectory) -> NDArray[np.bool_]:
@@ -106,6 +109,28 @@ def scales(scene: Scene, truth: Trajectory, equal: NDArray[np.bool_]) -> dict[st
         with_suffix(name, "scale"): float(_size(value - value[equal].mean(axis=0)).max())
         for name, value in signals(scene, truth)
     }
+
+
+def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
+    """Return what needs no truth: energy balance, constraints and quality, at their worst, and as curves."""
+    curves = {
+        "energy_balance_residual_J": energy_balance_residual_J(scene, run),
+        "constraint_violation_m": constraint_violation_m(scene, run),
+    }
+    worst = {name: float(np.abs(curve).max()) for name, curve in curves.items()}
+    return {**worst, **checked(scene, run)}, curves
+
+
+def checked(scene: Scene, run: Trajectory) -> Row:
+    """Return the columns of the check that ``crankslider simulate`` makes: what it found, and why it failed.
+
+    They are ``unaccounted_energy_part``, ``ideal_gap_part``, ``penetration_part`` as far as the scene has
+    them (see ``mechanics.quality``), None where not finite, and ``quality_failure``, empty where the run
+    passed.
+    """
+    quality = quality_of(scene, run)
+    parts = {name: part if math.isfinite(part) else None for name, part in quality.parts().items()}
+    return {**parts, "quality_failure": quality.failure() or ""}
 
 
 #: Round-off of a signal relative to its largest value: the closed-form reactions are within 2.2 units in the

@@ -14,7 +14,7 @@ from engine_models.mechanics.watch import Watch
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import LISTS, Members, supports
 from engine_models.reference.members import Row as SweepRow
-from studies.judges.comparison import checked
+from studies.judges.metrics import checked
 from studies.predictability.sweeps.gathered import gathered
 from studies.running.case import Case, Curves, Row
 

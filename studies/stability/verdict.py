@@ -7,8 +7,7 @@ import numpy as np
 
 from engine_models.engine import Trajectory
 from engine_models.scene.scene import Scene
-from studies.judges.comparison import checked
-from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, finite
+from studies.judges.metrics import checked, constraint_violation_m, energy_balance_residual_J, finite
 from studies.running.case import Row
 
 ACCURATE, INACCURATE, GROWING, DIVERGED = "accurate", "inaccurate", "energy-growing", "diverged"

@@ -19,7 +19,8 @@ from engine_models.mechanics.samples import selected
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
-from studies.judges.comparison import checked, compared, judged
+from studies.judges.comparison import compared, judged
+from studies.judges.metrics import checked
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
 

@@ -72,7 +72,7 @@ def same(one: object, two: object) -> bool:
         return all(same(one[key], two[key]) for key in one)
     if isinstance(one, np.ndarray):
         assert isinstance(two, np.ndarray)
-        return np.array_equal(one, two)
+        return np.array_equal(one, two, equal_nan=True)
     return one == two
 
 

@@ -67,6 +67,12 @@ def forces(p, contacts, t, y, row, samples):  # type: ignore[no-untyped-def]  # 
 
 
 @njit
+def gaps(p, contacts, t, motion):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """There is no contact."""
+    return True
+
+
+@njit
 def mobilities(p, y, row, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """There is no contact."""
     return True
@@ -79,7 +85,7 @@ def interpolation_errors(h: float) -> FloatArray:
     run.old.y[:], (now,) = start, run.clock
     now["longest"] = now["end"] = h
     now["located"] = now["budget"] = 1
-    functions = zip((step, slopes, forces, mobilities), contact_loop.KERNEL, strict=True)
+    functions = zip((step, slopes, forces, gaps, mobilities), contact_loop.KERNEL, strict=True)
     kernel = contact_loop.Kernel(*(callee(function, kind) for function, kind in functions))
     loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
     assert loop(run._replace(kernel=kernel, p=np.zeros(0), method=tableau(RK4))) == DONE

@@ -12,7 +12,7 @@ from engine_models.scene.library import CLEARANCE_SCENES, ideal_driven, ideal_fr
 from engine_models.scene.scene import Scene
 from studies.extremes.checks import ideal_motion
 from studies.judges import converged_truth, ideal_truth
-from studies.judges.comparison import Judged, compared, conserved
+from studies.judges.comparison import Judged, compared
 from studies.judges.converged_truth import Solved, reach
 from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.energy_rates import drift_rate, growth_exponent
@@ -21,7 +21,7 @@ from studies.judges.ideal_truth import exact
 from studies.judges.impact_matching import impact_errors
 from studies.judges.local_error import local_errors
 from studies.judges.lyapunov import Growth
-from studies.judges.metrics import errors, in_flight, sizes, uncertainties
+from studies.judges.metrics import conserved, errors, in_flight, sizes, uncertainties
 from studies.stability.theory import RK4, leading_loss
 
 POSITION = "slider_position_error_m"
