@@ -42,10 +42,11 @@ class TrueRun(Run):
         return {**super().made_by, "settings": {}, "certain_m": self.certain_m, "by": self.by}
 
     def notes(self) -> list[str]:
-        """Return how well the motion is known, by what, and until when."""
+        """Return how well the motion is known, by what, and until when, and the largest force."""
         end, what = self.trajectory.time_s[-1], "slider" if self.scene.is_crank_slider else "crank's pin"
         known = f"the {what} is certain to {self.certain_m:.1e} m until t = {end:.6g} s"
-        return [f"{known}, by {'independent equations' if self.by == INDEPENDENT else 'the reference'}"]
+        by = "independent equations" if self.by == INDEPENDENT else "the reference"
+        return [f"{known}, by {by}", *self._notes_of_force()]
 
 
 def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
