@@ -4,9 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from engine_models.engine import Engine, Trajectory
+import numpy as np
+
+from engine_models.engine import MOST_SAMPLES, Engine, Trajectory
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.progress import tell
@@ -24,6 +26,19 @@ from studies.running.whole_file import require_place, write_whole
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+#: Samples that miss more than this part of the largest contact force are told of.
+MISSED = 0.1
+#: So many samples in the shortest impact show its largest force: of half a sine 99 %.
+PER_IMPACT = 10
+
+
+class ContactForce(NamedTuple):
+    """The normal force of a contact, its joint, and its time."""
+
+    force_N: float
+    joint: str
+    time_s: float
 
 
 @dataclass(frozen=True)
@@ -56,16 +71,38 @@ class Run:
         return pd.DataFrame(impact_columns(self.trajectory.contacts))
 
     @property
+    def largest_contact_force(self) -> ContactForce | None:
+        """The largest normal force of all contacts, its joint and time, of impacts and of samples.
+
+        None if no pin has touched its bearing, on ideal joints, and between rigid walls.
+        """
+        found, loose = [], clearances(self.scene)
+        for joint, contact in self.trajectory.contacts.items():
+            force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
+            times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
+            k = np.nanargmax(force)
+            if loose[joint].law != "rigid" and force[k] > 0:
+                found.append(ContactForce(float(force[k]), joint, float(times[k])))
+        return max(found, default=None)
+
+    @property
     def quality(self) -> Quality:
         """How far the run is from what physics allows; ``summary()`` says so in a line."""
         return quality_of(self.scene, self.trajectory)
 
     @check_arguments
     def plot(self) -> "Figure":
-        """Return a figure of position, velocity, forces and energy over time."""
+        """Return a figure of position, velocity, forces and energy over time.
+
+        The largest contact force is marked, though no sample may be there.
+        """
         from reports.run.time_plot import time_plot
 
-        return time_plot(self.frame, self._title, self.quality.summary())
+        mark = None
+        if largest := self.largest_contact_force:
+            label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
+            mark = largest.time_s, largest.force_N, label
+        return time_plot(self.frame, self._title, self.quality.summary(), mark)
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
@@ -126,14 +163,32 @@ class Run:
         }
 
     def notes(self) -> list[str]:
-        """Return what there is to say of any run: its quality and its steps, a line each."""
+        """Return what there is to say of any run: its quality, steps, and largest force, a line each."""
         of_method = f" of {self.engine.method}" if hasattr(self.engine, "method") else ""
         steps, allowed_s = self.trajectory.steps, self.trajectory.step_s
         mean_s = self.trajectory.time_s[-1] / max(steps, 1)
         how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
-        return [f"quality: {self.quality.summary()}", f"{steps} steps{of_method}, {how_long}"]
+        steps_taken = f"{steps} steps{of_method}, {how_long}"
+        return [f"quality: {self.quality.summary()}", steps_taken, *self._notes_of_force()]
+
+    def _notes_of_force(self) -> list[str]:
+        """Return a line on the largest contact force, and one on samples that miss it."""
+        if (largest := self.largest_contact_force) is None:
+            return []
+        said = f"the largest contact force is {_newtons(largest.force_N)}"
+        lines = [f"{said} at joint {largest.joint} at t = {largest.time_s:.6g} s"]
+        contacts, samples = self.trajectory.contacts, len(self.trajectory.time_s) - 1
+        shown_N = contacts[largest.joint].normal_force_N.max()
+        if shown_N < (1 - MISSED) * largest.force_N:
+            duration_s = np.concatenate([contact.impacts.duration_s for contact in contacts.values()])
+            shortest_s = duration_s[duration_s > 0].min(initial=np.inf)  # it is 0 between rigid walls
+            enough = float(f"{PER_IMPACT * self.scene.end_time_s / shortest_s:.2g}")
+            resolved = f", --samples {enough:g} resolves them" if samples < enough <= MOST_SAMPLES else ""
+            missed = f"{samples} samples show at most {_newtons(shown_N)} of it"
+            lines.append(f"{missed}: --impacts FILE has every impact's largest{resolved}")
+        return lines
 
     @property
     def _title(self) -> str:
@@ -147,3 +202,8 @@ class Run:
         from reports.run.card import card
 
         return card(self._title, [*self.notes(), *self.warnings], self.plot())
+
+
+def _newtons(force_N: float) -> str:
+    """Return a force in words, with three digits."""
+    return f"{force_N:.3g} N" if force_N < 999.5 else f"{force_N / 1e3:.3g} kN"

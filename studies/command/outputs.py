@@ -129,8 +129,8 @@ def _csv(columns: Columns, _: Run) -> bytes:
 
 
 def _json(columns: Columns, run: Run) -> bytes:
-    """Return a table as JSON: what made it, and a list of each column."""
-    lists = {name: values.tolist() for name, values in columns.items()}
+    """Return a table as JSON: what made it, and a list of each column, null for NaN."""
+    lists = {name: [None if x != x else x for x in values.tolist()] for name, values in columns.items()}
     return (json.dumps({"made_by": run.made_by, "columns": lists}) + "\n").encode("utf-8")
 
 

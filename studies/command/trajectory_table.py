@@ -60,11 +60,18 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
 
 
 def impact_columns(contacts: Mapping[str, Contact]) -> dict[str, NDArray[Any]]:
-    """Return a value for each impact in the order of time: its joint, and what ``Impacts`` has of it."""
+    """Return a value for each impact in the order of time: its joint, and what ``Impacts`` has of it.
+
+    Columns without any number are absent.
+    """
     impacts = {joint: contact.impacts for joint, contact in contacts.items()}
     counts = [len(each.time_s) for each in impacts.values()]
     columns: dict[str, NDArray[Any]] = {"joint": np.repeat(np.array(list(impacts), dtype=str), counts)}
     for field in fields(Impacts):
         columns[field.name] = np.concatenate([[], *(getattr(each, field.name) for each in impacts.values())])
     order = np.argsort(columns["time_s"], kind="stable")
-    return {name: values[order] for name, values in columns.items()}
+    return {
+        name: values[order]
+        for name, values in columns.items()
+        if name == "joint" or not len(values) or not np.isnan(values).all()
+    }

@@ -5,6 +5,7 @@ ended contacts ``SCENE-impacts.csv``, and ``certainty.csv`` has a row for each s
 """
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -21,7 +22,7 @@ from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions
-from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, truth_by
+from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, solved, truth_by
 from studies.running.failures import BadInput, Failed
 
 #: Samples that are published, and the digits of a double.
@@ -41,10 +42,11 @@ class TrueRun(Run):
         return {**super().made_by, "settings": {}, "certain_m": self.certain_m, "by": self.by}
 
     def notes(self) -> list[str]:
-        """Return how well the motion is known, by what, and until when."""
+        """Return how well the motion is known, by what, and until when, and the largest force."""
         end, what = self.trajectory.time_s[-1], "slider" if self.scene.is_crank_slider else "crank's pin"
         known = f"the {what} is certain to {self.certain_m:.1e} m until t = {end:.6g} s"
-        return [f"{known}, by {'independent equations' if self.by == INDEPENDENT else 'the reference'}"]
+        by = "independent equations" if self.by == INDEPENDENT else "the reference"
+        return [f"{known}, by {by}", *self._notes_of_force()]
 
 
 def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
@@ -58,6 +60,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
         truth, repeats = converged(scene, options.samples)
         count = followed(scene, options.samples)
         by = truth_by(scene, options.samples)
+        impacts = {joint: of.impacts for joint, of in solved(scene, options.samples).truth.contacts.items()}
     except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
     except (UnsupportedScene, SimulationFailed) as reason:
@@ -66,7 +69,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
         raise Failed("no truth was found: two true solutions part before the first sample")
     apart = max(float(np.abs(_place(scene, one) - _place(scene, truth))[:count].max()) for one in repeats)
     resolution = float(np.spacing(max(np.abs(_place(scene, truth)).max(), scene.crank.length_m)))
-    known, warnings = _until(truth, count), doubts_of_tables(scene)
+    known, warnings = _until(truth, impacts, count), doubts_of_tables(scene)
     if count <= options.samples:
         warnings.append(f"two true solutions part after t = {known.time_s[-1]:.6g} s, and samples end there")
     solver, certain = cast(Engine, COLLOCATION), max(apart, resolution)
@@ -78,12 +81,12 @@ def _place(scene: Scene, run: Trajectory) -> FloatArray:
     return run.slider_position_m if scene.is_crank_slider else scene.crank.length_m * run.position[:, 0, 2]
 
 
-def _until(truth: Trajectory, count: int) -> Trajectory:
+def _until(truth: Trajectory, impacts_of: Mapping[str, Impacts], count: int) -> Trajectory:
     """Return the first samples, and the impacts that have ended by then."""
     cut, end = selected(truth, slice(count)), truth.time_s[count - 1]
     contacts = {}
     for joint, contact in cut.contacts.items():
-        all_of = vars(contact.impacts)
+        all_of = vars(impacts_of[joint])
         over = all_of["time_s"] + all_of["duration_s"] <= end
         impacts = Impacts(**{name: values[over] for name, values in all_of.items()})
         contacts[joint] = replace(contact, impacts=impacts)

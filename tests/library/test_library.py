@@ -50,6 +50,10 @@ def test_impacts_come_in_the_order_of_time_with_their_joint() -> None:
         "approach_speed_m_s",
         "normal_impulse_N_s",
         "energy_lost_J",
+        "largest_normal_force_N",
+        "largest_normal_force_time_s",
+        "largest_penetration_m",
+        "largest_penetration_time_s",
     ]
     assert run.impacts["time_s"].is_monotonic_increasing
     for joint, contact in run.trajectory.contacts.items():

@@ -15,7 +15,7 @@ NONE = np.zeros(2)
 
 def impacts(*times: float) -> Impacts:
     at = np.array(times)
-    return Impacts(at, at / 10, at * 2, at * 3, at * 4)
+    return Impacts(at, at / 10, *(at * k for k in range(2, 9)))
 
 
 def contact() -> Contact:
@@ -104,3 +104,16 @@ def test_impacts_of_all_joints_are_in_the_order_of_time() -> None:
     assert columns["approach_speed_m_s"].tolist() == [2.0, 4.0, 6.0, 8.0]
     assert columns["normal_impulse_N_s"].tolist() == [3.0, 6.0, 9.0, 12.0]
     assert columns["energy_lost_J"].tolist() == [4.0, 8.0, 12.0, 16.0]
+    assert columns["largest_normal_force_N"].tolist() == [5.0, 10.0, 15.0, 20.0]
+    assert columns["largest_normal_force_time_s"].tolist() == [6.0, 12.0, 18.0, 24.0]
+    assert columns["largest_penetration_m"].tolist() == [7.0, 14.0, 21.0, 28.0]
+    assert columns["largest_penetration_time_s"].tolist() == [8.0, 16.0, 24.0, 32.0]
+
+
+def test_a_column_of_impacts_is_absent_where_none_has_a_number() -> None:
+    wall = replace(impacts(2.0), largest_normal_force_N=np.array([np.nan]))
+    by_walls = impact_columns({"A": replace(contact(), impacts=wall)})
+    assert set(impact_columns({"A": contact()})) - set(by_walls) == {"largest_normal_force_N"}
+    both = {"A": wall, "B": impacts(1.0)}
+    mixed = impact_columns({name: replace(contact(), impacts=each) for name, each in both.items()})
+    np.testing.assert_array_equal(mixed["largest_normal_force_N"], [5.0, np.nan])

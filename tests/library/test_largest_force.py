@@ -1,0 +1,146 @@
+"""A run tells its largest contact force, though its samples miss it."""
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import crankslider as cs
+from engine_models.scene.file import to_toml
+from tests.helpers.command import crankslider
+
+SCENE = "clearance-driven-0.5mm"
+RIGID = {"law": "rigid", "young_modulus_Pa": None, "poisson_ratio": None}
+
+
+@pytest.fixture(scope="module")
+def run() -> cs.Run:
+    return cs.simulate(SCENE, end=0.004, samples=50)
+
+
+def with_force(run: cs.Run, at_samples_N: Sequence[float], **of_impacts: Sequence[float]) -> cs.Run:
+    """Return a run of 2 s with other normal forces at B, at samples and of impacts."""
+    contact = run.trajectory.contacts["B"]
+    few = {name: values[: len(of_impacts["duration_s"])] for name, values in vars(contact.impacts).items()}
+    changed = replace(
+        contact,
+        normal_force_N=np.array(at_samples_N),
+        impacts=replace(contact.impacts, **few | {name: np.array(x) for name, x in of_impacts.items()}),
+    )
+    times = np.linspace(0.0, 2.0, len(at_samples_N))
+    trajectory = replace(run.trajectory, time_s=times, contacts={"B": changed})
+    return replace(run, scene=run.scene.replace("end_time_s", 2.0), trajectory=trajectory)
+
+
+def hit(run: cs.Run, at_samples_N: Sequence[float], duration_s: float) -> cs.Run:
+    """Return a run with an impact of 10 kN at 0.3 s and one of 4 kN, which is the shorter one."""
+    return with_force(
+        run,
+        at_samples_N,
+        duration_s=[1.0, duration_s],
+        largest_normal_force_N=[10e3, 4e3],
+        largest_normal_force_time_s=[0.3, 0.7],
+    )
+
+
+def test_the_largest_force_is_that_of_an_impact_between_samples(run: cs.Run) -> None:
+    between = hit(run, [0.0, 2.2e3, 0.0], 0.02)
+    assert between.largest_contact_force == (10e3, "B", 0.3)
+    assert between._notes_of_force() == [
+        "the largest contact force is 10 kN at joint B at t = 0.3 s",
+        "2 samples show at most 2.2 kN of it: --impacts FILE has every impact's largest, "
+        "--samples 1000 resolves them",
+    ]
+
+
+def test_the_largest_force_of_a_contact_that_has_not_ended_is_a_sample(run: cs.Run) -> None:
+    assert hit(run, [0.0, 11e3, 0.0], 0.02).largest_contact_force == (11e3, "B", 1.0)
+
+
+def test_samples_that_show_nine_tenths_of_the_force_are_enough(run: cs.Run) -> None:
+    assert len(hit(run, [0.0, 9.01e3, 0.0], 0.02)._notes_of_force()) == 1
+    assert len(hit(run, [0.0, 8.99e3, 0.0], 0.02)._notes_of_force()) == 2
+
+
+def test_no_more_samples_are_advised_than_there_can_be(run: cs.Run) -> None:
+    for duration_s, advised in ((2e-4, True), (1.9e-4, False)):
+        _, missed = hit(run, [0.0, 0.0, 0.0], duration_s)._notes_of_force()
+        assert ("--samples 100000 resolves" in missed) == advised
+        assert missed.startswith("2 samples show at most 0 N of it: --impacts FILE has every")
+
+
+def test_a_small_force_is_told_in_newtons(run: cs.Run) -> None:
+    small = with_force(run, [0.0, 999.0], duration_s=[])
+    assert small._notes_of_force() == ["the largest contact force is 999 N at joint B at t = 2 s"]
+    assert " 1 kN " in with_force(run, [0.0, 999.9], duration_s=[])._notes_of_force()[0]
+
+
+def test_the_largest_force_is_that_of_a_run_with_many_samples(run: cs.Run) -> None:
+    """In 0.2 us, a 260th of the impact, the force has its largest value to 1e-4 at a sample."""
+    dense = cs.simulate(SCENE, end=0.004, samples=20_000).frame["contact_B_normal_force_N"]
+    largest = run.largest_contact_force
+    assert largest is not None
+    assert largest.force_N == pytest.approx(dense.max(), rel=1e-4)
+    assert largest.time_s == pytest.approx(dense.idxmax(), abs=2e-7)
+    assert largest.force_N > 1.5 * run.frame["contact_B_normal_force_N"].max()
+
+
+def test_as_many_samples_as_are_advised_show_the_force(run: cs.Run) -> None:
+    done = crankslider("simulate", SCENE, "--end", 0.004, "--samples", 50)
+    said = [line.removeprefix("note: ") for line in done.stderr.splitlines()]
+    assert said == run.notes()
+    (advised,) = re.findall(r"--samples (\d+) resolves them$", done.stderr)
+    finer = cs.simulate(SCENE, end=0.004, samples=int(advised))
+    assert finer.notes()[2:] == run.notes()[2:3]
+    shortest = cs.simulate(SCENE, end=0.004, samples=50).impacts["duration_s"].min()
+    assert 9.5 <= shortest / (0.004 / int(advised)) <= 10.5
+
+
+def test_a_plot_marks_the_force_that_its_curves_miss(run: cs.Run) -> None:
+    forces, largest = run.plot().axes[2], run.largest_contact_force
+    assert largest is not None
+    mark = next(line for line in forces.lines if line.get_label() == "_mark")
+    assert mark.get_xydata().tolist() == [[largest.time_s, largest.force_N]]  # type: ignore[union-attr]
+    assert forces.get_ylim()[1] > largest.force_N
+    assert [text.get_text() for text in forces.texts] == ["largest contact: 45.9 kN at B"]
+
+
+@pytest.mark.parametrize("scene", ["rigid-driven-A", "ideal-driven", "clearance-pendulum"])
+def test_rigid_walls_ideal_joints_and_a_pin_in_flight_have_no_largest_force(scene: str) -> None:
+    silent = cs.simulate(scene, end=0.002, samples=20)
+    assert silent.largest_contact_force is None
+    assert len(silent.notes()) == 2
+    assert [text.get_text() for ax in silent.plot().axes for text in ax.texts] == []
+    assert "largest_normal_force_N" not in silent.impacts or silent.impacts.empty
+
+
+def test_beside_a_rigid_wall_the_other_joint_has_a_largest_force(tmp_path: Path) -> None:
+    both = cs.scenes["clearance-driven-AB"]
+    mixed = both.replace({f"clearance.A.{name}": value for name, value in RIGID.items()})
+    run = cs.simulate(mixed, end=0.002, samples=20)
+    assert run.largest_contact_force is not None
+    assert run.largest_contact_force.joint == "B"
+    (tmp_path / "mixed.toml").write_text(to_toml(mixed))
+    written = ("simulate", tmp_path / "mixed.toml", "--samples", 20, "--impacts", tmp_path / "i.json")
+    assert crankslider(*written, "--end", 0.002).code == 0
+    columns = json.loads((tmp_path / "i.json").read_text())["columns"]
+    without = [depth is None for depth in columns["largest_penetration_m"]]
+    assert without == [joint == "A" for joint in columns["joint"]]
+    assert 0 < sum(without) < len(without)
+
+
+def test_a_true_run_has_the_largest_forces_of_its_impacts(tmp_path: Path) -> None:
+    """Its 40 instants in the longest contact, which has six peaks, show the force to 7e-6."""
+    out = ("--out", tmp_path / "t.csv", "--impacts", tmp_path / "i.json")
+    told = crankslider("truth", SCENE, "--end", 0.004, "--samples", 40, *out)
+    columns = json.loads((tmp_path / "i.json").read_text())["columns"]
+    run = cs.simulate(SCENE, end=0.004, samples=40, method="dop853", step_tolerance=1e-12)
+    for name in ("largest_normal_force_N", "largest_penetration_m"):
+        np.testing.assert_allclose(columns[name], run.impacts[name], rtol=1e-5, err_msg=name)
+        times = name.rpartition("_")[0] + "_time_s"
+        np.testing.assert_allclose(columns[times], run.impacts[times], rtol=0, atol=1e-8, err_msg=times)
+    assert told.stderr.splitlines()[1:] == [f"note: {line}" for line in run.notes()[2:]]
