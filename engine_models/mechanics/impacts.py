@@ -13,6 +13,8 @@ POINTS = 40
 PARTS = 8
 #: Samples to either side of the largest one through which a polynomial is laid.
 BESIDE = 3
+#: Samples nearer to each other, as a part of the time of those through which a polynomial is laid, are one.
+NEAREST = 1e-3
 
 
 def instants_in(begin_s: float, end_s: float, count: int = POINTS) -> FloatArray:
@@ -39,10 +41,14 @@ def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
     if not 0 < k < len(value) - 1:
         return best
     near = slice(max(0, k - BESIDE), k + BESIDE + 1)
-    through = Polynomial.fit(time_s[near], value[near], len(time_s[near]) - 1)
+    times, values = time_s[near], value[near]
+    apart = np.append(True, np.diff(times) > NEAREST * np.ptp(times))
+    through = Polynomial.fit(times[apart], values[apart], int(apart.sum()) - 1)
     roots = through.deriv().roots()
     turns = roots.real[(abs(roots.imag) == 0) & (time_s[k - 1] < roots.real) & (roots.real < time_s[k + 1])]
-    return max([best, *((float(through(turn)), float(turn)) for turn in turns)])
+    found = [(float(through(turn)), float(turn)) for turn in turns]
+    room = (value[k] - min(value[k - 1], value[k + 1])) / 2  # a quarter of it is what a parabola rises by
+    return max([best, *(each for each in found if each[0] <= value[k] + room)])
 
 
 def with_largest(run: Trajectory) -> Trajectory:

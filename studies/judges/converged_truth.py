@@ -126,7 +126,7 @@ def _at_least(samples: int) -> int:
 def _telling_times_s(scene: Scene) -> tuple[float, ...]:
     """Return the times within the impacts of the true solution, and those at which a signal is large."""
     dense = RunSettings(scene.end_time_s, DENSE)
-    return kept(f"times, {PEAK}", COLLOCATION, scene, dense, lambda: _found_telling(scene, dense))
+    return kept(__name__, COLLOCATION, scene, dense, lambda: _found_telling(scene, dense))
 
 
 def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:

@@ -36,18 +36,16 @@ def kept_run(engine: Solver, scene: Scene, settings: RunSettings) -> Trajectory:
         UnsupportedScene, SimulationFailed: as ``simulate`` does; a failure is not kept.
         FolderRefused: others could have written what would be read.
     """
-    return kept("run", engine, scene, settings, lambda: engine.simulate(scene, settings))
+    made_by = type(engine).__module__
+    return kept(made_by, engine, scene, settings, lambda: engine.simulate(scene, settings))
 
 
-def kept(what: str, engine: Solver, scene: Scene, settings: RunSettings, make: Callable[[], Kept]) -> Kept:
-    """Return what is made of an engine's run of a scene, now or before by the same code (see ``kept_run``).
-
-    ``what`` names it, with all that decides it besides.
-    """
+def kept(made_by: str, engine: Solver, scene: Scene, settings: RunSettings, make: Callable[[], Kept]) -> Kept:
+    """Return what a module makes of an engine's run of a scene, now or before by the same code."""
     kind = type(engine)
-    code = engine_fingerprint(kind.__module__), kind.__qualname__
+    code = made_by, *map(engine_fingerprint, (made_by, kind.__module__)), kind.__qualname__
     run = engine, scene.model_dump_json(), settings
-    text = repr((what, *code, *run, platform.machine(), get_host_cpu_name()))
+    text = repr((*code, *run, platform.machine(), get_host_cpu_name()))
     name = f"run-{hashlib.sha256(text.encode()).hexdigest()[:32]}.pickle"
     if (content := read_checked(name)) is not None:
         found: Kept = pickle.loads(content)
