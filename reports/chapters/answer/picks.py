@@ -7,13 +7,13 @@ from shlex import quote
 import pandas as pd
 
 from reports.equal_error import Arrival, Judged, Ratio, at_rung, ratio
-from reports.quantities import finished, with_largest
+from reports.quantities import PEAK, finished, with_largest, with_peak
 from reports.results import Results, with_columns
 from reports.run.command import command
 
 POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
 #: What is asked for: an error in a signal, in words, and how large it may be, in the column's unit.
-TARGETS = ((POSITION, "motion", 1e-6), (FORCE, "joint forces", 1.0))
+TARGETS = ((POSITION, "motion", 1e-6), (FORCE, "joint forces", 1.0), (PEAK, "peak forces", 1.0))
 #: How the columns begin that only scenes with clearance have.
 LOOSE = "^clearance_"
 
@@ -72,7 +72,8 @@ def races(timed: Results) -> list[Race]:
         "end_time_s",
         POSITION,
     )
-    rows = finished(with_largest(with_columns(timed.rows, *needed), FORCE, r"joint_\w_force_error_N"))
+    rows = with_largest(with_columns(timed.rows, *needed), FORCE, r"joint_\w_force_error_N")
+    rows = finished(with_peak(rows))
     loose = set(rows["scene"][rows.filter(regex=LOOSE).notna().any(axis=1)])
     found = [race for target in TARGETS for race in _races(rows, *target, loose)]
     return sorted(found, key=lambda race: not race.loose)

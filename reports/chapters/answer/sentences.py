@@ -8,13 +8,24 @@ from reports.chapters.answer.trust import HIDDEN_PART, LOST_IN_WORDS, Hidden
 from reports.chapters.extremes.verdict import Verdict, answers
 from reports.equal_error import Ratio
 from reports.parts import Finding, Number
+from reports.quantities import PEAK
 from reports.results import Results
 from reports.shared_tables import not_installed
 from reports.style import words
 from reports.tables import listed, on_scenes, plain
 
 #: How a target is written in a sentence, by its column.
-WITHIN = {POSITION: "the slider within 1 µm", FORCE: "joint forces within 1 N"}
+WITHIN = {
+    POSITION: "the slider within 1 µm",
+    FORCE: "joint forces within 1 N",
+    PEAK: "the peak force of every impact within 1 %",
+}
+#: What is meant by the error of a force, where there are impacts.
+FORCES = (
+    "The error of joint forces is the largest pointwise difference on a grid that resolves every impact; "
+    "10⁻⁹ s at the flank of an impact is some newtons, so peak forces, and forces at equal phase of an "
+    "impact, are judged beside it."
+)
 
 
 def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
@@ -45,6 +56,8 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
         for engine in sorted(without.keys() - {each.engine for each in settings}):
             text = f"No setting of {engine} has {WITHIN[column]} on any of {without[engine]} scenes."
             yield Finding(text, f"{engine}-{column}")
+        if of and column == FORCE:
+            yield Finding(FORCES, "forces")
 
 
 def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
