@@ -13,7 +13,7 @@ import pytest
 from reports.chapters.answer import answer
 from reports.chapters.answer.figure import figure
 from reports.chapters.answer.picks import FORCE, POSITION, Race, asked, races, widest
-from reports.chapters.answer.sentences import FORCES, whom_to_take
+from reports.chapters.answer.sentences import FORCES, on_each_scene, whom_to_take
 from reports.quantities import PEAK
 from reports.results import Results
 from tests.end_to_end.written_rows import results_of, row
@@ -172,6 +172,24 @@ def test_a_setting_that_is_within_the_target_on_part_of_the_scenes_says_on_how_m
         "enough on 1 of 2 scenes.",
         "No setting of pymunk has the slider within 1 µm on any of 2 scenes.",
     ]
+
+
+def test_a_scene_on_which_nobody_is_within_a_target_counts_and_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever they do, on the second scene all are a millimetre off."""
+    for arm, (first, (_, time_ms)) in ARMS.items():
+        monkeypatch.setitem(ARMS, arm, (first, (1e-3, time_ms)))
+    timed = timed_on(tmp_path / "work-precision", SCENES)
+    assert next(whom_to_take(races(timed))) == (
+        "For the slider within 1 µm with clearance take exudyn (trapezoidal) at step 0.01 s; it is "
+        "enough on 1 of 2 scenes. A run takes 2 ms there."
+    )
+    _, nobody, *_ = on_each_scene(races(timed))
+    assert nobody == "No engine has the slider within 1 µm on clearance-b."
+    said = answer({"work-precision": timed})
+    assert said.tables[0].rows[1] == ("motion", "1e-06 m", "clearance-b", "no engine", *["–"] * 5)
+    assert len(said.figures) == 1
 
 
 def test_ideal_scenes_race_by_themselves(found: list[Race]) -> None:

@@ -81,6 +81,9 @@ READING = (
 
 
 def _row(race: Race, studies: Mapping[str, Results]) -> tuple[str, ...]:
+    asked_for = (race.what, f"{race.target:g} {words(race.column)[1]}", race.scene)
+    if not race.picks:
+        return (*asked_for, "no engine", *[ABSENT] * 5)
     first, *others = race.picks
     way = first.way
     next_one = ABSENT
@@ -88,9 +91,7 @@ def _row(race: Race, studies: Mapping[str, Results]) -> tuple[str, ...]:
         times = race.ratios.get(others[0].way.label)
         next_one = f"{others[0].way.label}: {times or ABSENT}"
     return (
-        race.what,
-        f"{race.target:g} {words(race.column)[1]}",
-        race.scene,
+        *asked_for,
         way.label,
         way.setting,
         plain(1e3 * way.time_s),

@@ -31,6 +31,8 @@ class Pick:
 class Race:
     """Each engine's cheapest pick for one target on one scene, in that order; ``absent`` do not get there.
 
+    There are none where no engine gets there.
+
     ``end_s`` is the length of the motion, ``uncertainty`` the truth's own, ``within`` are all rungs within
     the target.
     """
@@ -49,20 +51,19 @@ class Race:
     @property
     def cheapest(self) -> list[Pick]:
         """The cheapest pick, and those that the timing does not resolve from it."""
-        first, *others = self.picks
         ratios = self.ratios
-        return [first, *(pick for pick in others if (of := ratios.get(pick.way.label)) and not of.decided)]
+        level = [pick for pick in self.picks if (of := ratios.get(pick.way.label)) and not of.decided]
+        return [*self.picks[:1], *level]
 
     @property
     def ratios(self) -> dict[str, Ratio]:
         """What every other engine takes in times of the cheapest."""
-        first, *others = self.picks
-        found = {pick.way.label: ratio(pick.way, first.way) for pick in others}
+        found = {pick.way.label: ratio(pick.way, self.picks[0].way) for pick in self.picks[1:]}
         return {label: each for label, each in found.items() if each}
 
 
 def races(timed: Results) -> list[Race]:
-    """Return the races for every target on every scene on which any engine is within it, clearance first."""
+    """Return the races for every target on every scene that has the error asked for, clearance first."""
     needed = (
         "round",
         "compiled_anew",
@@ -90,11 +91,10 @@ def _races(rows: pd.DataFrame, column: str, what: str, target: float, loose: set
             rung.Index: Pick(at_rung(rung), float(str(rung.error)), command(rows.loc[rung.Index], typed))
             for rung in within.itertuples()
         }
-        if ways:
-            picks = tuple(ways[place] for place in best.index)
-            yield Race(
-                column, what, target, scene, scene in loose, end, floor, picks, absent, tuple(ways.values())
-            )
+        picks = tuple(ways[place] for place in best.index)
+        yield Race(
+            column, what, target, scene, scene in loose, end, floor, picks, absent, tuple(ways.values())
+        )
 
 
 def asked(found: Sequence[Race], column: str, *, loose: bool) -> list[Race]:

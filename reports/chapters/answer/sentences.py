@@ -114,6 +114,10 @@ def _there(setting: Setting, scenes: int) -> str:
 def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
     """Yield the cheapest engine for each target on each scene with clearance, and how far the next one is."""
     for race in (race for column in WITHIN for race in asked(races, column, loose=True)):
+        name = f"cheapest-{race.column}-{race.scene}"
+        if not race.picks:
+            yield Finding(f"No engine has {WITHIN[race.column]} on {race.scene}.", name)
+            continue
         first, *others = race.picks
         times_ms = [1e3 * time for time in (first.way.time_s, min(first.way.times_s), max(first.way.times_s))]
         numbers = [
@@ -132,7 +136,7 @@ def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
         if others and (times := race.ratios.get(others[0].way.label)):
             text += f"; next is {others[0].way.label}, {times.in_words}"
             numbers.append(Number(times.median, "times", times.low, times.high))
-        yield Finding(f"{text}.", f"cheapest-{race.column}-{race.scene}", numbers)
+        yield Finding(f"{text}.", name, numbers)
 
 
 def _between(values: Sequence[float]) -> str:
