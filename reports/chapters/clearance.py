@@ -1,5 +1,6 @@
 """The clearance study on the page: every engine against its own law's solution, and the laws side by side."""
 
+import re
 from collections.abc import Iterator
 
 import pandas as pd
@@ -152,15 +153,15 @@ def impacts(rows: pd.DataFrame) -> Table:
         "Impacts matched one to one",
         "The arm's most accurate run against its model twin: impacts of both that are nearest to each other, "
         "those of the engine without a partner (unmatched), those of the twin without (missed); and the "
-        "largest errors of the matched ones, relative ones in parts of the true value of that impact. An "
-        "impact that is missed counts as 1 in the relative peak force. At equal phase is at equal parts of "
+        "largest errors of the matched ones, those without a unit in parts of that impact's true value. An "
+        "impact that is missed counts as 1 in the peak force. At equal phase is at equal parts of "
         "an impact's duration; a dash where an impact of the run has too few samples for that. Impacts on "
         "rigid walls have neither force nor duration." + bounces,
         {
             **shared_tables.head(rows, *shared_tables.CASE, "step_s"),
             **{name.removeprefix("impacts_"): rows[name].map("{:.0f}".format) for name in IMPACT_COUNTS},
             **{
-                shared_tables.heading(name).removeprefix("impact "): map(
+                re.sub("^(impact|relative) ", "", shared_tables.heading(name)): map(
                     error, rows[name], uncertainty(rows, name)
                 )
                 for name in IMPACT_ERRORS

@@ -100,10 +100,10 @@ def test_impacts_are_counted_and_their_errors_those_of_the_most_accurate_run(
     counts = ("matched", "unmatched", "missed")
     errors = (
         "time [s]",
-        "relative peak force",
+        "peak force",
         "force at equal phase [N]",
-        "relative penetration",
-        "relative duration",
+        "penetration",
+        "duration",
     )
     assert shown.head == ("scene", "engine", "arm", "step [s]", *counts, *errors)
     expected = []
