@@ -6,6 +6,9 @@ import pandas as pd
 
 from reports.results import with_columns
 
+#: The largest error of an impact's peak force in percent of that peak: one that is missed counts as 100.
+PEAK = "peak_force_error_percent"
+
 
 def finished(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of runs that the engine finished."""
@@ -70,6 +73,11 @@ def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
     words = ("_error_", "_uncertainty_", "_scale_")
     columns = {name.replace("_error_", word): pattern.replace("_error_", word) for word in words}
     return rows.assign(**{new: rows.filter(regex=f"^{of}$").max(axis=1) for new, of in columns.items()})
+
+
+def with_peak(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with the column ``PEAK``, NaN where no impact is judged by its force."""
+    return rows.assign(**{PEAK: 100 * _numbers(rows, "impact_force_relative_error")})
 
 
 def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:

@@ -1,5 +1,6 @@
 """What several chapters show: settings, observed orders, smallest errors, and runs that did not finish."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -9,12 +10,14 @@ from reports.convergence import Order, observed_order
 from reports.parts import Section, Table
 from reports.quantities import scale, uncertainty, value
 from reports.results import NOT_INSTALLED, with_columns
-from reports.style import axis_label, labels
+from reports.style import axis_label, labels, words
 from reports.tables import ABSENT, error, listed, number
 
 CASE = ("scene", "engine", "arm")
 #: The column of why the check after every run fails one that finished; empty where it does not.
 QUALITY = "quality_failure"
+#: The column of signals that are not judged, with why: "joint_B_force_N: zero; ...".
+NOT_JUDGED = "not_judged"
 #: Who says that a run is none, by the rows' column ``spoken_by``, and what is then said of how many.
 SPEAKERS = {"engine": "the engine", "guard": "a check of ours", "scene": "the scene"}
 SAID = {
@@ -111,6 +114,23 @@ def followed(rows: pd.DataFrame) -> str:
         for scene, low, high, end in until.itertuples()
     ]
     return f"Compared until {listed(times)}."
+
+
+def not_judged(rows: pd.DataFrame, signals: str = "") -> str:
+    """Return which signals that match are not judged on which scenes, as a caption's end, "" if all are."""
+    told = with_columns(rows, NOT_JUDGED).dropna(subset=NOT_JUDGED)
+    scenes: dict[str, list[str]] = {}
+    for scene, reasons in told.groupby("scene")[NOT_JUDGED]:
+        for what in dict.fromkeys(what for text in reasons for what, _ in unjudged(text, signals)):
+            scenes.setdefault(what, []).append(str(scene))
+    parts = "; ".join(f"{what} on {listed(on)}" for what, on in scenes.items())
+    return f" A signal that is zero, or whose peak no sample sees, is not judged: {parts}." if parts else ""
+
+
+def unjudged(text: object, signals: str = "") -> list[tuple[str, str]]:
+    """Return each signal that matches and is not judged, in words, and why, from a row's ``NOT_JUDGED``."""
+    parts = (part.partition(": ") for part in (text.split("; ") if isinstance(text, str) else ()) if part)
+    return [(words(name)[0], why) for name, _, why in parts if re.search(signals, name)]
 
 
 def speakers(rows: pd.DataFrame) -> pd.Series:

@@ -64,6 +64,7 @@ WIDTH_IN, COLUMN_IN = 7.5, 3.5
 
 #: Units at the end of column names as they are written, longest first.
 UNITS = {
+    "percent": "%",
     "rad_s": "rad/s",
     "1_s": "1/s",
     "m_s": "m/s",
@@ -74,6 +75,16 @@ UNITS = {
     "N": "N",
     "J": "J",
     "s": "s",
+}
+
+
+#: The beginnings of column names that are not their own words.
+WORDS = {
+    "impact_force_in_phase": "impact force at equal phase",
+    "impact_force_relative": "relative peak force",
+    "impact_force": "peak force",
+    "impact_penetration_relative": "relative penetration",
+    "impact_duration_relative": "relative duration",
 }
 
 
@@ -135,8 +146,14 @@ def words(column: str) -> tuple[str, str]:
     """Return a column's name in words and its unit: slider_position_error_m is slider position error, m."""
     for ending, unit in UNITS.items():
         if column.endswith(f"_{ending}"):
-            return column[: -len(ending) - 1].replace("_", " "), unit
-    return column.replace("_", " "), ""
+            return _in_words(column[: -len(ending) - 1]), unit
+    return _in_words(column), ""
+
+
+def _in_words(name: str) -> str:
+    """Return a column's name without its unit in words."""
+    begin = next((begin for begin in WORDS if name.startswith(f"{begin}_")), "")
+    return WORDS.get(begin, begin) + name[len(begin) :].replace("_", " ")
 
 
 def axis_label(column: str) -> str:

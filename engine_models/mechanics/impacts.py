@@ -47,8 +47,7 @@ def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
     roots = through.deriv().roots()
     turns = roots.real[(abs(roots.imag) == 0) & (time_s[k - 1] < roots.real) & (roots.real < time_s[k + 1])]
     found = [(float(through(turn)), float(turn)) for turn in turns]
-    room = (value[k] - min(value[k - 1], value[k + 1])) / 2  # a quarter of it is what a parabola rises by
-    return max([best, *(each for each in found if each[0] <= value[k] + room)])
+    return max([best, *(each for each in found if each[0] <= 2 * best[0] - values.min())])
 
 
 def with_largest(run: Trajectory) -> Trajectory:

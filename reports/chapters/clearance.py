@@ -1,6 +1,7 @@
 """The clearance study on the page: every engine against its own law's solution, and the laws side by side."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator
 
 import pandas as pd
 
@@ -25,27 +26,30 @@ INTRODUCTION = (
 )
 SLIDER, MODEL_FORM = "slider_position_error_m", "slider_position_model_difference_m"
 CROSS_CHECK = "slider_position_cross_check_m"
-LOCAL, CONTACT_FORCE = "local_position_error_m", "largest_contact_force_error_N"
+LOCAL, CONTACT_FORCE, PEAK_FORCE = "local_position_error_m", "contact_force_error_N", "impact_force_error_N"
 _GUIDES = "Both axes are logarithmic. Grey lines have the slope of the order written at their fine end"
 #: What the count of missed impacts counts too.
 DYING_BOUNCES = (
     " Bounces that die away come ever faster, on rigid walls without end (Zeno): every engine stops at some "
     "height, and those below it, which are next to nothing, count as missed too."
 )
-#: The numbers of impacts of a run, and the errors of those that have a partner, with their headings.
+#: The numbers of impacts of a run, and the errors of those that have a partner.
 IMPACT_COUNTS = ("impacts_matched", "impacts_unmatched", "impacts_missed")
-IMPACT_ERRORS = {
-    "impact_time_error_s": "time [s]",
-    "impact_speed_relative_error": "speed, relative",
-    "impact_impulse_relative_error": "impulse, relative",
-    "impact_loss_relative_error": "energy lost, relative",
-}
+IMPACT_ERRORS = (
+    "impact_time_error_s",
+    "impact_force_relative_error",
+    "impact_force_in_phase_error_N",
+    "impact_penetration_relative_error",
+    "impact_duration_relative_error",
+)
 IMPACT_COLUMNS = (*IMPACT_COUNTS, *IMPACT_ERRORS)
 
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    rows = with_columns(results.rows, "compared_until_s", SLIDER, LOCAL, MODEL_FORM, *IMPACT_COLUMNS)
+    rows = with_columns(
+        results.rows, "compared_until_s", SLIDER, LOCAL, MODEL_FORM, PEAK_FORCE, *IMPACT_COLUMNS
+    )
     rows = with_largest(rows, CONTACT_FORCE, r"contact_\w_normal_force_error_N")
     return [
         Section.of(
@@ -57,7 +61,7 @@ def sections(results: Results) -> list[Section]:
                 _figure(rows, "local-error", "Local error of the bodies' positions", LOCAL),
                 _figure(rows, "contact-force", "Contact force error", CONTACT_FORCE),
             ),
-            (shared_tables.settings_table(rows, STUDY), smallest_table(rows, [SLIDER, LOCAL, CONTACT_FORCE])),
+            (shared_tables.settings_table(rows, STUDY), smallest_table(rows)),
         ),
         Section.of(
             "clearance-impacts",
@@ -122,8 +126,9 @@ def finest(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
+def smallest_table(rows: pd.DataFrame) -> Table:
     """Return the smallest error that each arm reaches on each scene, of those that the engine can run."""
+    columns, unjudged = [SLIDER, LOCAL, CONTACT_FORCE, PEAK_FORCE], shared_tables.not_judged(rows)
     # Between rigid walls an error that is zero compares nothing.
     rows = rows[~rows["status"].isin(NEVER_BEGUN)]
     cells = shared_tables.smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
@@ -132,9 +137,9 @@ def smallest_table(rows: pd.DataFrame, columns: Sequence[str]) -> Table:
     )
     cells.insert(len(shared_tables.CASE), "compared until [s]", list(until.map(number)))
     reading = (
-        "The smallest error over the arm's ladder, against its model twin. A dash where no sample has "
-        "anything to compare: between rigid walls the contact force is an impulse, and zero "
-        "at the samples in flight."
+        "The smallest error over the arm's ladder, against its model twin: of the contact force the largest "
+        "pointwise difference, of peak forces the largest over the impacts. A dash where there is nothing to "
+        f"compare: between rigid walls the contact force is an impulse, and zero in flight.{unjudged}"
     )
     return Table.of("clearance-smallest-errors", "Smallest errors", reading, cells)
 
@@ -148,11 +153,19 @@ def impacts(rows: pd.DataFrame) -> Table:
         "Impacts matched one to one",
         "The arm's most accurate run against its model twin: impacts of both that are nearest to each other, "
         "those of the engine without a partner (unmatched), those of the twin without (missed); and the "
-        "largest errors of the matched ones, relative to the largest value." + bounces,
+        "largest errors of the matched ones, those without a unit in parts of that impact's true value. An "
+        "impact that is missed counts as 1 in the peak force. At equal phase is at equal parts of "
+        "an impact's duration; a dash where an impact of the run has too few samples for that. Impacts on "
+        "rigid walls have neither force nor duration." + bounces,
         {
             **shared_tables.head(rows, *shared_tables.CASE, "step_s"),
             **{name.removeprefix("impacts_"): rows[name].map("{:.0f}".format) for name in IMPACT_COUNTS},
-            **{heading: rows[name].map(error) for name, heading in IMPACT_ERRORS.items()},
+            **{
+                re.sub("^(impact|relative) ", "", shared_tables.heading(name)): map(
+                    error, rows[name], uncertainty(rows, name)
+                )
+                for name in IMPACT_ERRORS
+            },
         },
     )
 

@@ -1,5 +1,6 @@
 """What is said of the run that is recommended, on rows with round numbers, and what its command asks for."""
 
+import math
 from pathlib import Path
 from shlex import split
 from typing import Any, NoReturn
@@ -58,14 +59,17 @@ def test_every_engine_has_its_numbers_in_the_table_under_their_heads() -> None:
 
 
 def test_every_sentence_has_its_numbers() -> None:
-    assert said(impacts_matched=7, impacts_missed=2, impacts_unmatched=3, impact_time_error_s=4e-6) == (
+    impacts = {"impacts_matched": 7, "impacts_missed": 2, "impacts_unmatched": 3, "impact_time_error_s": 4e-6}
+    peaks = {"impact_force_error_N": 3.0, "impact_force_relative_error": 1.0}
+    assert said(**impacts, **peaks) == (
         "Take reference (arm) at step 0.01 s.",
         "To run it: crankslider simulate mine.toml --with end_time_s=0.5 --engine reference --step 0.01",
         "Its slider position error is 2.0×10⁻⁷ m at most; 1.0×10⁻⁶ m is what is asked for.",
         "Its solve takes 3 ms; building the model and reading out take 40 ms more.",
         "Without reference, take exudyn (arm) at step 0.01 s: it takes 3 times as long at equal error.",
         "To run it: crankslider simulate mine.toml --with end_time_s=0.5 --engine exudyn --step 0.01",
-        "Its joint forces are off by up to 0.5 N at the samples compared.",
+        "Its joint forces are off by up to 0.5 N, pointwise through the impacts.",
+        "The peak forces of its impacts are off by up to 100 %; one that is missed counts as 100 %.",
         # Two of nine are missed, and three are none.
         "It has 7 of 9 impacts, bounces that die away included.",
         "3 of its impacts are none of the truth's.",
@@ -75,6 +79,38 @@ def test_every_sentence_has_its_numbers() -> None:
         "there, so errors "
         "are those before, and only averages mean something after.",
     )
+
+
+def test_peak_forces_are_told_in_percent_as_far_as_the_truth_knows_them() -> None:
+    impacts: dict[str, Any] = {"impacts_matched": 7, "impacts_missed": 0, "impacts_unmatched": 0}
+    impacts |= {"impact_time_error_s": 4e-6, "impact_force_relative_error": 0.0123}
+    assert "The peak forces of its impacts are off by up to 1.2 %." in said(
+        **impacts, impact_force_error_N=3.0
+    )
+    doubted = said(**impacts, impact_force_error_N=3.0, impact_force_uncertainty_N=5.0)
+    known = "less than the 5 N to which the truth is known"
+    assert f"The peak forces of its impacts are off by {known}." in doubted
+    table = standings_table(standings(**impacts))
+    assert table.head[-1] == "peak force error [%]"
+    assert [row[-1] for row in table.rows] == ["1.2e+00", "–"]
+
+
+def test_forces_that_are_not_judged_are_told_with_why() -> None:
+    reasons = "joint_A_force_N: zero; joint_B_force_N: 93 % of its peak is seen"
+    absent = {"joint_A_force_error_N": None, "joint_B_force_error_N": None}
+    none = said(**absent, not_judged=reasons)
+    assert "Joint forces are not judged: joint A, zero; joint B, 93 % of its peak is seen." in none
+    assert not [text for text in none if "forces are off" in text]
+    one = said(joint_A_force_error_N=None, not_judged="contact_B_normal_force_N: zero; joint_A_force_N: zero")
+    assert "Its joint forces are off by up to 0.5 N at the samples compared." in one
+    assert "Some joint forces are not judged: joint A, zero." in one
+    assert standings_table(standings(**absent)).rows[0][-1] == "–"
+
+
+def test_a_signal_asked_for_that_is_not_judged_is_told_in_place_of_a_recommendation() -> None:
+    unjudged = {"slider_position_error_m": math.nan, "not_judged": "slider_position_m: zero"}
+    first, *_ = sentences(Standings.of(standings().rows.assign(**unjudged)), "mine.toml")
+    assert first == "Nothing can be recommended: its slider position is not judged: zero."
 
 
 def test_impacts_that_are_all_found_are_told_with_their_time() -> None:

@@ -4,6 +4,7 @@ The reference errs by 1e-4, 1e-6 and 1e-8 m in 2, 4 and 8 ms, Exudyn by as much 
 takes 0.9, 1 or 2 times as long, so that a mean or a least time in place of the median would be seen.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,11 @@ COMPILING_S = 4.0
 
 @pytest.fixture(scope="module")
 def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
+    return written(tmp_path_factory.mktemp("results") / "work-precision", 0.0)
+
+
+def written(folder: Path, peak_per_m: float) -> dict[str, Section]:
+    """Return the chapter, with clearance if errors of peak forces are so many times the slider's, in 1/m."""
     rows: list[dict[str, Any]] = []
     for (engine, arm), (times_s, build_s) in ARMS.items():
         for k, (error_m, time_s) in enumerate(zip(ERRORS_M, times_s, strict=True)):
@@ -45,6 +51,9 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
                 **errors,
                 **known,
             }
+            if peak_per_m:
+                columns |= {"clearance_B_error_m": error_m, "not_judged": "joint_O_force_N: zero"}
+                columns["impact_force_relative_error"] = peak_per_m * error_m
             rows.append(row(len(rows), *head, **columns))
             for n, part in enumerate(ROUNDS):
                 timed: dict[str, Any] = {
@@ -61,7 +70,7 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
         "end_time_s": 0.5,
     }
     rows.append(row(len(rows), SCENE, "reference", "none", 0.1, **anew))
-    results = results_of(tmp_path_factory.mktemp("results") / "work-precision", rows, {})
+    results = results_of(folder, rows, {})
     return {section.name: section for section in work_precision.sections(results)}
 
 
@@ -164,6 +173,25 @@ def test_errors_are_drawn_against_times_and_steps(
             abscissae = times_s if against == "time" else (100, 200, 400)
             assert points[:, 0] == pytest.approx(abscissae)
             assert points[:, 1] == pytest.approx([per_m * error for error in ERRORS_M])
+
+
+def test_with_clearance_peak_forces_are_shown_in_percent_against_run_time_alone(tmp_path: Path) -> None:
+    """1e-6 m is 0.1 % here, so that 1 % is half way between two rungs: 2.8 ms and 35 ms."""
+    found = written(tmp_path / "work-precision", 1e3)
+    shown = table(found, "clearance-peak-force")
+    assert shown.head[1] == "error [%]"
+    assert [row[1:3] + row[4:5] for row in shown.rows if row[1] == "1.0e+00"] == [
+        ("1.0e+00", "reference (none)", "2.8"),
+        ("1.0e+00", "exudyn (trapezoidal)", "35"),
+    ]
+    section = found["work-precision-clearance"]
+    (drawn,) = [one for one in section.figures if "peak-force" in one.name]
+    panel = drawn.drawing.axes[0]
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("run time [s]", "peak force error [%]")
+    assert section.text[-1] == (
+        f"A signal that is zero, or whose peak no sample sees, is not judged: joint O force on {SCENE}."
+    )
+    assert "By peak force error, in the native solve, the reference is cheaper" in "".join(section.text)
 
 
 def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:

@@ -454,6 +454,11 @@ def test_a_table_is_the_same_in_all_formats() -> None:
         ("driver_torque_error_N_m", "driver torque error [N·m]"),
         ("step_s", "step [s]"),
         ("iterations", "iterations"),
+        ("peak_force_error_percent", "peak force error [%]"),
+        ("impact_force_error_N", "peak force error [N]"),
+        ("impact_force_in_phase_error_N", "impact force at equal phase error [N]"),
+        ("impact_force_relative_error", "relative peak force error"),
+        ("impact_impulse_relative_error", "impact impulse relative error"),
     ],
 )
 def test_labels_derive_from_column_names(column: str, text: str) -> None:

@@ -83,6 +83,7 @@ CHANGES: dict[str, Change] = {
     "an impact is missed everywhere": lambda rows: rows.assign(impacts_missed=1.0),
     "no law makes a difference": scaled("_model_difference_", of_engine("pymunk", 0.0)),
     "every law makes a difference": lambda rows: rows.assign(slider_position_model_difference_m=1.0),
+    "everything is judged": lambda rows: rows.assign(not_judged=""),
     "what failed finished": lambda rows: rows.assign(status="ok", quality_failure=None),
     "Pymunk fails": lambda rows: rows.assign(
         status=rows["status"].mask(rows["engine"] == "pymunk", "failed")

@@ -8,7 +8,7 @@ import pandas as pd
 from reports.convergence import RULE
 from reports.parts import Table
 from reports.quantities import floor, knobs, signal_errors, tolerances, uncertainty, value
-from reports.shared_tables import CASE, head, heading, order_cells, smallest_errors
+from reports.shared_tables import CASE, head, heading, not_judged, order_cells, smallest_errors
 from reports.style import words
 from reports.tables import error, number, setting
 
@@ -42,7 +42,7 @@ def errors_table(at_step: pd.DataFrame) -> Table:
         "Largest errors at one step",
         "Largest error over all samples; joint forces by the length of the difference vector. An error "
         "below the truth's own uncertainty u is shown as “< u”. The step is the middle one of those that "
-        "every engine was run at.",
+        f"every engine was run at.{not_judged(at_step)}",
         pd.concat([_errors(at_step, errors), floors]).sort_values("scene", kind="stable"),
     )
 

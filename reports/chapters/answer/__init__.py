@@ -9,7 +9,8 @@ from reports.chapters.answer.picks import POSITION, Race, asked, races
 from reports.equal_error import UNRESOLVED
 from reports.parts import Figure, Table
 from reports.results import Results
-from reports.tables import ABSENT, number, plain
+from reports.style import words
+from reports.tables import ABSENT, plain
 
 QUESTION = (
     "Which engine, at which setting, gets a crank-slider with clearance in its joints right, what does it "
@@ -80,17 +81,17 @@ READING = (
 
 
 def _row(race: Race, studies: Mapping[str, Results]) -> tuple[str, ...]:
+    asked_for = (race.what, f"{race.target:g} {words(race.column)[1]}", race.scene)
+    if not race.picks:
+        return (*asked_for, "no engine", *[ABSENT] * 5)
     first, *others = race.picks
     way = first.way
     next_one = ABSENT
     if others:
         times = race.ratios.get(others[0].way.label)
         next_one = f"{others[0].way.label}: {times or ABSENT}"
-    unit = "m" if race.column == POSITION else "N"
     return (
-        race.what,
-        f"{number(race.target)} {unit}",
-        race.scene,
+        *asked_for,
         way.label,
         way.setting,
         plain(1e3 * way.time_s),

@@ -7,13 +7,13 @@ from shlex import quote
 import pandas as pd
 
 from reports.equal_error import Arrival, Judged, Ratio, at_rung, ratio
-from reports.quantities import finished, with_largest
+from reports.quantities import PEAK, finished, with_largest, with_peak
 from reports.results import Results, with_columns
 from reports.run.command import command
 
 POSITION, FORCE = "slider_position_error_m", "largest_joint_force_error_N"
 #: What is asked for: an error in a signal, in words, and how large it may be, in the column's unit.
-TARGETS = ((POSITION, "motion", 1e-6), (FORCE, "joint forces", 1.0))
+TARGETS = ((POSITION, "motion", 1e-6), (FORCE, "joint forces", 1.0), (PEAK, "peak forces", 1.0))
 #: How the columns begin that only scenes with clearance have.
 LOOSE = "^clearance_"
 
@@ -30,6 +30,8 @@ class Pick:
 @dataclass(frozen=True)
 class Race:
     """Each engine's cheapest pick for one target on one scene, in that order; ``absent`` do not get there.
+
+    There are none where no engine gets there.
 
     ``end_s`` is the length of the motion, ``uncertainty`` the truth's own, ``within`` are all rungs within
     the target.
@@ -49,20 +51,19 @@ class Race:
     @property
     def cheapest(self) -> list[Pick]:
         """The cheapest pick, and those that the timing does not resolve from it."""
-        first, *others = self.picks
         ratios = self.ratios
-        return [first, *(pick for pick in others if (of := ratios.get(pick.way.label)) and not of.decided)]
+        level = [pick for pick in self.picks if (of := ratios.get(pick.way.label)) and not of.decided]
+        return [*self.picks[:1], *level]
 
     @property
     def ratios(self) -> dict[str, Ratio]:
         """What every other engine takes in times of the cheapest."""
-        first, *others = self.picks
-        found = {pick.way.label: ratio(pick.way, first.way) for pick in others}
+        found = {pick.way.label: ratio(pick.way, self.picks[0].way) for pick in self.picks[1:]}
         return {label: each for label, each in found.items() if each}
 
 
 def races(timed: Results) -> list[Race]:
-    """Return the races for every target on every scene on which any engine is within it, clearance first."""
+    """Return the races for every target on every scene that has the error asked for, clearance first."""
     needed = (
         "round",
         "compiled_anew",
@@ -72,7 +73,8 @@ def races(timed: Results) -> list[Race]:
         "end_time_s",
         POSITION,
     )
-    rows = finished(with_largest(with_columns(timed.rows, *needed), FORCE, r"joint_\w_force_error_N"))
+    rows = with_largest(with_columns(timed.rows, *needed), FORCE, r"joint_\w_force_error_N")
+    rows = finished(with_peak(rows))
     loose = set(rows["scene"][rows.filter(regex=LOOSE).notna().any(axis=1)])
     found = [race for target in TARGETS for race in _races(rows, *target, loose)]
     return sorted(found, key=lambda race: not race.loose)
@@ -89,11 +91,10 @@ def _races(rows: pd.DataFrame, column: str, what: str, target: float, loose: set
             rung.Index: Pick(at_rung(rung), float(str(rung.error)), command(rows.loc[rung.Index], typed))
             for rung in within.itertuples()
         }
-        if ways:
-            picks = tuple(ways[place] for place in best.index)
-            yield Race(
-                column, what, target, scene, scene in loose, end, floor, picks, absent, tuple(ways.values())
-            )
+        picks = tuple(ways[place] for place in best.index)
+        yield Race(
+            column, what, target, scene, scene in loose, end, floor, picks, absent, tuple(ways.values())
+        )
 
 
 def asked(found: Sequence[Race], column: str, *, loose: bool) -> list[Race]:

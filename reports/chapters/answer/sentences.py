@@ -8,13 +8,24 @@ from reports.chapters.answer.trust import HIDDEN_PART, LOST_IN_WORDS, Hidden
 from reports.chapters.extremes.verdict import Verdict, answers
 from reports.equal_error import Ratio
 from reports.parts import Finding, Number
+from reports.quantities import PEAK
 from reports.results import Results
 from reports.shared_tables import not_installed
 from reports.style import words
 from reports.tables import listed, on_scenes, plain
 
 #: How a target is written in a sentence, by its column.
-WITHIN = {POSITION: "the slider within 1 µm", FORCE: "joint forces within 1 N"}
+WITHIN = {
+    POSITION: "the slider within 1 µm",
+    FORCE: "joint forces within 1 N",
+    PEAK: "the peak force of every impact within 1 %",
+}
+#: What is meant by the error of a force, where there are impacts.
+FORCES = (
+    "The error of joint forces is the largest pointwise difference on a grid that resolves every impact; "
+    "10⁻⁹ s at the flank of an impact is some newtons, so peak forces, and forces at equal phase of an "
+    "impact, are judged beside it."
+)
 
 
 def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
@@ -45,6 +56,8 @@ def whom_to_take(races: Sequence[Race]) -> Iterator[Finding]:
         for engine in sorted(without.keys() - {each.engine for each in settings}):
             text = f"No setting of {engine} has {WITHIN[column]} on any of {without[engine]} scenes."
             yield Finding(text, f"{engine}-{column}")
+        if of and column == FORCE:
+            yield Finding(FORCES, "forces")
 
 
 def _as_sharp(taken: Setting, races: Sequence[Race]) -> bool:
@@ -101,6 +114,10 @@ def _there(setting: Setting, scenes: int) -> str:
 def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
     """Yield the cheapest engine for each target on each scene with clearance, and how far the next one is."""
     for race in (race for column in WITHIN for race in asked(races, column, loose=True)):
+        name = f"cheapest-{race.column}-{race.scene}"
+        if not race.picks:
+            yield Finding(f"No engine has {WITHIN[race.column]} on {race.scene}.", name)
+            continue
         first, *others = race.picks
         times_ms = [1e3 * time for time in (first.way.time_s, min(first.way.times_s), max(first.way.times_s))]
         numbers = [
@@ -119,7 +136,7 @@ def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
         if others and (times := race.ratios.get(others[0].way.label)):
             text += f"; next is {others[0].way.label}, {times.in_words}"
             numbers.append(Number(times.median, "times", times.low, times.high))
-        yield Finding(f"{text}.", f"cheapest-{race.column}-{race.scene}", numbers)
+        yield Finding(f"{text}.", name, numbers)
 
 
 def _between(values: Sequence[float]) -> str:

@@ -1,16 +1,18 @@
 """Which engine to take on a scene and at which setting, what that costs, and where it stops being trusted."""
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
 
-from reports.chapters.comparison.standing import Standings
+from reports.chapters.clearance import PEAK_FORCE
+from reports.chapters.comparison.standing import FORCE, Standings
 from reports.equal_error import Arrival
-from reports.quantities import finished
+from reports.quantities import PEAK, finished
 from reports.results import NOT_INSTALLED
 from reports.run.command import command
-from reports.shared_tables import SHORT_OF, quality_failures, speakers
+from reports.shared_tables import NOT_JUDGED, SHORT_OF, quality_failures, speakers, unjudged
 from reports.style import words
 from reports.tables import in_text, plain, setting
 
@@ -27,7 +29,9 @@ def sentences(standings: Standings, given: str) -> Iterator[str]:
     """
     chosen = standings.chosen
     if chosen is None:
-        yield "Nothing can be recommended: no run finished and passed the check of energy and gaps."
+        why = [f"its {name} is not judged: {why}" for name, why in standings.unjudged]
+        reason = next(iter(why), "no run finished and passed the check of energy and gaps")
+        yield f"Nothing can be recommended: {reason}."
     else:
         yield from _choice(standings, chosen, given)
         yield from _others(standings, chosen, given)
@@ -120,15 +124,31 @@ def _cost(standings: Standings, other: Arrival) -> str:
 
 def _trust(standings: Standings, chosen: Any) -> Iterator[str]:
     row = standings.rows.loc[chosen.Index]
-    error, known = standings.force_error_N(chosen.Index)
-    off = below(known, "N") if error <= known else f"up to {size(error)} N"
-    yield f"Its joint forces are off by {off} at the samples compared."
+    yield from _forces(standings, chosen, row)
     yield from _impacts(row)
     if row["unaccounted_energy_part"] >= WORTH_A_WORD:
         yield f"No physics accounts for {size(row['unaccounted_energy_part'])} of the energy in play."
     coarser = standings.coarser(chosen)
     if len(coarser):
         yield _next_coarser(standings, coarser.iloc[-1])
+
+
+def _forces(standings: Standings, chosen: Any, row: pd.Series) -> Iterator[str]:
+    """Yield how far joint forces are off, which of them are not judged, and how far peaks of impacts are."""
+    error, known = standings.force_error_N(chosen.Index)
+    if not math.isnan(error):
+        off = below(known, "N") if error <= known else f"up to {size(error)} N"
+        loose = "impacts_matched" in row.dropna()
+        where = ", pointwise through the impacts" if loose else " at the samples compared"
+        yield f"Its joint forces are off by {off}{where}."
+    if silent := unjudged(row.get(NOT_JUDGED), FORCE):
+        of = "; ".join(f"{name.removesuffix(' force')}, {why}" for name, why in silent)
+        yield f"{'Joint forces' if math.isnan(error) else 'Some joint forces'} are not judged: {of}."
+    error, known, part = row.reindex([PEAK_FORCE, PEAK_FORCE.replace("_error_", "_uncertainty_"), PEAK])
+    if not math.isnan(part):
+        off = below(known, "N") if error <= known else f"up to {size(part)} %"
+        missed = "; one that is missed counts as 100 %" if row["impacts_missed"] else ""
+        yield f"The peak forces of its impacts are off by {off}{missed}."
 
 
 def _impacts(row: pd.Series) -> Iterator[str]:

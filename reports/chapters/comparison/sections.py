@@ -11,8 +11,9 @@ from reports.chapters.work_precision import figures, tables
 from reports.equal_error import UNRESOLVED, at_rung
 from reports.parts import Figure, Section, Table
 from reports.plots.time_figures import over_time
+from reports.quantities import PEAK
 from reports.results import Results, with_columns
-from reports.shared_tables import failures_table, followed, quality_table, settings_table
+from reports.shared_tables import failures_table, followed, not_judged, quality_table, settings_table
 from reports.style import axis_label, words
 from reports.tables import ABSENT, number, plain
 
@@ -54,6 +55,8 @@ def sections(results: Results, pictures: Mapping[str, Drawing], given: str) -> l
 def standings_table(standings: Standings) -> Table:
     """Return where each engine stands: its cheapest way to the error wanted, or else its nearest run."""
     what, unit = words(standings.column)
+    loose = "impacts_matched" in standings.recorded
+    head = ("engine and arm", "setting", "time [ms]", "ratio", f"error [{unit}]", "force error [N]")
     there = [arrival.engine for arrival in standings.there]
     engines = dict.fromkeys([*there, *standings.rungs.get("engine", ()), *standings.recorded["engine"]])
     return Table(
@@ -62,8 +65,8 @@ def standings_table(standings: Standings) -> Table:
         "The time is that of the native solve at that error, between two settings interpolated, and in ratio "
         f"to the cheapest. {UNRESOLVED} Errors are those of the run at the setting. An engine without a time "
         "does not get to that error: shown is its most accurate run.",
-        ("engine and arm", "setting", "time [ms]", "ratio", f"error [{unit}]", "force error [N]"),
-        tuple(_line(standings, engine) for engine in engines),
+        (*head, axis_label(PEAK)) if loose else head,
+        tuple(_line(standings, engine)[: len(head) + loose] for engine in engines),
     )
 
 
@@ -72,14 +75,15 @@ def _line(standings: Standings, engine: str) -> tuple[str, ...]:
     own = rungs[rungs["engine"] == engine] if len(rungs) else rungs
     if own.empty:
         status = standings.recorded.query("engine == @engine")["status"].iloc[0]
-        return (engine, status, *[ABSENT] * 4)
+        return (engine, status, *[ABSENT] * 5)
     arrival = next((each for each in standings.there if each.engine == engine), None)
     rung = standings.rung(arrival) if arrival else next(own.sort_values(["error", "time_s"]).itertuples())
     error = _told(rung.error, standings.floor)
     force = _told(*standings.force_error_N(rung.Index))
     time = plain(1e3 * arrival.time_s) if arrival else ABSENT
     share = standings.share(arrival) if arrival and arrival is not standings.there[0] else None
-    return rung.label, at_rung(rung).setting, time, str(share or ABSENT), error, force
+    peak = number(standings.rows.loc[rung.Index, PEAK])
+    return rung.label, at_rung(rung).setting, time, str(share or ABSENT), error, force, peak
 
 
 def _told(error: float, known: float) -> str:
@@ -88,7 +92,8 @@ def _told(error: float, known: float) -> str:
 
 
 def _what_an_error_is(standings: Standings) -> str:
-    text = f"Errors are the largest over the samples compared. {followed(standings.recorded)}"
+    text = "Errors are the largest over the times compared, which with clearance resolve every impact. "
+    text += followed(standings.recorded) + not_judged(standings.recorded)
     if standings.recorded.columns.str.contains("_model_difference_").any():
         text += " Where an engine solves a law of its own, that law's distance from the scene's is added."
     return text

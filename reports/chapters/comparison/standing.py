@@ -8,11 +8,12 @@ from typing import Any
 import pandas as pd
 
 from reports.equal_error import Arrival, Judged, Ratio, arrivals, from_coarse_to_fine, ratio
-from reports.quantities import finished, value
+from reports.quantities import finished, value, with_peak
 from reports.results import with_columns
-from reports.shared_tables import quality_failures
+from reports.shared_tables import NOT_JUDGED, quality_failures, unjudged
 
-FORCES = r"^joint_\w_force_error_N$"
+#: The signals that are joint forces, and the columns of their errors.
+FORCE, FORCES = r"^joint_\w_force_N$", r"^joint_\w_force_error_N$"
 #: Columns that not every scene has.
 OPTIONAL = (
     "round",
@@ -40,7 +41,7 @@ class Standings:
         An error is that of the run from its engine's own law, and how far that law is from the scene's.
         """
         column, wanted = rows["judged_by"].iloc[0], float(rows["wanted_error"].iloc[0])
-        rows = with_columns(rows, *OPTIONAL, column)
+        rows = with_peak(with_columns(rows, *OPTIONAL, column))
         form = column.replace("_error_", "_model_difference_")
         law = value(rows, form).fillna(0.0)
         return cls(rows.assign(**{column: value(rows, column) + law}), column, wanted)
@@ -92,6 +93,12 @@ class Standings:
             return math.nan, 0.0
         known = self.rows.loc[row].get(errors.idxmax().replace("_error_", "_uncertainty_"), 0.0)
         return float(errors.max()), float(known)
+
+    @property
+    def unjudged(self) -> list[tuple[str, str]]:
+        """The signal by which engines are judged and why it is not judged, if any finished run says so."""
+        signal, told = self.column.replace("_error_", "_"), finished(self.recorded).get(NOT_JUDGED, ())
+        return [each for text in told for each in unjudged(text, f"^{signal}$")][:1]
 
     @cached_property
     def with_forces(self) -> list[Arrival]:

@@ -7,9 +7,9 @@ import pandas as pd
 from reports.chapters.work_precision import figures, findings, tables
 from reports.equal_error import Judged
 from reports.parts import Section
-from reports.quantities import finished, value, with_largest
+from reports.quantities import PEAK, finished, value, with_largest, with_peak
 from reports.results import Results, with_columns
-from reports.shared_tables import not_installed, quality_table
+from reports.shared_tables import not_installed, not_judged, quality_table
 
 STUDY = "work-precision"
 TITLE = "Work and precision"
@@ -24,16 +24,18 @@ INTRODUCTION = (
 )
 POSITION, TORQUE = "slider_position_error_m", "driver_torque_error_N_m"
 FORCE = "largest_joint_force_error_N"
+#: The signals of these errors, as a row names those that are not judged.
+JUDGED = r"^(slider_position_m|driver_torque_N_m|joint_\w_force_N)$"
 
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
     times = ("solve_time_s", "build_time_s", "compile_time_s")
     rows = with_columns(results.rows, "round", "compiled_anew", "compared_until_s", *times)
-    rows = with_largest(rows, FORCE, r"joint_\w_force_error_N")
+    rows = with_peak(with_largest(rows, FORCE, r"joint_\w_force_error_N"))
     loose = _on_scenes(rows, rows.filter(regex="^clearance_").notna().any(axis=1))
     kinematic = ~loose & _on_scenes(rows, value(rows, TORQUE).notna())
-    by_column = {POSITION: ~kinematic, TORQUE: kinematic, FORCE: kinematic | ~kinematic}
+    by_column = {POSITION: ~kinematic, TORQUE: kinematic, FORCE: kinematic | ~kinematic, PEAK: loose}
     found: list[Section] = []
     judged: list[Judged] = []
     for kind, title, of_kind in (
@@ -46,7 +48,7 @@ def sections(results: Results) -> list[Section]:
             for column, those in by_column.items()
         ]
         if of_kind.any():
-            found.append(_section(name, title, of))
+            found.append(_section(name, title, of, not_judged(rows[of_kind], JUDGED)))
         judged += of
     return [*found, _costs(rows, judged)]
 
@@ -56,12 +58,12 @@ def _on_scenes(rows: pd.DataFrame, holds: pd.Series) -> pd.Series:
     return (holds & (rows["status"] == "ok")).groupby(rows["scene"]).transform("any")
 
 
-def _section(name: str, title: str, judged: Sequence[Judged]) -> Section:
+def _section(name: str, title: str, judged: Sequence[Judged], unjudged: str) -> Section:
     both = [one for solve in judged for one in (solve, solve.whole())]
     return Section.of(
         name,
         title,
-        [text for one in both for text in findings.found(one)],
+        [*(text for one in both for text in findings.found(one)), *filter(None, [unjudged.strip()])],
         [figure for one in judged for figure in figures.figures(one)],
         [*map(findings.races_table, both), *map(tables.cheapest, judged)],
     )

@@ -12,6 +12,7 @@ from reports.equal_error import Judged, front
 from reports.parts import Figure
 from reports.plots.series import mark
 from reports.plots.step_figures import engine_legend, grid
+from reports.quantities import PEAK
 from reports.shared_tables import followed
 from reports.style import GREY, axis_label, line_styles, words
 from reports.tables import setting
@@ -35,10 +36,15 @@ COSTS = {
 
 
 def figures(judged: Judged) -> Iterator[Figure]:
-    """Yield errors against what they cost where two engines tell it, a panel per scene that has any."""
+    """Yield errors against what they cost where two engines tell it, a panel per scene that has any.
+
+    Peak forces are shown against run time alone.
+    """
     name, unit = words(judged.column)
     for cost, (what, axis, reading) in COSTS.items():
-        if any(len({*rungs.dropna(subset=cost)["engine"]}) > 1 for rungs, _ in judged.ladders.values()):
+        if (cost == "time_s" or judged.column != PEAK) and any(
+            len({*rungs.dropna(subset=cost)["engine"]}) > 1 for rungs, _ in judged.ladders.values()
+        ):
             yield Figure(
                 f"{judged.name}-{what.split()[-1]}",
                 f"{name.capitalize()} against {what}",
