@@ -8,7 +8,6 @@ in, with repeats of its own, as for ideal pendulums and rods no longer than thei
 up to the horizon, where repeats or runs begun a hair beside part. All are kept on disk (see ``run_cache``).
 """
 
-import math
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -16,8 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.mechanics.impacts import POINTS, instants_in, with_largest
+from engine_models.engine import (
+    Contact,
+    FloatArray,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+    UnsupportedScene,
+)
+from engine_models.mechanics.impacts import BESIDE, instants_in, with_largest
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.reference.engine import ReferenceEngine
@@ -40,8 +46,9 @@ RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
 GRID = 120
 #: Peaks of a signal above this part of its largest value have a time of their own, found on so many samples.
 PEAK, DENSE = 0.5, 4800
-#: A contact that lasts longer than usual has more instants, so many times as many at the most.
-MOST_PARTS = 20
+#: An impact longer than so many usual ones may hold many oscillations: these are sampled so often in a usual
+#: one's time, and so often in all at the most.
+LONG, PER_IMPACT, MOST_FINE = 1.5, 60, 20_000
 #: Pointwise errors mean something while repeats are no further apart than this in slider position.
 POINTWISE_M = 1e-8
 #: What the truth of a scene is by.
@@ -80,8 +87,8 @@ def times_between_s(scene: Scene, samples: int) -> tuple[float, ...]:
     """Return the times, beside equal samples, at which runs of a scene with clearance are judged.
 
     They are those of ``GRID``, where the samples are some of them; those within every impact of the true
-    solution (see ``instants_in``), one included that has not ended; and those at which a signal has a peak of
-    more than ``PEAK`` of its largest, of ``DENSE`` samples.
+    solution (see ``instants_in``), one included that has not ended; and those at which a signal has a peak,
+    of ``DENSE`` samples, or the normal force in a long impact.
     """
     return tuple(_judging(scene, _at_least(samples)).times_s(scene).tolist())
 
@@ -130,26 +137,49 @@ def _telling_times_s(scene: Scene) -> tuple[float, ...]:
 
 
 def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
-    try:
-        run = COLLOCATION.simulate(scene, dense)
-    except (UnsupportedScene, SimulationFailed):
-        run = SHARP.simulate(scene, dense)
-    times = [np.zeros(0)]
-    for size in sizes(scene, run).values():
-        beside = np.pad(size, 1, constant_values=-np.inf)
-        peaks = (size >= beside[:-2]) & (size > beside[2:]) & (size > PEAK * size.max())
-        times.append(run.time_s[peaks])
-    ended = [contact.impacts.duration_s for contact in run.contacts.values()]
-    usual_s = float(np.median(np.concatenate([*ended, [run.time_s[-1] / MOST_PARTS]])))
-    for contact in run.contacts.values():
-        begin_s, end_s = contact.impacts.time_s, contact.impacts.time_s + contact.impacts.duration_s
-        if contact.penetration_m[-1] > 0:  # a contact that has not ended
-            flown_s = np.append(run.time_s[contact.penetration_m <= 0], end_s).max(initial=0.0)
-            begin_s, end_s = np.append(begin_s, flown_s), np.append(end_s, run.time_s[-1])
-        for begin, end in zip(begin_s[begin_s < end_s], end_s[begin_s < end_s], strict=True):
-            parts = min(MOST_PARTS, math.ceil((end - begin) / usual_s))
-            times.append(instants_in(begin, end, POINTS * parts))
+    run = _sampled(scene, dense)
+    times = [run.time_s[_peaks(size)] for size in sizes(scene, run).values()]
+    impacts = {joint: _begins_and_ends_s(run, contact) for joint, contact in run.contacts.items()}
+    every = np.concatenate([np.zeros((0, 2)), *impacts.values()])
+    times += [instants_in(*ends) for ends in every]
+    lasted_s = np.diff(every)[:, 0]
+    usual_s = float(np.quantile(lasted_s, 0.25, method="lower")) if len(every) else 0.0
+    long, long_s = every[lasted_s > LONG * usual_s], lasted_s[lasted_s > LONG * usual_s]
+    step_s = max(usual_s / PER_IMPACT, long_s.sum() / MOST_FINE)
+    fine = [np.arange(begin, end, step_s) for begin, end in long.tolist()]
+    if fine:  # there may be many oscillations in them
+        at_s = tuple(np.unique(np.concatenate(fine)).tolist())
+        run = _sampled(scene, RunSettings(scene.end_time_s, 1, at_s))
+    for joint, contact in run.contacts.items() if fine else ():
+        for begin, end in impacts[joint]:
+            inside = np.flatnonzero((run.time_s > begin) & (run.time_s < end))
+            near = inside[_peaks(contact.normal_force_N[inside])][:, None] + np.arange(-BESIDE, BESIDE + 1)
+            times.append(run.time_s[np.clip(near.ravel(), 0, len(run.time_s) - 1)])
     return tuple(np.unique(np.concatenate(times)).tolist())
+
+
+def _sampled(scene: Scene, dense: RunSettings) -> Trajectory:
+    try:
+        return COLLOCATION.simulate(scene, dense)
+    except (UnsupportedScene, SimulationFailed):
+        return SHARP.simulate(scene, dense)
+
+
+def _peaks(size: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples of a size (n,) are peaks of more than ``PEAK`` of its largest, (n,)."""
+    beside = np.pad(size, 1, constant_values=-np.inf)
+    largest = size.max(initial=0.0)
+    return np.asarray((size >= beside[:-2]) & (size > beside[2:]) & (size > PEAK * largest))
+
+
+def _begins_and_ends_s(run: Trajectory, contact: Contact) -> FloatArray:
+    """Return when the impacts of a contact begin and end, (m, 2), one that has not ended with the run."""
+    begin_s, duration_s = contact.impacts.time_s, contact.impacts.duration_s
+    ends = np.column_stack([begin_s, begin_s + duration_s])[duration_s > 0]
+    if duration_s.any() and contact.penetration_m[-1] > 0:
+        flown_s = np.append(run.time_s[contact.penetration_m <= 0], ends[:, 1]).max(initial=0.0)
+        ends = np.append(ends, [[flown_s, run.time_s[-1]]], axis=0)
+    return ends
 
 
 def _solved(scene: Scene, whole: RunSettings) -> Solved:
