@@ -105,8 +105,13 @@ class RunSettings:
         equal = np.linspace(0.0, scene.end_time_s, self.samples + 1)
         if not (self.at_s and scene.joints_with_clearance):
             return equal
-        place = np.array(self.at_s) * self.samples / scene.end_time_s
-        return np.union1d(equal, np.array(self.at_s)[np.abs(place - np.rint(place)) > ROUNDING])
+        between = np.array(self.at_s)
+        return np.union1d(equal, between[~self.are_equal(between, scene.end_time_s)])
+
+    def are_equal(self, time_s: FloatArray, end_time_s: float) -> NDArray[np.bool_]:
+        """Return which times (n,) are equally spaced samples, (n,)."""
+        place = time_s * self.samples / end_time_s
+        return np.asarray(np.abs(place - np.rint(place)) <= ROUNDING)
 
     def steps_per_sample(self, end_time_s: float) -> int:
         """Return the number of equal steps between two samples."""

@@ -21,7 +21,7 @@ from studies.judges.converged_truth import (
 from studies.judges.impact_matching import FORCE_ERROR, force_error_in_phase_N, impact_errors
 from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
-from studies.judges.metrics import conserved, errors
+from studies.judges.metrics import conserved, errors, is_force
 from studies.ladders import clearance_ladder
 from studies.running.case import Case, Curves, Row
 
@@ -129,16 +129,19 @@ def _cross_check_m(scene: Scene, truth: Trajectory, until: int) -> float | None:
 def _model_differences(scene: Scene, own: Scene, samples: int) -> Row:
     """Return how far the true solution of the engine's own law is from that of the scene's.
 
-    Both are at the times at which runs of the scene are judged.
+    Both are at the times at which runs of the scene are judged, motion at equal ones.
     """
+    run = RunSettings(scene.end_time_s, samples, times_between_s(scene, samples))
+    truth, other = solved(scene, samples).truth, true_at(own, run)
     until = min(followed(each, samples) for each in (scene, own))
-    end_s = converged(scene, samples)[0].time_s[until - 1]
-    truth = solved(scene, samples).truth
-    both = truth.time_s <= end_s * (1 + ROUNDING)
-    other = selected(true_at(own, samples, times_between_s(scene, samples)), both)
-    apart = errors(own, other, selected(truth, both))
+    both = truth.time_s <= scene.end_time_s * (until - 1) / samples * (1 + ROUNDING)
+    equal = run.are_equal(truth.time_s[both], scene.end_time_s)
+    apart = errors(own, selected(other, both), selected(truth, both))
     return {
-        name.replace("_error_", "_model_difference_"): float(curve.max()) for name, curve in apart.items()
+        name.replace("_error_", "_model_difference_"): float(
+            (curve if is_force(name) else curve[equal]).max()
+        )
+        for name, curve in apart.items()
     }
 
 

@@ -46,17 +46,18 @@ def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
     """
     own = engine.twin(scene)
     if not scene.joints_with_clearance:
-        asked = _finer(engine, scene, asked)
-        run, found = engine.simulate(scene, asked), solved(own, asked.samples)
-        peaks = _peaks(own, solved(own, FINE).truth)
-        return Judged(own, run, found, peaks, scene.end_time_s, np.ones(len(run.time_s), dtype=bool))
+        finer = _finer(engine, scene, asked)
+        run, found = engine.simulate(scene, finer), solved(own, finer.samples)
+        equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
+        return Judged(own, run, found, _peaks(own, solved(own, FINE).truth), scene.end_time_s, equal)
     run = engine.simulate(scene, replace(asked, at_s=times_between_s(own, asked.samples)))
-    whole, every = solved(own, asked.samples), np.linspace(0.0, scene.end_time_s, asked.samples + 1)
-    until_s = float(every[followed(own, asked.samples) - 1])
-    equal = np.searchsorted(whole.truth.time_s, every - ROUNDING * every[1])
-    found = whole if len(run.time_s) == len(whole.truth.time_s) else whole.selected(equal)
-    peaks = _peaks(own, selected(whole.truth, whole.truth.time_s <= until_s))
-    return Judged(own, run, found, peaks, until_s, np.isin(found.truth.time_s, whole.truth.time_s[equal]))
+    found = solved(own, asked.samples)
+    until_s = scene.end_time_s * (followed(own, asked.samples) - 1) / asked.samples
+    peaks = _peaks(own, selected(found.truth, found.truth.time_s <= until_s * (1 + ROUNDING)))
+    equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
+    if len(run.time_s) < len(equal):
+        found, equal = found.selected(equal), equal[equal]
+    return Judged(own, run, found, peaks, until_s, equal)
 
 
 def _finer(engine: Engine, scene: Scene, asked: RunSettings) -> RunSettings:
@@ -75,22 +76,34 @@ def _peaks(own: Scene, truth: Trajectory) -> dict[str, float]:
 def compared(found: Judged) -> tuple[Row, Curves]:
     """Return the largest error of every signal with the truth's uncertainty and scale, and errors as curves.
 
-    Samples up to ``compared_until_s`` count, and curves have those that are equally spaced. A signal of whose
-    largest value the samples see less than ``SEEN``, or that is zero, is not judged, and the row says so.
-    ``largest_kinetic_energy_J`` is the truth's.
+    Samples up to ``compared_until_s`` count: of forces, torques and impulses all, of motion those that are
+    equally spaced, which curves have. A force of whose largest value the samples see less than ``SEEN``, and
+    a signal that is zero, are not judged, and the row says so. ``largest_kinetic_energy_J`` is the truth's.
     """
     own, until = found.own, found.solved.truth.time_s <= found.compared_until_s * (1 + ROUNDING)
-    (truth, repeats, by), equal = found.solved.selected(until), found.equal[until]
-    errors = metrics.errors(own, selected(found.run, until), truth)
-    row: Row = {"truth": by, "compared_until_s": found.compared_until_s}
-    row |= {name: float(curve.max()) for name, curve in errors.items()}
-    row["largest_kinetic_energy_J"] = float(metrics.kinetic_energy_J(own, truth).max())
-    row |= metrics.uncertainties(own, truth, list(repeats)) | metrics.scales(own, truth, equal)
+    motion, curves = _columns(found, found.equal & until)
+    forces, _ = _columns(found, until)
+    truth = selected(found.solved.truth, found.equal & until)
+    row: Row = {
+        "truth": found.solved.by,
+        "compared_until_s": found.compared_until_s,
+        "largest_kinetic_energy_J": float(metrics.kinetic_energy_J(own, truth).max()),
+        **{name: (forces if metrics.is_force(name) else motion)[name] for name in forces},
+    }
     reasons = []
-    for name, seen in _peaks(own, truth).items():
-        if not seen or seen < SEEN * found.peaks[name]:
+    for name, seen in _peaks(own, selected(found.solved.truth, until)).items():
+        if not seen or (metrics.is_force(name) and seen < SEEN * found.peaks[name]):
             del row[metrics.with_suffix(name, "error")]
             part = f"{100 * seen / found.peaks[name]:.0f} % of its peak is seen" if seen else "zero"
             reasons.append(f"{name}: {part}")
-    row["not_judged"] = "; ".join(reasons)
-    return row, {name: curve[equal] for name, curve in errors.items()}
+    return row | {"not_judged": "; ".join(reasons)}, curves
+
+
+def _columns(found: Judged, which: NDArray[np.bool_]) -> tuple[dict[str, float], Curves]:
+    """Return the columns of all signals by some samples, and errors as curves of those equally spaced."""
+    (truth, repeats, _), equal = found.solved.selected(which), found.equal[which]
+    errors = metrics.errors(found.own, selected(found.run, which), truth)
+    worst = {name: float(curve.max()) for name, curve in errors.items()}
+    worst |= metrics.uncertainties(found.own, truth, list(repeats))
+    worst |= metrics.scales(found.own, truth, equal)
+    return worst, {name: curve[equal] for name, curve in errors.items()}

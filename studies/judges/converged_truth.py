@@ -194,13 +194,13 @@ def _solved(scene: Scene, whole: RunSettings) -> Solved:
         return Solved(truth, tuple(others), REFERENCE)
 
 
-def true_at(scene: Scene, samples: int, at_s: tuple[float, ...]) -> Trajectory:
-    """Return the true trajectory at equal samples and other times.
+def true_at(scene: Scene, run: RunSettings) -> Trajectory:
+    """Return the true trajectory at the times of a run.
 
     Raises:
         UnsupportedScene, SimulationFailed: see ``solved``.
     """
-    return _solved(scene, RunSettings(scene.end_time_s, samples, at_s)).truth
+    return _solved(scene, run).truth
 
 
 def _repeat(scene: Scene, whole: RunSettings) -> Trajectory:

@@ -59,6 +59,11 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
         yield f"contact_{joint}_normal_impulse_N_s", contact.normal_impulse_N_s
 
 
+def is_force(name: str) -> bool:
+    """Return whether a signal, by its name or a column's, is a force, a torque or an impulse, not motion."""
+    return name.endswith(("_N", "_N_m", "_N_s"))
+
+
 def sizes(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
     """Return the sizes of all signals, (n,), forces by length, by their names."""
     return {name: _size(value) for name, value in signals(scene, trajectory)}
