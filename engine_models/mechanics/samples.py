@@ -12,7 +12,7 @@ from engine_models.engine import Contact, FloatArray, Trajectory
 Record = TypeVar("Record", Trajectory, Contact)
 
 
-def selected(record: Record, which: slice | NDArray[np.bool_]) -> Record:
+def selected(record: Record, which: slice | NDArray[Any]) -> Record:
     """Return a trajectory, or a contact within it, with some of its samples; impacts all stay."""
     return _of_arrays(record, lambda values: values[which])
 

@@ -1,0 +1,145 @@
+"""What is planted in a run is seen in the right columns, though equal samples miss every impact."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engines import make_engine
+from engine_models.mechanics.samples import selected
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Scene
+from studies.clearance import impacts_of
+from studies.judges.comparison import compared, judged
+from studies.running.case import Row
+
+#: Four impacts, and the samples of the work-precision study.
+SCENE = SCENES["clearance-free-0.5mm"]().model_copy(update={"end_time_s": 0.012})
+ASKED = RunSettings(SCENE.end_time_s, 24)
+EXACT = make_engine("reference", method="dop853", step_tolerance=1e-12)
+LATE_S, STRONGER = 1e-6, 1.02
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """The sharp reference, with something planted in its runs."""
+
+    plant: Callable[[Scene, RunSettings], Trajectory]
+    order: None = None
+
+    def twin(self, scene: Scene) -> Scene:
+        return scene
+
+    def check(self, scene: Scene) -> None:
+        EXACT.check(scene)
+
+    def sharper(self) -> "Wrong":
+        return self
+
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+        return self.plant(scene, settings)
+
+
+def stronger(scene: Scene, settings: RunSettings) -> Trajectory:
+    """Forces in contacts, and there alone, are 2 % too large."""
+    run = EXACT.simulate(scene, settings)
+    contact = run.contacts["B"]
+    factor = np.where(contact.penetration_m > 0, STRONGER, 1.0)
+    impacts = replace(
+        contact.impacts, largest_normal_force_N=STRONGER * contact.impacts.largest_normal_force_N
+    )
+    wrong = replace(contact, normal_force_N=factor * contact.normal_force_N, impacts=impacts)
+    force = run.joint_force_N.copy()
+    force[:, 2] *= factor[:, None]
+    return replace(run, joint_force_N=force, contacts={"B": wrong})
+
+
+def late(scene: Scene, settings: RunSettings) -> Trajectory:
+    """All that happens between equal samples is a microsecond late."""
+    times = settings.times_s(scene)
+    between = times[~settings.are_equal(times, scene.end_time_s)]
+    run = EXACT.simulate(scene, replace(settings, at_s=tuple((between - LATE_S).tolist())))
+    moved = np.where(settings.are_equal(run.time_s, scene.end_time_s), run.time_s, run.time_s + LATE_S)
+    contact = run.contacts["B"]
+    impacts = replace(contact.impacts, time_s=contact.impacts.time_s + LATE_S)
+    run = replace(run, contacts={"B": replace(contact, impacts=impacts)})
+    return replace(selected(run, np.argsort(moved)), time_s=times)
+
+
+def row_of(plant: Callable[[Scene, RunSettings], Trajectory]) -> Row:
+    found = judged(cast(Engine, Wrong(plant)), SCENE, ASKED)
+    row, _ = compared(found)
+    return row | impacts_of(found)
+
+
+def number(row: Row, column: str) -> float:
+    return float(str(row[column]))
+
+
+@pytest.fixture(scope="module")
+def right() -> Row:
+    return row_of(EXACT.simulate)
+
+
+@pytest.fixture(scope="module")
+def strongest_N() -> float:
+    """The largest normal force, by samples of 100 ns."""
+    return float(EXACT.simulate(SCENE, RunSettings(1.0, 100_000)).contacts["B"].normal_force_N.max())
+
+
+def test_a_sharp_run_is_right_in_every_column(right: Row, strongest_N: float) -> None:
+    assert right["impacts_missed"] == right["impacts_unmatched"] == 0
+    assert number(right, "impacts_matched") > 2
+    for column in ("joint_B_force_error_N", "impact_force_error_N", "impact_force_in_phase_error_N"):
+        assert number(right, column) < 1e-5 * strongest_N, column
+    assert number(right, "impact_time_error_s") < 1e-10
+    assert right["not_judged"] == ""
+
+
+def test_a_force_that_is_wrong_in_contacts_alone_is_seen_in_forces_alone(
+    right: Row, strongest_N: float
+) -> None:
+    row, off_N = row_of(stronger), (STRONGER - 1) * strongest_N
+    for column in ("joint_B_force_error_N", "contact_B_normal_force_error_N"):
+        assert number(row, column) == pytest.approx(off_N, rel=2e-3), column
+    for column in ("impact_force_error_N", "largest_contact_force_error_N"):
+        assert number(row, column) == pytest.approx(off_N, rel=1e-4), column
+    assert number(row, "impact_force_in_phase_error_N") == pytest.approx(off_N, rel=2e-3)
+    assert number(row, "impact_force_relative_error") == pytest.approx(STRONGER - 1, rel=1e-3)
+    same = (
+        "slider_position_error_m",
+        "joint_A_force_error_N",
+        "impact_time_error_s",
+        "impact_duration_relative_error",
+    )
+    assert {name: row[name] for name in same} == {name: right[name] for name in same}
+
+
+def test_equal_samples_alone_do_not_see_it() -> None:
+    run, true = (of(SCENE, ASKED) for of in (stronger, EXACT.simulate))
+    assert np.abs(run.joint_force_N - true.joint_force_N).max() < 1.0, "of 64 N that are planted"
+
+
+def test_an_impact_that_is_a_microsecond_late_is_seen_in_its_time_and_between_flanks(
+    right: Row, strongest_N: float
+) -> None:
+    row = row_of(late)
+    assert number(row, "impact_time_error_s") == pytest.approx(LATE_S, rel=1e-3)
+    flank_N = number(row, "contact_B_normal_force_error_N")
+    assert 0.02 * strongest_N < flank_N < 0.2 * strongest_N, "a thirtieth of the impact's duration"
+    for column in ("impact_force_error_N", "largest_contact_force_error_N"):
+        assert number(row, column) == pytest.approx(number(right, column), abs=1e-9), column
+    assert number(row, "impact_force_in_phase_error_N") < 1e-2 * flank_N, "what interpolation leaves"
+    assert row["slider_position_error_m"] == right["slider_position_error_m"], "at equal samples"
+
+
+def test_an_engine_that_leaves_times_out_is_not_judged_by_forces_that_it_does_not_show() -> None:
+    row = row_of(lambda scene, settings: EXACT.simulate(scene, replace(settings, at_s=())))
+    assert "joint_B_force_error_N" not in row
+    assert "contact_B_normal_force_error_N" not in row
+    assert "contact_B_normal_force_N" in str(row["not_judged"])
+    assert number(row, "slider_position_error_m") < 1e-9
+    assert number(row, "impact_force_relative_error") < 1e-5, "impacts tell their own"
