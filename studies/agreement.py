@@ -6,7 +6,6 @@ from engine_models import arms
 from engine_models.arms import Arm, Setting
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
-from engine_models.mechanics.samples import selected
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.comparison import compared, judged
@@ -83,8 +82,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     """Run one case and return the largest error of every signal with the truth's uncertainty, and curves."""
     found = judged(make_engine(case.engine, **case.settings), case.scene, case.run)
     errors, error_curves = compared(found)
-    run = selected(found.run, found.equal)
-    ledger, curves = conserved(case.scene, run)
+    ledger, curves = conserved(case.scene, found.plain)
     if errors["truth"] != REFERENCE:
         del errors["truth"]
-    return {"steps": run.steps, **errors, **ledger}, {**error_curves, **curves, "time_s": run.time_s}
+    row = {"steps": found.plain.steps, **errors, **ledger}
+    return row, {**error_curves, **curves, "time_s": found.plain.time_s}

@@ -100,7 +100,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     worst, error_curves = compared(found)
     own, until = found.own, followed(found.own, samples)
     truth, _ = converged(own, samples)
-    run = selected(found.run, found.equal)
+    run = found.plain
     ledger, curves = conserved(case.scene, run)
     assert run.dissipated_energy_J is not None
     row: Row = {

@@ -153,7 +153,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     """
     scene, engine = case.scene, make_engine(case.engine, **case.settings)
     found = None if case.columns["view"] == "whole" else judged(engine, scene, case.run)
-    run = selected(found.run, found.equal) if found else engine.simulate(scene, case.run)
+    run = found.plain if found else engine.simulate(scene, case.run)
     curves = _curves(scene, run)
     row: Row = {"steps": run.steps, "mean_step_s": scene.end_time_s / run.steps}
     row |= {name: float(np.abs(of).max()) for name, of in curves.items() if name.endswith("_force_N")}

@@ -22,34 +22,40 @@ FINE, SEEN = 480, 0.99
 class Judged:
     """A recorded run of an engine, and the true motion at the same times of the scene ``own`` that it solves.
 
-    ``peaks`` are the largest sizes of the truth's signals, wherever they are seen, up to
-    ``compared_until_s``; ``equal`` (n,) tells which samples are equally spaced.
+    ``plain`` is the run at the equally spaced samples that were asked for, which are those of ``run`` that
+    ``equal`` (n,) tells. ``peaks`` are the largest sizes of the truth's signals, wherever they are seen, up
+    to ``compared_until_s``.
     """
 
     own: Scene
     run: Trajectory
+    plain: Trajectory
     solved: Solved
+    equal: NDArray[np.bool_]
     peaks: Mapping[str, float]
     compared_until_s: float
-    equal: NDArray[np.bool_]
 
 
 def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
     """Run a scene by an engine, with samples where something happens, and find its truth.
 
     Steps are those of the run that is asked for. With clearance ``times_between_s`` are sampled; of ideal
-    joints as many of the steps, or equal times where an engine chooses its steps, as make ``FINE`` samples.
-    An engine that leaves times out is judged at those that it has.
+    joints, if the samples see too little of a force, as many of the steps, or equal times where an engine
+    chooses its steps, as make ``FINE`` samples. An engine that leaves times out is judged at those that it
+    has.
 
     Raises:
         UnsupportedScene, SimulationFailed: as the engine does, or there is no truth.
     """
     own = engine.twin(scene)
-    if not scene.joints_with_clearance:
-        finer = _finer(engine, scene, asked)
-        run, found = engine.simulate(scene, finer), solved(own, finer.samples)
-        equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
-        return Judged(own, run, found, _peaks(own, solved(own, FINE).truth), scene.end_time_s, equal)
+    return (
+        _with_clearance(engine, scene, own, asked)
+        if own.joints_with_clearance
+        else _ideal(engine, own, asked)
+    )
+
+
+def _with_clearance(engine: Engine, scene: Scene, own: Scene, asked: RunSettings) -> Judged:
     run = engine.simulate(scene, replace(asked, at_s=times_between_s(own, asked.samples)))
     found = solved(own, asked.samples)
     until_s = scene.end_time_s * (followed(own, asked.samples) - 1) / asked.samples
@@ -57,7 +63,18 @@ def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
     equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
     if len(run.time_s) < len(equal):
         found, equal = found.selected(equal), equal[equal]
-    return Judged(own, run, found, peaks, until_s, equal)
+    return Judged(own, run, selected(run, equal), found, equal, peaks, until_s)
+
+
+def _ideal(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
+    plain, peaks = engine.simulate(scene, asked), _peaks(scene, solved(scene, FINE).truth)
+    run, finer = plain, asked
+    if _unseen(_peaks(scene, solved(scene, asked.samples).truth), peaks):
+        finer = _finer(engine, scene, asked)
+        run = engine.simulate(scene, finer) if finer != asked else plain
+    found = solved(scene, finer.samples)
+    equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
+    return Judged(scene, run, plain, found, equal, peaks, scene.end_time_s)
 
 
 def _finer(engine: Engine, scene: Scene, asked: RunSettings) -> RunSettings:
@@ -73,6 +90,15 @@ def _peaks(own: Scene, truth: Trajectory) -> dict[str, float]:
     return {name: float(size.max()) for name, size in metrics.sizes(own, truth).items()}
 
 
+def _unseen(seen: Mapping[str, float], peaks: Mapping[str, float]) -> dict[str, str]:
+    """Return of what too little is seen, of a force, or nothing is there, with that in words."""
+    return {
+        name: f"{100 * size / peaks[name]:.0f} % of its peak is seen" if size else "zero"
+        for name, size in seen.items()
+        if not size or (metrics.is_force(name) and size < SEEN * peaks[name])
+    }
+
+
 def compared(found: Judged) -> tuple[Row, Curves]:
     """Return the largest error of every signal with the truth's uncertainty and scale, and errors as curves.
 
@@ -80,30 +106,30 @@ def compared(found: Judged) -> tuple[Row, Curves]:
     equally spaced, which curves have. A force of whose largest value the samples see less than ``SEEN``, and
     a signal that is zero, are not judged, and the row says so. ``largest_kinetic_energy_J`` is the truth's.
     """
-    own, until = found.own, found.solved.truth.time_s <= found.compared_until_s * (1 + ROUNDING)
-    motion, curves = _columns(found, found.equal & until)
-    forces, _ = _columns(found, until)
-    truth = selected(found.solved.truth, found.equal & until)
+    own, truth = found.own, found.solved.truth
+    until = truth.time_s <= found.compared_until_s * (1 + ROUNDING)
+    motion, curves = _columns(own, found.plain, found.solved.selected(found.equal), until[found.equal])
+    forces, _ = _columns(own, found.run, found.solved, until)
     row: Row = {
         "truth": found.solved.by,
         "compared_until_s": found.compared_until_s,
-        "largest_kinetic_energy_J": float(metrics.kinetic_energy_J(own, truth).max()),
+        "largest_kinetic_energy_J": float(
+            metrics.kinetic_energy_J(own, selected(truth, found.equal & until)).max()
+        ),
         **{name: (forces if metrics.is_force(name) else motion)[name] for name in forces},
     }
-    reasons = []
-    for name, seen in _peaks(own, selected(found.solved.truth, until)).items():
-        if not seen or (metrics.is_force(name) and seen < SEEN * found.peaks[name]):
-            del row[metrics.with_suffix(name, "error")]
-            part = f"{100 * seen / found.peaks[name]:.0f} % of its peak is seen" if seen else "zero"
-            reasons.append(f"{name}: {part}")
-    return row | {"not_judged": "; ".join(reasons)}, curves
+    reasons = _unseen(_peaks(own, selected(truth, until)), found.peaks)
+    for name in reasons:
+        del row[metrics.with_suffix(name, "error")]
+    return row | {"not_judged": "; ".join(map(": ".join, reasons.items()))}, curves
 
 
-def _columns(found: Judged, which: NDArray[np.bool_]) -> tuple[dict[str, float], Curves]:
-    """Return the columns of all signals by some samples, and errors as curves of those equally spaced."""
-    (truth, repeats, _), equal = found.solved.selected(which), found.equal[which]
-    errors = metrics.errors(found.own, selected(found.run, which), truth)
-    worst = {name: float(curve.max()) for name, curve in errors.items()}
-    worst |= metrics.uncertainties(found.own, truth, list(repeats))
-    worst |= metrics.scales(found.own, truth, equal)
-    return worst, {name: curve[equal] for name, curve in errors.items()}
+def _columns(
+    own: Scene, run: Trajectory, solved: Solved, which: NDArray[np.bool_]
+) -> tuple[dict[str, float], Curves]:
+    """Return the columns of all signals by some samples, and errors as curves."""
+    truth, repeats, _ = solved.selected(which)
+    curves = metrics.errors(own, selected(run, which), truth)
+    worst = {name: float(curve.max()) for name, curve in curves.items()}
+    uncertainties = metrics.uncertainties(own, truth, list(repeats))
+    return worst | uncertainties | metrics.scales(own, truth), curves

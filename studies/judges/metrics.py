@@ -104,14 +104,14 @@ def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) ->
     }
 
 
-def scales(scene: Scene, truth: Trajectory, equal: NDArray[np.bool_]) -> dict[str, float]:
+def scales(scene: Scene, truth: Trajectory) -> dict[str, float]:
     """Return how far each signal is from its mean at most, forces by length: an error as large knows nothing.
 
-    The mean is that of the samples that are ``equal``, (n,). The keys have ``_scale`` before the unit, as in
-    ``slider_position_scale_m``.
+    The mean is that over time. The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
     """
+    weights = np.gradient(truth.time_s)
     return {
-        with_suffix(name, "scale"): float(_size(value - value[equal].mean(axis=0)).max())
+        with_suffix(name, "scale"): float(_size(value - np.average(value, axis=0, weights=weights)).max())
         for name, value in signals(scene, truth)
     }
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import engine_class, make_engine
-from engine_models.mechanics.samples import selected
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
@@ -102,16 +101,13 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 
 def _errors(case: Case) -> Row:
-    engine = make_engine(case.engine, **case.settings)
-    found = judged(engine, case.scene, case.run)
+    found = judged(make_engine(case.engine, **case.settings), case.scene, case.run)
     errors, _ = compared(found)
-    row: Row = {"steps": found.run.steps}
-    if found.run.evaluations is not None:
-        row["evaluations"] = found.run.evaluations
-        if getattr(engine, "order", 0) is None:  # its interpolant takes evaluations of its own
-            row["evaluations"] = engine.simulate(case.scene, case.run).evaluations
+    row: Row = {"steps": found.plain.steps}
+    if found.plain.evaluations is not None:
+        row["evaluations"] = found.plain.evaluations
     impacts = clearance.impacts_of(found) if found.run.contacts else {}
-    return {**row, **errors, **impacts, **checked(case.scene, selected(found.run, found.equal))}
+    return {**row, **errors, **impacts, **checked(case.scene, found.plain)}
 
 
 def _solve_time_s(engine: Engine, scene: Scene, run: RunSettings) -> float:

@@ -16,7 +16,7 @@ from reference_solver.solver import ErrorControl, StepChoice, solve
 FloatArray = NDArray[np.float64]
 MASS, SPEED, CLEARANCE, STIFFNESS = 0.1, 1.0, 5e-4, 6.61e10
 #: RK4 with some steps in a contact, and DOP853 with a handful of long ones.
-CHOICES = {
+CHOICES: dict[str, tuple[StepChoice | ErrorControl, float]] = {
     "20 steps": (StepChoice(1e-5, 20.0), 3e-5),
     "100 steps": (StepChoice(1e-5, 100.0), 1e-7),
     "dop853, loose": (ErrorControl(1e-6), 1e-4),

@@ -105,6 +105,8 @@ def test_forces_that_are_late_are_the_same_at_equal_parts_of_an_impact_and_stron
     assert force_error_in_phase_N(late, true, TIME, 4.0) == pytest.approx(0.0, abs=1e-3)
     assert "impact_force_error_N" in (row := impact_errors(late.impacts, true.impacts, 4.0))
     assert row["impact_force_error_N"] == row["impact_force_relative_error"] == 0.0
+    more = bumps([0.5, 1.01, 2.01, 3.01], [0.1, *LASTS], [5.0, *PEAKS], TIME)
+    assert force_error_in_phase_N(more, true, TIME, 4.0) == pytest.approx(0.0, abs=1e-3), "pairs alone"
     strong = bumps([1.01, 2.01, 3.01], LASTS, [100.0, 41.2, 60.0], TIME)
     assert force_error_in_phase_N(strong, true, TIME, 4.0) == pytest.approx(1.2, rel=1e-3)
     row = impact_errors(strong.impacts, true.impacts, 4.0)
