@@ -76,8 +76,10 @@ def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
 
 
 def with_peak(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with the column ``PEAK``, NaN where no impact is judged by its force."""
-    return rows.assign(**{PEAK: 100 * _numbers(rows, "impact_force_relative_error")})
+    """Return the rows with ``PEAK`` and its uncertainty, NaN where no impact is judged by its force."""
+    doubt = PEAK.replace("error", "uncertainty")
+    percent = {PEAK: "impact_force_relative_error", doubt: "impact_force_relative_uncertainty"}
+    return rows.assign(**{name: 100 * _numbers(rows, part) for name, part in percent.items()})
 
 
 def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:

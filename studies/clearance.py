@@ -18,7 +18,12 @@ from studies.judges.converged_truth import (
     times_between_s,
     true_at,
 )
-from studies.judges.impact_matching import FORCE_ERROR, force_error_in_phase_N, impact_errors
+from studies.judges.impact_matching import (
+    FORCE_ERROR,
+    FORCE_PART,
+    force_error_in_phase_N,
+    impact_errors,
+)
 from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
 from studies.judges.metrics import conserved, errors, is_force
@@ -166,9 +171,9 @@ def impacts_of(found: Judged) -> Row:
         for repeat in repeats
         for joint, contact in truth.contacts.items()
     ]
-    for name in ("impact_time_error_s", FORCE_ERROR):
+    for name in ("impact_time_error_s", FORCE_ERROR, FORCE_PART):
         doubt = max(each.get(name, 0.0) for each in doubts)
-        row[name.replace("_error_", "_uncertainty_")] = doubt
+        row[name.replace("_error", "_uncertainty")] = doubt
     return row
 
 

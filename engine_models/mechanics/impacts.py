@@ -13,8 +13,9 @@ POINTS = 40
 PARTS = 8
 #: Samples to either side of the largest one through which a polynomial is laid.
 BESIDE = 3
-#: Samples nearer to each other, as a part of the time of those through which a polynomial is laid, are one.
-NEAREST = 1e-3
+#: Samples nearer to each other, as a part of the time of those through which a polynomial is laid, are one;
+#: and of fewer it is none.
+NEAREST, FEWEST = 0.03, 3
 
 
 def instants_in(begin_s: float, end_s: float, count: int = POINTS) -> FloatArray:
@@ -41,12 +42,15 @@ def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
     if not 0 < k < len(value) - 1:
         return best
     near = slice(max(0, k - BESIDE), k + BESIDE + 1)
-    times, values = time_s[near], value[near]
+    times, values = time_s[near] - time_s[k], value[near]
     apart = np.append(True, np.diff(times) > NEAREST * np.ptp(times))
+    if apart.sum() < FEWEST:
+        return best
     through = Polynomial.fit(times[apart], values[apart], int(apart.sum()) - 1)
     roots = through.deriv().roots()
-    turns = roots.real[(abs(roots.imag) == 0) & (time_s[k - 1] < roots.real) & (roots.real < time_s[k + 1])]
-    found = [(float(through(turn)), float(turn)) for turn in turns]
+    turns = roots.real[abs(roots.imag) == 0] + time_s[k]
+    turns = turns[(time_s[k - 1] < turns) & (turns < time_s[k + 1])]
+    found = [(float(through(turn - time_s[k])), float(turn)) for turn in turns]
     return max([best, *(each for each in found if each[0] <= 2 * best[0] - values.min())])
 
 

@@ -79,6 +79,7 @@ def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts()
     assert row["impact_force_error_N"] == pytest.approx(1.0)
     assert row["impact_force_relative_error"] == pytest.approx(1.0), "one is missed"
     assert row["impact_force_uncertainty_N"] == pytest.approx(0.01)
+    assert row["impact_force_relative_uncertainty"] == pytest.approx(0.01 / 8)
     assert row["largest_contact_force_error_N"] == pytest.approx(0.5)
 
 
