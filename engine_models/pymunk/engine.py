@@ -74,7 +74,8 @@ class PymunkEngine:
     Steps. Pymunk's manual advises steps of one length, which is the default. With ``shorter_in_contact`` they
     are that many times shorter in contact, and from two long steps before a touch on, foreseen along straight
     lines. The change is abrupt, as a joint answers to it for two steps, and a kick's loads last from the
-    middle of the step before it to the middle of the one after, so that the order stays what it is. It pays
+    middle of the step before it to the middle of the one after, so that the order stays what it is. Samples
+    between steps are interpolated (see ``samples.interpolated``), at that order. It pays
     where flights are long and contacts brief; forces within two steps of a change are not those of their
     time. It is for compliant contacts, half a kick at the start, and drives and loads that know no step.
 
