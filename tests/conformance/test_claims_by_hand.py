@@ -3,16 +3,21 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
-from engine_models.engine import RunSettings, Trajectory
+from engine_models.engine import Impacts, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.conformance.claims import CLAIMS, Trial, slider_is_where_it_should_be
+from studies.conformance.claims import (
+    CLAIMS,
+    Trial,
+    impacts_are_as_strong_as_they_should_be,
+    slider_is_where_it_should_be,
+)
 from studies.conformance.orders import states_its_order
 
 Change = Callable[[Trajectory], Trajectory]
@@ -98,6 +103,26 @@ def late(run: Trajectory) -> Trajectory:
 def test_a_claim_fails_of_what_it_is_about(change: Change, broken: set[str]) -> None:
     trial = Trial(Altered(change), SCENES["ideal-free"]())
     assert {sentence for sentence, claim in CLAIMS.items() if not claim(trial).holds} == broken
+
+
+def with_impacts(run: Trajectory, stronger: float = 1.0, missed: int = 0) -> Trajectory:
+    """Return a run with other peaks, and without some of its impacts."""
+    contact = run.contacts["B"]
+    kept = {name: values[missed:] for name, values in vars(contact.impacts).items()}
+    kept["largest_normal_force_N"] = stronger * kept["largest_normal_force_N"]
+    return replace(run, contacts={"B": replace(contact, impacts=Impacts(**kept))})
+
+
+@pytest.mark.parametrize(
+    ("changes", "measured"),
+    [({}, ""), ({"stronger": 1.2}, "2.0e-01 of the largest"), ({"missed": 1}, "1 impacts too few")],
+    ids=["unaltered", "stronger", "missed"],
+)
+def test_impacts_are_all_there_and_as_strong_as_in_truth(changes: dict[str, Any], measured: str) -> None:
+    trial = Trial(Altered(lambda run: with_impacts(run, **changes)), SCENES["clearance-driven-0.5mm"]())
+    found = impacts_are_as_strong_as_they_should_be(trial)
+    assert found.holds == (not changes), found.measured
+    assert measured in found.measured
 
 
 @dataclass(frozen=True)
