@@ -65,7 +65,7 @@ def _with_largest(run: Trajectory, contact: Contact) -> Contact:
     last = np.searchsorted(run.time_s, impacts.time_s + impacts.duration_s, "right")
     found = np.full((len(first), 4), np.nan)
     for row, begin, end in zip(found, first, last, strict=True):
-        if end - begin >= POINTS:
+        if end - begin > 2 * BESIDE:
             values = (contact.normal_force_N[begin:end], contact.penetration_m[begin:end])
             row[:] = [x for value in values for x in largest(run.time_s[begin:end], value)]
     names = [field.name for field in fields(Impacts) if field.name.startswith("largest_")]

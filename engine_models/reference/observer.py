@@ -10,13 +10,13 @@ import math
 import numpy as np
 from numba.extending import register_jitable
 
-from reference_solver.contact import types
-from reference_solver.contact.loop import INNER, OPTIONS
+from reference_solver.contact import loop, types
+from reference_solver.contact.loop import INNER, OPTIONS, cubic, depth_rate
 
 __all__ = ["COMPILED_WITH", "NOTES_RECORD", "OPTIONS", "observe"]
 
 #: Modules whose constants the machine code has taken over.
-COMPILED_WITH = (types,)
+COMPILED_WITH = (types, loop)
 
 #: When the notes begin, crank radius and rod length; at the step before: time, crank angle, the slider's
 #: deviation from where ideal joints would have it, and its rate. What is noted: time in which all pins fly,
@@ -51,18 +51,9 @@ def deviation_at(note, motion):
 
 
 @register_jitable(**INNER)
-def cubic(x, h, value, rate, new_value, new_rate):
-    """Return at x of a step of h the cubic through values and rates at its ends, and its rate."""
-    change, start, stop = new_value - value, h * rate, h * new_rate
-    second, third = 3.0 * change - 2.0 * start - stop, start + stop - 2.0 * change
-    slope = start + x * (2.0 * second + x * 3.0 * third)
-    return value + x * (start + x * (second + x * third)), slope / h
-
-
-@register_jitable(**INNER)
 def farthest(x, h, value, rate, new_value, new_rate):
     """Return the largest size of such a cubic from x on to the end of the step."""
-    begin, _ = cubic(x, h, value, rate, new_value, new_rate)
+    begin, _, _ = cubic(x, h, value, rate, new_value, new_rate)
     most = max(abs(begin), abs(new_value))
     change, start, stop = new_value - value, h * rate, h * new_rate
     second, third = 3.0 * change - 2.0 * start - stop, start + stop - 2.0 * change
@@ -72,7 +63,7 @@ def farthest(x, h, value, rate, new_value, new_rate):
         q = -second - math.copysign(math.sqrt(under), second)
         for turn in (q / (3.0 * third), start / q):
             if x < turn < 1.0:
-                there, _ = cubic(turn, h, value, rate, new_value, new_rate)
+                there, _, _ = cubic(turn, h, value, rate, new_value, new_rate)
                 most = max(most, abs(there))
     return most
 
@@ -82,7 +73,7 @@ def integral_of_square(x, h, value, rate, new_value, new_rate):
     """Return the integral over time of such a cubic's square, from x on to the end of the step."""
     total, half = 0.0, 0.5 * (1.0 - x)
     for place, weight in GAUSS:
-        there, _ = cubic(x + half * (1.0 + place), h, value, rate, new_value, new_rate)
+        there, _, _ = cubic(x + half * (1.0 + place), h, value, rate, new_value, new_rate)
         total += weight * there * there
     return half * h * total
 
@@ -97,15 +88,15 @@ def force_of(contact, damping, depth, rate):
 @register_jitable(**INNER)
 def strongest(largest, contact, past, gap, x, h):
     """Return the largest normal force of a contact from x on to the end of a step, or ``largest``."""
-    rate = gap.rate * contact.clearance / (contact.clearance + gap.depth)  # of the penetration, not of g
+    rate = depth_rate(contact, gap)
     damping = gap.damper - gap.elastic * contact.memory
     deepest = max(past.depth, gap.depth) + 4.0 / 27.0 * h * (abs(past.rate) + abs(rate))
     if not force_of(contact, damping, deepest, FASTER * max(past.rate, rate, 0.0)) > largest:
         return largest
     for part in range(PARTS + 1):
         at = x + (1.0 - x) * part / PARTS
-        depth, depth_rate = cubic(at, h, past.depth, past.rate, gap.depth, rate)
-        largest = max(largest, force_of(contact, damping, depth, depth_rate))
+        depth, speed, _ = cubic(at, h, past.depth, past.rate, gap.depth, rate)
+        largest = max(largest, force_of(contact, damping, depth, speed))
     return largest
 
 
@@ -157,7 +148,7 @@ def observe(notes, past, contacts, motion, clock, events, event_sums, first, tou
     for k in range(len(contacts)):
         gap = motion.gaps[k]
         past[k].depth = gap.depth
-        past[k].rate = gap.rate * contacts[k].clearance / (contacts[k].clearance + gap.depth)
+        past[k].rate = depth_rate(contacts[k], gap)
         past[k].phase = contacts[k].phase
         if first < 0:
             past[k].impulse = np.nan

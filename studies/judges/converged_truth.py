@@ -23,7 +23,8 @@ from engine_models.engine import (
     Trajectory,
     UnsupportedScene,
 )
-from engine_models.mechanics.impacts import BESIDE, instants_in, with_largest
+from engine_models.mechanics.impacts import BESIDE, POINTS, instants_in, with_largest
+from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.reference.engine import ReferenceEngine
@@ -49,6 +50,8 @@ PEAK, DENSE = 0.5, 4800
 #: An impact longer than so many usual ones may hold many oscillations: these are sampled so often in a usual
 #: one's time, and so often in all at the most.
 LONG, PER_IMPACT, MOST_FINE = 1.5, 60, 20_000
+#: Instants in all impacts at the most, and the fewest in one.
+MOST_INSTANTS, FEWEST = 40_000, 8
 #: Pointwise errors mean something while repeats are no further apart than this in slider position.
 POINTWISE_M = 1e-8
 #: What the truth of a scene is by.
@@ -139,9 +142,11 @@ def _telling_times_s(scene: Scene) -> tuple[float, ...]:
 def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
     run = _sampled(scene, dense)
     times = [run.time_s[_peaks(size)] for size in sizes(scene, run).values()]
-    impacts = {joint: _begins_and_ends_s(run, contact) for joint, contact in run.contacts.items()}
+    giving = [joint for joint, room in clearances(scene).items() if room.law != "rigid"]
+    impacts = {joint: _begins_and_ends_s(run, run.contacts[joint]) for joint in giving}
     every = np.concatenate([np.zeros((0, 2)), *impacts.values()])
-    times += [instants_in(*ends) for ends in every]
+    count = max(FEWEST, min(POINTS, MOST_INSTANTS // max(1, len(every))))
+    times += [instants_in(begin, end, count) for begin, end in every.tolist()]
     lasted_s = np.diff(every)[:, 0]
     usual_s = float(np.quantile(lasted_s, 0.25, method="lower")) if len(every) else 0.0
     long, long_s = every[lasted_s > LONG * usual_s], lasted_s[lasted_s > LONG * usual_s]
@@ -150,10 +155,11 @@ def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
     if fine:  # there may be many oscillations in them
         at_s = tuple(np.unique(np.concatenate(fine)).tolist())
         run = _sampled(scene, RunSettings(scene.end_time_s, 1, at_s))
-    for joint, contact in run.contacts.items() if fine else ():
+    for joint in giving if fine else ():
         for begin, end in impacts[joint]:
             inside = np.flatnonzero((run.time_s > begin) & (run.time_s < end))
-            near = inside[_peaks(contact.normal_force_N[inside])][:, None] + np.arange(-BESIDE, BESIDE + 1)
+            force_N = run.contacts[joint].normal_force_N[inside]
+            near = inside[_peaks(force_N)][:, None] + np.arange(-BESIDE, BESIDE + 1)
             times.append(run.time_s[np.clip(near.ravel(), 0, len(run.time_s) - 1)])
     return tuple(np.unique(np.concatenate(times)).tolist())
 
@@ -175,8 +181,8 @@ def _peaks(size: FloatArray) -> NDArray[np.bool_]:
 def _begins_and_ends_s(run: Trajectory, contact: Contact) -> FloatArray:
     """Return when the impacts of a contact begin and end, (m, 2), one that has not ended with the run."""
     begin_s, duration_s = contact.impacts.time_s, contact.impacts.duration_s
-    ends = np.column_stack([begin_s, begin_s + duration_s])[duration_s > 0]
-    if duration_s.any() and contact.penetration_m[-1] > 0:
+    ends = np.column_stack([begin_s, begin_s + duration_s])
+    if contact.penetration_m[-1] > 0:
         flown_s = np.append(run.time_s[contact.penetration_m <= 0], ends[:, 1]).max(initial=0.0)
         ends = np.append(ends, [[flown_s, run.time_s[-1]]], axis=0)
     return ends
