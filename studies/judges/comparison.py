@@ -15,7 +15,7 @@ from studies.running.case import Curves, Row
 
 #: Samples on which runs of ideal joints are judged, at the most, and the part of a signal's largest value
 #: that the judged samples have to see.
-FINE, SEEN = 480, 0.99
+FINE, SEEN = 4800, 0.99
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,8 @@ def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
     """Run a scene by an engine, with samples where something happens, and find its truth.
 
     Steps are those of the run that is asked for. With clearance ``times_between_s`` are sampled; of ideal
-    joints, if the samples see too little of a force, as many of the steps, or equal times where an engine
-    chooses its steps, as make ``FINE`` samples. An engine that leaves times out is judged at those that it
-    has.
+    joints as many of the steps, or equal times where an engine chooses its steps, as make ``FINE`` samples.
+    An engine that leaves times out is judged at those that it has.
 
     Raises:
         UnsupportedScene, SimulationFailed: as the engine does, or there is no truth.
@@ -67,20 +66,23 @@ def _with_clearance(engine: Engine, scene: Scene, own: Scene, asked: RunSettings
 
 
 def _ideal(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
-    plain, peaks = engine.simulate(scene, asked), _peaks(scene, solved(scene, FINE).truth)
-    run, finer = plain, asked
-    if _unseen(_peaks(scene, solved(scene, asked.samples).truth), peaks):
-        finer = _finer(engine, scene, asked)
-        run = engine.simulate(scene, finer) if finer != asked else plain
-    found = solved(scene, finer.samples)
+    finer = _finer(engine, scene, asked)
+    run, found = engine.simulate(scene, finer), solved(scene, finer.samples)
     equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
+    plain = selected(run, equal) if _steps_are_equal(engine) else engine.simulate(scene, asked)
+    peaks = _peaks(scene, solved(scene, FINE).truth)
     return Judged(scene, run, plain, found, equal, peaks, scene.end_time_s)
+
+
+def _steps_are_equal(engine: Engine) -> bool:
+    """Return whether an engine's steps are those of the run that is asked for, by its order."""
+    return getattr(engine, "order", 0) is not None
 
 
 def _finer(engine: Engine, scene: Scene, asked: RunSettings) -> RunSettings:
     """Return the settings with more samples, up to ``FINE``, that leave the steps as they are."""
     most, steps = max(1, FINE // asked.samples), asked.steps_per_sample(scene.end_time_s)
-    if getattr(engine, "order", 0) is not None:
+    if _steps_are_equal(engine):
         most = max(times for times in range(1, most + 1) if steps % times == 0)
     return replace(asked, samples=most * asked.samples)
 
