@@ -372,7 +372,9 @@ def set_out(
     now["per_contact"], now["located"] = choice.steps_per_contact, run.contacts.size and choice.locate_events
     if not now["located"]:
         now["interval"] = interval_s
-        now["longest"] = interval_s / np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
+        intervals = max(1, round(end_time_s / interval_s))  # the step is the same for all that it fits
+        steps = intervals * np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
+        now["longest"] = (end_time_s or interval_s) / steps
 
 
 def set_control(run: types.Run, choice: ErrorControl, scales: Scales) -> None:

@@ -22,15 +22,16 @@ FINE, SEEN = 4800, 0.99
 class Judged:
     """A recorded run of an engine, and the true motion at the same times of the scene ``own`` that it solves.
 
-    ``plain`` is the run at the equally spaced samples that were asked for, which are those of ``run`` that
-    ``equal`` (n,) tells. ``peaks`` are the largest sizes of the truth's signals, wherever they are seen, up
-    to ``compared_until_s``.
+    ``plain`` is the run at the equally spaced samples that were asked for, with its truth ``plainly_solved``;
+    they are those of ``run`` that ``equal`` (n,) tells. ``peaks`` are the largest sizes of the truth's
+    signals, wherever they are seen, up to ``compared_until_s``.
     """
 
     own: Scene
     run: Trajectory
     plain: Trajectory
     solved: Solved
+    plainly_solved: Solved
     equal: NDArray[np.bool_]
     peaks: Mapping[str, float]
     compared_until_s: float
@@ -62,7 +63,8 @@ def _with_clearance(engine: Engine, scene: Scene, own: Scene, asked: RunSettings
     equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
     if len(run.time_s) < len(equal):
         found, equal = found.selected(equal), equal[equal]
-    return Judged(own, run, selected(run, equal), found, equal, peaks, until_s)
+    plain = selected(run, equal)
+    return Judged(own, run, plain, found, found.selected(equal), equal, peaks, until_s)
 
 
 def _ideal(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
@@ -71,7 +73,8 @@ def _ideal(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
     equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
     plain = selected(run, equal) if _steps_are_equal(engine) else engine.simulate(scene, asked)
     peaks = _peaks(scene, solved(scene, FINE).truth)
-    return Judged(scene, run, plain, found, equal, peaks, scene.end_time_s)
+    plainly = solved(scene, asked.samples)
+    return Judged(scene, run, plain, found, plainly, equal, peaks, scene.end_time_s)
 
 
 def _steps_are_equal(engine: Engine) -> bool:
@@ -110,7 +113,7 @@ def compared(found: Judged) -> tuple[Row, Curves]:
     """
     own, truth = found.own, found.solved.truth
     until = truth.time_s <= found.compared_until_s * (1 + ROUNDING)
-    motion, curves = _columns(own, found.plain, found.solved.selected(found.equal), until[found.equal])
+    motion, curves = _columns(own, found.plain, found.plainly_solved, until[found.equal])
     forces, _ = _columns(own, found.run, found.solved, until)
     row: Row = {
         "truth": found.solved.by,
