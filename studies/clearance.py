@@ -163,8 +163,8 @@ def impacts_of(found: Judged) -> Row:
         row[name] = sum(values) if name.startswith("impacts_") else max(values)
     if FORCE_ERROR in row:
         own = [(contact, truth.contacts[joint]) for joint, contact in run.contacts.items()]
-        in_phase = max(force_error_in_phase_N(*pair, truth.time_s, end_s) for pair in own)
-        row |= {"impact_force_in_phase_error_N": in_phase} if in_phase == in_phase else {}
+        in_phase = float(np.max([force_error_in_phase_N(*pair, truth.time_s, end_s) for pair in own]))
+        row |= {"impact_force_in_phase_error_N": in_phase} if np.isfinite(in_phase) else {}
     row |= {"largest_contact_force_error_N": abs(_largest_N(run, end_s) - _largest_N(truth, end_s))}
     doubts = [
         impact_errors(repeat.contacts[joint].impacts, contact.impacts, end_s)

@@ -109,7 +109,7 @@ def scales(scene: Scene, truth: Trajectory) -> dict[str, float]:
 
     The mean is that over time. The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
     """
-    weights = np.gradient(truth.time_s)
+    weights = np.gradient(truth.time_s) if len(truth.time_s) > 1 else np.ones(1)
     return {
         with_suffix(name, "scale"): float(_size(value - np.average(value, axis=0, weights=weights)).max())
         for name, value in signals(scene, truth)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine_models.engines import make_engine
+from engine_models.mechanics.samples import selected
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from studies.judges.ideal_truth import exact
@@ -62,6 +63,8 @@ def test_a_scale_is_the_largest_distance_from_the_mean_over_time() -> None:
     found = scales(ideal_driven(), replace(truth, position=position, joint_force_N=force))
     assert found["slider_position_scale_m"] == pytest.approx(3.0)
     assert found["joint_A_force_scale_N"] == pytest.approx(65.0**0.5)
+    alone = scales(ideal_driven(), selected(truth, slice(1)))
+    assert set(alone.values()) == {0.0}, "the horizon may leave the start alone"
     early = replace(truth, position=position, time_s=np.array([0.0, 1.0, 4.0]))  # for 1, 2 and 3 s
     assert scales(ideal_driven(), early)["slider_position_scale_m"] == pytest.approx(23 / 6 - 1)
 
