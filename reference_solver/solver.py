@@ -16,15 +16,16 @@ from reference_solver.equations import Baumgarte, Equations
 from reference_solver.guard import Guard
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
+from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5
-from reference_solver.rigid.settling import Settling
-from reference_solver.solution import ModeChange, Solution, columns_of, contact_impacts
+from reference_solver.solution import Solution, columns_of, contact_impacts
 from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
     from reference_solver.compiled.faces import CompiledFace, ReadableFace
     from reference_solver.compiled.kernel import Topology
+    from reference_solver.rigid.bouncing import Bouncing
 
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
@@ -47,8 +48,6 @@ LOG_ROWS = 256
 #: The first step by error control, as a part of the mechanism's own time, and the first of a contact, as a
 #: part of its duration; both are found anew from there.
 FIRST_STEP, FIRST_PART_OF_CONTACT = 1e-3, 0.02
-#: Events on rigid walls at one time, per contact: more than a few mean that they do not settle.
-EVENTS_AT_ONCE = 20
 
 
 @dataclass(frozen=True)
@@ -172,19 +171,27 @@ class Solver:
         self._names = [*self._equations.power_names, "removed"]
         self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
-        self.steps = self.settled = 0
+        self.steps, self.settled, self._made_s = 0, 0, 0.0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it
             run = self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0)
-            self._gaps((), run)
-            self._face(()).advance(run)
+            self._gaps(run)
+            bouncing = self._bouncing(run)
+            if bouncing is not None:
+                self._face(()).settle(run, bouncing.settling)
+            self._advance(run, bouncing)
 
     def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
         from reference_solver.compiled.faces import CompiledFace, ReadableFace
 
         if following not in self._faces:
-            kind = CompiledFace if self._compiled else ReadableFace
+            began, kind = time.perf_counter(), CompiledFace if self._compiled else ReadableFace
             self._faces[following] = kind(self._topology(following), self._q_start)
+            self._made_s += time.perf_counter() - began
         return self._faces[following]
+
+    def _chunk(self, following: tuple[int, ...]) -> int:
+        """Return the steps of one call."""
+        return 1 + self._face(following).chunk // (self._equations.n * len(self._method.weights))
 
     def _topology(self, following: tuple[int, ...]) -> "Topology":
         from reference_solver.compiled.kernel import Topology
@@ -212,11 +219,31 @@ class Solver:
         # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
         return float(np.sqrt(8.0 * self._choice.tolerance) * run.control["step"][0] / FIRST_STEP)
 
-    def _gaps(self, following: tuple[int, ...], run: types.Run) -> None:
-        """Set the contacts' gaps of a run's motion."""
+    def _gaps(self, run: types.Run) -> None:
+        """Set the contacts' gaps of a run's motion at its start."""
         if self._joints:
-            face = self._face(following)
-            face.kernel.gaps(face.parameters, run.contacts, float(run.clock["time"][0]), run.old)
+            face = self._face(())
+            face.kernel.gaps(face.parameters, run.contacts, 0.0, run.old)
+
+    def _bouncing(self, run: types.Run) -> "Bouncing | None":
+        """Return the events on rigid walls of a run that is to begin; None without rigid walls."""
+        if not self._rigid:
+            return None
+        from reference_solver.rigid.bouncing import Bouncing
+
+        face, lowest = self._face(()), self._choice.lowest_flight or LOWEST_FLIGHT
+        shortest_s = self._shortest_flight_s(run)
+        return Bouncing(self._equations, self._names, face.look(), face.parameters, shortest_s, lowest)
+
+    def _advance(self, run: types.Run, bouncing: "Bouncing | None") -> int:
+        """Advance a run, and take over its events on rigid walls; return how it ended."""
+        if bouncing is None:
+            return self._face(()).advance(run)
+        status = self._face(bouncing.following).bounce(run, bouncing.settling)
+        bouncing.take(run)
+        if status == types.REFUSED:
+            bouncing.refuse(run)
+        return status
 
     def run(
         self,
@@ -236,26 +263,22 @@ class Solver:
         times = np.linspace(0.0, end_time_s, samples + 1) if times_s is None else times_s
         run = self._new(q, v, times, end_time_s, end_time_s / samples)
         motion, records, now = run.old, run.records, run.clock[0]
-        self.steps = self.settled = at_once = 0
+        self.steps = self.settled = 0
         events, sums = [np.zeros(0, types.EVENT_RECORD)], [np.zeros((0, len(self._names)))]
-
-        def add(name: str, value: float) -> None:
-            motion.sums[self._names.index(name)] += value
-
-        lowest = self._choice.lowest_flight or LOWEST_FLIGHT
-        settling = Settling(self._equations, self._shortest_flight_s(run), lowest, add)
         knots = (t for t in self._mechanism.knots_s(float(now["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
         now["end"] = next(landings)
-        status, started = types.SPENT, time.perf_counter()
-        following = self._settle_first(settling, run) if self._rigid else ()
-        self._gaps(following, run)
+        status, bouncing, made_s = types.SPENT, self._bouncing(run), self._made_s
+        started = time.perf_counter()
+        self._gaps(run)
+        if bouncing is not None:
+            self._settle_first(bouncing, run)
         while status != types.DONE:
-            face = self._face(following)
-            begin, chunk = float(now["time"]), 1 + face.chunk // (len(q) * len(self._method.weights))
+            following = () if bouncing is None else bouncing.following
+            begin, chunk = float(now["time"]), self._chunk(following)
             now["events"], now["budget"] = 0, now["steps"] + chunk
-            status = face.advance(run)
-            self.steps = int(now["steps"])
+            status = self._advance(run, bouncing)
+            self.steps, self.settled = int(now["steps"]), 0 if bouncing is None else bouncing.settled
             tell(float(now["time"]))
             events.append(records.events[: now["events"]].copy())
             sums.append(records.event_sums[: now["events"]].copy())
@@ -263,19 +286,12 @@ class Solver:
                 self._refuse(following, run)
             if status in (types.SPENT, types.FULL) and now["time"] == begin:
                 raise failures.Stalled(begin, chunk)
-            if status == types.SETTLE:
-                self.settled += 1
-                at_once = at_once + 1 if now["time"] == begin else 1
-                if at_once > EVENTS_AT_ONCE * len(self._joints):
-                    raise failures.UnsettledEvents(begin, int(now["rigid"]))
-                following = self._settle(settling, following, run)
-                self._gaps(following, run)
             if status == types.DONE and now["end"] < end_time_s:
                 now["end"], status = next(landings), types.GO
-        took = time.perf_counter() - started
+        took = time.perf_counter() - started - (self._made_s - made_s)
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise failures.NonFiniteState(end_time_s, float(now["longest"]))
-        solution = self._solution(run, np.concatenate(events), np.concatenate(sums), settling, took)
+        solution = self._solution(run, np.concatenate(events), np.concatenate(sums), bouncing, took)
         scales = Scales(float(run.control["length"][0]), float(run.control["rate"][0]))
         tolerance = self._choice.tolerance if isinstance(self._choice, ErrorControl) else None
         guard = Guard(solution, scales, float(now["longest"]), tolerance)
@@ -284,33 +300,17 @@ class Solver:
             guard.check_drift(self._equations, float(now["least"]))
         return solution
 
-    def _settle_first(self, settling: Settling, run: types.Run) -> tuple[int, ...]:
+    def _settle_first(self, bouncing: "Bouncing", run: types.Run) -> None:
         """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""
-        self._gaps((), run)
         contacts, gaps = run.contacts, run.old.gaps
         closed = (contacts["rigid"] == 0) & (gaps["g"] > 0)
         speed = np.maximum(gaps["rate"], contacts["slowest"])[closed]
         contacts["phase"][closed] = types.CONTACT
         contacts["memory"][closed] = contacts["factor"][closed] / speed
-        following = self._settle(settling, (), run)
+        if self._face(()).settle(run, bouncing.settling) == types.REFUSED:
+            bouncing.refuse(run)
         contacts["phase"][closed], contacts["memory"][closed] = types.FLIGHT, 0.0
-        return following
-
-    def _settle(self, settling: Settling, following: tuple[int, ...], run: types.Run) -> tuple[int, ...]:
-        """Let the pins that touch rigid walls hit, follow or leave; return those that follow from now on."""
-        contacts, motion, (now,) = run.contacts, run.old, run.clock
-        touched, phases = int(now["rigid"]), np.column_stack([contacts["phase"], contacts["memory"]])
-        released = touched if touched in following else None
-        v, new, hit = settling(float(now["time"]), motion.q, motion.v, phases, following, released)
-        motion.v[:] = v
-        if new != following:
-            settling.changes.append(ModeChange(float(now["time"]), new))
-        where, rigid = settling.where(motion.q, motion.v), settling.numbers
-        contacts["phase"][rigid] = np.where(np.isin(rigid, new), types.CONTACT, types.FLIGHT)
-        contacts["noise"][rigid], contacts["rate_noise"][rigid] = where.round_off.T
-        if touched >= 0 and released is None and not hit and touched not in new:
-            contacts["ignored"][touched] = 1.0
-        return new
+        bouncing.take(run)
 
     def _refuse(self, following: tuple[int, ...], run: types.Run) -> None:
         """Say why the step tried last could not be taken."""
@@ -328,17 +328,23 @@ class Solver:
         raise failures.NonFiniteState(t + h, h)
 
     def _solution(
-        self, run: types.Run, events: RecordArray, event_sums: FloatArray, settling: Settling, took_s: float
+        self,
+        run: types.Run,
+        events: RecordArray,
+        event_sums: FloatArray,
+        bouncing: "Bouncing | None",
+        took_s: float,
     ) -> Solution:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
+        hit, changes = ([], []) if bouncing is None else (bouncing.impacts(), bouncing.changes)
         return Solution(
             mechanism=self._mechanism,
             time_s=run.records.time,
             **columns_of(run.records.samples, run.old.n, self._names, len(self._joints)),
             events=events,
-            impacts=tuple(sorted([*settling.impacts, *ended], key=lambda i: i.time_s + i.duration_s)),
-            mode_changes=tuple(settling.changes),
+            impacts=tuple(sorted([*hit, *ended], key=lambda i: i.time_s + i.duration_s)),
+            mode_changes=tuple(changes),
             steps=self.steps,
             solve_time_s=took_s,
             condition=float(run.clock["condition"][0]),
@@ -429,7 +435,7 @@ def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:
         )
     rigid = [(k, joint) for k, joint in enumerate(mechanism.contacts) if joint.rigid]
     for k, joint in rigid:
-        outside = float(separation((joint,), q, v).distance_m[0]) - joint.radial_clearance_m
+        outside = float(separation(joint, State(q, v)).distance) - joint.radial_clearance_m
         if not outside <= START_TOLERANCE:
             raise failures.InconsistentStart(
                 f"contacts[{k}]: expected the pin inside its bearing, got it {outside:.3g} m past the wall"

@@ -5,13 +5,14 @@ Both advance a run (see ``contact.types.Run``), and change it in place.
 
 import math
 from collections.abc import Callable
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from reference_solver.compiled.crossing import crossed
 from reference_solver.compiled.kernel import Topology, forces_of, slopes_of, source_of
-from reference_solver.compiled.store import callee, compiled, load_kernel
+from reference_solver.compiled.store import callback, callee, compiled, load_kernel
 from reference_solver.contact import loop as contact_loop
 from reference_solver.contact.force import gap
 from reference_solver.contact.types import DONE, FAILED, SPENT, Motion, Run
@@ -19,6 +20,10 @@ from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff
 from reference_solver.mechanism.points import State
 from reference_solver.methods import Step, step, tableau
+from reference_solver.rigid import settling
+from reference_solver.rigid.loop import bounce, bounce_type
+from reference_solver.rigid.settling import Settling
+from reference_solver.rigid.walls import Walls, walls_at
 from reference_solver.tape import FloatArray, RecordArray
 
 
@@ -37,7 +42,7 @@ class CompiledFace:
         self.parameters = topology.parameters(self.kernel, q_start)
         self._advance: Callable[[Run], int] = from_sample_to_sample
         self.functions: Any = self.kernel
-        loop = loop_of(topology)
+        loop = self._loop = loop_of(topology)
         self.rows: int = loop.ROWS
         self.tableau = tableau(topology.method)
         if topology.method.embedded or topology.by_events:
@@ -49,7 +54,28 @@ class CompiledFace:
 
     def advance(self, run: Run) -> int:
         """Advance a run by the loop that suits; without contacts and control, from sample to sample."""
-        return int(self._advance(run._replace(kernel=self.functions, p=self.parameters, method=self.tableau)))
+        return int(self._advance(self._own(run)))
+
+    def look(self) -> Any:
+        """Return what sets rigid walls at a state (see ``rigid.walls``); no pin follows in this kernel."""
+        return callee(self.kernel.walls, settling.LOOK)
+
+    def settle(self, run: Run, s: Settling) -> int:
+        """Settle an event on rigid walls."""
+        return int(compiled(settling.settle, settling.SETTLE)(run.contacts, run.clock, run.old, s))
+
+    def bounce(self, run: Run, s: Settling) -> int:
+        """Advance a run and settle its events on rigid walls (see ``rigid.loop``)."""
+        return int(self._bounce(self._own(run), s))
+
+    @cached_property
+    def _bounce(self) -> Callable[[Run, Settling], int]:
+        advance, settle = self._loop.advance, settling.settle
+        called = callback(advance, self._loop.ADVANCE), callback(settle, settling.SETTLE)
+        return partial(compiled(bounce, bounce_type(self._loop.ADVANCE)), *called)
+
+    def _own(self, run: Run) -> Run:
+        return run._replace(kernel=self.functions, p=self.parameters, method=self.tableau)
 
 
 def from_sample_to_sample(run: Run) -> int:
@@ -96,10 +122,27 @@ class ReadableFace:
 
     def advance(self, run: Run) -> int:
         """Advance a run by the loop that suits, which runs as it stands."""
-        kernel = self._loop.Kernel(*(getattr(self, name) for name in self._loop.Kernel._fields))
         with np.errstate(all="ignore"):
-            own = run._replace(kernel=kernel, method=tableau(self._topology.method))
-            return int(self._loop.advance(with_fields(own)))
+            return int(self._loop.advance(self._own(run)))
+
+    def _own(self, run: Run) -> Run:
+        kernel = self._loop.Kernel(*(getattr(self, name) for name in self._loop.Kernel._fields))
+        own: Run = with_fields(run._replace(kernel=kernel, method=tableau(self._topology.method)))
+        return own
+
+    def look(self) -> Any:
+        """Return what sets rigid walls at a state."""
+        return self.walls
+
+    def settle(self, run: Run, s: Settling) -> int:
+        """Settle an event on rigid walls."""
+        with np.errstate(all="ignore"):
+            return int(settling.settle(*map(with_fields, (run.contacts, run.clock, run.old, s))))
+
+    def bounce(self, run: Run, s: Settling) -> int:
+        """Advance a run and settle its events on rigid walls."""
+        with np.errstate(all="ignore"):
+            return int(bounce(self._loop.advance, settling.settle, self._own(run), with_fields(s)))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> float:
         """Set ``new`` to the state after a step, with the sums of the step alone; return its condition.
@@ -193,6 +236,18 @@ class ReadableFace:
             fields = gap(joint, phase, memory, state, powers.get(f"normal{k}", 0.0))
             motion.gaps[k] = tuple(fields.values())
         return True
+
+    def walls(self, _: object, contacts: RecordArray, t: float, y: FloatArray, walls: Walls) -> float:
+        """Set rigid walls at coordinates and velocities y; return the condition."""
+        q, v = y[: self.equations.n], y[self.equations.n : 2 * self.equations.n]
+        answer = self.equations.answer(t, q, v, phases_of(contacts))
+        fields, arrays = walls_at(self.equations, answer, t, q, v)
+        for joint, values in zip(walls.joints, fields, strict=True):
+            for name, value in values.items():
+                joint[name] = value
+        for name, values in arrays.items():
+            getattr(walls, name)[:] = values
+        return float(answer.condition)
 
     def mobilities(self, _: object, y: FloatArray, row: int, out: FloatArray) -> bool:
         """Set a row of ``out`` to those of ``Equations.mobilities``."""

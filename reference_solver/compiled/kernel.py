@@ -25,6 +25,7 @@ from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.tables import piece
 from reference_solver.methods import RK4, Method, Step, step
+from reference_solver.rigid.walls import rigid_joints, stores_of, walls_at
 from reference_solver.tape import (
     Array,
     FloatArray,
@@ -348,6 +349,16 @@ class Kernel:
             stores += [(f"{motion}.gaps[{k}].{field}", value) for field, value in fields.items()]
         return stores, ok
 
+    def walls(self) -> None:
+        """Write ``walls(p, contacts, t, y, walls)``, which sets rigid walls (see ``rigid.walls``).
+
+        It returns the condition, infinite on failure.
+        """
+        draft = self.begin()
+        answer = self.call_answer(draft, draft.t, draft.q, draft.v)
+        stores = stores_of(*walls_at(draft.equations, answer, draft.t, draft.q, draft.v))
+        self.entry("walls", ["p", "contacts", "t", "y", "walls"], draft, answer.condition, stores, "y")
+
     def contact_step(self) -> None:
         """Write ``step(p, contacts, t, h, old, new)``: a step, its sums, the new gaps.
 
@@ -432,7 +443,7 @@ def source_of(topology: Topology) -> str:
     """Return the module of a marked topology: ``slopes``, and what the loop that is to run calls.
 
     Of RK4 that is ``advance``, or, where it lands on events, ``step``, ``gaps`` and ``mobilities``; with
-    error control ``move``, and of contacts these two as well.
+    error control ``arrive``, and of contacts these two as well; of rigid walls ``walls``.
     """
     kernel, controlled = Kernel(topology), topology.method.embedded is not None
     kernel.answer()
@@ -449,4 +460,6 @@ def source_of(topology: Topology) -> str:
     if topology.mechanism.contacts or (topology.by_events and not controlled):
         kernel.gaps()
         kernel.mobilities()
+    if rigid_joints(topology.mechanism) and not topology.following:
+        kernel.walls()
     return kernel.source()

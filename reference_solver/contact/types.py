@@ -14,9 +14,9 @@ from reference_solver.tape import FloatArray, RecordArray
 FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 
 #: How ``contact.loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step
-#: that met a singular configuration or overflowed, at an event on a rigid wall that is to be settled, or
-#: after any step of a run that is watched. It goes on until then.
-DONE, SPENT, FULL, FAILED, SETTLE, PAUSED, GO = range(7)
+#: that met a singular configuration or overflowed, at an event on a rigid wall that is to be settled, after
+#: any step of a run that is watched, or at such an event that has no answer. It goes on until then.
+DONE, SPENT, FULL, FAILED, SETTLE, PAUSED, REFUSED, GO = range(8)
 
 
 def record(floats: str, integers: str = "") -> np.dtype[np.void]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from reference_solver.mechanism.mechanism import ClearanceJoint, MasslessLink
 from reference_solver.mechanism.points import Point, State, ends_of, speed_row
-from reference_solver.tape import Array, FloatArray, array
+from reference_solver.tape import Array, Scalar, array, choose, larger, named, size, sqrt
 
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
@@ -32,38 +32,43 @@ def sliding_row(joint: ClearanceJoint, n: Array, bearing: Point, pin: Point, siz
 
 @dataclass(frozen=True)
 class Separation:
-    """Where the pins of J joints stand at a state of n coordinates.
+    """Where the pin of a joint with a rigid wall stands, at a state of n coordinates.
 
-    ``distance_m`` is |d| (J,); ``normal`` and ``tangent`` (J, n) are the rows that give normal and tangential
-    speeds from {q'}; ``normal_speed`` (J,) and ``turning`` (J,), the part of |d|'' d.d/|d| that is there
-    without accelerations, so that (d.d/2)''/|d| = normal {q''} + turning. ``round_off`` (J, 2) is that of |d|
-    in m and of |d|' in m/s, by the size of their terms.
+    ``distance`` is |d|; ``normal`` and ``tangent`` (n,) are the rows that give normal and tangential speeds
+    from {q'}; ``rate`` is the normal speed, and ``turning`` the part of |d|'' d.d/|d| that is there without
+    accelerations, so that (d.d/2)''/|d| = normal {q''} + turning. ``noise`` and ``rate_noise`` are the
+    round-off of |d| in m and of |d|' in m/s, by the size of their terms.
     """
 
-    distance_m: FloatArray
-    normal: FloatArray
-    tangent: FloatArray
-    normal_speed: FloatArray
-    turning: FloatArray
-    round_off: FloatArray
+    distance: Scalar
+    normal: Array
+    tangent: Array
+    rate: Scalar
+    turning: Scalar
+    noise: Scalar
+    rate_noise: Scalar
 
 
-def separation(joints: tuple[ClearanceJoint, ...], q: FloatArray, v: FloatArray) -> Separation:
-    """Return the joints' separation; a pin at its bearing's very centre has n along +x."""
-    state, n = State(q, v), len(q)
-    separations: list[tuple[object, ...]] = []
-    for joint in joints:
-        bearing, pin = ends_of(joint, state)
-        d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
-        distance = float(np.hypot(*d))
-        normal = d / distance if distance > 0 else np.array([1.0, 0.0])
-        turning = normal @ (pin.centripetal - bearing.centripetal)
-        if distance > 0:
-            turning += d_dot @ d_dot / distance
-        rows = speed_row(normal, bearing, pin, n), sliding_row(joint, normal, bearing, pin, n)
-        sizes = np.array([joint.radial_clearance_m, 0.0])
-        for body, point in ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j)):
-            lever, rate = np.abs(point).max(), np.abs(state.velocity(body))
-            sizes += np.abs(state.position(body)[:2]).max() + lever, rate[:2].max() + rate[2] * lever
-        separations.append((distance, *rows, normal @ d_dot, turning, ROUND_OFF * sizes))
-    return Separation(*(np.array(column) for column in zip(*separations, strict=True)))
+def separation(joint: ClearanceJoint, state: State) -> Separation:
+    """Return a joint's separation; a pin at its bearing's very centre has n along +x."""
+    (bearing, pin), size_of_q = ends_of(joint, state), len(state.q)
+    d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
+    distance = named("distance", sqrt(d @ d))
+    apart = distance > 0.0
+    length = choose(apart, distance, 1.0)
+    normal = array([choose(apart, d[0] / length, 1.0), d[1] / length])
+    turning = normal @ (pin.centripetal - bearing.centripetal) + choose(apart, d_dot @ d_dot / length, 0.0)
+    sizes = [joint.radial_clearance_m, 0.0]
+    for body, point in ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j)):
+        x, y, _ = (size(value) for value in state.position(body))
+        v_x, v_y, spin = (size(value) for value in state.velocity(body))
+        lever = larger(*map(size, point))
+        sizes = [sizes[0] + larger(x, y) + lever, sizes[1] + larger(v_x, v_y) + spin * lever]
+    return Separation(
+        distance,
+        speed_row(normal, bearing, pin, size_of_q),
+        sliding_row(joint, normal, bearing, pin, size_of_q),
+        normal @ d_dot,
+        turning,
+        *(ROUND_OFF * terms for terms in sizes),
+    )

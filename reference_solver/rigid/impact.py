@@ -15,153 +15,152 @@ with the contact's row in B and e applied to that row only, and the loss is (1 -
 * That law can create energy where normal and tangential motion are coupled (Kane 1984). Then the impulses
   are moved back towards the frictionless ones, Lambda = (1 - s) Lambda_0 + s Lambda_1, with the largest s at
   which the kinetic energy does not grow: both ends keep the laws' signs and limits, and so does every s.
+
+Numba compiles this module as it stands, into that of ``settling``.
 """
 
-from dataclasses import dataclass
-from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numba.extending import register_jitable
 
-from reference_solver.equations import Equations
-from reference_solver.failures import BlockedImpact
-from reference_solver.rigid.complementarity import complementary
+from reference_solver.contact.loop import INNER
+from reference_solver.rigid.complementarity import complementary, solve
 from reference_solver.tape import FloatArray
 
-#: A contact row that is this small a part of itself once the ideal joints are eliminated depends on them.
-DEPENDENT = 1e-12
 #: Relative slack of signs and limits when a case of sticking or sliding is judged.
 SLACK = 1e-10
-#: The sign of the sliding in the cases without sticking.
-SIGNS = {"slide -": -1, "slide +": 1, "open": 0}
+#: What a contact may do in an impact: stick, slide with this sign, or open.
+STICK, MINUS, PLUS, OPEN = range(4)
 
 
-@dataclass(frozen=True)
-class Touching:
-    """The k joints that touch: rows of normal speed (inward) and tangential speed (k, n), e and mu (k,)."""
+class Hit(NamedTuple):
+    """The k joints that take part in an impact, as m >= k rows of D: normals, then tangents where they rub.
 
-    normal: FloatArray
-    tangent: FloatArray
+    ``W`` (m, m) and ``u`` (m,) are as above; ``restitution`` and ``friction`` (k,) are e and mu, ``tangent``
+    (k,) the number of a joint's row in T, or -1. ``impulse`` (m,) is Lambda; the others are memory of as many
+    places, ``room`` of two columns more.
+    """
+
+    W: FloatArray
+    u: FloatArray
     restitution: FloatArray
     friction: FloatArray
+    tangent: Any
+    impulse: FloatArray
+    rubbed: FloatArray
+    trial: FloatArray
+    after: FloatArray
+    room: FloatArray
 
 
-@dataclass(frozen=True)
-class Jump:
-    """An impact: {q'} after it (n,), the joints' impulses and losses (k,), and the drivers' work.
+def new_hit(joints: int, rows: int) -> Hit:
+    """Return room for as many joints and rows."""
+    numbers = (np.zeros(joints) for _ in range(2))
+    tangent = np.full(joints, -1, dtype=np.int64)
+    vectors = (np.zeros(rows) for _ in range(4))
+    W, room = np.zeros((rows, rows)), np.zeros((rows, rows + 2))
+    return Hit(W, np.zeros(rows), *numbers, tangent, *vectors, room)
 
-    ``effective_mass_kg`` is 1/W_nn of each contact on its own.
+
+@register_jitable(**INNER)
+def find_impulses(hit, k, m):
+    """Set the impulses (m,) of a hit by the laws above."""
+    for i in range(k):
+        hit.after[i] = (1.0 + hit.restitution[i]) * hit.u[i]
+    complementary(hit.W, hit.after, k, hit.impulse, hit.trial, hit.room)
+    pressed = False
+    for i in range(k):
+        pressed = pressed or hit.impulse[i] > 0.0
+    for i in range(k, m):
+        hit.impulse[i] = 0.0
+    if m > k and pressed and find_rubbed(hit, k, m):
+        move_back(hit, m)
+
+
+@register_jitable(**INNER)
+def state_of(hit, k, case, i):
+    """Return what contact i does in a case, whose digits are the contacts', the last one's lowest.
+
+    Without friction it slides or opens.
     """
-
-    v: FloatArray
-    normal_impulse_N_s: FloatArray
-    tangential_impulse_N_s: FloatArray
-    energy_lost_J: FloatArray
-    effective_mass_kg: FloatArray
-    driver_work_J: float
+    for j in range(k - 1, i, -1):
+        case //= 4 if hit.tangent[j] >= 0 else 2
+    return case % 4 if hit.tangent[i] >= 0 else PLUS + case % 2
 
 
-class Eliminated:
-    """The mechanism's answer to impulses or forces along rows D (k, n), its ideal joints holding, at q.
-
-    The first ``normals`` rows have to leave it some motion.
-    """
-
-    def __init__(self, equations: Equations, t: float, q: FloatArray, D: FloatArray, normals: int) -> None:
-        factors = equations.factors(equations.constraint_matrix(q))
-        if not factors.ok:
-            equations.refuse_singular(t, q)
-        #: {q'} per unit of each (n, k); the ideal joints' multipliers per unit of each (m, k).
-        self.motion, self.reactions = factors.solve(D.T, np.zeros((len(equations.C), len(D))))
-        W = D @ self.motion
-        #: W (k, k), the speeds along the rows per unit of each.
-        self.W = (W + W.T) / 2
-        blocked = self.W.diagonal() < DEPENDENT * (D * D @ equations.inverse_mass)
-        if blocked[:normals].any():
-            raise BlockedImpact(t)
-
-
-def impact(equations: Equations, t: float, q: FloatArray, v: FloatArray, touching: Touching) -> Jump:
-    """Return the jump of v at q by the laws above.
-
-    Raises:
-        BlockedImpact: the ideal joints leave a pin no motion along the line of centres.
-        SingularConfiguration: the ideal joints' rows are dependent.
-    """
-    k = len(touching.normal)
-    rubbing = touching.friction > 0
-    D = np.concatenate([touching.normal, touching.tangent[rubbing]])
-    eliminated = Eliminated(equations, t, q, D, k)
-    W, u = eliminated.W, D @ v
-    impulse = np.zeros(len(D))
-    impulse[:k] = complementary(W[:k, :k], (1 + touching.restitution) * u[:k])
-    if rubbing.any() and impulse.any():
-        rubbed = _with_friction(W, u, touching, np.flatnonzero(rubbing))
-        if rubbed is not None:
-            impulse = _not_growing(W, u, impulse, rubbed)
-    mean = u + W @ impulse / 2
-    losses = -(impulse * mean)
-    lost = losses[:k].copy()
-    lost[rubbing] += losses[k:]
-    tangential = np.zeros(k)
-    tangential[rubbing] = impulse[k:]
-    return Jump(
-        v + eliminated.motion @ impulse,
-        impulse[:k],
-        tangential,
-        lost,
-        1 / W.diagonal()[:k],
-        float(eliminated.reactions.T @ equations.speeds(t) @ impulse),
-    )
+@register_jitable(**INNER)
+def find_rubbed(hit, k, m):
+    """Set ``rubbed`` to the impulses of the first case that keeps its conditions; return whether one does."""
+    W, u, room, cases, fastest = hit.W, hit.u, hit.room, 1, 0.0
+    for i in range(k):
+        cases *= 4 if hit.tangent[i] >= 0 else 2
+    for i in range(m):
+        fastest = max(fastest, abs(u[i]))
+    for case in range(cases):
+        # One condition per unknown: Lambda = 0 where none of these.
+        for i in range(m):
+            for j in range(m + 1):
+                room[i, j] = 1.0 if i == j else 0.0
+        for i in range(k):
+            state, row = state_of(hit, k, case, i), hit.tangent[i]
+            if state != OPEN:
+                for j in range(m):
+                    room[i, j] = W[i, j]
+                room[i, m] = -(1.0 + hit.restitution[i]) * u[i]
+            if row >= 0 and state == STICK:
+                for j in range(m):
+                    room[row, j] = W[row, j]
+                room[row, m] = -u[row]
+            elif row >= 0 and state != OPEN:
+                room[row, i] = hit.friction[i] if state == MINUS else -hit.friction[i]
+        if solve(room, m, hit.rubbed) == m and keeps(hit, k, m, case, SLACK * fastest):
+            return True
+    return False
 
 
-def _with_friction(
-    W: FloatArray, u: FloatArray, touching: Touching, rubbing: NDArray[np.int_]
-) -> FloatArray | None:
-    """Return the impulses (normal, then tangential) of the first case that keeps its conditions, or None."""
-    k, wanted = len(touching.normal), touching.restitution
-    place = {int(contact): k + i for i, contact in enumerate(rubbing)}
-    cases = [("stick", "slide -", "slide +", "open") if c in place else ("slide +", "open") for c in range(k)]
-    speed_slack = SLACK * np.abs(u).max()
-    for case in product(*cases):
-        # One condition per unknown: rows of A Lambda = a.
-        A, a = np.eye(len(u)), np.zeros(len(u))
-        for c, state in enumerate(case):
-            if state != "open":
-                A[c], a[c] = W[c], -(1 + wanted[c]) * u[c]
-            if c in place and state == "stick":
-                A[place[c]], a[place[c]] = W[place[c]], -u[place[c]]
-            elif c in place:
-                A[place[c], c] = -touching.friction[c] * SIGNS[state]
-        try:
-            impulse = np.asarray(np.linalg.solve(A, a), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            continue
-        after, slack = u + W @ impulse, SLACK * np.abs(impulse).max()
-        if np.any(impulse[:k] < -slack) or np.any(after[:k] + wanted * u[:k] < -speed_slack):
+@register_jitable(**INNER)
+def keeps(hit, k, m, case, slow):
+    """Return whether the impulses in ``rubbed`` keep the conditions of a case, to a slack of speeds."""
+    impulse, after, little = hit.rubbed, hit.after, 0.0
+    for i in range(m):
+        after[i], little = hit.u[i], max(little, SLACK * abs(impulse[i]))
+        for j in range(m):
+            after[i] += hit.W[i, j] * impulse[j]
+    for i in range(k):
+        if impulse[i] < -little or after[i] + hit.restitution[i] * hit.u[i] < -slow:
+            return False
+        state, row = state_of(hit, k, case, i), hit.tangent[i]
+        if row < 0:
             continue
         # Sticking is within Coulomb's limit, or sliding is opposed.
-        if all(
-            abs(impulse[row]) <= touching.friction[c] * impulse[c] + slack
-            if case[c] == "stick"
-            else after[row] * SIGNS[case[c]] <= speed_slack
-            for c, row in place.items()
-        ):
-            return impulse
-    return None
+        if state == STICK and abs(impulse[row]) > hit.friction[i] * impulse[i] + little:
+            return False
+        if (state == MINUS and -after[row] > slow) or (state == PLUS and after[row] > slow):
+            return False
+    return True
 
 
-def _not_growing(W: FloatArray, u: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the impulses nearest ``end`` on the line from ``start`` at which the energy has not grown."""
+@register_jitable(**INNER)
+def move_back(hit, m):
+    """Set the impulses to those nearest ``rubbed``, from the frictionless ones, that let no energy grow.
 
-    def growth(impulse: FloatArray) -> float:
-        return float(impulse @ (u + W @ impulse / 2))
-
-    if growth(end) <= 0:
-        return end
-    # The growth is g0 + s g1 + s^2 g2 with g0 <= 0 and g2 >= 0: one root in [0, 1].
-    way = end - start
-    g0, g1, g2 = growth(start), float(way @ (u + W @ start)), float(way @ W @ way) / 2
-    root = np.sqrt(max(g1 * g1 - 4 * g0 * g2, 0.0))
-    s = -2 * g0 / (g1 + root) if g1 > 0 else (root - g1) / (2 * g2)
-    return np.asarray(start + min(max(s, 0.0), 1.0) * way)
+    The growth is g0 + s g1 + s^2 g2 with g0 <= 0 and g2 >= 0: one root in [0, 1].
+    """
+    start, end, g0, g1, g2 = hit.impulse, hit.rubbed, 0.0, 0.0, 0.0
+    for i in range(m):
+        at_start, along = hit.u[i], 0.0
+        for j in range(m):
+            at_start += hit.W[i, j] * start[j]
+            along += hit.W[i, j] * (end[j] - start[j])
+        way = end[i] - start[i]
+        g0 += 0.5 * start[i] * (hit.u[i] + at_start)
+        g1 += way * at_start
+        g2 += 0.5 * way * along
+    part = 1.0
+    if g0 + g1 + g2 > 0.0:
+        root = np.sqrt(max(g1 * g1 - 4.0 * g0 * g2, 0.0))
+        part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
+        part = min(max(part, 0.0), 1.0)
+    for i in range(m):
+        start[i] += part * (end[i] - start[i])

@@ -15,13 +15,14 @@ from reference_solver.mechanism.mechanism import (
     Body,
     ClearanceJoint,
     Mechanism,
-    PrescribedSpeed,
     RevoluteJoint,
     StraightGuide,
 )
+from reference_solver.mechanism.points import State
 from reference_solver.rigid.complementarity import complementary
-from reference_solver.rigid.impact import Jump, Touching, impact
+from reference_solver.rigid.complementarity import solve as solve_small
 from reference_solver.solver import solve
+from tests.helpers.kernels import settled
 from tests.helpers.mechanism_energy import energy_residual_J
 
 FloatArray = NDArray[np.float64]
@@ -69,19 +70,24 @@ def test_two_pins_that_land_at_once_bounce_alike_and_come_to_rest_with_half_of_t
 def test_a_pin_that_follows_supports_an_impact_only_where_it_is_pressed(
     inertia: float, supports: bool
 ) -> None:
-    # Pins at -a and +a; W is 1/m + a^2/J on the diagonal and 1/m - a^2/J beside it.
+    # Pins at -a and +a on the lower walls; W is 1/m + a^2/J on the diagonal and 1/m - a^2/J beside it.
     a, e, speed = 0.1, 0.6, 0.8
-    mechanism = Mechanism((Body(MASS, inertia),), ())
+    joints = (
+        ClearanceJoint(GROUND, (x, CLEARANCE), 0, (x, 0.0), CLEARANCE, RADIUS, RigidWall(restitution))
+        for x, restitution in ((-a, 0.0), (a, e))
+    )
+    mechanism = Mechanism((Body(MASS, inertia),), (), contacts=tuple(joints))
     rows = np.array([[0.0, 1.0, -a], [0.0, 1.0, a]])
     v = np.array([0.0, -speed / 2, -speed / (2 * a)])
-    still = np.zeros((2, 3))
-    touching = Touching(rows, still, np.array([0.0, e]), np.zeros(2))
-    jump = impact(Equations(mechanism, np.zeros(3)), 0.0, np.zeros(3), v, touching)
+    after_v, impacts = settled(mechanism, np.zeros(3), v)
     w, beside = 1 / MASS + a**2 / inertia, 1 / MASS - a**2 / inertia
     right = (1 + e) * speed * w / (w**2 - beside**2) if supports else (1 + e) * speed / w
-    left = -beside / w * right if supports else 0.0
-    assert jump.normal_impulse_N_s == pytest.approx([left, right], rel=ROUND_OFF, abs=1e-300)
-    after = rows @ jump.v
+    assert [(impact.contact, impact.kind) for impact in impacts] == [(0, "support")] * supports + [
+        (1, "impact")
+    ]
+    impulses = [-beside / w * right] * supports + [right]
+    assert [impact.normal_impulse_N_s for impact in impacts] == pytest.approx(impulses, rel=ROUND_OFF)
+    after = rows @ after_v
     assert after[1] == pytest.approx(e * speed, rel=ROUND_OFF)
     if supports:
         assert abs(after[0]) < ROUND_OFF * speed
@@ -108,9 +114,9 @@ def chain(generator: np.random.Generator) -> tuple[Mechanism, FloatArray, FloatA
     equations = Equations(mechanism, q)
     B, v = equations.constraint_matrix(q), generator.uniform(-1, 1, 6)
     v -= np.linalg.pinv(B) @ (B @ v)
-    if separation((joint,), q, v).normal_speed[0] < 0:
+    if separation(joint, State(q, v)).rate < 0:
         v = -v
-    return mechanism, q, v, joint
+    return replace(mechanism, contacts=(joint,)), q, v, joint
 
 
 def coefficient(joint: ClearanceJoint) -> float:
@@ -118,19 +124,10 @@ def coefficient(joint: ClearanceJoint) -> float:
     return 0.0 if joint.friction is None else joint.friction.coefficient
 
 
-def jump_of(
-    mechanism: Mechanism, q: FloatArray, v: FloatArray, joint: ClearanceJoint
-) -> tuple[Jump, FloatArray]:
-    """Return the impact of one joint, and its speeds (normal inward, tangential) after it."""
-    where = separation((joint,), q, v)
-    touching = Touching(
-        -where.normal,
-        where.tangent,
-        np.array([joint.wall.restitution]),
-        np.array([coefficient(joint)]),
-    )
-    jump = impact(Equations(mechanism, q), 0.0, q, v, touching)
-    return jump, np.concatenate([-where.normal @ jump.v, where.tangent @ jump.v])
+def speeds_of(joint: ClearanceJoint, q: FloatArray, v: FloatArray) -> tuple[float, float]:
+    """Return a pin's outward and sliding speeds."""
+    at = separation(joint, State(q, v))
+    return float(at.rate), float(at.tangent @ v)
 
 
 def test_an_impact_with_friction_never_creates_energy_and_keeps_newtons_and_coulombs_laws() -> None:
@@ -138,28 +135,28 @@ def test_an_impact_with_friction_never_creates_energy_and_keeps_newtons_and_coul
     sticking = sliding = held_back = 0
     for case in range(400):
         mechanism, q, v, joint = chain(generator)
-        jump, after = jump_of(mechanism, q, v, joint)
+        after_v, (impact,) = settled(mechanism, q, v)
         masses = 1 / Equations(mechanism, q).inverse_mass
-        before_J, after_J = masses @ v**2 / 2, masses @ jump.v**2 / 2
+        before_J, after_J = masses @ v**2 / 2, masses @ after_v**2 / 2
         scale = ROUND_OFF * 10 * before_J
         assert after_J <= before_J + scale, f"case {case}: {after_J - before_J:.1e} J created"
-        assert abs(before_J - after_J - jump.energy_lost_J[0]) <= scale, f"case {case}: the loss is not that"
-        hinge = Equations(mechanism, q).constraint_matrix(q) @ jump.v
+        assert abs(before_J - after_J - impact.energy_lost_J) <= scale, f"case {case}: the loss is not that"
+        hinge = Equations(mechanism, q).constraint_matrix(q) @ after_v
         assert np.abs(hinge).max() < 1e-10, f"case {case}: the hinge opens at {np.abs(hinge).max():.1e} m/s"
-        where = separation((joint,), q, v)
-        rebound = joint.wall.restitution * where.normal_speed[0]
-        assert after[0] == pytest.approx(rebound, abs=1e-10), f"case {case}: Newton's law"
-        normal, tangential = jump.normal_impulse_N_s[0], jump.tangential_impulse_N_s[0]
+        outward, sliding_speed = speeds_of(joint, q, after_v)
+        rebound = joint.wall.restitution * speeds_of(joint, q, v)[0]
+        assert -outward == pytest.approx(rebound, abs=1e-10), f"case {case}: Newton's law"
+        normal, tangential = impact.normal_impulse_N_s, impact.tangential_impulse_N_s
         limit = coefficient(joint) * normal
         assert abs(tangential) <= limit * (1 + 1e-9), f"case {case}: Coulomb's limit"
-        if abs(after[1]) < 1e-9:
+        if abs(sliding_speed) < 1e-9:
             sticking += 1
         elif abs(tangential) > limit * (1 - 1e-9):
             sliding += 1
-            assert after[1] * tangential < 0, f"case {case}: friction drives the sliding"
+            assert sliding_speed * tangential < 0, f"case {case}: friction drives the sliding"
         else:
             held_back += 1
-            assert abs(jump.energy_lost_J[0]) <= scale, f"case {case}: held back without need"
+            assert abs(impact.energy_lost_J) <= scale, f"case {case}: held back without need"
     # All three regimes occur, the energy's own limit among them.
     assert min(sticking, sliding) > 50, (sticking, sliding, held_back)
     assert held_back > 0, (sticking, sliding, held_back)
@@ -170,28 +167,27 @@ def test_without_friction_the_loss_is_the_closed_form_of_the_mass_that_the_ideal
     for _ in range(50):
         mechanism, q, v, joint = chain(generator)
         smooth = replace(joint, friction=None)
-        jump, _ = jump_of(mechanism, q, v, smooth)
-        where = separation((smooth,), q, v)
-        B = np.vstack([Equations(mechanism, q).constraint_matrix(q), where.normal])
+        after_v, (impact,) = settled(replace(mechanism, contacts=(smooth,)), q, v)
+        outward, normal = speeds_of(smooth, q, v)[0], separation(smooth, State(q, v)).normal
+        B = np.vstack([Equations(mechanism, q).constraint_matrix(q), normal])
         inverse = np.linalg.inv((B * Equations(mechanism, q).inverse_mass) @ B.T)
-        assert jump.effective_mass_kg[0] == pytest.approx(inverse[-1, -1], rel=1e-10)  # a full inverse
-        exact = (1 - smooth.wall.restitution**2) / 2 * where.normal_speed[0] ** 2 * jump.effective_mass_kg[0]
-        assert jump.energy_lost_J[0] == pytest.approx(exact, rel=1e-10)
+        assert impact.effective_mass_kg == pytest.approx(inverse[-1, -1], rel=1e-10)  # a full inverse
+        exact = (1 - smooth.wall.restitution**2) / 2 * outward**2 * impact.effective_mass_kg
+        assert impact.energy_lost_J == pytest.approx(exact, rel=1e-10)
         # The paper's formula with the contact's row in B.
         right = np.zeros(len(B))
-        right[-1] = (1 + smooth.wall.restitution) * where.normal_speed[0]
+        right[-1] = (1 + smooth.wall.restitution) * outward
         paper = v - Equations(mechanism, q).inverse_mass * (B.T @ (inverse @ right))
-        assert np.abs(jump.v - paper).max() < 1e-10 * np.abs(v).max()
+        assert np.abs(after_v - paper).max() < 1e-10 * np.abs(v).max()
 
 
 def test_an_impact_against_driven_motion_is_refused() -> None:
-    mechanism = Mechanism((Body(1.0, 1.0),), (StraightGuide(0, (0.0, 0.0), 0.0), PrescribedSpeed(0, 0.0)))
+    guided = Mechanism((Body(1.0, 1.0),), (StraightGuide(0, (0.0, 0.0), 0.0),))
     held = Mechanism((Body(1.0, 1.0),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),))
-    row = np.array([[0.0, 1.0, 0.0]])
-    touching = Touching(row, row, np.array([0.5]), np.zeros(1))
-    for rigid in (held, Mechanism(mechanism.bodies, mechanism.constraints[:1])):
+    below = ClearanceJoint(GROUND, (0.0, CLEARANCE), 0, (0.0, 0.0), CLEARANCE, RADIUS, RigidWall(0.5))
+    for rigid in (held, guided):
         with pytest.raises(BlockedImpact, match=r"t = 0\.25 s"):
-            impact(Equations(rigid, np.zeros(3)), 0.25, np.zeros(3), np.array([0.0, -1.0, 0.0]), touching)
+            settled(replace(rigid, contacts=(below,)), np.zeros(3), np.array([0.0, -1.0, 0.0]), 0.25)
 
 
 def test_the_complementary_solution_keeps_all_its_conditions() -> None:
@@ -199,8 +195,19 @@ def test_the_complementary_solution_keeps_all_its_conditions() -> None:
     for _ in range(200):
         A, b = generator.normal(size=(4, 4)), generator.normal(size=4)
         W = A @ A.T + 0.1 * np.eye(4)
-        z = complementary(W, b)
+        z, trial, room = np.zeros(4), np.zeros(4), np.zeros((4, 6))
+        complementary(W, b, 4, z, trial, room)
         y = W @ z + b
         assert z.min() >= 0
         assert y.min() > -1e-12
         assert np.abs(z * y).max() < 1e-12
+
+
+def test_equations_that_depend_on_each_other_have_a_solution_all_the_same() -> None:
+    generator = np.random.default_rng(4)
+    for rank in (1, 2, 3, 4):
+        A, x, room = generator.normal(size=(4, rank)), np.zeros(4), np.zeros((4, 6))
+        W, right = A @ A.T, A @ generator.normal(size=rank)
+        room[:, :4], room[:, 4] = W, right
+        assert solve_small(room, 4, x) == rank
+        assert np.abs(W @ x - right).max() < 1e-12 * np.linalg.cond(A)
