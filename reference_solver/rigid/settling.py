@@ -268,11 +268,7 @@ def hit_together(contacts, now, state, s):
         if not (collide(s, v) and look(contacts, now.time, state, s) and find_short(s)):
             return False
     enter(now.time, state, s)
-    return (
-        catch(state, s)
-        and look(contacts, now.time, state, s)
-        and make_up_for_bounces(contacts, now, state, s)
-    )
+    return catch(contacts, now, state, s) and make_up_for_bounces(contacts, now, state, s)
 
 
 @register_jitable(**INNER)
@@ -323,7 +319,7 @@ def change_speeds(state, s, k, m):
 
 
 @register_jitable(**INNER)
-def catch(state, s):
+def catch(contacts, now, state, s):
     """Keep pins on their walls that another's impact throws off for too short a flight."""
     joints, thrown = s.walls.joints, False
     for j in range(len(joints)):
@@ -342,7 +338,7 @@ def catch(state, s):
         s.hit.tangent[i] = -1
         s.hit.u[i] = -along(s.walls.rows[s.active[i]], state.y[state.n : 2 * state.n])
     change_speeds(state, s, k, k)
-    return True
+    return look(contacts, now.time, state, s)
 
 
 @register_jitable(**INNER)
