@@ -101,8 +101,16 @@ def refuse(s, fault):
 
 @register_jitable(**INNER)
 def look(contacts, t, state, s):
-    """Set the walls at a state; return whether it could."""
-    return s.look(s.p, contacts, t, state.y, s.walls) < np.inf or refuse(s, SINGULAR)
+    """Set the walls at a state; return whether it could.
+
+    The round-off of speeds that have come out of faster ones is that of the fastest.
+    """
+    if not s.look(s.p, contacts, t, state.y, s.walls) < np.inf:
+        return refuse(s, SINGULAR)
+    for j in range(len(s.walls.joints)):
+        joint = s.walls.joints[j]
+        joint.rate_noise = joint.fastest_noise = max(joint.rate_noise, joint.fastest_noise)
+    return True
 
 
 @register_jitable(**INNER)
@@ -449,6 +457,8 @@ def settle(contacts, clock, state, s):
     now, joints, turns, moved = clock[0], s.walls.joints, 0, True
     touched = now.rigid
     released = touched if touched >= 0 and contacts[touched].phase != types.FLIGHT else -1
+    for j in range(len(joints)):
+        joints[j].fastest_noise = 0.0
     if not look(contacts, now.time, state, s):
         return types.REFUSED
     begin(contacts, s)

@@ -20,13 +20,13 @@ from reference_solver.tape import Array, FloatArray, RecordArray, Scalar, array,
 #: A joint: its restitution, minimum impact speed and coefficient of friction, its number among the contacts,
 #: of its tangent in D, or -1, and of its normal impulse in the sums, behind which are its losses. At a state:
 #: its ``Separation``, the mobility along the normal that free bodies would have, in 1/kg, and friction as a
-#: part of the normal force. While pins settle (see ``settling``): approach, the speed at which it would have
-#: left in a bounce that is left out, the restitution wanted, its impulses, what they lose, the force that
-#: presses it inwards; and whether it touches, follows its wall, hits, takes part in an impact, closes, would
-#: fly too short, and is chosen.
+#: part of the normal force. While pins settle (see ``settling``): the largest round-off of its rate, its
+#: approach, the speed at which it would have left in a bounce that is left out, the restitution wanted, its
+#: impulses, what they lose, the force that presses it inwards; and whether it touches, follows its wall,
+#: hits, takes part in an impact, closes, would fly too short, and is chosen.
 WALL_RECORD = record(
     "restitution slowest coefficient distance rate turning noise rate_noise bare share "
-    "approach leaving wanted normal tangential lost force",
+    "fastest_noise approach leaving wanted normal tangential lost force",
     "contact tangent column touches follows hits takes_part closes short chosen",
 )
 #: What of it belongs to a state.

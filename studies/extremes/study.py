@@ -37,8 +37,7 @@ from studies.running.execution import Limits
 LIMITS, LONG_LIMITS = Limits(10.0, 1_000_000_000), Limits(120.0, 1_000_000_000)
 
 #: A run is right within this part of the truth, with an energy ledger closed to this part of the energy there
-#: is and constraints kept to this part of the crank's length. Beyond ten times the last two it is nonsense,
-#: however near to the truth.
+#: is and constraints kept to this part of the crank's length. Beyond ten times one of these it is wrong.
 RIGHT = {"relative_error": 1e-3, "energy_relative": 1e-2, "constraint_relative": 1e-3}
 NONSENSE = 10.0
 #: Energy in J below which there is nothing to account for: a millionth of what lifts a wheel through its

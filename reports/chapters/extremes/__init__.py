@@ -19,9 +19,9 @@ INTRODUCTION = (
     "would do; every engine runs every case in a process of its own with limits on time and memory, so that "
     "a crash or a hang is a verdict and not the end. Engines take the step they would take at ordinary "
     "numbers, or one that theory asks for; those that choose their steps choose. A wrong number told with "
-    "confidence is worse than a refusal, and the verdicts are ordered so. Nonsense is noticed where the "
-    "check fails it that `crankslider simulate` makes after every run of every engine. That check is a guard "
-    "of ours, as are those of the start and of Pymunk's joints, pins and rod: with guards off every run is "
+    "confidence is worse than a refusal, and the verdicts are ordered so. A wrong result is noticed where "
+    "the check fails it that `crankslider simulate` makes after every run of every engine. That check is a "
+    "guard of ours, as are those of the start and of Pymunk's joints, pins and rod: with guards off every run is "
     "made again, and where a guard spoke the gallery shows what the engine does by itself."
 )
 REFERENCE = "reference (default)"
@@ -93,19 +93,16 @@ def _sound(answered: pd.DataFrame) -> Iterator[str]:
 
 
 def _outcomes(answered: pd.DataFrame) -> Iterator[str]:
-    """Yield for every label what it does, with our guards and without, and where it returns nonsense."""
+    """Yield for every label what it does, with our guards and without, and where its results are wrong."""
     for label, of_label in answered.groupby("label", observed=True):
         wanted, bare = of_label["as_wanted"].sum(), of_label["wanted_unguarded"].sum()
         yield f"{label} does what theory asks in {wanted} of {len(of_label)} cases."
         if bare != wanted:
             yield f"Without our guards {label} would in {bare}."
-        for how, verdict in (
-            ("that the check notices", Verdict.NOTICED),
-            ("that nothing notices", Verdict.NONSENSE),
-        ):
+        for how, verdict in (("that the check notices", Verdict.NOTICED), ("as a success", Verdict.WRONG)):
             cases = of_label["scene"][of_label["verdict"] == verdict]
             if len(cases):
-                yield f"{label} returns nonsense {how} in: {'; '.join(cases)}."
+                yield f"{label} returns a wrong result {how} in: {'; '.join(cases)}."
 
 
 def _reference(answered: pd.DataFrame) -> Iterator[str]:
@@ -169,14 +166,14 @@ def expectations(answers: pd.DataFrame) -> Table:
 
 def verdicts(answers: pd.DataFrame) -> Table:
     """Return every run: its verdict, the numbers that it rests on, and the engine's reason."""
-    motion, energy, constraint, nonsense = (
+    motion, energy, constraint, wrong = (
         answers[name].iloc[0] for name in (*(f"{name}_bound" for name in JUDGED), "nonsense_factor")
     )
     reading = (
         f"Errors are relative to the motion's own size; right is below {motion:g}. "
         "Energy that no physics accounts for is in parts of the largest energy there is, right below "
         f"{energy:g}; constraints in parts of the crank's length, right below {constraint:g}. Beyond "
-        f"{nonsense:g} times these two a run is nonsense. The reason is told by the engine itself, by a "
+        f"{wrong:g} times one of these a success is wrong. The reason is told by the engine itself, by a "
         "guard of ours, by our model of the engine where that has no such law, or by the scene's own check "
         "before any engine."
     )

@@ -24,7 +24,7 @@ LOOKS = {
     Verdict.TIMED_OUT: ("T", "#B0502A"),
     Verdict.OUT_OF_MEMORY: ("M", "#8F2F26"),
     Verdict.CRASHED: ("C", "#631A2B"),
-    Verdict.NONSENSE: ("✗", "#20122E"),
+    Verdict.WRONG: ("✗", "#20122E"),
 }
 #: What theory asks for, in the same symbols.
 WANTED = {"answer": "✓", "answer or word": "✓ F", "refusal": "⊘", "stop": "F"}

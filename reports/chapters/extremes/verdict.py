@@ -21,13 +21,13 @@ class Verdict(Enum):
     RIGHT = "right"
     REFUSED = "refused"
     FAILED = "failed clearly"
-    NOTICED = "noticed nonsense"
+    NOTICED = "wrong, noticed"
     INACCURATE = "inaccurate"
     FAILED_OBSCURELY = "failed obscurely"
     TIMED_OUT = "timed out"
     OUT_OF_MEMORY = "out of memory"
     CRASHED = "crashed"
-    NONSENSE = "nonsense"
+    WRONG = "wrong"
 
 
 #: The numbers that a verdict rests on, each with a column of its bound.
@@ -137,9 +137,9 @@ def length(value_m: float) -> str:
 def verdict_on(row: Row) -> Verdict:
     """Return the verdict on a row.
 
-    An answer that the check after every run fails is noticed nonsense. Others are nonsense if a number is
-    missing, for those that are not finite are no numbers, if energy or constraints are off by more than
-    ``nonsense_factor`` times their bounds, or if theory knows of no answer. An answer is right if nothing
+    A success is wrong, and noticed, if the check after every run fails it. Others are wrong if a number is
+    missing, for those that are not finite are no numbers, if motion, energy or constraints are off by more
+    than ``nonsense_factor`` times their bounds, or if theory knows of no answer. One is right if nothing
     exceeds its bound. A failure is clear if it tells when: a time, or that it is the initial state's.
     """
     if row["status"] in _ENDED:
@@ -153,9 +153,9 @@ def verdict_on(row: Row) -> Verdict:
         return Verdict.NOTICED
     excess = {name: row[name] / row[f"{name}_bound"] for name in JUDGED}
     if row["wanted"] == "refusal" or any(map(math.isnan, excess.values())):
-        return Verdict.NONSENSE
-    if max(excess[ENERGY], excess[CONSTRAINT]) > row["nonsense_factor"]:
-        return Verdict.NONSENSE
+        return Verdict.WRONG
+    if max(excess.values()) > row["nonsense_factor"]:
+        return Verdict.WRONG
     return Verdict.RIGHT if max(excess.values()) <= 1 else Verdict.INACCURATE
 
 

@@ -19,8 +19,9 @@ INTRODUCTION = (
     "really solves, so that a different contact law is no error; times are those of bare runs of the native "
     "solve, made alone on the machine in rounds over all engines, each in an order of its own. Where the "
     "slider's position follows from a prescribed crank alone, driver torque and joint forces are judged in "
-    "its place. SciPy integrates the reference's own equations: the pick of a user without an engine. Times "
-    "are of one machine; ratios are what counts."
+    "its place. SciPy, the pick of a user without an engine, integrates the reference's equations with "
+    "their multipliers, or in its minimal arms those of minimal coordinates, as heyoka does. Times are of "
+    "one machine; ratios are what counts."
 )
 POSITION, TORQUE = "slider_position_error_m", "driver_torque_error_N_m"
 FORCE = "largest_joint_force_error_N"
