@@ -171,7 +171,7 @@ class Solver:
         self._names = [*self._equations.power_names, "removed"]
         self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
         self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
-        self.steps, self.settled, self._made_s = 0, 0, 0.0
+        self.steps = self.settled = 0
         if self._compiled:  # or loaded, here and not in the run: a run of no length does it
             run = self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0)
             self._gaps(run)
@@ -184,9 +184,8 @@ class Solver:
         from reference_solver.compiled.faces import CompiledFace, ReadableFace
 
         if following not in self._faces:
-            began, kind = time.perf_counter(), CompiledFace if self._compiled else ReadableFace
+            kind = CompiledFace if self._compiled else ReadableFace
             self._faces[following] = kind(self._topology(following), self._q_start)
-            self._made_s += time.perf_counter() - began
         return self._faces[following]
 
     def _chunk(self, following: tuple[int, ...]) -> int:
@@ -208,7 +207,7 @@ class Solver:
         run = types.new_run(contacts, sizes, times, face.rows, LOG_ROWS, knots)
         run.old.q[:], run.old.v[:] = q, v
         set_out(run, self._mechanism, self._choice, face.kernel, face.parameters, end_time_s, interval_s)
-        return run
+        return face.bound(run)
 
     def _shortest_flight_s(self, run: types.Run) -> float:
         """Return the flight between rigid walls that is not followed any more, if heights do not decide."""
@@ -268,8 +267,7 @@ class Solver:
         knots = (t for t in self._mechanism.knots_s(float(now["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
         now["end"] = next(landings)
-        status, bouncing, made_s = types.SPENT, self._bouncing(run), self._made_s
-        started = time.perf_counter()
+        status, bouncing, took = types.SPENT, self._bouncing(run), 0.0
         self._gaps(run)
         if bouncing is not None:
             self._settle_first(bouncing, run)
@@ -277,7 +275,9 @@ class Solver:
             following = () if bouncing is None else bouncing.following
             begin, chunk = float(now["time"]), self._chunk(following)
             now["events"], now["budget"] = 0, now["steps"] + chunk
+            started = time.perf_counter()
             status = self._advance(run, bouncing)
+            took += time.perf_counter() - started
             self.steps, self.settled = int(now["steps"]), 0 if bouncing is None else bouncing.settled
             tell(float(now["time"]))
             events.append(records.events[: now["events"]].copy())
@@ -288,7 +288,6 @@ class Solver:
                 raise failures.Stalled(begin, chunk)
             if status == types.DONE and now["end"] < end_time_s:
                 now["end"], status = next(landings), types.GO
-        took = time.perf_counter() - started - (self._made_s - made_s)
         if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
             raise failures.NonFiniteState(end_time_s, float(now["longest"]))
         solution = self._solution(run, np.concatenate(events), np.concatenate(sums), bouncing, took)

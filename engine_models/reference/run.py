@@ -56,10 +56,9 @@ def reference_run(
 ) -> Trajectory:
     """Run a scene, in no more steps than ``most_steps`` by the pace that it comes to.
 
-    The joints' forces on rigid walls are those of following, without impulses. The solve time is the solver's
-    own. It includes the making of kernels for pins that follow rigid walls, one for every set of them that
-    occurs. Samples denser than the steps asked for do not shorten those whose events are located: they are
-    interpolated (see ``solver.solve``).
+    The joints' forces on rigid walls are those of following, without impulses. The solve time is that of the
+    compiled loops; kernels are made outside it. Samples denser than the steps asked for do not shorten those
+    whose events are located: they are interpolated (see ``solver.solve``).
 
     Raises:
         SolverError: as the solver does.

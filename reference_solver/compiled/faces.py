@@ -53,8 +53,12 @@ class CompiledFace:
             self._advance = compiled(loop.advance, loop.ADVANCE)
 
     def advance(self, run: Run) -> int:
-        """Advance a run by the loop that suits; without contacts and control, from sample to sample."""
-        return int(self._advance(self._own(run)))
+        """Advance a run that is bound; without contacts and control, from sample to sample."""
+        return int(self._advance(run))
+
+    def bound(self, run: Run) -> Run:
+        """Return a run, its memory the same, that calls this kernel."""
+        return run._replace(kernel=self.functions, p=self.parameters, method=self.tableau)
 
     def look(self) -> Any:
         """Return what sets rigid walls at a state (see ``rigid.walls``); no pin follows in this kernel."""
@@ -66,16 +70,13 @@ class CompiledFace:
 
     def bounce(self, run: Run, s: Settling) -> int:
         """Advance a run and settle its events on rigid walls (see ``rigid.loop``)."""
-        return int(self._bounce(self._own(run), s))
+        return int(self._bounce(self.bound(run), s))
 
     @cached_property
     def _bounce(self) -> Callable[[Run, Settling], int]:
         advance, settle = self._loop.advance, settling.settle
         called = callback(advance, self._loop.ADVANCE), callback(settle, settling.SETTLE)
         return partial(compiled(bounce, bounce_type(self._loop.ADVANCE)), *called)
-
-    def _own(self, run: Run) -> Run:
-        return run._replace(kernel=self.functions, p=self.parameters, method=self.tableau)
 
 
 def from_sample_to_sample(run: Run) -> int:
@@ -121,11 +122,12 @@ class ReadableFace:
         self.equations = Equations(mechanism, q_start, topology.baumgarte, topology.following)
 
     def advance(self, run: Run) -> int:
-        """Advance a run by the loop that suits, which runs as it stands."""
+        """Advance a run that is bound, by the loop that suits, which runs as it stands."""
         with np.errstate(all="ignore"):
-            return int(self._loop.advance(self._own(run)))
+            return int(self._loop.advance(run))
 
-    def _own(self, run: Run) -> Run:
+    def bound(self, run: Run) -> Run:
+        """Return a run, its memory the same, that calls these functions."""
         kernel = self._loop.Kernel(*(getattr(self, name) for name in self._loop.Kernel._fields))
         own: Run = with_fields(run._replace(kernel=kernel, method=tableau(self._topology.method)))
         return own
@@ -142,7 +144,7 @@ class ReadableFace:
     def bounce(self, run: Run, s: Settling) -> int:
         """Advance a run and settle its events on rigid walls."""
         with np.errstate(all="ignore"):
-            return int(bounce(self._loop.advance, settling.settle, self._own(run), with_fields(s)))
+            return int(bounce(self._loop.advance, settling.settle, self.bound(run), with_fields(s)))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> float:
         """Set ``new`` to the state after a step, with the sums of the step alone; return its condition.

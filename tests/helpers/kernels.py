@@ -105,7 +105,7 @@ def stepped(
     times, contacts = np.array([0.0, count * h]), np.zeros(0, CONTACT_RECORD)
     equations = Equations(mechanism, q)
     sizes = len(q), len(equations.power_names) + 1, len(equations.C)
-    run = new_run(contacts, sizes, times, ROWS, 1)
+    run = face.bound(new_run(contacts, sizes, times, ROWS, 1))
     run.old.q[:], run.old.v[:] = q, v
     (now,) = run.clock
     now["longest"], now["end"], now["located"], now["budget"] = h, count * h, 1, count

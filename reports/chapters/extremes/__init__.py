@@ -21,8 +21,8 @@ INTRODUCTION = (
     "numbers, or one that theory asks for; those that choose their steps choose. A wrong number told with "
     "confidence is worse than a refusal, and the verdicts are ordered so. A wrong result is noticed where "
     "the check fails it that `crankslider simulate` makes after every run of every engine. That check is a "
-    "guard of ours, as are those of the start and of Pymunk's joints, pins and rod: with guards off every run is "
-    "made again, and where a guard spoke the gallery shows what the engine does by itself."
+    "guard of ours, as are those of the start and of Pymunk's joints, pins and rod: with guards off every "
+    "run is made again, and where a guard spoke the gallery shows what the engine does by itself."
 )
 REFERENCE = "reference (default)"
 #: Ways to end that no engine chooses.
