@@ -42,9 +42,9 @@ class Solution:
 
     ``events`` (E,) is the log (see ``contact.types.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
     the order of the contacts' ends; ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all
-    steps taken, and ``solve_time_s`` is the wall time of the loops that took them. ``condition`` is the worst condition
-    number of the constraints at any stage of a step, as ``factorisation.Factors`` has it: round-off and
-    errors of a stage may be amplified by it in {lambda}, by its square root in {q''}.
+    steps taken, and ``solve_time_s`` is the wall time of the loops that took them. ``condition`` is the worst
+    condition number of the constraints at any stage of a step, as ``factorisation.Factors`` has it: round-off
+    and errors of a stage may be amplified by it in {lambda}, by its square root in {q''}.
     """
 
     mechanism: Mechanism
