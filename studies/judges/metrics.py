@@ -142,8 +142,8 @@ def checked(scene: Scene, run: Trajectory) -> Row:
 #: last place of their values in extended precision; the margin is 2.
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 
-#: How many times its largest distance from a repeat the truth may be wrong. A distance is small by chance, too:
-#: of normal errors a truth's, of a quarter of its repeat's spread, is beyond three distances in 5 % of all
+#: The truth may be off by so many times its largest distance from a repeat, which may be small by chance: of
+#: normal errors the truth's, if of a quarter of its repeat's spread, is beyond three distances in 5 % of all
 #: cases, and beyond one in 16 %. Its spread is less than that by far (see ``converged_truth``).
 COVERAGE = 3.0
 

@@ -37,7 +37,7 @@ def rounded(data: SceneData, rng: np.random.Generator) -> SceneData:
 def enclosed(
     scene: Scene, truth: Trajectory, repeats: list[Trajectory], others: Iterator[Trajectory], count: int
 ) -> dict[str, float]:
-    """Return of every signal the part of other solutions that is enclosed, of runs that end sooner or later."""
+    """Return of every signal the part of other solutions that is enclosed, by runs of various ends."""
     inside: dict[str, list[bool]] = {}
     ends = np.linspace(count / ENDS, count, ENDS).astype(int).tolist()
     for other in others:
