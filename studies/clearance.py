@@ -26,7 +26,7 @@ from studies.judges.impact_matching import (
 )
 from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
-from studies.judges.metrics import conserved, errors, is_force
+from studies.judges.metrics import COVERAGE, conserved, errors, is_force
 from studies.ladders import clearance_ladder
 from studies.running.case import Case, Curves, Row
 
@@ -172,7 +172,7 @@ def impacts_of(found: Judged) -> Row:
         for joint, contact in truth.contacts.items()
     ]
     for name in ("impact_time_error_s", FORCE_ERROR, FORCE_PART):
-        doubt = max(each.get(name, 0.0) for each in doubts)
+        doubt = COVERAGE * max(each.get(name, 0.0) for each in doubts)
         row[name.replace("_error", "_uncertainty")] = doubt
     return row
 

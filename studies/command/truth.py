@@ -23,6 +23,7 @@ from studies import clearance
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions
 from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, solved, truth_by
+from studies.judges.metrics import COVERAGE
 from studies.running.failures import BadInput, Failed
 
 #: Samples that are published, and the digits of a double.
@@ -72,7 +73,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
     known, warnings = _until(truth, impacts, count), doubts_of_tables(scene)
     if count <= options.samples:
         warnings.append(f"two true solutions part after t = {known.time_s[-1]:.6g} s, and samples end there")
-    solver, certain = cast(Engine, COLLOCATION), max(apart, resolution)
+    solver, certain = cast(Engine, COLLOCATION), max(COVERAGE * apart, resolution)
     return TrueRun(scene, "truth", solver, None, known, tuple(warnings), certain, by)
 
 

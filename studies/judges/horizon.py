@@ -12,6 +12,7 @@ import numpy as np
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.mechanics.quality import require_quality
 from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.data import SceneData
 from engine_models.scene.scene import Scene
 
 #: By how much the crank angle at the start is moved, in rad: some 5e-12 m at the crank pin of the library's
@@ -42,6 +43,27 @@ def moved(scene: Scene, by_rad: float) -> Scene:
         raise ValueError(f"scene {scene.name}: expected a start by crank angle, got the state of every body")
     start = scene.start.model_copy(update={"crank_angle_rad": scene.start.crank_angle_rad + by_rad})
     return scene.model_copy(update={"start": start})
+
+
+def a_place_off(scene: Scene, sign: float = 1.0) -> Scene:
+    """Return the scene started one unit in the last place off, up or down: nobody knows a start better.
+
+    So are the crank's angle and speed, or the state of every body. A place of an angle is one of a radian at
+    least, and of another number that is zero none.
+    """
+    return scene.model_copy(update={"start": _a_place_off(scene.start, sign)})
+
+
+def _a_place_off(state: SceneData, sign: float) -> SceneData:
+    changes: dict[str, object] = {}
+    for name, value in state:
+        if isinstance(value, SceneData):
+            changes[name] = _a_place_off(value, sign)
+        elif name.endswith("angle_rad"):
+            changes[name] = value + sign * float(np.spacing(max(abs(value), 1.0)))
+        elif value and name != "time_s":
+            changes[name] = value + sign * float(np.spacing(abs(value)))
+    return state.model_copy(update=changes)
 
 
 def apart(

@@ -12,6 +12,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory, require_samples
 from engine_models.scene.scene import Scene
+from studies.judges.horizon import a_place_off
 from studies.judges.ideal_drive import drive_torque
 from studies.judges.ideal_load import load_works_J, slider_force
 from studies.judges.ideal_motion import configuration as configuration
@@ -105,5 +106,6 @@ def exact(scene: Scene, samples: int, pieces: int = PIECES) -> Trajectory:
 
 
 def exact_repeats(scene: Scene, samples: int) -> list[Trajectory]:
-    """Return the same truth from integrations cut otherwise: its distance from them is its uncertainty."""
-    return [exact(scene, samples, pieces) for pieces in REPEAT_PIECES]
+    """Return the same truth from starts a place off, up and down, by integrations that are cut otherwise."""
+    starts = (a_place_off(scene, sign) for sign in (1.0, -1.0))
+    return [exact(start, samples, pieces) for start, pieces in zip(starts, REPEAT_PIECES, strict=True)]

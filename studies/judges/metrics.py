@@ -93,13 +93,13 @@ def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str,
 
 
 def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) -> dict[str, float]:
-    """Return the truth's own uncertainty of each signal: its largest distance from a repeat plus round-off.
+    """Return the truth's own uncertainty of each signal: ``COVERAGE`` distances from a repeat plus round-off.
 
     The keys have ``_uncertainty`` before the unit, as in ``slider_position_uncertainty_m``.
     """
     distances = [errors(scene, repeat, truth).values() for repeat in repeats]
     return {
-        with_suffix(name, "uncertainty"): float(np.max(apart) + ROUND_OFF * np.abs(value).max())
+        with_suffix(name, "uncertainty"): float(COVERAGE * np.max(apart) + ROUND_OFF * np.abs(value).max())
         for (name, value), apart in zip(signals(scene, truth), zip(*distances, strict=True), strict=True)
     }
 
@@ -141,6 +141,11 @@ def checked(scene: Scene, run: Trajectory) -> Row:
 #: Round-off of a signal relative to its largest value: the closed-form reactions are within 2.2 units in the
 #: last place of their values in extended precision; the margin is 2.
 ROUND_OFF = 4 * float(np.finfo(float).eps)
+
+#: The truth may be off by so many times its largest distance from a repeat, which may be small by chance: of
+#: normal errors the truth's, if of a quarter of its repeat's spread, is beyond three distances in 5 % of all
+#: cases, and beyond one in 16 %. Its spread is less than that by far (see ``converged_truth``).
+COVERAGE = 3.0
 
 #: Units at the end of column names, longest first.
 UNITS = ("rad_s", "m_s", "N_m", "N_s", "rad", "m", "N", "J", "s")

@@ -253,7 +253,7 @@ def test_the_chapter_says_what_the_rows_say(results: Path, tmp_path: Path) -> No
     # Two starts: their interval, and so what it says, hangs on round-off.
     assert "On clearance-driven-A neighbouring motions part" in text
     assert "Over the clearance, the pin stays at the wall at all values up to 0.0464 mm." in text
-    assert "60 members of the reference itself on clearance-driven-0.5mm are told apart" in text
+    assert "on clearance-driven-0.5mm: 60 and 120 members are too few to decide." in text
     assert "pymunk (as the scene) and" not in text, "four members are too few to compare"
     assert len(list((tmp_path / "report/figures").glob("*.png"))) == 7
     assert "Chains up and down the crank's speed have 3 speeds in common" in html.unescape(text)
@@ -387,35 +387,83 @@ def test_nothing_is_claimed_where_some_starts_settle() -> None:
 
 
 def ensemble(shift: float, size: int, seed: int) -> pd.DataFrame:
-    """Members with two quantities that scatter by a fifth about 10 and 20; the second is moved by a part."""
-    values = np.random.default_rng(seed).normal(1, 0.2, size=(2, size))
+    """Members with two quantities of means 10 and 20 and known scatter; the second is moved by a part."""
+    values = stats.zscore(np.random.default_rng(seed).normal(size=(2, size)), axis=1)
+    values = 1 + np.array([[0.1], [0.28]]) * values
     speed, impacts = 10 * values[0], 20 * (values[1] + shift)
     table = pd.DataFrame({"impact_speed_m_s": speed, "impacts_per_revolution": impacts})
     return with_columns(table, *data.QUANTITIES)
 
 
+OWN, OTHERS = data.OWN
+
+
+def ensembles_with(shift: float, size: int, planted: float = 0.3) -> data.Ensembles:
+    """Both ensembles of the reference, one of another mechanism, and that of an engine, of which size is."""
+    made = {OWN: (0.0, 200), OTHERS: (0.0, 200), data.PLANTED: (planted, 200), "an engine": (shift, size)}
+    return {label: ensemble(*of, seed) for seed, (label, of) in enumerate(made.items(), 1)}
+
+
 @pytest.mark.parametrize(
     ("shift", "size", "said"),
     [
-        (0.0, 2000, "are equivalent in all 2 quantities, and not told apart (2000 members each)"),
-        (0.04, 2000, "are equivalent in all 2 quantities, though they are told apart"),
-        (0.3, 200, "differ in impacts per revolution (200 members each)"),
-        (0.0, 20, "is open in impact speed and impacts per revolution: 20 members each are too few"),
+        (0.0, 800, f"an engine and {OWN} on x are equivalent in all 2 quantities, and not told apart."),
+        (
+            0.06,
+            800,
+            f"an engine and {OWN} on x are equivalent in all 2 quantities, though they are told apart.",
+        ),
+        (0.3, 200, f"an engine and {OWN} on x differ in impacts per revolution."),
+        (0.06, 200, f"Whether an engine and {OWN} on x are equivalent is open in impacts per revolution."),
+        (0.3, 24, f"Nothing is said of an engine and {OWN} on x: 24 and 400 members are too few to decide."),
     ],
 )
 def test_an_engine_is_equivalent_or_different_or_the_members_are_too_few(
     shift: float, size: int, said: str
 ) -> None:
-    by_label = {"reference (DOP853)": ensemble(0.0, size, 1), "an engine": ensemble(shift, size, 2)}
-    (verdict,) = comparison.verdicts(by_label)
-    (sentence,) = findings.ensembles("a scene", [verdict], [])
-    assert said in sentence
+    *_, verdict = comparison.verdicts(ensembles_with(shift, size))
+    (sentence,) = [each for each in findings.ensembles("x", [verdict]) if "an engine" in each]
+    assert sentence == said
+
+
+def test_all_members_of_the_control_are_compared_with_and_the_halves_with_each_other() -> None:
+    sizes = {pair.label: (pair.twin, pair.sizes) for pair in data.pairs(ensembles_with(0.0, 60))}
+    assert sizes == {
+        OTHERS: (OWN, (200, 200)),
+        data.PLANTED: (OWN, (200, 400)),
+        "an engine": (OWN, (60, 400)),
+    }
+
+
+def test_a_verdict_does_not_hang_on_which_half_of_the_control_is_the_first() -> None:
+    by_label = ensembles_with(0.05, 200)
+    swapped = by_label | {OWN: by_label[OTHERS], OTHERS: by_label[OWN]}
+    *_, one = comparison.verdicts(by_label)
+    *_, other = comparison.verdicts(swapped)
+    assert one.alone == pytest.approx(other.alone)
+    assert one.joint == pytest.approx(other.joint)
+    assert one.equivalent == pytest.approx(other.equivalent)
+
+
+def test_p_of_differences_are_raised_by_the_number_of_pairs() -> None:
+    by_label = ensembles_with(0.06, 200)
+    few = {label: of for label, of in by_label.items() if label != OTHERS}
+    halves = pd.concat([by_label[OWN], by_label[OTHERS]])
+    *_, three = comparison.verdicts(by_label)
+    *_, two = comparison.verdicts(few | {OWN: halves})
+    assert three.alone.min() == pytest.approx(1.5 * two.alone.min())
+
+
+def test_without_another_mechanism_to_see_nothing_is_compared() -> None:
+    by_label = ensembles_with(0.0, 200)
+    del by_label[data.PLANTED]
+    assert comparison.verdicts(by_label) == []
 
 
 def test_tests_that_do_not_see_what_is_planted_contradict_the_chapter() -> None:
-    by_label = {"reference (DOP853)": ensemble(0.0, 200, 1), data.PLANTED: ensemble(0.0, 200, 2)}
+    verdicts = comparison.verdicts(ensembles_with(0.0, 200, planted=0.0))
     with pytest.raises(Contradiction, match="a tenth less clearance"):
-        list(findings.ensembles("a scene", comparison.verdicts(by_label), []))
+        list(findings.ensembles("a scene", verdicts))
 
 
 def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(results: Path, tmp_path: Path) -> None:

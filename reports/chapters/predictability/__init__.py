@@ -15,7 +15,7 @@ from reports.chapters.predictability import (
     maps,
     tables,
 )
-from reports.parts import Figure, Section
+from reports.parts import Figure, Section, Table
 from reports.quantities import own_scenes
 from reports.results import Results
 from reports.shared_tables import not_finished, quality_table
@@ -89,20 +89,22 @@ def _exponents(results: Results, by_scene: Mapping[str, pd.DataFrame]) -> Iterat
 def _ensembles(results: Results, scene: str, by_label: data.Ensembles) -> Section:
     own = all(own_scenes(members).all() for members in by_label.values())
     verdicts = comparison.verdicts(by_label)
-    calibrations = comparison.calibrations(by_label, verdicts)
     drawn = [*_pairs(results, scene, by_label, verdicts)] if verdicts else []
-    compared = [
-        comparison.verdict_table(verdicts, scene),
-        comparison.compared(verdicts, scene),
-        comparison.calibration_table(calibrations, data.shown(by_label), scene),
-    ]
     return Section.of(
         f"ensembles-{scene}",
         f"Ensembles on {scene}",
-        findings.ensembles(scene, verdicts, calibrations, own),
+        findings.ensembles(scene, verdicts, own),
         drawn,
-        (tables.means(by_label, scene), *(compared if verdicts else ())),
+        [tables.means(by_label, scene), *(_compared(scene, by_label, verdicts) if verdicts else ())],
     )
+
+
+def _compared(
+    scene: str, by_label: data.Ensembles, verdicts: list[comparison.Verdict]
+) -> Iterator[Table | None]:
+    yield comparison.verdict_table(verdicts, scene)
+    yield comparison.compared(verdicts, scene)
+    yield comparison.calibration_table(comparison.calibrations(verdicts), data.shown(by_label), scene)
 
 
 def _pairs(
@@ -112,9 +114,10 @@ def _pairs(
     yield Figure(
         f"predictability-ensembles-{scene}",
         f"Past the horizon on {scene}",
-        "Differences of means from the twin's, in units of the margin, with 90 % intervals. A quantity is "
-        "equivalent where its interval lies within the grey band. The ensembles of the reference are another "
-        "draw, the paper's method, and a clearance that is a tenth smaller, which has to differ.",
+        f"Differences of means from the twin's, in units of the margin, with {comparison.PERCENT} intervals. "
+        "A quantity is equivalent where its interval lies within the grey band. The ensembles of the "
+        "reference are another draw, the paper's method, and a clearance that is a tenth smaller, which has "
+        "to differ. Of too few members to decide nothing is drawn.",
         f"A panel of intervals, a line for each quantity, for each of {names}.",
         figures.differences(verdicts),
     )

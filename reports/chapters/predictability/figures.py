@@ -115,16 +115,19 @@ def _so_far(results: Results, row: pd.Series, used: FloatArray) -> FloatArray:
 def differences(verdicts: Sequence[Verdict]) -> Drawing:
     """Return the difference of every quantity in units of its margin, one panel per pair of ensembles."""
     drawing, axes = grid(len(verdicts), height_in=2.4)
-    reach = 1.1 * max(abs(end) for each in verdicts for of in each.differences for end in (of.low, of.high))
+    ends = [end for each in verdicts if each.decides for of in each.differences for end in (of.low, of.high)]
+    reach = 1.1 * max(1.0, *np.abs(ends)) if ends else 1.1
     for ax, verdict in zip(axes, verdicts, strict=True):
         ax.axvspan(-1, 1, color=GREY, alpha=0.25, linewidth=0)
         ax.axvline(0.0, color=GREY, linewidth=0.8)
-        for place, difference in enumerate(verdict.differences):
+        for place, difference in enumerate(verdict.differences if verdict.decides else ()):
             ax.plot([difference.low, difference.high], [place] * 2, color=BLACK, linewidth=2)
             ax.plot(difference.mean, place, marker="o", color=BLACK)
+        if not verdict.decides:
+            ax.text(0.5, 0.5, verdict.words, transform=ax.transAxes, ha="center", va="center", fontsize=8)
         names = [data.QUANTITIES[quantity].split(" [")[0] for quantity in verdict.quantities]
         # One scale for all, so that the names are needed once in a row.
-        ax.set(xlim=(-max(reach, 1.1), max(reach, 1.1)), ylim=(len(names) - 0.5, -0.5))
+        ax.set(xlim=(-reach, reach), ylim=(len(names) - 0.5, -0.5))
         spec = ax.get_subplotspec()
         ax.set_yticks(range(len(names)), names if spec is None or spec.is_first_col() else [])
         ax.set(xlabel="difference / margin")
@@ -134,14 +137,15 @@ def differences(verdicts: Sequence[Verdict]) -> Drawing:
 
 def phases(results: Results, by_label: data.Ensembles) -> Drawing:
     """Return the impacts of a revolution by crank angle, each ensemble beside its twin's."""
-    pairs = [(pair.label, pair.twin) for pair in data.pairs(by_label)]
+    pairs = data.pairs(by_label)
     drawing, axes = grid(len(pairs), height_in=2.6)
     edges = np.arange(0, 361, BIN_DEG)
-    members = pd.concat([by_label[label] for label in by_label if any(label in pair for pair in pairs)])
+    members = pd.concat([frame for pair in pairs for frame in (pair.members, pair.of_twin)])
     styles = line_styles(members)
     for ax, pair in zip(axes, pairs, strict=True):
-        for shift, label in zip((-0.18, 0.18), pair, strict=True):
-            counts = np.array([_counts(results, row, edges) for _, row in by_label[label].iterrows()])
+        both = ((-0.18, pair.label, pair.members), (0.18, pair.twin, pair.of_twin))
+        for shift, label, of_label in both:
+            counts = np.array([_counts(results, row, edges) for _, row in of_label.iterrows()])
             means = [student_interval(column) for column in counts.T]
             at = (edges[:-1] + edges[1:]) / 2 + shift * BIN_DEG
             middle = np.array([mean.mean for mean in means])
@@ -151,7 +155,7 @@ def phases(results: Results, by_label: data.Ensembles) -> Drawing:
         ax.set_xticks(range(0, 361, 90))
         ax.set_ylim(bottom=0)
         ax.set(xlabel="crank angle at impact [°]", ylabel=f"impacts per revolution in {BIN_DEG}°")
-        ax.set_title(pair[0], fontsize=8)
+        ax.set_title(pair.label, fontsize=8)
     engine_legend(drawing, members, failures=False)
     return drawing
 

@@ -5,15 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 import pandas as pd
 
 from reports.chapters.predictability import data
-from reports.chapters.predictability.comparison import Verdict
+from reports.chapters.predictability.comparison import Verdict, calibrations
 from reports.chapters.predictability.statistics import LEVEL, Calibration, Interval, student_interval
 from reports.parts import stated
 from reports.tables import in_text, listed
 
 #: A scene whose twins stay closer than this to the end has no horizon worth the name, in m.
 TOGETHER_M = 1e-9
-#: A measured level may be above the nominal one by this: three times the counting error of 500 draws.
-LEVEL_ROOM = 0.03
 #: Of more quantities than these a sentence tells the number.
 MOST_NAMED = 3
 
@@ -89,50 +87,51 @@ def _interval(of: Interval) -> str:
     return f"{of.mean:.2f} ± {(of.high - of.low) / 2:.2f}"
 
 
-def ensembles(
-    scene: str, verdicts: list[Verdict], calibrations: list[Calibration], own: bool = True
-) -> Iterator[str]:
-    """Yield how often the tests are right on a scene, and what they say of every ensemble.
+def ensembles(scene: str, verdicts: list[Verdict], own: bool = True) -> Iterator[str]:
+    """Yield how often the tests are wrong on a scene, and what they say of every ensemble.
 
     Only on a scene of the study's ``own`` is known what they have to find.
     """
-    for calibration in calibrations:
-        yield from _trusted(scene, calibration, own)
+    deciding = [each for each in calibrations(verdicts) if each.decides]
+    if deciding:
+        yield from _trusted(scene, deciding, own)
     for verdict in verdicts:
         sentence, planted = _verdict(scene, verdict), verdict.pair.label == data.PLANTED
         yield stated(sentence, verdict.told_apart) if planted and own else sentence
 
 
-def _trusted(scene: str, calibration: Calibration, own: bool) -> Iterator[str]:
-    """Yield, checked, how often the tests sound false alarms, and how often equivalence is found."""
-    alarms = calibration.any_alarm.value
-    sentence = (
-        f"Two samples of {calibration.size} members of the reference itself on {scene} are told apart in "
-        f"{100 * alarms:.1f} % of draws by any test"
-    )
-    if alarms > LEVEL + LEVEL_ROOM and not own:
-        yield f"{sentence}: alarms come too often to mean much."
-    else:
-        yield stated(f"{sentence}: alarms mean what they should.", alarms <= LEVEL + LEVEL_ROOM)
-    yield (
-        f"With {calibration.size} members all quantities are found equivalent, rightly, in "
-        f"{100 * calibration.all_clear.value:.0f} % of draws."
-    )
+def _trusted(scene: str, deciding: list[Calibration], own: bool) -> Iterator[str]:
+    """Yield, checked, how often the tests of enough members are wrong at the most."""
+    alarms = [each.any_alarm for each in deciding]
+    clears = [rate for each in deciding for rate in each.margin_clear]
+    for sentence, rates, level in (
+        (f"Members of the reference itself on {scene} are told apart in", alarms, LEVEL / deciding[0].pairs),
+        (f"Means on {scene} that are a margin apart are called equivalent in", clears, LEVEL),
+    ):
+        worst = max(rates, key=lambda rate: rate.value)
+        told = (
+            f"{sentence} {100 * worst.value:.1f} % of draws at the most, of {100 * level:.2g} % that may be"
+        )
+        right = not worst.exceeds(level)
+        yield stated(f"{told}.", right) if right or own else f"{told}: too often to mean much."
 
 
 def _verdict(scene: str, verdict: Verdict) -> str:
     """Return what the tests say of a pair, in a sentence."""
     pair = verdict.pair
     twin = "its model twin" if pair.twin.startswith(data.TWIN_OF) else pair.twin
-    both, members = f"{pair.label} and {twin} on {scene}", f"{len(pair.one)} members each"
+    both = f"{pair.label} and {twin} on {scene}"
+    if not verdict.decides:
+        one, other = pair.sizes
+        return f"Nothing is said of {both}: {one} and {other} members are too few to decide."
     if verdict.agrees:
         though = "though they are told apart" if verdict.told_apart else "and not told apart"
-        return f"{both} are equivalent in all {len(verdict.quantities)} quantities, {though} ({members})."
+        return f"{both} are equivalent in all {len(verdict.quantities)} quantities, {though}."
     if verdict.differing:
-        return f"{both} differ in {_named(verdict.differing)} ({members})."
+        return f"{both} differ in {_named(verdict.differing)}."
     if verdict.told_apart:
-        return f"{both} differ in their means taken together, in none alone ({members})."
-    return f"Whether {both} are equivalent is open in {_named(verdict.undecided)}: {members} are too few."
+        return f"{both} differ in their means taken together, in none alone."
+    return f"Whether {both} are equivalent is open in {_named(verdict.undecided)}."
 
 
 def _named(quantities: Sequence[str]) -> str:
