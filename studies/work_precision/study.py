@@ -24,6 +24,7 @@ from studies.judges.comparison import compared, judged
 from studies.judges.metrics import checked
 from studies.ladders import Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row, Value
+from studies.work_precision.reach import reach
 
 NAME = "work-precision"
 #: Few, since no step is longer than the time between two samples.
@@ -112,8 +113,8 @@ def _errors(case: Case) -> Row:
     row: Row = {"steps": found.plain.steps}
     if found.plain.evaluations is not None:
         row["evaluations"] = found.plain.evaluations
-    impacts = clearance.impacts_of(found) if found.run.contacts else {}
-    return {**row, **errors, **impacts, **checked(case.scene, found.plain)}
+    loose = {**clearance.impacts_of(found), **reach(found)} if found.run.contacts else {}
+    return {**row, **errors, **loose, **checked(case.scene, found.plain)}
 
 
 def _bare_run(engine: Engine, scene: Scene, run: RunSettings) -> BareRun:

@@ -1,4 +1,4 @@
-"""Who to take: the cheapest measured run of each engine that is within an error, on each scene."""
+"""Who to take: each engine's cheapest measured run that is within an error, as all finer ones of its arm are."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from shlex import quote
 import pandas as pd
 
 from reports.equal_error import Arrival, Judged, Ratio, at_rung, ratio
-from reports.quantities import PEAK, finished, with_largest, with_peak
+from reports.quantities import PEAK, with_largest, with_peak
 from reports.results import Results, with_columns
 from reports.run.command import command
 
@@ -74,7 +74,7 @@ def races(timed: Results) -> list[Race]:
         POSITION,
     )
     rows = with_largest(with_columns(timed.rows, *needed), FORCE, r"joint_\w_force_error_N")
-    rows = finished(with_peak(rows))
+    rows = with_peak(rows)
     loose = set(rows["scene"][rows.filter(regex=LOOSE).notna().any(axis=1)])
     found = [race for target in TARGETS for race in _races(rows, *target, loose)]
     return sorted(found, key=lambda race: not race.loose)
@@ -82,7 +82,7 @@ def races(timed: Results) -> list[Race]:
 
 def _races(rows: pd.DataFrame, column: str, what: str, target: float, loose: set[str]) -> Iterator[Race]:
     for scene, (rungs, floor) in Judged("", rows, column).ladders.items():
-        within = rungs[rungs["error"] <= target].sort_values("time_s")
+        within = rungs[rungs["kept"] <= target].sort_values("time_s")
         best = within.drop_duplicates("engine")
         absent = tuple(sorted(set(rungs["engine"]) - set(best["engine"])))
         end = float(rows["end_time_s"][rows["scene"] == scene].max())

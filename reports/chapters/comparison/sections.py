@@ -77,7 +77,11 @@ def _line(standings: Standings, engine: str) -> tuple[str, ...]:
         status = standings.recorded.query("engine == @engine")["status"].iloc[0]
         return (engine, status, *[ABSENT] * 5)
     arrival = next((each for each in standings.there if each.engine == engine), None)
-    rung = standings.rung(arrival) if arrival else next(own.sort_values(["error", "time_s"]).itertuples())
+    rung = (
+        standings.rung(arrival)
+        if arrival
+        else next(own.sort_values(["kept", "error", "time_s"]).itertuples())
+    )
     error = _told(rung.error, standings.floor)
     force = _told(*standings.force_error_N(rung.Index))
     time = plain(1e3 * arrival.time_s) if arrival else ABSENT

@@ -7,7 +7,7 @@ import pandas as pd
 from reports.chapters.work_precision import figures, findings, tables
 from reports.equal_error import Judged
 from reports.parts import Section
-from reports.quantities import PEAK, finished, value, with_largest, with_peak
+from reports.quantities import PEAK, value, with_largest, with_peak
 from reports.results import Results, with_columns
 from reports.shared_tables import not_installed, not_judged, quality_table
 
@@ -44,7 +44,7 @@ def sections(results: Results) -> list[Section]:
     ):
         name = f"work-precision-{kind}"
         of = [
-            Judged(f"{name}-{figures.file_name(column)}", finished(rows[of_kind & those]), column)
+            Judged(f"{name}-{figures.file_name(column)}", rows[of_kind & those], column)
             for column, those in by_column.items()
         ]
         if of_kind.any():

@@ -77,7 +77,7 @@ def drawing(judged: Judged, cost: str) -> Drawing:
             best = front(rungs)
             ax.plot(
                 best["time_s"],
-                best["error"],
+                best["kept"],
                 color=GREY,
                 linewidth=5,
                 alpha=0.35,

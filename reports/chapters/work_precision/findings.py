@@ -62,10 +62,10 @@ def _race(scene: str, rungs: pd.DataFrame) -> Race:
     own, rivals = rungs[rungs["engine"] == REFERENCE], front(rungs[rungs["engine"] != REFERENCE])
     shares: list[tuple[str, Ratio | None]] = []
     for rung in rivals.itertuples():
-        there = arrival(own, float(str(rung.error)))
+        there = arrival(own, float(str(rung.kept)))
         shares.append((str(rung.label), ratio(there, at_rung(rung)) if there else None))
-    alone = front(own)["error"] < rivals["error"].min()
-    return Race(scene, tuple(shares), int(alone.sum()), float(own["error"].min()))
+    alone = front(own)["kept"] < rivals["kept"].min()
+    return Race(scene, tuple(shares), int(alone.sum()), float(own["kept"].min()))
 
 
 def found(judged: Judged) -> Iterator[str]:
