@@ -160,7 +160,14 @@ def rungs_of(*points: tuple[float, tuple[float, ...]]) -> pd.DataFrame:
     """Return the rungs of an arm by their errors and run times in s by round."""
     of = pd.DataFrame({"error": [error for error, _ in points], "place": range(len(points))})
     times = [np.array(times) for _, times in points]
-    own = {"engine": "e", "label": "e (a)", "knob": "step", "value": of["error"], "steps": 1.0}
+    own = {
+        "engine": "e",
+        "label": "e (a)",
+        "knob": "step",
+        "value": of["error"],
+        "steps": 1.0,
+        "motion_alone": False,
+    }
     of = of.assign(times_s=times, time_s=[float(np.nanmedian(each)) for each in times], **own)
     return of.assign(kept=kept(of))
 

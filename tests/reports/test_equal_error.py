@@ -24,6 +24,7 @@ def ladder(*rungs: Rung, label: str = "engine (arm)", places: tuple[int, ...] | 
         value=columns["error"] / 10,
         place=places or range(len(rungs)),
         steps=1.0,
+        motion_alone=False,
         times_s=[np.array([time, time]) for time in columns["time_s"]],
     )
 

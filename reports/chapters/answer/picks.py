@@ -1,4 +1,4 @@
-"""Who to take: each engine's cheapest measured run that is within an error, as all finer ones of its arm are."""
+"""Who to take: each engine's cheapest run within an error that all finer ones of its arm keep, by scene."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -107,7 +107,7 @@ class Setting:
     """An arm at a setting that is within a target on some scenes.
 
     ``times_s`` are its run times there, ``ratios`` the same in times of the cheapest engine's. ``command``
-    runs it on the first of them.
+    runs it on the first of them. ``without`` says what these times leave out (see ``Arrival.without``).
     """
 
     engine: str
@@ -116,6 +116,7 @@ class Setting:
     times_s: tuple[float, ...]
     ratios: tuple[float, ...]
     command: str
+    without: str = ""
 
 
 def widest(races: Sequence[Race]) -> list[Setting]:
@@ -123,15 +124,17 @@ def widest(races: Sequence[Race]) -> list[Setting]:
 
     Of those within it on as many it is the one that takes the least on the scene where it does worst.
     """
-    ways: dict[tuple[str, str, str], list[tuple[float, float, str]]] = {}
+    ways: dict[tuple[str, str, str, str], list[tuple[float, float, str]]] = {}
     for race in races:
         for pick in race.within:
-            way = pick.way
+            way, without = pick.way, pick.way.without(race.column)
             costs = (way.time_s, way.time_s / race.picks[0].way.time_s, pick.command)
-            ways.setdefault((way.engine, way.label, way.setting), []).append(costs)
+            ways.setdefault((way.engine, way.label, way.setting, without), []).append(costs)
     settings = [
-        Setting(*way, times, ratios, commands[0])
-        for way, (times, ratios, commands) in ((way, zip(*costs, strict=True)) for way, costs in ways.items())
+        Setting(engine, label, setting, times, ratios, commands[0], without)
+        for (engine, label, setting, without), (times, ratios, commands) in (
+            (way, zip(*costs, strict=True)) for way, costs in ways.items()
+        )
     ]
     best: dict[str, Setting] = {}
     for each in sorted(settings, key=lambda each: (-len(each.times_s), max(each.ratios))):

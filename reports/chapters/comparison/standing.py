@@ -132,6 +132,11 @@ class Standings:
         own = self.recorded[self.recorded["label"] == rung.label]
         return own[: own.index.get_loc(rung.Index)]
 
+    def finer(self, rung: Any) -> pd.DataFrame:
+        """Return the rungs of a rung's arm at finer settings."""
+        own = self.rungs[self.rungs["label"] == rung.label]
+        return own[own.index.get_loc(rung.Index) + 1 :]
+
     @property
     def silent(self) -> pd.DataFrame:
         """A row of each engine that finished no run."""
