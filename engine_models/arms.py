@@ -54,6 +54,12 @@ GENERALIZED_ALPHA_09 = Arm(
 )
 RK44 = Arm("exudyn", "RK44", {"solver": "RK44"})
 DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("step_tolerance",))
+WIDE_GAP = Arm(
+    "exudyn",
+    "DOPRI5, wide gap",
+    {"solver": "DOPRI5", "event_gap": 0.03, "step_safety": 0.7},
+    ("step_tolerance",),
+)
 ODE23 = Arm("exudyn", "ODE23", {"solver": "ODE23"}, ("step_tolerance",))
 
 
@@ -75,6 +81,7 @@ SCIPY = Arm("scipy", AS_IT_COMES)
 SCIPY_DOP853 = Arm("scipy", "DOP853", {"method": "DOP853"}, ("rtol", "atol"))
 LSODA = Arm("scipy", "LSODA", {"method": "LSODA"}, ("rtol", "atol"))
 ODEINT = Arm("scipy", "odeint", {"method": "odeint"}, ("rtol", "atol"))
+ODE = Arm("scipy", "ode", {"method": "dop853"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: The same on minimal coordinates, and heyoka, which has no others.
 SCIPY_DOP853_MINIMAL = Arm(
@@ -84,12 +91,19 @@ LSODA_MINIMAL = Arm("scipy", "LSODA minimal", {"method": "LSODA", "coordinates":
 ODEINT_MINIMAL = Arm(
     "scipy", "odeint minimal", {"method": "odeint", "coordinates": "minimal"}, ("rtol", "atol")
 )
+ODE_MINIMAL = Arm("scipy", "ode minimal", {"method": "dop853", "coordinates": "minimal"}, ("rtol", "atol"))
 HEYOKA = Arm("heyoka", "Taylor", {}, ("step_tolerance",))
-#: Arms whose solve gives the motion alone: forces are computed afterwards, at the samples.
-MOTION_ALONE = (SCIPY_DOP853_MINIMAL, LSODA_MINIMAL, HEYOKA)
+#: Engines, and arms, whose solve gives the motion alone: forces are computed after the run, at the samples
+#: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
+MOTION_ALONE = ("scipy", "heyoka", DOPRI5, WIDE_GAP, ODE23, RK44)
 
 #: Engines that the catalogue knows. Any other takes part in all studies as it comes.
 NAMED = ("reference", "exudyn", "pymunk", "scipy", "heyoka")
+
+
+def gives_motion_alone(arm: Arm) -> bool:
+    """Return whether an arm's solve leaves the forces for later (see ``MOTION_ALONE``)."""
+    return arm.engine in MOTION_ALONE or arm in MOTION_ALONE
 
 
 def with_iterations(iterations: int) -> Arm:

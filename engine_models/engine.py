@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import ClassVar, Literal, Protocol
+from typing import ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +29,16 @@ BODIES = ("crank", "rod", "slider")
 JOINTS = ("O", "A", "B")
 
 
-#: Who says that there is no run: the engine itself; a check of this project's around it, which the engine
-#: alone would not make; or one of the scene, made before any engine is asked.
-Speaker = Literal["engine", "guard", "scene"]
+#: Who says that there is no run: the engine itself; this project's model of it, its adapter, which does not
+#: express the scene; a check of this project's around it, which the engine alone would not make; or one of
+#: the scene, made before any engine is asked. The engine alone has failed where it says so itself.
+Speaker = Literal["engine", "adapter", "guard", "scene"]
 
 
 class UnsupportedScene(Exception):
     """The engine, or its present settings, cannot express this scene; the message is the reason."""
 
-    spoken_by: ClassVar[Speaker] = "guard"
+    spoken_by: ClassVar[Speaker] = "adapter"
 
 
 class ImpossibleScene(UnsupportedScene):
@@ -60,6 +61,12 @@ class EngineFailed(SimulationFailed):
     """The engine itself gave up."""
 
     spoken_by = "engine"
+
+
+class AdapterCannot(SimulationFailed):
+    """The run came to what this project's model of the engine does not express."""
+
+    spoken_by = "adapter"
 
 
 class ImpossibleStart(SimulationFailed):
@@ -235,12 +242,22 @@ class Trajectory:
         return np.asarray(sum(contact.dissipated_energy_J for contact in self.contacts.values()))
 
 
+class BareRun(NamedTuple):
+    """A run of which the end alone is kept: its solve's wall time in s, and ``position`` there, (bodies, 3).
+
+    Angles are those of ``wound`` scenes.
+    """
+
+    solve_time_s: float
+    position: FloatArray
+
+
 class Engine(Protocol):
     """A frozen dataclass of an engine's own settings that can run scenes.
 
-    Two more methods of ``(scene, settings)`` are for engines that have a use for them and return a wall time
-    in s: ``bare_solve_time_s``, of the solve without read-out where ``Trajectory.solve_time_s`` cannot leave
-    it out, and ``compile_time_s``, of what is compiled for a scene on a machine that has nothing yet.
+    Two more methods of ``(scene, settings)`` are for engines that have a use for them: ``bare_run`` returns
+    a ``BareRun`` where ``Trajectory.solve_time_s`` cannot leave the read-out out, and ``compile_time_s`` the
+    wall time in s of what is compiled for a scene on a machine that has nothing yet.
     Where ``controls_error`` is true, the step is but a limit; ``controlling_error()`` returns such an engine.
 
     An attribute ``order`` states at which order the error of smooth motion falls with the step, None where a

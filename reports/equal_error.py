@@ -1,9 +1,13 @@
 """Run times at equal error: who is cheapest, by what factor, and how sure that is.
 
 The rungs of ladders are data frames, a row for each, those of an arm from coarse to fine: ``engine``,
-``label``, what the ladder varies (``knob``) with its ``value``, the ``place`` on the ladder, ``error``,
-``steps``, ``evaluations`` of the equations, NaN where nobody counts them, the run times ``times_s`` (rounds,)
-in s, NaN of a round without one, and their median ``time_s``.
+``label``, what the ladder varies (``knob``) with its ``value``, the ``place`` on the ladder, ``error``, the
+error that is ``kept``, whether the solve gives the ``motion_alone``, ``steps``, ``evaluations`` of the
+equations, NaN where nobody counts them, the run times ``times_s`` (rounds,) in s, NaN of a round without one,
+and their median ``time_s``.
+
+An error is kept that all finer settings of the arm have as well: a small one before a larger one is luck. It
+is infinite where a finer run failed, and where errors have grown to the clearance, which ranks nobody.
 """
 
 import math
@@ -19,9 +23,20 @@ from reports.quantities import floor, knobs, tolerances, value
 from reports.results import FloatArray, with_columns
 from reports.tables import plain, setting
 
+#: The columns of the slider's error and of the smallest clearance, if there is one.
+SLIDER, CLEARANCE = "slider_position_error_m", "smallest_clearance_m"
 #: How a ratio looks that the timing does not resolve from 1, and what a table's caption says of it.
 UNRESOLVED_MARK = "~"
 UNRESOLVED = f"A ratio marked {UNRESOLVED_MARK} is not resolved by the timing: its interval has 1 in it."
+#: What is said of a run time by which forces are judged that are not in it, and what a caption says of that.
+WITHOUT_FORCES = " without forces"
+ALONE = (
+    "A time “without forces” is of an arm whose solve gives the motion alone: its forces are computed after "
+    "the run, where they are sampled."
+)
+#: Part of the smallest clearance from which on an error of the slider has grown to what the clearance allows:
+#: how large it is then tells nothing of the setting.
+SATURATED = 0.1
 #: Draws of rounds with replacement, and the percentiles of the medians drawn: an interval of 95 %.
 DRAWS, PERCENTILES = 2000, (2.5, 97.5)
 
@@ -30,18 +45,29 @@ DRAWS, PERCENTILES = 2000, (2.5, 97.5)
 class Arrival:
     """How an arm gets to an error: at a rung of its ladder, or between two neighbouring ones.
 
-    ``setting`` says which in words, ``times_s`` (rounds,) are the run times there, NaN of a round without.
+    ``setting`` says which in words, ``times_s`` (rounds,) are the run times there, NaN of a round without. In
+    them are no forces if the arm's solve gives the ``motion_alone``.
     """
 
     engine: str
     label: str
     setting: str
     times_s: FloatArray
+    motion_alone: bool = False
 
     @property
     def time_s(self) -> float:
         """The median over the rounds."""
         return float(np.nanmedian(self.times_s))
+
+    def without(self, column: str) -> str:
+        """What to say of its time where a column of errors is judged, nothing if all of that is in it."""
+        return WITHOUT_FORCES if self.motion_alone and is_force(column) else ""
+
+
+def is_force(column: str) -> bool:
+    """Return whether a column of errors is of a force or a torque."""
+    return "force" in column or "torque" in column
 
 
 @dataclass(frozen=True)
@@ -100,9 +126,10 @@ class Judged:
 def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     """Return the rungs of one scene's rows that have errors and times; errors are no less than ``floor``.
 
-    A signal that is exactly zero throughout, as forces between impacts of rigid walls, has no rungs.
+    The rows of runs that failed are to be among them. A signal that is exactly zero throughout, as forces
+    between impacts of rigid walls, has no rungs.
     """
-    rows = from_coarse_to_fine(rows)
+    rows = from_coarse_to_fine(with_columns(rows, "motion_alone"))
     settings = [name for name in rows if name.startswith("setting_")]
     rung = rows[["engine", "arm", "step_s", *settings]].map(str).agg(" ".join, axis=1)
     by_round = pd.pivot_table(
@@ -114,10 +141,32 @@ def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
         place=recorded.groupby("label", observed=True).cumcount(),
         error=value(recorded, column).clip(lower=floor),
         times_s=rung.map(times),
+        motion_alone=recorded["motion_alone"].isin([True]),
     )
-    columns = ["engine", "label", "knob", "value", "place", "error", "times_s"]
+    failed = recorded.index.map(rung).isin(set(rung[rows["status"] == "failed"]))
+    recorded = recorded.assign(kept=kept(recorded, failed | saturated(recorded, column)))
+    columns = ["engine", "label", "knob", "value", "place", "error", "kept", "motion_alone", "times_s"]
     recorded = recorded[[*columns, "steps", "evaluations"]].dropna(subset=columns).query("error > 0")
     return recorded.assign(time_s=recorded["times_s"].map(np.nanmedian).astype(float))
+
+
+def kept(rungs: pd.DataFrame, lost: "pd.Series[bool] | None" = None) -> "pd.Series[float]":
+    """Return the largest error of each rung and all finer ones of its arm, infinite where one is ``lost``.
+
+    Rungs without an error, as of a signal that is not judged, tell nothing.
+    """
+    errors = rungs["error"].fillna(0.0) if lost is None else rungs["error"].fillna(0.0).mask(lost, math.inf)
+    return errors[::-1].groupby(rungs["label"][::-1], observed=True).cummax()[::-1]
+
+
+def saturated(rows: pd.DataFrame, column: str) -> "pd.Series[bool]":
+    """Return of which rows the error of the slider has grown to the clearance.
+
+    It is that of the column, if that is one, and else that at the end of the motion.
+    """
+    rows = with_columns(rows, SLIDER, CLEARANCE)
+    off = value(rows, column if column.startswith(SLIDER.removesuffix("_m")) else SLIDER)
+    return off >= SATURATED * rows[CLEARANCE].astype(float)
 
 
 def from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
@@ -130,9 +179,9 @@ def from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def front(rungs: pd.DataFrame) -> pd.DataFrame:
-    """Return the rungs that no other beats in both error and time, from cheap to accurate."""
-    rungs = rungs.sort_values(["time_s", "error"])
-    return rungs[rungs["error"] < rungs["error"].cummin().shift(fill_value=math.inf)]
+    """Return the rungs that no other beats in both the error kept and time, from cheap to accurate."""
+    rungs = rungs.sort_values(["time_s", "kept"])
+    return rungs[rungs["kept"] < rungs["kept"].cummin().shift(fill_value=math.inf)]
 
 
 def arrivals(rungs: pd.DataFrame, error: float) -> list[Arrival]:
@@ -151,20 +200,21 @@ def arrival(rungs: pd.DataFrame, error: float) -> Arrival | None:
 
 def at_rung(rung: Any) -> Arrival:
     """Return how an arm gets to a rung of its own, one of ``itertuples``."""
-    return Arrival(rung.engine, rung.label, setting(rung.knob, rung.value), rung.times_s)
+    return Arrival(rung.engine, rung.label, setting(rung.knob, rung.value), rung.times_s, rung.motion_alone)
 
 
 def _ways(arm: pd.DataFrame, error: float) -> Iterator[Arrival]:
-    """Yield how an arm gets to an error: rungs that are as good, and log-log between neighbouring ones."""
-    yield from map(at_rung, arm[arm["error"] <= error].itertuples())
-    errors, places = arm["error"].to_numpy(), arm["place"].to_numpy()
-    between = ((errors[:-1] - error) * (errors[1:] - error) < 0) & (np.diff(places) == 1)
-    for k in np.flatnonzero(between):
+    """Yield how an arm gets to an error: rungs that keep it, and log-log between neighbouring ones."""
+    yield from map(at_rung, arm[arm["kept"] <= error].itertuples())
+    errors, places = arm["kept"].to_numpy(), arm["place"].to_numpy()
+    between = (errors[:-1] > error) & (error > errors[1:]) & np.isfinite(errors[:-1])
+    for k in np.flatnonzero(between & (np.diff(places) == 1)):
         one, other = arm[k : k + 2].itertuples()
-        share = math.log(one.error / error) / math.log(one.error / other.error)
+        share = math.log(one.kept / error) / math.log(one.kept / other.kept)
         times = one.times_s * (other.times_s / one.times_s) ** share
         if np.isfinite(times).any():  # rounds that both have
-            yield Arrival(one.engine, one.label, setting(one.knob, one.value, other.value), times)
+            between_both = setting(one.knob, one.value, other.value)
+            yield Arrival(one.engine, one.label, between_both, times, one.motion_alone)
 
 
 def ratio(slow: Arrival, fast: Arrival) -> Ratio | None:
@@ -183,8 +233,8 @@ def ratio(slow: Arrival, fast: Arrival) -> Ratio | None:
 
 
 def levels(rungs: pd.DataFrame, floor: float) -> list[float]:
-    """Return the powers of ten between the truth's uncertainty and the second largest rung's error."""
-    errors = sorted(rungs["error"])
+    """Return the powers of ten between the truth's uncertainty and the second largest error that is kept."""
+    errors = sorted(rungs["kept"][rungs["kept"] < math.inf])
     if len(errors) < 2:
         return []
     low, high = math.ceil(math.log10(max(floor, errors[0]) * (1 + 1e-9))), math.floor(math.log10(errors[-2]))

@@ -18,12 +18,18 @@ CASE = ("scene", "engine", "arm")
 QUALITY = "quality_failure"
 #: The column of signals that are not judged, with why: "joint_B_force_N: zero; ...".
 NOT_JUDGED = "not_judged"
-#: Who says that a run is none, by the rows' column ``spoken_by``, and what is then said of how many.
-SPEAKERS = {"engine": "the engine", "guard": "a check of ours", "scene": "the scene"}
+#: Who says that a run is none, by the rows' column ``spoken_by``, and what is said of how many are no
+#: engine's failures.
+SPEAKERS = {
+    "engine": "the engine",
+    "adapter": "our model of the engine",
+    "guard": "a check of ours",
+    "scene": "the scene",
+}
 SAID = {
-    "engine": "The engine itself gave up in {} of them.",
-    "guard": "In {} of them a check of ours refused or ended the run, not the engine.",
-    "scene": "In {} of them no engine was asked, since the scene has no motion.",
+    "adapter": "Not expressed by our models of the engines, which is no failure of an engine: {}.",
+    "guard": "Ended by a check of ours, or by a limit of time or memory: {}.",
+    "scene": "Without a motion, so that no engine was asked: {}.",
 }
 #: A comparison ends before its scene if it is short of this part of it.
 SHORT_OF = 0.999
@@ -144,11 +150,14 @@ def unfinished(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def not_finished(rows: pd.DataFrame) -> Iterator[str]:
-    """Yield how many runs did not finish, and which engines are not installed."""
-    absent = rows["status"] == NOT_INSTALLED
-    failed, count = len(unfinished(rows)), (~absent).sum()
-    if count:
-        yield f"{failed} of {count} runs did not finish." if failed else f"All {count} runs finished."
+    """Yield in how many runs an engine failed, how many others did not finish, and who is not installed."""
+    absent, failed = rows["status"] == NOT_INSTALLED, unfinished(rows)
+    told, count = list(with_columns(failed, "spoken_by")["spoken_by"]), (~absent).sum()
+    if count and failed.empty:
+        yield f"All {count} runs finished."
+    elif count:
+        yield f"By its own word an engine failed in {told.count('engine')} of {count} runs."
+        yield from (said.format(told.count(speaker)) for speaker, said in SAID.items() if speaker in told)
     yield from not_installed(rows)
 
 
@@ -166,9 +175,10 @@ def failures_table(rows: pd.DataFrame, study: str) -> Table | None:
     return Table.of(
         f"{study}-failures",
         "Runs that did not finish",
-        "Where the engine gave up itself, the reason is its own. A check of ours is this project's: of what "
-        "its model of an engine can express, of the run while it goes on, of what came out, or of time and "
-        "memory. A scene that has no motion is refused before any engine is asked.",
+        "Where the engine gave up itself, the reason is its own, and the run counts as its failure. Our "
+        "model of an engine is this project's: what it does not express the engine may well. A check of ours "
+        "is of the run while it goes on, of what came out, or of time and memory. A scene that has no motion "
+        "is refused before any engine is asked.",
         {
             **head(failed, *CASE, "step_s", "status"),
             "said by": speakers(failed),
@@ -200,10 +210,7 @@ def quality_table(rows: pd.DataFrame, study: str) -> Table | None:
 def failures_section(rows: pd.DataFrame, study: str, name: str = "failures") -> Section:
     """Return the section on runs that did not finish, or fail the check, with tables of them if any did."""
     table, failing = failures_table(rows, study), quality_table(rows, study)
-    failed = unfinished(rows)
     text = [*not_finished(rows)]
-    told = list(with_columns(failed, "spoken_by")["spoken_by"])
-    text += [said.format(told.count(speaker)) for speaker, said in SAID.items() if speaker in told]
     if failing:
         text.append(
             f"{len(failing.rows)} finished and fail the check that is made after every run: of energy that "

@@ -48,10 +48,10 @@ def ideal_ladder(scene: Scene, full: bool = True) -> list[Rung]:
         *by_step(arms.GENERALIZED_ALPHA, longest, 5 + more, fast=True),
         *by_step(arms.TUNED, longest / 4, 5 + more, sweeps_leave=LEFT_IDEAL),
         *by_step(arms.OUT_OF_THE_BOX, longest / 4, 5 + more),
-        *by_tolerance(arms.SCIPY_DOP853, whole, range(5, 14, every)),
+        *by_tolerance(arms.ODE, whole, range(5, 14, every)),
         *by_tolerance(arms.ODEINT, whole, range(5, 14, every)),
         *by_tolerance(arms.RADAU, whole, range(5, 12, every)),
-        *by_tolerance(arms.SCIPY_DOP853_MINIMAL, whole, range(5, 14, every)),
+        *by_tolerance(arms.ODE_MINIMAL, whole, range(5, 14, every)),
         *by_tolerance(arms.ODEINT_MINIMAL, whole, range(5, 14, every)),
         *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]
@@ -88,6 +88,8 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
             *by_step(arms.LOCATED, flight, 5 + more),
             *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, 2)),
             *by_step(arms.NATIVE_CONTACT, contact / 2, 4 + more),
+            *by_tolerance(arms.SCIPY_DOP853, whole, range(6, 13, 2)),
+            *by_tolerance(arms.SCIPY_DOP853_MINIMAL, whole, range(6, 13, 2)),
         ]
     build: dict[str, Setting] = {"fast": True} if fast else {}
     every = 1 if full else 2
@@ -98,6 +100,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         *by_step(arms.PLAIN, contact, 4 + more),
         *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, every)),
         *by_tolerance(arms.DOPRI5, longest, range(4, 12, every), **build),
+        *by_tolerance(arms.WIDE_GAP, longest, range(4, 7), **build),
         *by_tolerance(arms.ODE23, longest, range(4, 7, every), **build),
         *by_step(arms.TRAPEZOIDAL, contact, 3 + more, **build),
         *by_step(arms.AS_THE_SCENE, contact / 2, 5 + more),

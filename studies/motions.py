@@ -57,7 +57,7 @@ LAWS, RESTITUTION = ("hertz", *DAMPING_FACTORS), 0.5
 WHOLE_SAMPLES, WHOLE_EVERY, WHOLE_TOLERANCE = 4800, 4, 1e-9
 
 #: The engines' arms, each at the middle rung of its ladder. What has no rung on rigid walls says why.
-IDEAL_ARMS = (arms.PROJECTION, arms.TRAPEZOIDAL, arms.TUNED, arms.SCIPY_DOP853, arms.HEYOKA)
+IDEAL_ARMS = (arms.PROJECTION, arms.TRAPEZOIDAL, arms.TUNED, arms.ODE, arms.HEYOKA)
 COMPLIANT_ARMS = (
     arms.LOCATED,
     arms.DOPRI5,

@@ -4,7 +4,14 @@ from dataclasses import replace
 
 import pydantic
 
-from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
+from engine_models.engine import (
+    SETTINGS_CONFIG,
+    BareRun,
+    RunSettings,
+    Trajectory,
+    UnsupportedScene,
+    require_finite,
+)
 from engine_models.exudyn.contact_law import native_twin
 from engine_models.exudyn.fast_build import load_build, require_build
 from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ORDERS, ExudynSettings, integrates_work, no_tree
@@ -52,8 +59,8 @@ class ExudynEngine(ExudynSettings):
         """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
-    def bare_solve_time_s(self, scene: Scene, settings: RunSettings) -> float:
-        """Return the wall time of the solve with nothing recorded but its ends.
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
+        """Return the solve with nothing recorded but its ends.
 
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.

@@ -6,7 +6,7 @@ from itertools import chain
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from engine_models.engine import JOINTS, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import JOINTS, BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral, place_bodies
@@ -38,8 +38,8 @@ def exudyn_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> Trajec
         return replace(trajectory, evaluations=evaluations(model, engine.solver_of(scene)))
 
 
-def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> float:
-    """Return the wall time in s of the same solve with nothing recorded but its ends.
+def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> BareRun:
+    """Return the same solve with nothing recorded but its ends; numbers may come out that are not finite.
 
     Raises:
         SimulationFailed: Exudyn gave up or ran out of time.
@@ -47,7 +47,11 @@ def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> float:
     with silence(), np.errstate(all="ignore"):
         model, settings = _model(engine, scene), simulation_settings(engine, scene, run)
         settings.solution.sensors.writePeriod = scene.end_time_s
-        return solve(scene, model, settings, engine.timeout_s)
+        solve_time = solve(scene, model, settings, engine.timeout_s)
+        end = np.zeros((3, 1, *model.reference.shape))
+        for part in model.parts:
+            place_bodies(end, part, *(np.atleast_2d(model.mbs.GetSensorValues(of)) for of in part.sensors))
+        return BareRun(solve_time, end[0, 0])
 
 
 def _model(engine: ExudynSettings, scene: Scene) -> Model:

@@ -26,9 +26,9 @@ from engine_models.scene.scene import Scene
 #: without a look at the clock.
 EVENT_GAP_M = {"explicit": 1e-12, "implicit": 1e-9}
 SHORTEST_STEP_S = {"explicit": 1e-100, "implicit": 1e-13}
-#: With error control the penetration is this part of the tolerance, so that events leave no larger error than
-#: steps do. It ends above round-off, and where a larger one has let runs diverge.
-GAP_PER_TOLERANCE, LEAST_GAP_M, LARGEST_GAP_M = 1e-4, 1e-13, 1e-9
+#: With error control the penetration is a part of the tolerance, so that events leave no larger error than
+#: steps do. It ends above round-off.
+LEAST_GAP_M = 1e-13
 #: Newton's bound grows up to steps in which the crank turns by this, and shrinks no further than to this.
 LARGEST_TURN_RAD, LEAST_INCREMENT = 0.1, 1e-12
 #: After an event steps may grow by this factor each: DOPRI5's (Hairer, Norsett, Wanner) and the others'.
@@ -85,7 +85,7 @@ def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) 
     else:
         _set_explicit(integration, solver)
     if solver in ADAPTIVE:
-        _set_adaptive(integration, engine.step_tolerance, quickest_s(scene) / FEWEST_STEPS)
+        _set_adaptive(integration, engine, quickest_s(scene) / FEWEST_STEPS)
     return settings
 
 
@@ -138,17 +138,17 @@ def _set_explicit(integration: exu.TimeIntegrationSettings, solver: str) -> None
     explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
 
 
-def _set_adaptive(integration: exu.TimeIntegrationSettings, tolerance: float, first_s: float) -> None:
+def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynSettings, first_s: float) -> None:
     """Let an embedded Runge-Kutta pair choose its steps, up to the longest one.
 
     The tolerance is absolute, in m, rad, m/s and rad/s. A relative one counts the sign of the coordinate:
     it makes the error's scale zero at a negative value.
     """
     integration.automaticStepSize = True
-    integration.absoluteTolerance, integration.relativeTolerance = tolerance, 0.0
+    integration.absoluteTolerance, integration.relativeTolerance = engine.step_tolerance, 0.0
     # Begin with the longest (0), but for what the driver does in a time that no error estimate would see.
     integration.initialStepSize = first_s if math.isfinite(first_s) else 0.0
-    integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, 0.9
+    integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, engine.step_safety
 
 
 def _set_events(
@@ -158,7 +158,7 @@ def _set_events(
     kind = "implicit" if solver in IMPLICIT else "explicit"
     locate, gap = engine.locate_events, EVENT_GAP_M[kind]
     if solver in ADAPTIVE:
-        gap = min(max(GAP_PER_TOLERANCE * engine.step_tolerance, LEAST_GAP_M), LARGEST_GAP_M)
+        gap = max(engine.event_gap * engine.step_tolerance, LEAST_GAP_M)
     integration.endTime = scene.end_time_s + OVERRUN_S
     integration.minimumStepSize = SHORTEST_STEP_S[kind]
     integration.adaptiveStep = locate

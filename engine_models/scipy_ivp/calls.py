@@ -1,12 +1,13 @@
 """Calls of SciPy on a scene's equations: counted, silent, bounded, and failures told as such."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import OdeSolution, odeint, solve_ivp
+from scipy.integrate import OdeSolution, ode, odeint, solve_ivp
 from scipy.optimize import OptimizeResult
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
@@ -19,8 +20,11 @@ from engine_models.scipy_ivp.model import Derivative
 #: Absolute tolerance of the sums in y, which takes them out of the error control. It is finite because Radau
 #: differences the right-hand side by steps of a part of it.
 UNCONTROLLED = 1e30
-#: The method that is no one of ``solve_ivp``: LSODA by a call of its own, whose loop over steps is compiled.
-ODEINT = "odeint"
+#: The methods that are none of ``solve_ivp``, and whose loops over steps are compiled: LSODA by a call of its
+#: own, and DOP853 by an integrator of the class ``ode``.
+ODEINT, ODE_DOP853 = COMPILED = "odeint", "dop853"
+#: Evaluations in a step of the latter.
+STAGES = 12
 #: Evaluations that a step takes for its interpolant alone.
 INTERPOLANT = {"DOP853": 3}
 #: Of t and y.
@@ -65,7 +69,7 @@ class Calls:
         memory: FloatArray | None = None,
         bare: bool = False,
     ) -> None:
-        self._derivative, self._choice, self._memory, self._bare = derivative, choice, memory, bare
+        self._derivative, self._choice, self._memory, self.bare = derivative, choice, memory, bare
         self._atol = np.full(len(derivative.start), choice.atol)
         self._atol[2 * derivative.n :] = UNCONTROLLED
         #: Accepted steps and evaluations by the method so far.
@@ -77,7 +81,7 @@ class Calls:
         #: Calls of the right-hand side so far, and at which to look up again.
         self._called, self._pause = 0, 0
         self._pace = Pace(scene, OUTLASTING)
-        if choice.method != ODEINT:
+        if choice.method not in COMPILED:
             solve_ivp(lambda _, y: -y, (0.0, 1.0), [1.0], choice.method)  # loads it, out of any timing
 
     def memory_at(self, t: float) -> FloatArray:
@@ -95,9 +99,10 @@ class Calls:
             SimulationFailed: too many evaluations, a singular configuration, steps too short to go on, or
                 anything that SciPy warns of.
         """
-        if self._choice.method == ODEINT:
-            return self._by_odeint(t, y, times[-1:] if self._bare else times), [], None
-        if self._bare:
+        if self._choice.method in COMPILED:
+            by = self._by_odeint if self._choice.method == ODEINT else self._by_ode
+            return by(t, y, times[-1:] if self.bare else times), [], None
+        if self.bare:
             solution = self._solution(self._derivative.right, t, y, float(times[-1]), None, watched)
             states = [] if solution.status == STOPPED else [solution.y[:, -1].copy()]
         else:
@@ -112,41 +117,92 @@ class Calls:
     def _by_odeint(self, t: float, y: FloatArray, times: FloatArray) -> list[FloatArray]:
         """Return y at the times by ``odeint``, which knows no events and is heard of at its end alone."""
         choice = self._choice
-        try:
-            with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("error")
-                states, told = odeint(
-                    self._derivative.right,
-                    y,
-                    np.append(t, times),
-                    rtol=choice.rtol,
-                    atol=self._atol,
-                    hmax=choice.longest_step_s,
-                    mxstep=choice.max_evaluations,
-                    tfirst=True,
-                    full_output=True,
-                )
-        except Warning as trouble:
-            raise self._failure(str(trouble)) from trouble
+        with self.failing():
+            states, told = odeint(
+                self._derivative.right,
+                y,
+                np.append(t, times),
+                rtol=choice.rtol,
+                atol=self._atol,
+                hmax=choice.longest_step_s,
+                mxstep=choice.max_evaluations,
+                tfirst=True,
+                full_output=True,
+            )
         self.steps += int(told["nst"][-1])
         self.evaluations += int(told["nfe"][-1])
         self._last_time_s = float(told["tcur"][-1])
         return list(states[1:])
 
+    def _by_ode(self, t: float, y: FloatArray, times: FloatArray) -> list[FloatArray]:
+        """Return y at the times by ``ode``'s integrator, which knows no events, samples or steps.
+
+        The right-hand side is called twice in succession at one time where a step is accepted: at its last
+        stage, and at its end. A sample is one step from the last such end, as short as that takes.
+        """
+        ends, last = [(t, y)], np.nan
+
+        def seen(at: float, state: FloatArray) -> FloatArray:
+            nonlocal last
+            self.evaluations += 1
+            if at == last:
+                ends.append((at, state.copy()))
+            last = at
+            return self._derivative(at, state)
+
+        if self.bare:
+            return [self._to(float(times[-1]), t, y, self._derivative.right)]
+        end = self._to(float(times[-1]), t, y, seen)
+        self.steps += len(ends) - 1
+        begins = np.searchsorted([at for at, _ in ends], times[:-1], "right") - 1
+        states = []
+        for at, (begin, there) in zip(times[:-1].tolist(), (ends[k] for k in begins), strict=True):
+            states.append(self._to(at, begin, there, self._derivative.right, at - begin))
+        return [*states, end]
+
+    def _to(
+        self,
+        end: float,
+        t: float,
+        y: FloatArray,
+        right: Callable[[float, FloatArray], FloatArray],
+        first_step_s: float = 0.0,
+    ) -> FloatArray:
+        """Return y at an end, from y at t, by ``ode``'s integrator; it chooses a first step of 0."""
+        choice = self._choice
+        solver = ode(right).set_integrator(
+            ODE_DOP853,
+            rtol=choice.rtol,
+            atol=choice.atol,
+            nsteps=choice.max_evaluations // STAGES + 1,
+            max_step=choice.longest_step_s,
+            first_step=first_step_s,
+        )
+        with self.failing():
+            state: FloatArray = solver.set_initial_value(y, t).integrate(end) if end > t else y
+        self._last_time_s = end
+        return state
+
+    @contextmanager
+    def failing(self) -> Iterator[None]:
+        """Let what SciPy warns of in this block be a failed run, and numbers overflow."""
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("error")
+                yield
+        except (Warning, ValueError) as trouble:  # a value error is Radau's about a Jacobian with NaN
+            raise self._failure(str(trouble)) from trouble
+
     def _watched_solution(
         self, t: float, y: FloatArray, times: FloatArray, watched: Sequence[Watch]
     ) -> OptimizeResult:
         """Return what ``solve_ivp`` does, with samples at the times, or say why it does not."""
-        try:
-            with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("error")
-                if not np.isfinite(self._right(t, y)).all():
-                    # No first step would be short enough.
-                    raise self._failure("non-finite accelerations", SimulationFailed)
-                events: list[OfTime] = [*watched, self._step_taken]
-                solution = self._solution(self._right, t, y, float(times[-1]), times, events)
-        except (Warning, ValueError) as trouble:  # a value error is Radau's about a Jacobian with NaN
-            raise self._failure(str(trouble)) from trouble
+        with self.failing():
+            if not np.isfinite(self._right(t, y)).all():
+                # No first step would be short enough.
+                raise self._failure("non-finite accelerations", SimulationFailed)
+            events: list[OfTime] = [*watched, self._step_taken]
+            solution = self._solution(self._right, t, y, float(times[-1]), times, events)
         if not solution.success:
             raise self._failure(solution.message)
         self.steps -= 1  # the call at the start
@@ -172,7 +228,7 @@ class Calls:
             rtol=choice.rtol,
             atol=self._atol,
             max_step=choice.longest_step_s,
-            dense_output=self._derivative.contact_count > 0 and not self._bare,
+            dense_output=self._derivative.contact_count > 0 and not self.bare,
         )
 
     def _right(self, t: float, y: FloatArray) -> FloatArray:

@@ -6,8 +6,9 @@ from engine_models.engine import FloatArray
 from engine_models.scipy_ivp.model import Derivative
 
 #: An alarm that has just been answered is zero up to rounding, and has to be off at the start of the segment
-#: that follows: it goes off above this level there, in m of penetration or as a part of a law's first factor.
-NUDGE = 1e-16
+#: that follows: it goes off above this level there, in m of penetration or as a part of a law's first factor,
+#: and by no more than round-off, since a pin that rebounds a hundred times is nudged as often.
+NUDGE, ROUND_OFF = 1e-16, 1e-15
 #: A pin begins to part from the wall below this rate of its gap, in m/s: not at 0, which is the rate of a pin
 #: that starts from the middle of its bearing, where the sign would be lost in rounding.
 PARTING_M_S = -1e-9
@@ -54,7 +55,7 @@ def alarms(derivative: Derivative, y: FloatArray, answered: set[Event]) -> list[
         field, sign = derivative.alarm_of(contact, kind)
         level = 0.0
         if (contact, kind) in answered:
-            level = 2 * max(derivative.alarm(contact, kind, y), 0.0) + NUDGE
+            level = (1 + ROUND_OFF) * max(derivative.alarm(contact, kind, y), 0.0) + NUDGE
         if sign:
             event = contact, kind
             watches.append(

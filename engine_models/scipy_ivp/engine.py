@@ -9,7 +9,14 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
+from engine_models.engine import (
+    SETTINGS_CONFIG,
+    BareRun,
+    RunSettings,
+    Trajectory,
+    UnsupportedScene,
+    require_finite,
+)
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.minimal.scope import require_coordinates
 from engine_models.mechanics.start_check import unwound, wound
@@ -17,7 +24,7 @@ from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Scene
-from engine_models.scipy_ivp.calls import ODEINT, Calls, Choice
+from engine_models.scipy_ivp.calls import COMPILED, Calls, Choice
 from engine_models.scipy_ivp.model import Derivative
 from engine_models.scipy_ivp.run import LocatedRun, switching_run
 
@@ -61,7 +68,7 @@ class ScipyEngine:
     ``odeint``); the default takes about a minute.
     """
 
-    method: Literal["DOP853", "RK45", "LSODA", "Radau", "odeint"] = "DOP853"
+    method: Literal["DOP853", "RK45", "LSODA", "Radau", "odeint", "dop853"] = "DOP853"
     coordinates: Literal["absolute", "minimal"] = "absolute"
     rtol: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-10
     atol: Annotated[float, Field(gt=0)] = 1e-12
@@ -69,20 +76,19 @@ class ScipyEngine:
     max_evaluations: Annotated[int, Field(gt=0)] = 5_000_000
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene where there is no ODE.
+        """Raise UnsupportedScene where there is no ODE, or its events need what the method has not.
 
-        Impulses and rows of rigid contact are no part of one; on minimal coordinates an ideal mechanism at a
-        prescribed speed has none.
+        On minimal coordinates an ideal mechanism at a prescribed speed has none.
         """
-        joints = [name for name, clearance in clearances(scene).items() if clearance.law == "rigid"]
-        if joints:
+        if self.method in COMPILED and scene.joints_with_clearance:
             raise UnsupportedScene(
-                "scipy integrates smooth right-hand sides: it has no impacts and no rows that come and go "
-                f"(law = 'rigid' at {', '.join(joints)})"
+                f"scipy's {self.method} has no events, and contacts need them: method = DOP853 or LSODA has"
             )
-        if self.method == ODEINT and scene.joints_with_clearance:
+        rigid = [name for name, clearance in clearances(scene).items() if clearance.law == "rigid"]
+        if rigid and not self.locate_events:
             raise UnsupportedScene(
-                "scipy's odeint has no events, and contacts need them: method = DOP853 or LSODA has"
+                f"scipy's pins rebound where their touch is located: locate_events = true (law = 'rigid' at "
+                f"{', '.join(rigid)})"
             )
         if self.coordinates == "minimal":
             require_coordinates("scipy", scene)
@@ -135,8 +141,8 @@ class ScipyEngine:
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
 
-    def bare_solve_time_s(self, scene: Scene, settings: RunSettings) -> float:
-        """Return the wall time of the same steps with nothing of ours between SciPy and the equations.
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
+        """Return the same steps with nothing of ours between SciPy and the equations.
 
         Nobody watches such a run, so that a watched one shows before that it comes to its end. Without
         ``locate_events`` there is only that one: its right-hand side sets the contacts' phases.
@@ -144,16 +150,18 @@ class ScipyEngine:
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
-        watched_s = _watched_time_s(self, scene, settings)
+        watched = _watched(self, scene, settings)
         if not self._located(scene):
-            return watched_s
+            return watched
         derivative, longest = self._derivative(scene), min(settings.step_s, scene.end_time_s)
         calls = Calls(scene, derivative, self._choice(longest), bare=True)
         run = LocatedRun(derivative, calls, np.array([0.0, scene.end_time_s]))
         with np.errstate(all="ignore"):
             started = time.perf_counter()
-            run.run()
-            return time.perf_counter() - started
+            record = run.run()
+            solve_time = time.perf_counter() - started
+        (end,) = derivative.absolute(record.y[-1:])
+        return BareRun(solve_time, end[: 3 * len(scene.bodies)].reshape(-1, 3))
 
     def _derivative(self, scene: Scene) -> Derivative:
         return Derivative(wound(scene), self.coordinates == "minimal")
@@ -167,6 +175,7 @@ class ScipyEngine:
 
 
 @cache
-def _watched_time_s(engine: ScipyEngine, scene: Scene, settings: RunSettings) -> float:
-    """Return the wall time of the watched solve; of the same run again, the same."""
-    return engine.simulate(scene, settings).solve_time_s
+def _watched(engine: ScipyEngine, scene: Scene, settings: RunSettings) -> BareRun:
+    """Return the watched solve; of the same run again, the same."""
+    run = engine.simulate(scene, settings)
+    return BareRun(run.solve_time_s, run.position[-1])

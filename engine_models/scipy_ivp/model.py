@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.engine import FloatArray
+from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.mechanics.minimal.kernel import MinimalKernel
 from engine_models.mechanics.minimal.tree import Posture, Tree
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.model import mechanism_of
+from engine_models.reference.rebound import Walls
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
@@ -110,8 +111,9 @@ class Derivative:
         self.n = len(motion) // 2
         self.sums = tuple(_integrated(self._readable))
         self.contact_count = len(self._joints)
+        self._walls = Walls(scene, mechanism, q.ravel())
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
-        clipped = [k for k, joint in enumerate(self._joints) if joint.compliance.clipped]
+        clipped = [k for k, joint in enumerate(self._joints) if not joint.rigid and joint.compliance.clipped]
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
         self.start = np.concatenate([motion, np.zeros(len(self.sums))])
         self._refused: tuple[float, FloatArray] | None = None
@@ -266,10 +268,35 @@ class Derivative:
     def due(self, contact: int, kind: int, y: FloatArray) -> bool:
         """Return whether an event has come: its alarm is on, or a pin less than round-off short of it."""
         alarm, (_, sign) = self.alarm(contact, kind, y), self.alarm_of(contact, kind)
-        if alarm > 0 or kind != 0:
+        if kind != 0 or (alarm > 0 and not self.rigid(contact)):
             return alarm > 0
         rate = sign * self.gaps(y)["rate"][contact]
         return bool(rate > 0 and -alarm < ROUND_OFF * np.abs(y[: self.n]).max())
+
+    def rigid(self, contact: int) -> bool:
+        """Return whether a contact is with a rigid wall, from which its pin rebounds."""
+        return contact in self._walls.numbers
+
+    def rebound(self, t: float, y: FloatArray, contact: int) -> tuple[FloatArray, tuple[types.Impact, ...]]:
+        """Return y after the impact of a contact with a rigid wall, and what every pin in it did.
+
+        Raises:
+            AdapterCannot, SimulationFailed: see ``Walls.rebound``.
+        """
+        (absolute,) = self.absolute([y])
+        q, v = np.split(absolute[: 2 * self._readable.n], 2)
+        try:
+            v, impacts, work = self._walls.rebound(t, q, v, contact)
+        except SolverError as error:
+            raise SimulationFailed(str(error)) from error
+        after, jumps = y.copy(), {"drivers": work}
+        after[: 2 * self.n] = np.concatenate([q, v]) if self._tree is None else self._tree.start(q, v)
+        for impact in impacts:
+            jumps[f"normal{impact.contact}"] = impact.normal_impulse_N_s
+            jumps[f"impact{impact.contact}"] = impact.energy_lost_J
+        for place, name in enumerate(self.sums, 2 * self.n):
+            after[place] += jumps.get(name, 0.0)
+        return after, impacts
 
     def switch(self, contact: int, kind: int, y: FloatArray) -> None:
         """Change a contact's phase at an event, where a touch stores its a/v0."""

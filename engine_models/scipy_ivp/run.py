@@ -68,27 +68,34 @@ class LocatedRun:
         Raises:
             SimulationFailed: see ``Calls.solve``.
         """
-        t, y = float(self._times[0]), self._derivative.start
-        answered = self._answer(t, y, None)
+        t = float(self._times[0])
+        y, answered = self._answer(t, self._derivative.start, None)
         self.record.sample([y])
         while t < self._times[-1]:
             t, y, event = self._segment(t, y, answered)
-            answered = self._answer(t, y, event)
+            y, answered = self._answer(t, y, event)
         return self.record
 
-    def _answer(self, t: float, y: FloatArray, event: Event | None) -> set[Event]:
-        """Answer an event, and any other alarm that is on as well, by the contacts' phases; return them."""
+    def _answer(self, t: float, y: FloatArray, event: Event | None) -> tuple[FloatArray, set[Event]]:
+        """Answer an event, and any other alarm that is on as well; return y after it, and what was answered.
+
+        A compliant contact has another phase then, from a rigid wall a pin rebounds.
+        """
         answered = set[Event]()
         for contact, kind in [*([event] if event else []), *self._derivative.events]:
             due = (contact, kind) == event or self._derivative.due(contact, kind, y)
             if not due or (contact, kind) in answered:
                 continue
-            if kind == 0:
+            answered.add((contact, kind))
+            if self._derivative.rigid(contact):
+                y, impacts = self._derivative.rebound(t, y, contact)
+                self.record.ends.extend(impacts)
+                continue
+            if kind == 0 and not self._calls.bare:
                 note = self.record.touch if self._derivative.flying(contact) else self.record.release
                 note(contact, t, y)
             self._derivative.switch(contact, kind, y)
-            answered.add((contact, kind))
-        return answered
+        return y, answered
 
     def _segment(
         self, t: float, y: FloatArray, answered: set[Event]
@@ -100,7 +107,8 @@ class LocatedRun:
         marks = [nearest(derivative, k) for k in in_flight]
         stop = min([knot for knot in self._knots if knot > t], default=float(times[-1]))
         times = times[times <= stop]
-        states, roots, course = self._calls.solve(t, y, np.union1d(times, stop), [*watched, *marks])
+        ends = times if len(times) and times[-1] == stop else np.append(times, stop)
+        states, roots, course = self._calls.solve(t, y, ends, [*watched, *marks])
         parting = [root for root in roots if root.watch.event is None and root.t > t]
         missed = [root.t for root in parting if derivative.gaps(root.y)["g"][root.watch.contact] > 0]
         if missed:  # a step that ends where the pin is nearest to the wall shows its touch

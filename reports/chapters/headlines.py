@@ -8,7 +8,7 @@ from reports.chapters import agreement, clearance, predictability, stability
 from reports.chapters.answer import sentences
 from reports.chapters.answer.picks import races
 from reports.chapters.answer.trust import hidden, horizons
-from reports.chapters.extremes.verdict import answers
+from reports.chapters.extremes.verdict import MODEL, answers
 from reports.chapters.predictability import data
 from reports.chapters.predictability.statistics import student_interval
 from reports.chapters.stability import map_cells
@@ -114,6 +114,7 @@ def stable(results: Results) -> Iterator[Finding]:
 def hard(results: Results) -> Iterator[Finding]:
     """Yield who does what theory asks most often and least often on the hard cases."""
     judged = answers(results.rows)
+    judged = judged[judged["told_by"] != MODEL]
     shares = judged.groupby("label", observed=True)["as_wanted"].agg(["sum", "size"])
     part = shares["sum"] / shares["size"]
     for name, label, how in (("most", part.idxmax(), "most"), ("least", part.idxmin(), "least")):

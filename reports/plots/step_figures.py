@@ -94,12 +94,12 @@ def mark_failures(ax: Axes, at: pd.Series, row: int, style: Mapping[str, Any], l
     place = {"transform": ax.get_xaxis_transform() + up, "clip_on": False, "linestyle": ""}
     cross = {**place, "marker": "x", "markersize": 7, "color": style["color"]}
     for how in ({**style, **place}, cross):
-        mark(ax.plot(at, [1.0] * len(at), **how), label, ["failed"] * len(at))
+        mark(ax.plot(at, [1.0] * len(at), **how), label, ["not finished"] * len(at))
 
 
 def failed_entry() -> Line2D:
     """Return the legend's entry for crossed-out markers."""
-    return Line2D([], [], linestyle="", marker="x", markersize=7, color=GREY, label="failed")
+    return Line2D([], [], linestyle="", marker="x", markersize=7, color=GREY, label="not finished")
 
 
 def engine_legend(drawing: Drawing, rows: pd.DataFrame, failures: bool) -> None:

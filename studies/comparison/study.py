@@ -56,12 +56,12 @@ def _rungs(scene: Scene) -> list[Rung]:
 def _case(scene: Scene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
     judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
-    columns = {**judged, "motion_alone": rung.arm in arms.MOTION_ALONE, **timed}
+    columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}
     return Case(NAME, scene, rung.arm, run, rung.added, timed=bool(timed), limits=LIMITS, columns=columns)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return a recorded run's errors and what needs no truth, with curves; or the times of a bare one."""
     if case.timed:
-        return work_precision.times(case), {}
+        return work_precision.times(case, SAMPLES), {}
     return clearance.measure(case) if case.scene.joints_with_clearance else agreement.measure(case)

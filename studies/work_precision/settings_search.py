@@ -37,7 +37,8 @@ KNOBS: dict[Arm, dict[str, tuple[Setting, ...]]] = {
         "spectral_radius": (0.0, 0.3, 0.7, 0.9),
         "modified_newton": (False,),
     },
-    arms.DOPRI5: {"fast": (False,)},
+    arms.DOPRI5: {"fast": (False,), "step_safety": (0.7, 0.9), "event_gap": (1e-3, 1e-2, 0.03)},
+    arms.WIDE_GAP: {"step_safety": (0.8, 0.9), "event_gap": (0.01, 0.1)},
     arms.TUNED: {"iterations": (4, 6, 8, 10, 20), "half_kick_start": (False,), "error_bias": (1e-6,)},
     arms.AS_THE_SCENE: {"iterations": (4, 8, 12, 20, 40)},
     arms.SHORTER_IN_CONTACT: {"iterations": (8, 20, 40), "shorter_in_contact": (2.0, 4.0, 16.0)},
@@ -48,6 +49,8 @@ KNOBS: dict[Arm, dict[str, tuple[Setting, ...]]] = {
     arms.LSODA_MINIMAL: {"locate_events": (False,)},
     arms.ODEINT: {"method": ("LSODA",), "atol": (1e-10, 1e-14)},
     arms.ODEINT_MINIMAL: {"method": ("LSODA",), "atol": (1e-14,)},
+    arms.ODE: {"method": ("DOP853",)},
+    arms.ODE_MINIMAL: {"method": ("DOP853",)},
 }
 #: Fixed-step solvers of Exudyn that no ladder has; they need the tree model, and so joints with clearance.
 MORE_SOLVERS = ("RK67", "RK44", "RK33", "ExplicitMidpoint", "GeneralizedAlpha")

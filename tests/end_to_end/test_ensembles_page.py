@@ -300,4 +300,4 @@ def test_what_did_not_finish_is_counted_by_its_reason(sections: dict[str, Sectio
     shown = table(sections, "failures")
     assert shown.head == ("scene", "engine", "outcome", "said by", "reason", "runs")
     assert shown.rows == ((SCENE, "scipy (Radau)", "failed", "the engine", "too slow", "1"),)
-    assert sections["failures"].text == ("1 of 241 runs did not finish.",)
+    assert sections["failures"].text == ("By its own word an engine failed in 1 of 241 runs.",)

@@ -239,8 +239,8 @@ def test_settings_and_what_did_not_finish_are_told(sections: dict[str, Section])
     )
     failures = sections["motions-failures"]
     assert failures.text == (
-        "1 of 11 runs did not finish.",
-        "In 1 of them a check of ours refused or ended the run, not the engine.",
+        "By its own word an engine failed in 0 of 11 runs.",
+        "Ended by a check of ours, or by a limit of time or memory: 1.",
     )
     (table,) = failures.tables
     assert table.head == ("scene", "engine", "arm", "step [s]", "status", "said by", "reason")

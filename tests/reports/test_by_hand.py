@@ -18,7 +18,7 @@ from reports.chapters.energy import lost_as_it_comes
 from reports.chapters.work_precision.figures import drawing
 from reports.chapters.work_precision.findings import found, races
 from reports.chapters.work_precision.tables import cheapest
-from reports.equal_error import Arrival, Judged, Ratio, arrival, front, levels, ratio
+from reports.equal_error import Arrival, Judged, Ratio, arrival, front, kept, levels, ratio
 from reports.plots.step_figures import against_step
 from reports.plots.time_figures import over_time
 from reports.quantities import finished, floor, value, with_largest
@@ -160,19 +160,29 @@ def rungs_of(*points: tuple[float, tuple[float, ...]]) -> pd.DataFrame:
     """Return the rungs of an arm by their errors and run times in s by round."""
     of = pd.DataFrame({"error": [error for error, _ in points], "place": range(len(points))})
     times = [np.array(times) for _, times in points]
-    own = {"engine": "e", "label": "e (a)", "knob": "step", "value": of["error"], "steps": 1.0}
-    return of.assign(times_s=times, time_s=[float(np.nanmedian(each)) for each in times], **own)
+    own = {
+        "engine": "e",
+        "label": "e (a)",
+        "knob": "step",
+        "value": of["error"],
+        "steps": 1.0,
+        "motion_alone": False,
+    }
+    of = of.assign(times_s=times, time_s=[float(np.nanmedian(each)) for each in times], **own)
+    return of.assign(kept=kept(of))
 
 
 def test_of_two_rungs_as_good_the_cheaper_is_the_front() -> None:
     assert front(rungs_of((1e-4, (2.0,)), (1e-4, (1.0,))))["time_s"].tolist() == [1.0]
 
 
-def test_an_error_is_passed_wherever_two_neighbours_have_it_between_them() -> None:
-    """A ladder whose last rung is worse again: down from 1 s to 10 s, and up again to 2 s."""
-    there = arrival(rungs_of((1e-4, (1.0,)), (1e-8, (10.0,)), (1e-6, (2.0,))), 1e-7)
+def test_an_error_is_passed_where_two_neighbours_have_it_between_them_and_no_finer_rung_is_worse() -> None:
+    """A ladder whose last rung is worse again: down from 1e-4 m to 1e-8 m, and up again to 1e-6 m."""
+    ladder = rungs_of((1e-4, (1.0,)), (1e-8, (10.0,)), (1e-6, (16.0,)))
+    assert arrival(ladder, 1e-7) is None
+    there = arrival(ladder, 1e-5)
     assert there is not None
-    assert there.time_s == pytest.approx(20**0.5), "and not 10^(3/4)"
+    assert there.time_s == pytest.approx(10**0.5), "half way to 1e-6 m, and not a quarter of that to 1e-8 m"
 
 
 def test_a_ratio_of_one_decides_nothing() -> None:
@@ -181,8 +191,8 @@ def test_a_ratio_of_one_decides_nothing() -> None:
 
 
 def test_levels_begin_above_the_best_rung_and_end_where_two_rungs_are() -> None:
-    assert levels(rungs_of(*((error, (1.0,)) for error in (1e-6, 1e-4, 1e-3))), 0.0) == [1e-4, 1e-5]
-    assert levels(rungs_of(*((error, (1.0,)) for error in (6e-7, 2e-6, 1e-3))), 0.0) == [1e-6]
+    assert levels(rungs_of(*((error, (1.0,)) for error in (1e-3, 1e-4, 1e-6))), 0.0) == [1e-4, 1e-5]
+    assert levels(rungs_of(*((error, (1.0,)) for error in (1e-3, 2e-6, 6e-7))), 0.0) == [1e-6]
 
 
 def test_between_rungs_a_round_counts_that_both_have() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports.equal_error import Arrival, arrival, arrivals, front, levels, ratio, rungs
+from reports.equal_error import Arrival, arrival, arrivals, front, kept, levels, ratio, rungs
 from reports.results import frame
 
 Rung = tuple[float, float]
@@ -16,14 +16,15 @@ CRUDE, SHARP = ((1e-2, 1.0), (1e-6, 100.0)), ((1e-4, 3.0), (1e-9, 400.0))
 
 def ladder(*rungs: Rung, label: str = "engine (arm)", places: tuple[int, ...] | None = None) -> pd.DataFrame:
     """Return an arm's rungs from their errors and run times in s, each with a tenth of its error's number."""
-    columns = pd.DataFrame(rungs, columns=["error", "time_s"])
+    columns = pd.DataFrame(rungs, columns=["error", "time_s"]).assign(label=label)
     return columns.assign(
         engine=label.split()[0],
-        label=label,
+        kept=kept(columns),
         knob="step",
         value=columns["error"] / 10,
         place=places or range(len(rungs)),
         steps=1.0,
+        motion_alone=False,
         times_s=[np.array([time, time]) for time in columns["time_s"]],
     )
 
@@ -62,10 +63,46 @@ def test_a_rung_that_failed_is_not_interpolated_over() -> None:
     assert reached(arm, 1e-6)[1:] == ("step 1e-09 s", 10.0)
 
 
-def test_a_lucky_rung_counts_and_a_worse_one_that_costs_more_does_not() -> None:
+def test_a_rung_before_a_worse_one_is_luck_and_counts_by_that_ones_error() -> None:
     arm = ladder((1e-6, 1.0), (1e-4, 2.0), (1e-8, 4.0))
-    assert reached(arm, 1e-5)[2] == 1.0
-    assert list(front(arm)["error"]) == [1e-6, 1e-8]
+    assert list(arm["kept"]) == [1e-4, 1e-4, 1e-8]
+    assert reached(arm, 1e-4)[2] == 1.0
+    assert reached(arm, 1e-5)[1:] == ("step 1e-05 to 1e-09 s", pytest.approx(2.0 * 2.0**0.25))
+    assert list(front(arm)["kept"]) == [1e-4, 1e-8]
+    others = pd.concat([arm, ladder((1e-6, 2.5), label="engine (sharp)")])
+    assert reached(others, 1e-6)[0] == "engine (sharp)", "another arm's rungs say nothing of this one's"
+
+
+def recorded(error_m: float, step_s: float, **columns: Any) -> list[dict[str, Any]]:
+    """Return a recorded run of a ladder by step, with two timed ones."""
+    return rows_of(slider_position_error_m=error_m, **{"step_s": step_s, "case": str(step_s), **columns})
+
+
+def kept_of(*rows: list[dict[str, Any]], column: str = "slider_position_error_m") -> list[float]:
+    return list(rungs(frame([row for each in rows for row in each]), column, 0.0)["kept"])
+
+
+def test_a_finer_run_that_failed_keeps_nothing_and_one_that_was_not_made_says_nothing() -> None:
+    coarse, fine = recorded(1e-6, 0.2), recorded(1e-8, 0.05)
+    assert kept_of(coarse, recorded(1e-7, 0.1, status="failed"), fine) == [np.inf, 1e-8]
+    assert kept_of(coarse, recorded(1e-7, 0.1, status="unsupported"), fine) == [1e-6, 1e-8]
+    timed_in_vain = recorded(1e-7, 0.1)
+    timed_in_vain[-1]["status"] = "failed"
+    assert kept_of(coarse, timed_in_vain, fine) == [np.inf, np.inf, 1e-8]
+
+
+def test_errors_that_have_grown_to_the_clearance_rank_nobody() -> None:
+    """From a tenth of 0.5 mm on, whatever signal is judged; at a fixed time by the error until then."""
+    loose: dict[str, Any] = {"smallest_clearance_m": 5e-4, "joint_B_force_error_N": 1.0}
+    early = "slider_position_error_until_6ms_m"
+    rows = recorded(5e-5, 0.2, **loose, **{early: 1e-6}), recorded(4.9e-5, 0.1, **loose, **{early: 5.1e-5})
+    assert kept_of(*rows) == [np.inf, 4.9e-5]
+    assert kept_of(*rows, column="joint_B_force_error_N") == [np.inf, 1.0]
+    assert kept_of(*rows, column=early) == [np.inf, np.inf]
+    both = ladder((1e-3, 1.0), (1e-5, 2.0)).assign(kept=[np.inf, 1e-5])
+    assert reached(both, 1e-4)[1:] == ("step 1e-06 s", 2.0), "nothing is interpolated from there"
+    assert levels(both, 0.0) == []
+    assert list(front(both)["kept"]) == [1e-5]
 
 
 def test_an_error_that_no_rung_gets_to_has_no_time_and_a_coarse_one_the_first_rungs() -> None:

@@ -226,15 +226,17 @@ def test_every_failed_run_is_listed_with_its_reason(results: Path, report: Path)
 def test_failures_are_counted_by_who_speaks_and_a_row_that_does_not_tell_counts_for_none() -> None:
     head: dict[str, object] = {"fingerprint": "0", "scene": "s", "engine": "exudyn", "arm": "default"}
     head |= {"label": "exudyn (default)", "step_s": 1.0, "status": "failed", "reason": "why"}
-    speakers = ("engine", "guard", "guard", None)
+    speakers = ("engine", "guard", "guard", "adapter", "scene", None)
     rows = frame({**head, "case": str(n), "spoken_by": who} for n, who in enumerate(speakers))
     section = failures_section(rows, "s")
     assert section.text == (
-        "4 of 4 runs did not finish.",
-        "The engine itself gave up in 1 of them.",
-        "In 2 of them a check of ours refused or ended the run, not the engine.",
+        "By its own word an engine failed in 1 of 6 runs.",
+        "Not expressed by our models of the engines, which is no failure of an engine: 1.",
+        "Ended by a check of ours, or by a limit of time or memory: 2.",
+        "Without a motion, so that no engine was asked: 1.",
     )
-    assert [row[5] for row in section.tables[0].rows] == ["the engine", *2 * ["a check of ours"], "–"]
+    told = ["the engine", *2 * ["a check of ours"], "our model of the engine", "the scene", "–"]
+    assert [row[5] for row in section.tables[0].rows] == told
 
 
 def test_an_engine_that_is_not_installed_did_not_fail() -> None:
@@ -247,7 +249,7 @@ def test_an_engine_that_is_not_installed_did_not_fail() -> None:
     assert dict(zip(rows["engine"], rows["status"], strict=True))["heyoka"] == "not installed"
     section = failures_section(rows, "s")
     assert section.text == (
-        "1 of 1 runs did not finish.",
+        "By its own word an engine failed in 0 of 1 runs.",
         "heyoka is not installed: its runs are left out, 1 of 2.",
     )
     assert [row[1] for row in section.tables[0].rows] == ["exudyn"]

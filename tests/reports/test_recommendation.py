@@ -78,6 +78,20 @@ def test_times_are_compared_at_equal_error() -> None:
     assert f"{other}: it takes {SLOW_M_S / FAST_M_S:.0f} times as long at equal error." in text
 
 
+def test_what_is_recommended_stays_within_the_error_at_all_finer_settings() -> None:
+    """At 1e-4 the fast engine is lucky: ten times as good as is asked for, and at 1e-6 ten times worse."""
+    lucky = ((1e-7, 0.0001), (1e-5, 0.001), (1e-7, 0.004))
+    text = said(rows("exudyn", lucky), rows("reference", SLOW))
+    assert "Take exudyn (arm) at step_tolerance 1e-08." in text
+    assert "finer setting" not in text, "there is none that ran"
+    sure = said(rows("exudyn", ((1e-7, 0.0001), (2e-7, 0.001), (1e-9, 0.004))), rows("reference", SLOW))
+    assert "Take exudyn (arm) at step_tolerance 0.0001." in sure
+    assert "With all 2 finer settings of it that ran it stays within that." in sure
+    never = said(rows("exudyn", ((1e-7, 0.0001), (1e-7, 0.001), (1e-5, 0.004))), rows("reference", SLOW))
+    assert "Take reference (arm) at step_tolerance 1e-06." in never
+    assert "No other engine gets to that error." in never
+
+
 def test_motion_alone_is_recommended_as_such_with_what_gives_forces_too() -> None:
     text = said(rows("heyoka", FAST, motion_alone=True), rows("reference", SLOW))
     assert "For the motion alone take heyoka (arm) at step_tolerance 1e-08." in text

@@ -3,14 +3,17 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.lines import Line2D
 
 from reports.chapters.work_precision import POSITION, TORQUE, sections
 from reports.chapters.work_precision.findings import found, races_table
 from reports.chapters.work_precision.tables import building, cheapest, compiling
-from reports.equal_error import Judged
-from reports.parts import Table
+from reports.equal_error import ALONE, Judged
+from reports.parts import Section, Table
+from reports.plots.series import marked
 from reports.results import Results, frame
 
 #: Rungs of an arm: error in m and run time in s of each.
@@ -149,3 +152,92 @@ def test_captions_say_until_when_a_scene_is_compared(until: float, words: str) -
     captions = [figure.reading for section in page for figure in section.figures]
     assert captions
     assert all(caption.endswith(words) for caption in captions)
+
+
+LOOSE: dict[str, Any] = {"scene": "loose", "clearance_B_error_m": 1e-9, "smallest_clearance_m": 5e-4}
+EARLY = "slider_position_error_until_6ms_m"
+
+
+#: The reference's rungs with clearance, of which the first one's error has grown to that, and Pymunk's.
+NEAR: Rungs = [(1e-4, 1.0), (1e-5, 1.5), (1e-7, 2.0), (1e-9, 4.0)]
+FAR: Rungs = [(1e-3, 10.0), (9e-5, 20.0)]
+
+
+def loose_rows() -> list[dict[str, Any]]:
+    """Return rows of a scene with clearance; before its end, errors are a thousandth of those there."""
+    rows = rows_of({REFERENCE: NEAR, "pymunk (tuned)": FAR}, **LOOSE)
+    return [
+        {**row, EARLY: 1e-3 * row[POSITION], "reached_1um_s": row["step_s"], "reached_clearance_s": 1.0}
+        if POSITION in row
+        else row
+        for row in rows
+    ]
+
+
+def chapter(rows: list[dict[str, Any]]) -> Section:
+    page = sections(Results(Path(), frame(rows), None))
+    return next(section for section in page if section.name == "work-precision-clearance")
+
+
+def test_errors_that_have_grown_to_the_clearance_are_ranked_before_that_alone() -> None:
+    section = chapter(loose_rows())
+    tables = {table.name: cells(table) for table in section.tables}
+    at_end = {line["engine and arm"] for line in tables["work-precision-clearance-slider-position"]}
+    assert at_end == {REFERENCE}
+    early = tables["work-precision-clearance-early"]
+    there = {
+        (line["until"], line["error [m]"]) for line in early if line["engine and arm"] == "pymunk (tuned)"
+    }
+    # Its errors by then are 1e-6 and 9e-8 m, the second largest of all is 1e-7 m.
+    assert there == {("6 ms", "1.0e-07")}
+    assert (
+        "On loose the slider's error grows to a tenth of the clearance or more in 3 of 6 runs, among them "
+        "all of pymunk. These are ranked at fixed earlier times alone."
+    ) in section.text
+
+
+def test_where_no_error_has_grown_to_the_clearance_nothing_is_said_of_it() -> None:
+    rows = [row if row.get(POSITION, 0.0) < 5e-5 else {**row, POSITION: 4e-5} for row in loose_rows()]
+    section = chapter(rows)
+    assert not any("clearance or more" in text for text in section.text)
+    assert "work-precision-clearance-early" not in {table.name for table in section.tables}
+
+
+def test_horizons_are_drawn_over_run_time_with_a_line_for_each_arm() -> None:
+    figures = {figure.name: figure for figure in chapter(loose_rows()).figures}
+    (ax,) = figures["work-precision-clearance-reached-1um"].drawing.axes
+    lines = {}
+    for series in marked(figures["work-precision-clearance-reached-1um"].drawing):
+        if series.notes and isinstance(series.artist, Line2D):
+            lines[series.label] = np.asarray(series.artist.get_xydata()).tolist()
+    assert lines[REFERENCE] == [[1.0, 0.1], [1.5, 0.05], [2.0, 0.025], [4.0, 0.0125]]
+    assert lines["pymunk (tuned)"] == [[10.0, 0.1], [20.0, 0.05]]
+    assert (ax.get_xscale(), ax.get_title()) == ("log", "loose")
+    assert any(np.allclose(line.get_ydata(), 1.0) for line in ax.lines), "the end of the comparison"
+
+
+def test_a_time_that_leaves_out_forces_says_so_where_forces_are_judged_and_nowhere_else() -> None:
+    rows = rows_of({REFERENCE: OWN})
+    rows += rows_of({"heyoka (Taylor)": [(1e-4, 0.5), (1e-8, 1.0)]}, motion_alone=True)
+    force = "joint_A_force_error_N"
+    rows = [{**row, force: 1e4 * row[POSITION]} if POSITION in row else row for row in rows]
+    page = sections(Results(Path(), frame(rows), None))
+    tables = {table.name: table for section in page for table in section.tables}
+    by_motion = cells(tables["work-precision-ideal-slider-position"])
+    assert not any("forces" in line["time [ms]"] for line in by_motion)
+    by_force = tables["work-precision-ideal-largest-joint-force"]
+    told = {line["engine and arm"]: "without forces" in line["time [ms]"] for line in cells(by_force)}
+    assert told == {REFERENCE: False, "heyoka (Taylor)": True}
+    assert ALONE in by_force.reading
+    sentences = [text for section in page for text in section.text]
+    assert any(
+        "by largest joint force error" in text and "heyoka (Taylor), without its forces, is cheaper" in text
+        for text in sentences
+    )
+    assert not any("by slider position error" in text and "without its forces" in text for text in sentences)
+    figures = {figure.name: figure.reading for section in page for figure in section.figures}
+    assert (
+        "Forces are in no time of heyoka (Taylor)."
+        in figures["work-precision-ideal-largest-joint-force-time"]
+    )
+    assert "Forces are in no" not in figures["work-precision-ideal-slider-position-time"]

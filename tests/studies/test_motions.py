@@ -103,10 +103,10 @@ def test_every_scene_of_the_library_has_a_whole_run_with_its_own_definition() ->
 
 
 def test_a_refusal_is_a_row_with_its_reason_and_who_says_it() -> None:
-    row, curves = run_case(case("revolution", "scipy", "rigid-driven-0.5mm"))
+    row, curves = run_case(case("revolution", "exudyn", "rigid-driven-0.5mm"))
     assert row["status"] == "unsupported"
     assert row["reason"]
-    assert row["spoken_by"] == "guard"
+    assert row["spoken_by"] == "adapter"
     assert not curves
 
 

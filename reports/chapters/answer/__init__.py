@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from reports.chapters.answer import sentences, trust
 from reports.chapters.answer.figure import figure
 from reports.chapters.answer.picks import POSITION, Race, asked, races
-from reports.equal_error import UNRESOLVED
+from reports.equal_error import ALONE, UNRESOLVED
 from reports.parts import Figure, Table
 from reports.results import Results
 from reports.style import words
@@ -73,10 +73,11 @@ HEAD = (
     "command",
 )
 READING = (
-    "The cheapest measured run within each error, by the median of its rounds, and how many times as long "
-    f"the next engine takes. {UNRESOLVED} Hard cases are those of the gallery. For energy each engine's best "
-    "arm is named that hides no more; its runs are not timed, and are of several scenes. The command makes "
-    "the run of the others; its 200 output intervals may shorten a fixed step."
+    "The cheapest measured run within each error that all finer settings of its arm keep, by the median of "
+    f"its rounds, and how many times as long the next engine takes. {UNRESOLVED} {ALONE} Hard cases are "
+    "those of the gallery that the engine's model here expresses, without our guards. For energy each "
+    "engine's best arm is named that hides no more; its runs are not timed, and are of several scenes. The "
+    "command makes the run of the others; its 200 output intervals may shorten a fixed step."
 )
 
 
@@ -89,12 +90,12 @@ def _row(race: Race, studies: Mapping[str, Results]) -> tuple[str, ...]:
     next_one = ABSENT
     if others:
         times = race.ratios.get(others[0].way.label)
-        next_one = f"{others[0].way.label}: {times or ABSENT}"
+        next_one = f"{others[0].way.label}: {times or ABSENT}{others[0].way.without(race.column)}"
     return (
         *asked_for,
         way.label,
         way.setting,
-        plain(1e3 * way.time_s),
+        plain(1e3 * way.time_s) + way.without(race.column),
         next_one,
         trust.breaks(studies, way.engine, way.label),
         first.command,

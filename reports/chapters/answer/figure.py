@@ -8,8 +8,7 @@ from reports.equal_error import Judged, front
 from reports.parts import Figure
 from reports.plots.series import mark
 from reports.plots.step_figures import grid
-from reports.quantities import finished
-from reports.results import Results
+from reports.results import Results, with_columns
 from reports.style import GREY, axis_label, legend_place, variant
 from reports.tables import listed, setting
 
@@ -23,7 +22,7 @@ def figure(timed: Results, races: list[Race]) -> Figure | None:
         return None
     shown = [race for race in races if race.scene in SHOWN] or races[: len(SHOWN)]
     others = f" The table has all {len(races)} scenes." if len(shown) < len(races) else ""
-    ladders = Judged("", finished(timed.rows), POSITION).ladders
+    ladders = Judged("", with_columns(timed.rows, POSITION), POSITION).ladders
     drawing, axes = grid(len(shown), height_in=3.1)
     engines: list[str] = []
     for ax, race in zip(axes, shown, strict=True):
@@ -55,6 +54,6 @@ def figure(timed: Results, races: list[Race]) -> Figure | None:
 
 
 def _line(ax: Axes, engine: str, best: pd.DataFrame) -> None:
-    drawn = ax.plot(best["time_s"], best["error"], label=engine, **variant(engine, 0))
+    drawn = ax.plot(best["time_s"], best["kept"], label=engine, **variant(engine, 0))
     settings = zip(best["label"], best["knob"], best["value"], strict=True)
     mark(drawn, engine, [f"{label}, {setting(knob, value)}" for label, knob, value in settings])

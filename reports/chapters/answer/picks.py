@@ -1,4 +1,4 @@
-"""Who to take: the cheapest measured run of each engine that is within an error, on each scene."""
+"""Who to take: each engine's cheapest run within an error that all finer ones of its arm keep, by scene."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from shlex import quote
 import pandas as pd
 
 from reports.equal_error import Arrival, Judged, Ratio, at_rung, ratio
-from reports.quantities import PEAK, finished, with_largest, with_peak
+from reports.quantities import PEAK, with_largest, with_peak
 from reports.results import Results, with_columns
 from reports.run.command import command
 
@@ -74,7 +74,7 @@ def races(timed: Results) -> list[Race]:
         POSITION,
     )
     rows = with_largest(with_columns(timed.rows, *needed), FORCE, r"joint_\w_force_error_N")
-    rows = finished(with_peak(rows))
+    rows = with_peak(rows)
     loose = set(rows["scene"][rows.filter(regex=LOOSE).notna().any(axis=1)])
     found = [race for target in TARGETS for race in _races(rows, *target, loose)]
     return sorted(found, key=lambda race: not race.loose)
@@ -82,7 +82,7 @@ def races(timed: Results) -> list[Race]:
 
 def _races(rows: pd.DataFrame, column: str, what: str, target: float, loose: set[str]) -> Iterator[Race]:
     for scene, (rungs, floor) in Judged("", rows, column).ladders.items():
-        within = rungs[rungs["error"] <= target].sort_values("time_s")
+        within = rungs[rungs["kept"] <= target].sort_values("time_s")
         best = within.drop_duplicates("engine")
         absent = tuple(sorted(set(rungs["engine"]) - set(best["engine"])))
         end = float(rows["end_time_s"][rows["scene"] == scene].max())
@@ -107,7 +107,7 @@ class Setting:
     """An arm at a setting that is within a target on some scenes.
 
     ``times_s`` are its run times there, ``ratios`` the same in times of the cheapest engine's. ``command``
-    runs it on the first of them.
+    runs it on the first of them. ``without`` says what these times leave out (see ``Arrival.without``).
     """
 
     engine: str
@@ -116,6 +116,7 @@ class Setting:
     times_s: tuple[float, ...]
     ratios: tuple[float, ...]
     command: str
+    without: str = ""
 
 
 def widest(races: Sequence[Race]) -> list[Setting]:
@@ -123,15 +124,17 @@ def widest(races: Sequence[Race]) -> list[Setting]:
 
     Of those within it on as many it is the one that takes the least on the scene where it does worst.
     """
-    ways: dict[tuple[str, str, str], list[tuple[float, float, str]]] = {}
+    ways: dict[tuple[str, str, str, str], list[tuple[float, float, str]]] = {}
     for race in races:
         for pick in race.within:
-            way = pick.way
+            way, without = pick.way, pick.way.without(race.column)
             costs = (way.time_s, way.time_s / race.picks[0].way.time_s, pick.command)
-            ways.setdefault((way.engine, way.label, way.setting), []).append(costs)
+            ways.setdefault((way.engine, way.label, way.setting, without), []).append(costs)
     settings = [
-        Setting(*way, times, ratios, commands[0])
-        for way, (times, ratios, commands) in ((way, zip(*costs, strict=True)) for way, costs in ways.items())
+        Setting(engine, label, setting, times, ratios, commands[0], without)
+        for (engine, label, setting, without), (times, ratios, commands) in (
+            (way, zip(*costs, strict=True)) for way, costs in ways.items()
+        )
     ]
     best: dict[str, Setting] = {}
     for each in sorted(settings, key=lambda each: (-len(each.times_s), max(each.ratios))):

@@ -70,7 +70,7 @@ def _taken(first: Setting, column: str, scenes: int) -> Finding:
     times = [1e3 * time for time in first.times_s]
     text = (
         f"For {WITHIN[column]} with clearance take {first.label} at {first.setting}{_there(first, scenes)}. "
-        f"A run takes {_between(times)} ms there."
+        f"A run takes {_between(times)} ms there{_left_out(first)}."
     )
     return Finding(text, f"take-{column}", [Number(time, "ms") for time in times])
 
@@ -87,8 +87,8 @@ def _winner(each: Setting, first: Setting, races: Sequence[Race], won: Sequence[
     worst = max(won, key=lambda times: times.median)
     text = (
         f"In {races[0].what} {each.engine} is cheaper {on_scenes(len(won), len(races))}; {first.engine} "
-        f"takes up to {plain(worst.median)} times as long there. Its setting for most scenes is {each.label} "
-        f"at {each.setting}{_there(each, len(races))}."
+        f"takes up to {plain(worst.median)} times as long there{_left_out(each)}. Its setting for most "
+        f"scenes is {each.label} at {each.setting}{_there(each, len(races))}."
     )
     return Finding(text, _id(each, races), [Number(worst.median, "times", worst.low, worst.high)])
 
@@ -100,6 +100,11 @@ def _beside(each: Setting, races: Sequence[Race]) -> Finding:
         f"{_there(each, len(races))}."
     )
     return Finding(text, _id(each, races), [Number(value, "times") for value in each.ratios])
+
+
+def _left_out(each: Setting) -> str:
+    """Return what the run times of a setting leave out, if they do."""
+    return f"; {each.engine}'s forces are computed after the run, and in no time" if each.without else ""
 
 
 def _id(each: Setting, races: Sequence[Race]) -> str:
@@ -132,9 +137,10 @@ def on_each_scene(races: Sequence[Race]) -> Iterator[Finding]:
         text = (
             f"For {WITHIN[race.column]} on {race.scene} {first.way.label} at {first.way.setting} is "
             f"{'among ' if race.cheapest[1:] else ''}the cheapest; it takes {plain(times_ms[0])} ms"
+            f"{first.way.without(race.column)}"
         )
         if others and (times := race.ratios.get(others[0].way.label)):
-            text += f"; next is {others[0].way.label}, {times.in_words}"
+            text += f"; next is {others[0].way.label}, {times.in_words}{others[0].way.without(race.column)}"
             numbers.append(Number(times.median, "times", times.low, times.high))
         yield Finding(f"{text}.", name, numbers)
 

@@ -71,6 +71,9 @@ def _choice(standings: Standings, chosen: Any, given: str) -> Iterator[str]:
         above = chosen.error > standings.floor
         error = f"{size(chosen.error)} {unit} at most" if above else below(standings.floor, unit)
         yield f"Its {what} is {error}; {wanted} is what is asked for."
+        if finer := len(standings.finer(chosen)):
+            runs = "the one finer setting" if finer == 1 else f"all {finer} finer settings"
+            yield f"With {runs} of it that ran it stays within that."
     else:
         yield f"No engine gets to the {what} of {wanted} that is asked for."
         at = setting(chosen.knob, chosen.value)

@@ -8,7 +8,7 @@ from reports.chapters import clearance
 from reports.chapters.comparison.recommendation import refusals, sentences
 from reports.chapters.comparison.standing import Standings
 from reports.chapters.work_precision import figures, tables
-from reports.equal_error import UNRESOLVED, at_rung
+from reports.equal_error import ALONE, UNRESOLVED, WITHOUT_FORCES, at_rung
 from reports.parts import Figure, Section, Table
 from reports.plots.time_figures import over_time
 from reports.quantities import PEAK
@@ -63,8 +63,9 @@ def standings_table(standings: Standings) -> Table:
         f"{NAME}-standings",
         f"Each engine at a {what} of {number(standings.level)} {unit}",
         "The time is that of the native solve at that error, between two settings interpolated, and in ratio "
-        f"to the cheapest. {UNRESOLVED} Errors are those of the run at the setting. An engine without a time "
-        "does not get to that error: shown is its most accurate run.",
+        f"to the cheapest. {UNRESOLVED} {ALONE} All finer settings of the arm keep that error as well; the "
+        "errors shown are those of the run at the setting. An engine without a time does not get to that "
+        "error: shown is its most accurate run.",
         (*head, axis_label(PEAK)) if loose else head,
         tuple(_line(standings, engine)[: len(head) + loose] for engine in engines),
     )
@@ -77,10 +78,15 @@ def _line(standings: Standings, engine: str) -> tuple[str, ...]:
         status = standings.recorded.query("engine == @engine")["status"].iloc[0]
         return (engine, status, *[ABSENT] * 5)
     arrival = next((each for each in standings.there if each.engine == engine), None)
-    rung = standings.rung(arrival) if arrival else next(own.sort_values(["error", "time_s"]).itertuples())
+    rung = (
+        standings.rung(arrival)
+        if arrival
+        else next(own.sort_values(["kept", "error", "time_s"]).itertuples())
+    )
     error = _told(rung.error, standings.floor)
     force = _told(*standings.force_error_N(rung.Index))
-    time = plain(1e3 * arrival.time_s) if arrival else ABSENT
+    alone = WITHOUT_FORCES if rung.motion_alone else ""
+    time = plain(1e3 * arrival.time_s) + alone if arrival else ABSENT
     share = standings.share(arrival) if arrival and arrival is not standings.there[0] else None
     peak = number(standings.rows.loc[rung.Index, PEAK])
     return rung.label, at_rung(rung).setting, time, str(share or ABSENT), error, force, peak

@@ -57,8 +57,8 @@ class Standings:
 
     @cached_property
     def judged(self) -> Judged:
-        """The finished rows, by the errors that are wanted."""
-        return Judged("comparison", finished(self.rows), self.column)
+        """The rows, by the errors that are wanted."""
+        return Judged("comparison", self.rows, self.column)
 
     @property
     def rungs(self) -> pd.DataFrame:
@@ -109,7 +109,7 @@ class Standings:
     def rung(self, arrival: Arrival) -> Any:
         """Return the cheapest rung that was run and is as good, of the arm that arrives."""
         arm = self.rungs[self.rungs["label"] == arrival.label]
-        return next(arm[arm["error"] <= self.level].sort_values("time_s").itertuples())
+        return next(arm[arm["kept"] <= self.level].sort_values("time_s").itertuples())
 
     def share(self, arrival: Arrival) -> Ratio | None:
         """Return what one takes in times of the cheapest; None where no round has both."""
@@ -117,10 +117,10 @@ class Standings:
 
     @property
     def nearest(self) -> Any:
-        """The rung with the smallest error, the cheapest of those that are equal; None if there is none."""
+        """The rung that keeps the smallest error, the cheapest of equal ones; None if there is none."""
         if self.rungs.empty:
             return None
-        return next(self.rungs.sort_values(["error", "time_s"]).itertuples())
+        return next(self.rungs.sort_values(["kept", "error", "time_s"]).itertuples())
 
     @property
     def chosen(self) -> Any:
@@ -131,6 +131,11 @@ class Standings:
         """Return the recorded rows of a rung's arm at coarser settings, the next one last."""
         own = self.recorded[self.recorded["label"] == rung.label]
         return own[: own.index.get_loc(rung.Index)]
+
+    def finer(self, rung: Any) -> pd.DataFrame:
+        """Return the rungs of a rung's arm at finer settings."""
+        own = self.rungs[self.rungs["label"] == rung.label]
+        return own[own.index.get_loc(rung.Index) + 1 :]
 
     @property
     def silent(self) -> pd.DataFrame:

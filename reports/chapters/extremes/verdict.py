@@ -40,7 +40,8 @@ _TIME = re.compile(r"\bt = -?\d[\d.e+-]* s\b")
 #: A failure tells its time to six digits.
 TOLD = 1e-2
 #: Who tells that there is no motion: the engine itself; one of our guards, which end runs with which the
-#: engine would go on; our model of the engine, where that has no such law; the scene's own check, for all.
+#: engine would go on; our model of the engine, where that has no such law, or cannot go on; the scene's own
+#: check, for all.
 ENGINE, GUARD, MODEL, SCENE = "engine", "guard", "model", "scene"
 #: How a reason begins that is the scene's.
 NO_SCENE = "no such scene:"
@@ -81,7 +82,7 @@ def _judged(rows: pd.DataFrame) -> pd.DataFrame:
     rows = with_columns(
         rows, *JUDGED, "judged", "guarded", "finite", "penetration_part", "ideal_gap_part", "ideal_gap_m"
     )
-    rows = with_columns(rows, "penetration_m").sort_values("place", kind="stable")
+    rows = with_columns(rows, "penetration_m", "spoken_by").sort_values("place", kind="stable")
     rows[QUALITY] = quality_failures(rows)
     rows["reason"] = rows["reason"].where(rows["reason"] != "", rows[QUALITY])
     columns: dict[str, Callable[[Row], object]] = {
@@ -105,6 +106,8 @@ def _told_by(row: Row, other: Row | None) -> str:
         return GUARD
     if row["status"] != "failed":
         return ""
+    if row["spoken_by"] == "adapter":
+        return MODEL
     same = other is None or (other["status"], other["reason"]) == (row["status"], row["reason"])
     return ENGINE if same else GUARD
 

@@ -8,14 +8,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from reports.equal_error import Judged, front
+from reports.equal_error import Judged, front, is_force, saturated
 from reports.parts import Figure
 from reports.plots.series import mark
 from reports.plots.step_figures import engine_legend, grid
 from reports.quantities import PEAK
 from reports.shared_tables import followed
 from reports.style import GREY, axis_label, line_styles, words
-from reports.tables import setting
+from reports.tables import listed, setting
 
 #: What an error may cost, by its column among the rungs: the axis, and how to read a figure of it.
 COSTS = {
@@ -48,10 +48,61 @@ def figures(judged: Judged) -> Iterator[Figure]:
             yield Figure(
                 f"{judged.name}-{what.split()[-1]}",
                 f"{name.capitalize()} against {what}",
-                f"{reading} {followed(judged.rows)}",
+                " ".join([reading, *_saturated(judged, cost), followed(judged.rows)]),
                 f"{name} in {unit} against {axis}, log-log, one panel per scene, one line per engine and arm",
                 drawing(judged, cost),
             )
+
+
+def _saturated(judged: Judged, cost: str) -> Iterator[str]:
+    """Yield what a caption says of errors that rank nobody, and of times that leave out forces."""
+    rungs = pd.concat([rungs for rungs, _ in judged.ladders.values()])
+    if saturated(judged.rows, judged.column).any():
+        yield "Errors that have grown to a tenth of the clearance are shown, and are on no front."
+    if cost == "time_s" and is_force(judged.column) and rungs["motion_alone"].any():
+        yield f"Forces are in no time of {listed(sorted(set(rungs['label'][rungs['motion_alone']])))}."
+
+
+#: Until when a slider is where it should be, by the column of that time.
+REACHED = {
+    "reached_1um_s": "within 1 µm",
+    "reached_clearance_s": "within a tenth of the clearance",
+}
+
+
+def horizons(rows: pd.DataFrame, name: str) -> Iterator[Figure]:
+    """Yield until when the slider is where it should be against run time, with clearance."""
+    for column, how in REACHED.items():
+        judged = Judged(f"{name}-{column.removesuffix('_s').replace('_', '-')}", rows, column)
+        if judged.ladders:
+            yield Figure(
+                judged.name,
+                f"Until when the slider is {how}, against run time",
+                f"The time up to which a setting has the slider {how} of the truth: up and to the left is "
+                f"better. Dashed is the time up to which runs are compared. {followed(rows)}",
+                f"time until the slider leaves being {how} in s against run time, one panel per scene, one "
+                "line per engine and arm",
+                horizon_drawing(judged),
+            )
+
+
+def horizon_drawing(judged: Judged) -> Drawing:
+    """Return the figure of times reached, of rungs whose ``error`` they are."""
+    figure, axes = grid(len(judged.ladders), height_in=3.0)
+    rows = judged.rows[
+        judged.rows["label"].isin({*pd.concat(r for r, _ in judged.ladders.values())["label"]})
+    ]
+    styles = line_styles(rows)
+    for ax, (scene, (rungs, _)) in zip(axes, judged.ladders.items(), strict=True):
+        for label, ladder in rungs.groupby("label", observed=True):
+            _line(ax, ladder, "time_s", label, styles[label])
+        ax.axhline(
+            judged.rows.loc[rungs.index, "compared_until_s"].max(), color=GREY, linestyle="--", linewidth=1.0
+        )
+        ax.set(xscale="log", ylim=(0, None), title=scene)
+        ax.set(xlabel=COSTS["time_s"][1], ylabel=f"{REACHED[judged.column]} until [s]")
+    engine_legend(figure, rows, failures=False)
+    return figure
 
 
 def file_name(column: str) -> str:
@@ -77,7 +128,7 @@ def drawing(judged: Judged, cost: str) -> Drawing:
             best = front(rungs)
             ax.plot(
                 best["time_s"],
-                best["error"],
+                best["kept"],
                 color=GREY,
                 linewidth=5,
                 alpha=0.35,

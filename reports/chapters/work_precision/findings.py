@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from reports.equal_error import Judged, Ratio, arrival, at_rung, front, ratio
+from reports.equal_error import SLIDER, Judged, Ratio, arrival, at_rung, front, ratio, saturated
 from reports.parts import Table
+from reports.quantities import finished
 from reports.style import words
 from reports.tables import ABSENT, in_text, listed, on_scenes, plain
 
@@ -52,20 +53,22 @@ class Race:
 def races(judged: Judged) -> list[Race]:
     """Return the races on all scenes that the reference and a rival run."""
     return [
-        _race(scene, rungs)
+        _race(scene, rungs, judged.column)
         for scene, (rungs, _) in judged.ladders.items()
         if {REFERENCE} < set(rungs["engine"])
     ]
 
 
-def _race(scene: str, rungs: pd.DataFrame) -> Race:
+def _race(scene: str, rungs: pd.DataFrame, column: str) -> Race:
     own, rivals = rungs[rungs["engine"] == REFERENCE], front(rungs[rungs["engine"] != REFERENCE])
     shares: list[tuple[str, Ratio | None]] = []
     for rung in rivals.itertuples():
-        there = arrival(own, float(str(rung.error)))
-        shares.append((str(rung.label), ratio(there, at_rung(rung)) if there else None))
-    alone = front(own)["error"] < rivals["error"].min()
-    return Race(scene, tuple(shares), int(alone.sum()), float(own["error"].min()))
+        there = arrival(own, float(str(rung.kept)))
+        way = at_rung(rung)
+        label = f"{rung.label}, without its forces," if way.without(column) else str(rung.label)
+        shares.append((label, ratio(there, way) if there else None))
+    alone = front(own)["kept"] < rivals["kept"].min()
+    return Race(scene, tuple(shares), int(alone.sum()), float(own["kept"].min()))
 
 
 def found(judged: Judged) -> Iterator[str]:
@@ -103,6 +106,20 @@ def _not_won(race: Race, unit: str) -> Iterator[str]:
     if race.undecided:
         rungs = f"{race.undecided} of {len(race.shares)} best rungs"
         yield f"the timing does not resolve who is cheaper at {rungs}."
+
+
+def saturated_found(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield on each scene how many runs' errors have grown to the clearance, and of whom all have."""
+    recorded = finished(rows[rows["round"].isna() & rows["compiled_anew"].isna()])
+    for scene, runs in recorded.groupby("scene"):
+        lost = saturated(runs, SLIDER)
+        if lost.any():
+            everywhere = lost.groupby(runs["engine"]).all()
+            whole = f", among them all of {listed(everywhere.index[everywhere])}" if everywhere.any() else ""
+            yield (
+                f"On {scene} the slider's error grows to a tenth of the clearance or more in {lost.sum()} of "
+                f"{len(runs)} runs{whole}. These are ranked at fixed earlier times alone."
+            )
 
 
 def races_table(judged: Judged) -> Table | None:

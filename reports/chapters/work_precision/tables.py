@@ -1,42 +1,93 @@
 """The tables of the work-precision study."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import pandas as pd
 
-from reports.equal_error import UNRESOLVED, Judged, arrival, arrivals, levels, ratio
+from reports.equal_error import (
+    ALONE,
+    SLIDER,
+    UNRESOLVED,
+    Judged,
+    arrival,
+    arrivals,
+    is_force,
+    levels,
+    ratio,
+    saturated,
+)
 from reports.parts import Table
 from reports.quantities import finished
+from reports.results import with_columns
 from reports.shared_tables import failures_table, followed, head
 from reports.style import words
 from reports.tables import ABSENT, number, plain
+
+#: Columns of the slider's error until fixed times, by these in words.
+EARLY = {
+    "the third impact": "slider_position_error_until_3_impacts_m",
+    "6 ms": "slider_position_error_until_6ms_m",
+    "12 ms": "slider_position_error_until_12ms_m",
+}
+#: How a table of run times at equal errors is read.
+READING = (
+    "Run time of each engine's cheapest arm at an error, the cheapest engine first; an engine that is not "
+    "there does not get to that error. An error counts if all finer settings of the arm that were run keep "
+    "it. Between two neighbouring rungs of one arm's ladder, whose settings are both named, it is "
+    "interpolated log-log. The ratio to the cheapest is the median over the rounds, with an interval of 95 % "
+    "by drawing rounds with replacement; of three rounds that is their range."
+)
 
 
 def cheapest(judged: Judged) -> Table | None:
     """Return what every engine takes at equal errors, by which arm and at which setting; None if none."""
     what, unit = words(judged.column)
-    lines = []
+    lines = tuple(_at_equal_errors(judged))
+    if not lines:
+        return None
+    ends = [ALONE] * is_force(judged.column) + [followed(judged.rows)]
+    return Table(
+        judged.name,
+        f"Run time at equal {what}",
+        " ".join([READING, UNRESOLVED, *ends]),
+        ("scene", f"error [{unit}]", *WAYS),
+        lines,
+    )
+
+
+#: The columns of how an engine gets to an error.
+WAYS = ("engine and arm", "setting", "time [ms]", "ratio to the cheapest")
+
+
+def _at_equal_errors(judged: Judged) -> Iterator[tuple[str, ...]]:
     for scene, (rungs, floor) in judged.ladders.items():
         for level in levels(rungs, floor):
             there = arrivals(rungs, level)
             for each in there:
                 times = ABSENT if each is there[0] else str(ratio(each, there[0]) or ABSENT)
-                time = plain(1e3 * each.time_s)
-                lines.append((scene, number(level), each.label, each.setting, time, times))
+                time = plain(1e3 * each.time_s) + each.without(judged.column)
+                yield scene, number(level), each.label, each.setting, time, times
+
+
+def early(rows: pd.DataFrame, name: str) -> Table | None:
+    """Return the same at fixed times, of scenes at whose end some errors have grown to the clearance."""
+    rows = rows[rows["scene"].isin(rows["scene"][saturated(rows, SLIDER)])]
+    lines = tuple(
+        (scene, until, *rest)
+        for until, column in EARLY.items()
+        for scene, *rest in _at_equal_errors(Judged(name, with_columns(rows, column), column))
+    )
     if not lines:
         return None
     return Table(
-        judged.name,
-        f"Run time at equal {what}",
-        "Run time of each engine's cheapest arm at an error, the cheapest engine first; an engine that is "
-        "not there does not get to that error. Between two neighbouring rungs of one arm's ladder, whose "
-        "settings are both named, it is interpolated log-log. The ratio to the cheapest is the median over "
-        "the rounds, with an interval of 95 % by drawing rounds with replacement; of three rounds that is "
-        f"their range. {UNRESOLVED} {followed(judged.rows)}",
-        ("scene", f"error [{unit}]", "engine and arm", "setting", "time [ms]", "ratio to the cheapest"),
-        tuple(lines),
+        f"{name}-early",
+        "Run time at equal slider position error, at fixed times",
+        "Of scenes at whose end errors have grown to a tenth of the clearance in some runs, which ranks none "
+        f"of these: the slider's largest error until earlier times. {READING} {UNRESOLVED}",
+        ("scene", "until", "error [m]", *WAYS),
+        tuple(sorted(lines, key=lambda line: line[0])),
     )
 
 

@@ -31,11 +31,15 @@ from studies.work_precision.study import NAME, SAMPLES, case_of, ladder
 from tests.benchmarks.rivals.problem import Answer, FloatArray
 
 ROUNDS = 10
-#: What every script's arm is called, and how often it runs in a turn; the least counts, as of short runs.
-ALONE, REPEATS = "alone", 3
+#: How often a script runs in a turn; the least counts, as of short runs.
+REPEATS = 3
 #: A ladder that surely takes more than so many times of a script's is beaten.
 BEATEN = 1.25
 POSITION, TORQUE = "slider_position_error_m", "driver_torque_error_N_m"
+
+
+#: How the names of scripts' arms begin.
+SCRIPT = "script"
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,11 @@ class Rival:
     def engine(self) -> str:
         """The engine's name."""
         return self.module.partition("_")[0]
+
+    @property
+    def arm(self) -> Arm:
+        """What it is called beside the ladders' arms."""
+        return Arm(self.engine, f"{SCRIPT} {self.module}")
 
     def solve(self, setting: float, samples: int) -> Answer:
         """Run the script."""
@@ -69,9 +78,11 @@ RIVALS = (
     Rival("exudyn_alone", IDEAL, POSITION, (24 * 42, 24 * 168)),
     Rival("exudyn_alone", DRIVEN, TORQUE, (24 * 20, 24 * 80)),
     Rival("exudyn_alone", LOOSE, POSITION, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)),
+    Rival("exudyn_wide", LOOSE, POSITION, (1e-5, 1e-7, 1e-8)),
     Rival("pymunk_alone", IDEAL, POSITION, (24 * 168, 24 * 672)),
     Rival("pymunk_alone", DRIVEN, POSITION, (24 * 10, 24 * 40)),
     Rival("scipy_minimal", IDEAL, POSITION, TOLERANCES),
+    Rival("scipy_ode", IDEAL, POSITION, TOLERANCES),
     Rival("scipy_minimal", LOOSE, POSITION, LOOSE_TOLERANCES),
     Rival("heyoka_minimal", IDEAL, POSITION, TOLERANCES),
     Rival("heyoka_minimal", LOOSE, POSITION, LOOSE_TOLERANCES),
@@ -100,12 +111,11 @@ Turn = Callable[[], Row]
 def scripts(rival: Rival) -> Iterator[tuple[Row, Turn]]:
     """Yield the recorded row of a script at each setting, and what times it there."""
     for setting in rival.settings:
-        arm = Arm(rival.engine, ALONE)
         row: Row = {
             "scene": rival.scene,
             "engine": rival.engine,
-            "arm": ALONE,
-            "label": arm.label,
+            "arm": rival.arm.name,
+            "label": rival.arm.label,
             "status": "ok",
             "step_s": physics(rival.scene).end_time_s / max(setting, 1.0),
             "setting_step_tolerance": min(setting, 1.0),
@@ -147,9 +157,9 @@ def verdicts(rival: Rival, rows: pd.DataFrame) -> Iterator[tuple[str, ...]]:
     """Yield for each setting of a script its error, the ladder's way there, and the ratio of times."""
     own = rows[(rows["scene"] == rival.scene) & (rows["engine"] == rival.engine)]
     for rungs, _ in Judged("race", with_columns(own, "compiled_anew"), rival.column).ladders.values():
-        alone = rungs["label"] == Arm(rival.engine, ALONE).label
-        for script in rungs[alone].itertuples():
-            ours, theirs = arrival(rungs[~alone], script.error), at_rung(script)
+        of_ladders = rungs[~rungs["label"].astype(str).str.startswith(f"{rival.engine} ({SCRIPT} ")]
+        for script in rungs[rungs["label"] == rival.arm.label].itertuples():
+            ours, theirs = arrival(of_ladders, script.error), at_rung(script)
             share = ratio(ours, theirs) if ours else None
             way = f"{ours.label}, {ours.setting}" if ours else "does not arrive"
             beaten = "BEATEN" if share and share.low > BEATEN else ""

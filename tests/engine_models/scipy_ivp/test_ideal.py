@@ -5,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.special import ellipj
 
-from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory
 from engine_models.scene.drives import FreeDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven
 from engine_models.scene.scene import Scene, Start
@@ -116,13 +116,6 @@ def test_a_run_can_be_repeated_to_the_last_bit() -> None:
         one, other = run(scene, method, 1e-6), run(scene, method, 1e-6)
         assert one.steps == other.steps
         np.testing.assert_array_equal(one.position, other.position)
-
-
-def test_rigid_contact_is_refused_with_the_reason() -> None:
-    with pytest.raises(UnsupportedScene, match=r"no impacts .*law = 'rigid' at A, B"):
-        ScipyEngine().simulate(SCENES["rigid-driven-AB"](), RunSettings(1e-4, 10))
-    with pytest.raises(UnsupportedScene):
-        ScipyEngine().twin(SCENES["rigid-pendulum"]())
 
 
 @pytest.mark.parametrize("bad", [{"rtol": 0.0}, {"rtol": 1.0}, {"atol": 0.0}, {"method": "BDF"}])

@@ -110,9 +110,8 @@ def test_a_prescribed_speed_that_changes_is_followed_with_clearance() -> None:
             SCENES["ideal-free"]().model_copy(update={"rod": SCENES["ideal-free"]().crank}),
             r"rod.length_m <= crank.length_m",
         ),
-        (SCENES["rigid-free-0.5mm"](), r"no impacts"),
     ],
-    ids=["prescribed", "equal links", "rigid"],
+    ids=["prescribed", "equal links"],
 )
 def test_what_has_no_such_equation_is_refused_with_the_reason(scene: Scene, reason: str) -> None:
     with pytest.raises(UnsupportedScene, match=reason):

@@ -1,4 +1,4 @@
-"""A run that is none: its row says whose word that is, the engine's, a check's of ours, or the scene's."""
+"""A run that is none: its row says whose word that is, the engine's, its adapter's, a check's, a scene's."""
 
 import pytest
 
@@ -15,7 +15,8 @@ CASES = {(case.engine, case.arm.name, case.scene.name): case for case in extreme
     ("engine", "arm", "scene", "speaker", "reason"),
     [
         ("reference", "plain RK4", "L = r through the fold", "engine", "has rank 8 of 9 rows"),
-        ("exudyn", "default", "rigid e = 0", "guard", "exudyn has no rigid contact"),
+        ("exudyn", "default", "rigid e = 0", "adapter", "exudyn has no rigid contact"),
+        ("scipy", "default", "rigid e = 0.5", "adapter", "bounces accumulate at t = "),
         ("pymunk", "tuned", "L = r through the fold", "guard", "rod turned over"),
         ("scipy", "default", "rod inertia 0", "scene", "no such scene"),
         ("pymunk", "tuned", "joint A open by 1 mm", "scene", "start: ideal joints or guide are open"),
