@@ -336,7 +336,7 @@ class Solver:
     ) -> Solution:
         compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
         ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
-        hit, changes = ([], []) if bouncing is None else (bouncing.impacts(), bouncing.changes)
+        hit, changes = ([], []) if bouncing is None else (bouncing.impacts, bouncing.changes)
         return Solution(
             mechanism=self._mechanism,
             time_s=run.records.time,

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.engine import AdapterCannot, FloatArray, SimulationFailed
 from engine_models.mechanics.minimal.kernel import MinimalKernel
 from engine_models.mechanics.minimal.tree import Posture, Tree
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.model import mechanism_of
-from engine_models.reference.rebound import Walls
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
@@ -29,12 +28,16 @@ from reference_solver.contact.force import gap
 from reference_solver.equations import Equations
 from reference_solver.failures import SolverError
 from reference_solver.mechanism.points import State
+from reference_solver.rigid.rebounds import Rebounds
 from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
 from reference_solver.tape import Scalar, choose
 
 #: Part of the largest coordinate by which rounding may keep apart two pins that touch at one instant.
 ROUND_OFF = 8 * float(np.finfo(float).eps)
+#: Flights between rigid walls as low as so many times the distance's round-off are not followed: touches are
+#: located to some units of that.
+LOWEST_FLIGHT = 64.0
 #: Fields of a gap (see ``contact.types.GAP_RECORD``) whose zeros are watched.
 WATCHED = ("g", "rate", "push")
 
@@ -111,7 +114,10 @@ class Derivative:
         self.n = len(motion) // 2
         self.sums = tuple(_integrated(self._readable))
         self.contact_count = len(self._joints)
-        self._walls = Walls(scene, mechanism, q.ravel())
+        self._rigid = {
+            k: scene.joints_with_clearance[k] for k, joint in enumerate(self._joints) if joint.rigid
+        }
+        self._rebounds = Rebounds(mechanism, q.ravel(), LOWEST_FLIGHT) if self._rigid else None
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
         clipped = [k for k, joint in enumerate(self._joints) if not joint.rigid and joint.compliance.clipped]
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
@@ -275,28 +281,36 @@ class Derivative:
 
     def rigid(self, contact: int) -> bool:
         """Return whether a contact is with a rigid wall, from which its pin rebounds."""
-        return contact in self._walls.numbers
+        return contact in self._rigid
 
-    def rebound(self, t: float, y: FloatArray, contact: int) -> tuple[FloatArray, tuple[types.Impact, ...]]:
-        """Return y after the impact of a contact with a rigid wall, and what every pin in it did.
+    def rebound(self, t: float, y: FloatArray) -> tuple[FloatArray, list[types.Impact]]:
+        """Return y after the impacts of the pins that touch rigid walls, and what these did.
 
         Raises:
-            AdapterCannot, SimulationFailed: see ``Walls.rebound``.
+            AdapterCannot: bounces have accumulated: a pin is to follow its wall, which takes rows that come
+                and go.
+            SimulationFailed: there is no way on.
         """
+        assert self._rebounds is not None
         (absolute,) = self.absolute([y])
         q, v = np.split(absolute[: 2 * self._readable.n], 2)
         try:
-            v, impacts, work = self._walls.rebound(t, q, v, contact)
+            after = self._rebounds(t, q, v)
         except SolverError as error:
             raise SimulationFailed(str(error)) from error
-        after, jumps = y.copy(), {"drivers": work}
-        after[: 2 * self.n] = np.concatenate([q, v]) if self._tree is None else self._tree.start(q, v)
-        for impact in impacts:
-            jumps[f"normal{impact.contact}"] = impact.normal_impulse_N_s
-            jumps[f"impact{impact.contact}"] = impact.energy_lost_J
-        for place, name in enumerate(self.sums, 2 * self.n):
-            after[place] += jumps.get(name, 0.0)
-        return after, impacts
+        if after.following:
+            joint = self._rigid[after.following[0]]
+            raise AdapterCannot(
+                f"bounces accumulate at t = {t:.6g} s: pin {joint} comes to rest on its wall, and this "
+                f"project's model of the engine has none that follows it (clearance.{joint}.law = 'rigid')"
+            )
+        gains = {"drivers": after.driver_work_J}
+        for impact in after.impacts:
+            for of, gain in (("normal", impact.normal_impulse_N_s), ("impact", impact.energy_lost_J)):
+                gains[f"{of}{impact.contact}"] = gains.get(f"{of}{impact.contact}", 0.0) + gain
+        moved = np.concatenate([q, after.v]) if self._tree is None else self._tree.start(q, after.v)
+        sums = y[2 * self.n :] + [gains.get(name, 0.0) for name in self.sums]
+        return np.concatenate([moved, sums]), after.impacts
 
     def switch(self, contact: int, kind: int, y: FloatArray) -> None:
         """Change a contact's phase at an event, where a touch stores its a/v0."""

@@ -88,7 +88,7 @@ class LocatedRun:
                 continue
             answered.add((contact, kind))
             if self._derivative.rigid(contact):
-                y, impacts = self._derivative.rebound(t, y, contact)
+                y, impacts = self._derivative.rebound(t, y)
                 self.record.ends.extend(impacts)
                 continue
             if kind == 0 and not self._calls.bare:

@@ -32,8 +32,8 @@ class Bouncing:
         memory = np.zeros(rows, np.int64), np.zeros((settling.ROWS, n)), np.zeros((joints, joints))
         self.settling = Settling(look, p, walls, new_hit(joints, rows), control, log, *memory)
         self.following: tuple[int, ...] = ()
-        self.changes = list[ModeChange]()
-        self._equations, self._logged = equations, list[RecordArray]()
+        self.impacts, self.changes = list[types.Impact](), list[ModeChange]()
+        self._equations = equations
 
     @property
     def settled(self) -> int:
@@ -42,21 +42,11 @@ class Bouncing:
 
     def take(self, run: types.Run) -> None:
         """Take over what has been settled: the log, and which pins follow."""
-        control, log = self.settling.control, self.settling.log
-        self._logged.append(log[: control["logged"][0]].copy())
-        control["logged"] = 0
-        numbers = self.settling.walls.joints["contact"]
-        following = tuple(numbers[run.contacts["phase"][numbers] != types.FLIGHT].tolist())
+        self.impacts += logged_impacts(self.settling)
+        following = followers(run.contacts, self.settling)
         if following != self.following:
             self.following = following
             self.changes.append(ModeChange(float(run.clock["time"][0]), following))
-
-    def impacts(self) -> list[types.Impact]:
-        """Return all impacts so far, in the order of time."""
-        rows = (row for log in self._logged for row in log.tolist())
-        return [
-            types.Impact(t, contact, settling.KINDS[kind], 0.0, *rest) for t, *rest, contact, kind in rows
-        ]
 
     def refuse(self, run: types.Run) -> None:
         """Say why an event has no answer.
@@ -74,3 +64,17 @@ class Bouncing:
                 rubbing = joints[(joints["chosen"] != 0) & (joints["share"] != 0)]
                 raise failures.PainleveParadox(t, tuple(rubbing["contact"].tolist()))
         raise failures.UnsettledEvents(t, int(run.clock["rigid"][0]))
+
+
+def logged_impacts(s: settling.Settling) -> list[types.Impact]:
+    """Return the impacts in the log, in the order of time, and clear it."""
+    (control,) = s.control
+    rows = s.log[: control["logged"]].tolist()
+    control["logged"] = 0
+    return [types.Impact(t, contact, settling.KINDS[kind], 0.0, *rest) for t, *rest, contact, kind in rows]
+
+
+def followers(contacts: RecordArray, s: settling.Settling) -> tuple[int, ...]:
+    """Return the contacts whose pins follow rigid walls."""
+    numbers = s.walls.joints["contact"]
+    return tuple(numbers[contacts["phase"][numbers] != types.FLIGHT].tolist())

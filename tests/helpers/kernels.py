@@ -1,4 +1,4 @@
-"""Small mechanisms, and by either face steps of those without contacts, and events on rigid walls."""
+"""Small mechanisms without contacts, and steps of theirs by either face."""
 
 from collections.abc import Callable
 from functools import partial
@@ -12,7 +12,7 @@ from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.compiled.faces import CompiledFace, ReadableFace
 from reference_solver.compiled.kernel import Topology
 from reference_solver.contact.loop import ROWS
-from reference_solver.contact.types import CONTACT_RECORD, DONE, REFUSED, Impact, Motion, new_run
+from reference_solver.contact.types import CONTACT_RECORD, DONE, Motion, new_run
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.mechanism import (
     GROUND,
@@ -24,8 +24,7 @@ from reference_solver.mechanism.mechanism import (
     StraightGuide,
     Torque,
 )
-from reference_solver.rigid.bouncing import Bouncing
-from reference_solver.solver import LOWEST_FLIGHT, Stabilisation, contact_record
+from reference_solver.solver import Stabilisation
 
 FloatArray = NDArray[np.float64]
 #: A mechanism, coordinates and velocities to start from, and a step in s.
@@ -114,27 +113,6 @@ def stepped(
     size = len(run.old.y)
     assert (run.records.samples[1, :size] == run.old.y).all()
     return run.old, run.records.samples[0, size:]
-
-
-def settled(
-    mechanism: Mechanism, q: FloatArray, v: FloatArray, time_s: float = 0.0, compiled: bool = False
-) -> tuple[FloatArray, list[Impact]]:
-    """Return the velocities after the pins that touch rigid walls have settled, and the impacts.
-
-    No flight is too short but those that round-off hides.
-    """
-    equations = Equations(mechanism, q)
-    sums = [*equations.power_names, "removed"]
-    face = (CompiledFace if compiled else ReadableFace)(Topology(mechanism, projected=True), q)
-    bouncing = Bouncing(equations, sums, face.look(), face.parameters, 0.0, LOWEST_FLIGHT)
-    contacts = np.array([contact_record(joint) for joint in mechanism.contacts], CONTACT_RECORD)
-    run = new_run(contacts, (len(q), len(sums), len(equations.C)), np.zeros(1), face.rows, 1)
-    run.old.q[:], run.old.v[:] = q, v
-    run.clock["time"], run.clock["rigid"] = time_s, -1
-    if face.settle(run, bouncing.settling) == REFUSED:
-        bouncing.refuse(run)
-    bouncing.take(run)
-    return run.old.v, bouncing.impacts()
 
 
 def check_faces(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference_solver.contact.types import Impact
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Equations
 from reference_solver.failures import BlockedImpact
@@ -21,14 +22,22 @@ from reference_solver.mechanism.mechanism import (
 from reference_solver.mechanism.points import State
 from reference_solver.rigid.complementarity import complementary
 from reference_solver.rigid.complementarity import solve as solve_small
-from reference_solver.solver import solve
-from tests.helpers.kernels import settled
+from reference_solver.rigid.rebounds import Rebounds
+from reference_solver.solver import LOWEST_FLIGHT, solve
 from tests.helpers.mechanism_energy import energy_residual_J
 
 FloatArray = NDArray[np.float64]
 #: A product of a few numbers, of a system of a few equations.
 ROUND_OFF = 256 * float(np.finfo(float).eps)
 MASS, INERTIA, CLEARANCE, RADIUS, GRAVITY = 0.5, 2e-3, 5e-4, 0.01, 9.81
+
+
+def settled(
+    mechanism: Mechanism, q: FloatArray, v: FloatArray, time_s: float = 0.0
+) -> tuple[FloatArray, list[Impact]]:
+    """Return the velocities after the pins that touch have hit, and their impacts."""
+    after = Rebounds(mechanism, q, LOWEST_FLIGHT, compiled=False)(time_s, q, v)
+    return after.v, after.impacts
 
 
 def beam(arm: float, restitution: float) -> Mechanism:
