@@ -221,7 +221,8 @@ def test_the_verdict_on_a_pair_is_told_with_its_joint_test(sections: dict[str, S
         f"{LESS} and {OWN} on {SCENE} differ in impact speed.",
         f"Whether {OTHER} and {OWN} on {SCENE} are equivalent is open in impact speed.",
         f"{EXUDYN} and {OWN} on {SCENE} are equivalent in all 3 quantities, and not told apart.",
-        f"{PYMUNK} and its model twin on {SCENE} are equivalent in all 3 quantities, though they are told apart.",
+        f"{PYMUNK} and its model twin on {SCENE} are equivalent in all 3 quantities, though they are told "
+        "apart.",
         f"Nothing is said of {SCIPY} and its model twin on {SCENE}: 24 and 24 members are too few to decide.",
     )
 
