@@ -10,6 +10,7 @@ from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.crank_motion import expected_speeds_rad_s
+from engine_models.mechanics.energy import energy_in_play_J
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import constraint_speed_m_s, ledger
@@ -18,7 +19,6 @@ from studies.judges.metrics import (
     checked,
     constraint_violation_m,
     energy_balance_residual_J,
-    kinetic_energy_J,
     numerical_gain_J,
 )
 from studies.ladders import turns_of
@@ -171,7 +171,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         "steps": run.steps,
         "mean_step_s": scene.end_time_s / run.steps,
         "turns": turns,
-        "largest_kinetic_energy_J": float(kinetic_energy_J(scene, run).max()),
+        "energy_in_play_J": energy_in_play_J(scene, run),
         "largest_numerical_gain_J": float(np.abs(gain).max()),
         **_powers(scene, run, gain),
     }

@@ -56,17 +56,26 @@ def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArra
     return gain if removed is None else gain + removed
 
 
-def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the largest energy that there has been since t = 0, with a little more for round-off, (n,) > 0.
+def unaccounted_part(scene: Scene, trajectory: Trajectory) -> FloatArray:
+    """Return the size of the energy that no physics accounts for, in parts of that in play, (n,).
+
+    Wherever an energy is told in percent it is this.
+    """
+    return np.abs(numerical_gain_J(scene, trajectory)) / energy_in_play_J(scene, trajectory)
+
+
+def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> float:
+    """Return the largest energy in a run as far as it is finite, with a little more for round-off, > 0.
 
     It is the largest of kinetic energy, potential energy gained or spent, and the works of driver and loads.
+    What contacts dissipate is no measure: it begins with nothing.
     """
     kinetic, potential = kinetic_energy_J(scene, trajectory), potential_energy_J(scene, trajectory)
     parts = [kinetic, np.abs(potential - potential[0]), *map(np.abs, trajectory.load_work_J.values())]
     if trajectory.driver_work_J is not None:
         parts.append(np.abs(trajectory.driver_work_J))
     rounding = ROUND_OFF * _of_forces_J(scene, trajectory) + LEAST_J
-    return np.asarray(np.maximum.accumulate(np.max(parts, axis=0)) + rounding)
+    return float(np.max(parts, initial=0.0, where=np.isfinite(parts)) + rounding)
 
 
 def _of_forces_J(scene: Scene, trajectory: Trajectory) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
-from engine_models.mechanics.energy import energy_in_play_J, numerical_gain_J
+from engine_models.mechanics.energy import unaccounted_part
 from engine_models.mechanics.joints import clearances, gaps
 from engine_models.scene.scene import Scene
 
@@ -108,12 +108,9 @@ class Quality:
 
 
 def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
-    """Return the quality of an engine's run of a scene, as far as its samples show it.
-
-    Energies are in parts of the largest in play until then (see ``energy.energy_in_play_J``).
-    """
+    """Return the quality of an engine's run of a scene, as far as its samples show it."""
     with np.errstate(all="ignore"):  # an overflow is a finding
-        found = {ENERGY: np.abs(numerical_gain_J(scene, trajectory)) / energy_in_play_J(scene, trajectory)}
+        found = {ENERGY: unaccounted_part(scene, trajectory)}
         if scene.is_crank_slider or not scene.joints_with_clearance:
             lengths = [scene.crank.length_m, *([scene.rod.length_m] if scene.rod else [])]
             found[GAP] = constraint_violation_m(scene, trajectory) / min(lengths)

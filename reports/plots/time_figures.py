@@ -14,11 +14,11 @@ from reports.style import axis_label, line_styles
 MARKERS = 7
 
 
-def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per: str = "") -> Drawing:
+def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str) -> Drawing:
     """Return the figure of the largest size of a curve up to each time, on a logarithmic axis.
 
-    ``axis`` is its label. A curve of errors ends at its scene's horizon. The size is divided by the rows'
-    column ``per`` if one is named. ``rows`` are of finished runs; later ones lie on top.
+    ``axis`` is its label. A curve of errors ends at its scene's horizon. ``rows`` are of finished runs; later
+    ones lie on top.
     """
     scenes = list(rows.groupby("scene"))
     styles = line_styles(rows)
@@ -26,7 +26,7 @@ def over_time(results: Results, rows: pd.DataFrame, column: str, axis: str, per:
     for ax, (scene, of_scene) in zip(axes, scenes, strict=True):
         ax.set(title=scene, xlabel=axis_label("time_s"), ylabel=axis, yscale="log")
         for _, row in of_scene.iterrows():
-            size = so_far(results.curve(row["case"], column)) / (row[per] if per else 1.0)
+            size = so_far(results.curve(row["case"], column))
             every = max(1, len(size) // MARKERS)
             start = every * list(styles).index(row["label"]) // len(styles)
             drawn = ax.plot(

@@ -14,6 +14,7 @@ from reports.parts import Contradiction, Section
 from reports.quantities import finished
 from reports.results import Results, read_study
 from reports.style import RC
+from reports.tables import in_text
 from studies import energy
 from studies.running.runner import run_study
 
@@ -120,19 +121,18 @@ def test_what_is_not_told_from_zero_is_shown_as_below(rows: pd.DataFrame) -> Non
     doubtful = prepared(tuned(rows).assign(**power))
     assert power_table(doubtful, doubtful).rows[0][4] == "< 4.0e-03"
     (sentence,) = hidden_power(doubtful)
-    assert "is not told from zero, to within 2.1×10⁻⁵ of the largest kinetic energy in the run" in sentence
+    part = in_text(3e-3 * tuned(rows)["end_time_s"].iloc[0] / tuned(rows)["energy_in_play_J"].iloc[0])
+    assert f"is not told from zero, to within {part} of the energy in play" in sentence
 
 
-def test_nothing_is_told_from_an_interval_that_is_wide_against_what_contacts_dissipate(
-    rows: pd.DataFrame,
-) -> None:
+def test_nothing_is_told_from_an_interval_that_is_wide_against_the_energy_in_play(rows: pd.DataFrame) -> None:
     row = finished(rows[rows["has_clearance"]]).iloc[:1]
-    dissipated = row["dissipated_power_W"].iloc[0]
+    in_play_W = (row["energy_in_play_J"] / row["end_time_s"]).iloc[0]
     for part, said, shown in (
         (0.5, "nothing can be told of the hidden power", "unknown"),
-        (0.005, "is not told from zero, to within 5.0×10⁻³ of what contacts dissipate", "< "),
+        (5e-5, "is not told from zero, to within 5.0×10⁻⁵ of the energy in play", "< "),
     ):
-        half = part * dissipated
+        half = part * in_play_W
         power = {"hidden_power_W": 0.0, "hidden_power_low_W": -half, "hidden_power_high_W": half}
         doubtful = prepared(row.assign(**power))
         (sentence,) = hidden_power(doubtful)
@@ -157,10 +157,7 @@ def test_no_order_is_claimed_of_runs_that_gain_or_lose_a_good_part_of_their_ener
     rows: pd.DataFrame,
 ) -> None:
     ladder = rows[(rows["label"] == "reference (none)") & (rows["scene"] == "ideal-free")]
-    near, far = (
-        prepared(ladder.assign(largest_kinetic_energy_J=of * ladder["largest_numerical_gain_J"]))
-        for of in (100.0, 5.0)
-    )
+    near, far = (prepared(ladder.assign(unaccounted_energy_part=part)) for part in (0.009, 0.011))
     shown = [power_table(of, of).rows[0][-1] for of in (near, far)]
     assert float(shown[0]) == pytest.approx(4, abs=0.5)
     assert shown[1] == "too few points"

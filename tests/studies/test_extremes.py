@@ -35,7 +35,7 @@ QUICK = {
     (case.scene.name, case.engine, case.arm.name, case.columns["guarded"]): case
     for case in extremes.cases(full=False)
 }
-RIGHT: Row = {"relative_error": 1e-4, "energy_relative": 1e-4, "constraint_relative": 1e-6}
+RIGHT: Row = {"relative_error": 1e-4, "unaccounted_energy_part": 1e-4, "constraint_relative": 1e-6}
 
 
 def row(name: str, engine: str = "reference", arm: str = "default", guarded: bool = True) -> Row:
@@ -148,13 +148,13 @@ def test_next_to_no_clearance_is_judged_as_an_ideal_joint() -> None:
         ({"relative_error": 2e-3}, Verdict.INACCURATE),
         ({"relative_error": 5e-3}, Verdict.INACCURATE),
         ({"relative_error": 5e-2}, Verdict.WRONG),
-        ({"energy_relative": 2e-2}, Verdict.INACCURATE),
-        ({"energy_relative": 0.2}, Verdict.WRONG),
+        ({"unaccounted_energy_part": 2e-2}, Verdict.INACCURATE),
+        ({"unaccounted_energy_part": 0.2}, Verdict.WRONG),
         ({"constraint_relative": 0.02}, Verdict.WRONG),
         ({"relative_error": None}, Verdict.WRONG),
-        ({"energy_relative": None}, Verdict.WRONG),
+        ({"unaccounted_energy_part": None}, Verdict.WRONG),
         ({"wanted": "refusal"}, Verdict.WRONG),
-        ({"energy_relative": 0.2, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
+        ({"unaccounted_energy_part": 0.2, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
         ({"relative_error": None, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
         ({"quality_failure": ""}, Verdict.RIGHT),
         ({"status": "unsupported", "reason": "no"}, Verdict.REFUSED),
@@ -231,7 +231,7 @@ def pair(guarded: Mapping[str, object], bare: Mapping[str, object]) -> pd.Series
 
 
 def test_a_guard_is_what_spoke_where_the_same_run_without_guards_comes_out_otherwise() -> None:
-    success = {"status": "ok", "reason": "", "energy_relative": 0.5, "judged": "height", **BARE}
+    success = {"status": "ok", "reason": "", "unaccounted_energy_part": 0.5, "judged": "height", **BARE}
     answer = pair(GUARDED, success)
     assert (answer["told_by"], answer["unguarded"]) == ("guard", Verdict.WRONG)
     assert answer["came"] == "success, with a pin 30 mm beyond the wall of its bearing"
@@ -246,8 +246,8 @@ def test_a_guard_is_what_spoke_where_the_same_run_without_guards_comes_out_other
         ({"finite": False}, "numbers that are not finite"),
         ({"penetration_part": 0.5, "ideal_gap_part": 0.2, "ideal_gap_m": 0.01}, "a joint or the guide 10 mm"),
         (
-            {"penetration_part": 0.5, "relative_error": 0.0, "energy_relative": 0.5},
-            "energy off by 5.0×10⁻¹ of all there is",
+            {"penetration_part": 0.5, "relative_error": 0.0, "unaccounted_energy_part": 0.5},
+            "energy off by 5.0×10⁻¹ of that in play",
         ),
         ({"penetration_part": 0.5}, "height off by 4.0×10⁰"),
     ],

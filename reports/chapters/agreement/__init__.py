@@ -4,7 +4,7 @@ import pandas as pd
 
 from reports.chapters.agreement import findings, tables
 from reports.chapters.agreement.figures import by_step, by_tolerance, over_time_at_step, sweep
-from reports.chapters.agreement.findings import ENERGY, LARGEST_ENERGY, VIOLATION
+from reports.chapters.agreement.findings import ENERGY, VIOLATION
 from reports.parts import Section
 from reports.quantities import with_largest
 from reports.results import Results, with_columns
@@ -25,7 +25,7 @@ INTRODUCTION = (
 
 def sections(results: Results) -> list[Section]:
     """Return the sections of the study."""
-    rows = with_columns(results.rows, LARGEST_ENERGY, "compared_until_s", "varied")
+    rows = with_columns(results.rows, ENERGY, "compared_until_s", "varied")
     rows = with_largest(rows, FORCE, r"joint_\w_force_error_N")
     rows = rows.assign(varied=rows["varied"].fillna("step"))  # of results older than this column
     ladder, chosen = (rows[rows["varied"] == what] for what in ("step", "tolerance"))
@@ -106,10 +106,9 @@ def _conservation(results: Results, rows: pd.DataFrame, at_step: pd.DataFrame) -
         results,
         at_step,
         ENERGY,
-        "Energy balance residual",
-        "Energy gained beyond the driver's work, the largest up to each time, as a part of the largest "
-        "kinetic energy. An exact run has none; a rising line is energy made or lost by the method.",
-        per=LARGEST_ENERGY,
+        "Unaccounted energy",
+        "Energy that no physics accounts for, the largest up to each time, as a part of the energy in play. "
+        "An exact run has none; a rising line is energy made or lost by the method.",
     )
     what = "Constraint violation"
     reading = "The largest gap in a joint, or of the slider from its guide."

@@ -51,22 +51,22 @@ def by_tolerance(name: str, what: str, rows: pd.DataFrame, column: str, reading:
 
 
 def over_time_at_step(
-    results: Results, at_step: pd.DataFrame, column: str, what: str, reading: str, per: str = ""
+    results: Results, at_step: pd.DataFrame, column: str, what: str, reading: str
 ) -> Figure | None:
-    """Return a curve over time at each scene's step, divided by the rows' column ``per`` if one is named."""
+    """Return a curve over time at each scene's step."""
     # By name, so that the reference's lines are seen on those of Exudyn and Pymunk.
     rows = finished(at_step).sort_values(["scene", "engine", "arm"])
     if rows.empty or not results.has_curves:
         return None
-    so_far = axis_label(column).replace(" [", " so far [")
-    axis = f"{what.lower()} so far /\n{words(per)[0]}" if per else so_far
+    name, unit = words(column)
+    axis = f"{name} so far" + (f" [{unit}]" if unit else "")
     scenes = ", ".join(rows["scene"].unique())
     return Figure(
         f"agreement-{what.lower().replace(' ', '-')}-over-time",
         f"{what} over time at one step",
         f"The step is {steps_in_text(at_step)}. {reading}",
         f"Panels over time of the {what.lower()} on {scenes}. Lines: {', '.join(labels(rows))}.",
-        over_time(results, rows, column, axis, per),
+        over_time(results, rows, column, axis),
     )
 
 

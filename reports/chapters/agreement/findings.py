@@ -13,9 +13,7 @@ from reports.tables import in_text, listed, on_scenes, plain
 #: Pymunk's two arms: as the library comes, and as an expert runs it.
 AS_IT_COMES, TUNED = "pymunk (out of the box)", "pymunk (tuned)"
 REFERENCE = "reference"
-VIOLATION, ENERGY = "constraint_violation_m", "energy_balance_residual_J"
-#: What an energy is a part of.
-LARGEST_ENERGY = "largest_kinetic_energy_J"
+VIOLATION, ENERGY = "constraint_violation_m", "unaccounted_energy_part"
 
 
 def orders_found(rows: pd.DataFrame, columns: Sequence[str]) -> Iterator[str]:
@@ -62,19 +60,16 @@ def best_at_step(at_step: pd.DataFrame) -> Iterator[str]:
 
 def conservation(at_step: pd.DataFrame) -> Iterator[str]:
     """Yield with which arms the largest energy residual and violation of all scenes are least and most."""
-    yield from _least_and_most(at_step, ENERGY, LARGEST_ENERGY)
+    yield from _least_and_most(at_step, ENERGY)
     yield from _least_and_most(at_step, VIOLATION)
 
 
-def _least_and_most(rows: pd.DataFrame, column: str, per: str = "") -> Iterator[str]:
-    """Yield where the largest of a column is least and most, divided by a column ``per`` if named."""
-    sizes = value(rows, column) / (rows[per] if per else 1.0)
-    worst = sizes.groupby(rows["label"], observed=True).max().dropna()
+def _least_and_most(rows: pd.DataFrame, column: str) -> Iterator[str]:
+    """Yield where the largest of a column is least and most."""
+    worst = value(rows, column).groupby(rows["label"], observed=True).max().dropna()
     if worst.empty:
         return
     what, unit = words(column)
-    if per:
-        what, unit = f"{what} relative to the {words(per)[0]}", ""
     ends = {"least": worst.idxmin(), "most": worst.idxmax()}
     arms = (
         f"{end} with {label}, {in_text(worst[label])}{unit and ' ' + unit}" for end, label in ends.items()

@@ -150,24 +150,23 @@ def _between(values: Sequence[float]) -> str:
 
 
 def who_keeps_energy(arms: Sequence[Hidden]) -> Iterator[Finding]:
-    """Yield which arms hide next to nothing of the energy that contacts dissipate, and which one most."""
+    """Yield which arms hide next to nothing of the energy in play, and which one most."""
     keep = [arm for arm in arms if arm.part <= HIDDEN_PART]
     if keep:
         yield Finding(
-            f"Energy stays, to {100 * HIDDEN_PART:g} % of what contacts dissipate, with "
+            f"Energy stays, to {100 * HIDDEN_PART:g} % of that in play, with "
             f"{listed(arm.label for arm in keep)}, on all scenes with contact that they finished; each "
             f"finished {min(arm.scenes for arm in keep)} or more of {keep[0].of_scenes} such scenes.",
             "energy-kept",
             [Number(100 * keep[-1].part, "%")],
         )
-    told = [arm for arm in arms if arm.told > HIDDEN_PART]
-    if told:
-        worst = max(told, key=lambda arm: arm.told)
+    if len(keep) < len(arms):
+        worst = arms[-1]
         yield Finding(
-            f"On {worst.worst_scene} {worst.label} makes or takes {plain(100 * worst.told)} % of it, the "
+            f"On {worst.worst_scene} {worst.label} makes or takes {plain(100 * worst.part)} % of it, the "
             f"most of all arms on {worst.of_scenes} scenes.",
             "energy-hidden",
-            [Number(100 * worst.told, "%")],
+            [Number(100 * worst.part, "%")],
         )
 
 

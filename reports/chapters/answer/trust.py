@@ -5,56 +5,47 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from reports.chapters.energy.rungs import at_rungs, middle_rungs, prepared
+from reports.chapters.energy.rungs import UNACCOUNTED, at_rungs, middle_rungs, prepared
 from reports.chapters.extremes.verdict import MODEL, answers
 from reports.chapters.predictability import data
 from reports.quantities import finished
 from reports.results import Results
 from reports.tables import ABSENT, setting
 
-#: What an engine may hide, as a part of what contacts dissipate.
-HIDDEN_PART = 1e-3
+#: What an engine may hide, as a part of the energy in play, of which contacts dissipate a hundredth or more.
+HIDDEN_PART = 1e-5
 #: A slider that is off by this much is lost, as a column's name and the text have it.
 LOST, LOST_IN_WORDS = "100um", "100 µm"
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """The most that an arm may hide on scenes with contact, as a part of what contacts dissipate there.
+    """The most that an arm hides on scenes with contact, as a ``part`` of the energy in play.
 
-    ``part`` is the end of the interval, ``told`` the most that is told from zero, on the ``worst_scene``. The
-    arm finished so many ``scenes``, ``of_scenes`` that any arm did.
+    That is on the ``worst_scene``. The arm finished so many ``scenes``, ``of_scenes`` that any arm did.
     """
 
     engine: str
     label: str
     setting: str
     part: float
-    told: float
     worst_scene: str
     scenes: int
     of_scenes: int
 
 
 def hidden(energy: Results) -> list[Hidden]:
-    """Return what every arm hides at most on the scenes with contact that it finished, the least first.
-
-    It is the size of its hidden power and half of that's interval, on the worst of the scenes.
-    """
+    """Return what every arm hides at most on the scenes with contact that it finished, the least first."""
     rows = prepared(energy.rows)
     rows = finished(at_rungs(rows, middle_rungs(rows)))
-    rows = rows[rows["has_clearance"] & (rows["dissipated_power_W"] > 0)]
-    most = (rows["hidden_power_W"].abs() + rows["half_width"]) / rows["dissipated_power_W"]
-    told = rows["hidden_power_W"].abs().where(rows["significant"], 0.0) / rows["dissipated_power_W"]
-    rows = rows.assign(part=most, told=told).dropna(subset="part")
+    rows = rows[rows["has_clearance"]].dropna(subset=UNACCOUNTED)
     arms = [
         Hidden(
             of["engine"].iloc[0],
             label,
             _setting(of),
-            float(of["part"].max()),
-            float(of["told"].max()),
-            of["scene"][of["told"].idxmax()],
+            float(of[UNACCOUNTED].max()),
+            of["scene"][of[UNACCOUNTED].idxmax()],
             len(of),
             rows["scene"].nunique(),
         )

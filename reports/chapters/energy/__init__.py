@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import pandas as pd
 
 from reports.chapters.energy import figures, tables
-from reports.chapters.energy.rungs import SMALL, at_rungs, middle_rungs, prepared
+from reports.chapters.energy.rungs import SMALL, UNACCOUNTED, at_rungs, middle_rungs, prepared
 from reports.parts import Section, stated
 from reports.quantities import finished, own_scenes
 from reports.results import Results
@@ -74,14 +74,14 @@ def hidden_power(at_rung: pd.DataFrame) -> Iterator[str]:
         if small.any():
             part, arms = in_text(rest["uncertain_part"][small].max()), listed(rest["label"][small])
             yield (
-                f"On {scene} the hidden power is not told from zero, to within {part} of {_scale(rows)}, "
+                f"On {scene} the hidden power is not told from zero, to within {part} of the energy in play, "
                 f"with {arms}."
             )
         if not small.all():
             part, arms = in_text(rest["uncertain_part"].max()), listed(rest["label"][~small])
             yield (
                 f"On {scene} nothing can be told of the hidden power with {arms}: the interval reaches "
-                f"up to {part} of {_scale(rows)} to either side."
+                f"up to {part} of the energy in play to either side."
             )
 
 
@@ -94,21 +94,14 @@ def _ends(told: pd.DataFrame) -> str:
     ) + (f", and between these with {listed(told['label'].iloc[1:-1])}" if len(told) > 2 else "")
 
 
-def _scale(rows: pd.DataFrame) -> str:
-    return (
-        "what contacts dissipate" if rows["has_clearance"].any() else "the largest kinetic energy in the run"
-    )
-
-
 def lost_as_it_comes(rows: pd.DataFrame, scene: str) -> Iterator[str]:
-    """Yield how much of a scene's energy Pymunk with its own settings loses, by step."""
+    """Yield by how much of a scene's energy Pymunk with its own settings is off, by step."""
     rows = finished(rows[(rows["label"] == AS_IT_COMES) & (rows["scene"] == scene)]).sort_values("step_s")
     if len(rows):
-        parts = 100 * rows["largest_numerical_gain_J"] / rows["largest_kinetic_energy_J"]
-        shortest, longest = (f"{parts.iloc[at]:.0f} %" for at in (0, -1))
+        shortest, longest = (f"{100 * rows[UNACCOUNTED].iloc[at]:.0f} %" for at in (0, -1))
         yield (
-            f"On {scene} {AS_IT_COMES} loses {shortest} of the largest kinetic energy by the end at the "
-            f"shortest of its steps, and {longest} at the longest."
+            f"On {scene} {AS_IT_COMES} is off by {shortest} of the energy in play at the shortest of its "
+            f"steps, and by {longest} at the longest."
         )
 
 
@@ -144,17 +137,16 @@ def drift(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def ledger_closes(at_rung: pd.DataFrame) -> Iterator[str]:
-    """Yield the largest part of what contacts dissipate that is missing or too much, of the extreme arms."""
-    rows = finished(at_rung[at_rung["dissipated_power_W"] > 0])
-    parts = rows["mean_hidden_power_W"].abs() / rows["dissipated_power_W"]
-    worst = parts.groupby(rows["label"], observed=True).max().sort_values()
+    """Yield the largest part of the energy in play that is missing or too much, of the extreme arms."""
+    rows = finished(at_rung[at_rung["has_clearance"]])
+    worst = rows.groupby("label", observed=True)[UNACCOUNTED].max().sort_values()
     if len(worst):
         ends = dict.fromkeys((worst.index[0], worst.index[-1]))
         arms = listed(f"{in_text(worst[label])} with {label}" for label in ends)
         scenes = rows["scene"].nunique()
         yield (
-            f"{on_scenes(scenes).capitalize()} with contact, of what contacts dissipate: the part that "
-            f"the ledger lacks or has too much is at most {arms}."
+            f"{on_scenes(scenes).capitalize()} with contact the ledger lacks or has too much at most, in "
+            f"parts of the energy in play, {arms}."
         )
 
 

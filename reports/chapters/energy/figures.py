@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from reports.chapters.energy.rungs import LASTING, LONG, longest, resolution
+from reports.chapters.energy.rungs import LASTING, LONG, UNACCOUNTED, longest, resolution
 from reports.parts import Figure
 from reports.plots.series import mark
 from reports.plots.step_figures import against_step, engine_legend, grid, panels_of
@@ -28,8 +28,8 @@ WAYS = {
     "stabilisation": ("#969696", "...."),
 }
 #: A loss below this part of what is not stored is too thin to draw; an arm that hides more than the other
-#: part of what contacts dissipate has a panel of its own.
-SEEN, MISSING = 1e-3, 1e-2
+#: part of the energy in play has a panel of its own.
+SEEN, MISSING = 1e-3, 1e-3
 #: Panels have one scale if the largest is not so many times the smallest.
 ALIKE = 4.0
 WORK = "driver's work less energy stored"
@@ -173,7 +173,8 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
         f"At {resolution(at_rung)}. Losses are stacked. The line is the work that is not "
         "stored in motion, height or contacts: it ends on the top of the stack if the ledger closes, "
         "above it if the method loses energy, below it if it makes some. Losses below a thousandth of it "
-        "are left out. Shown are the first arm of each engine, and those with more than a hundredth missing; "
+        "are left out. Shown are the first arm of each engine, and those that hide more than a thousandth of "
+        "the energy in play; "
         "where they differ much each panel has a scale of its own.",
         f"{len(rows)} panels over time with stacked losses and a line. Panels: {', '.join(labels(rows))}.",
         drawing,
@@ -182,8 +183,7 @@ def driver_work(results: Results, at_rung: pd.DataFrame) -> Figure | None:
 
 def _worth_a_panel(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the first arm of each engine and those whose ledger visibly does not close."""
-    open_by = rows["mean_hidden_power_W"].abs() / rows["dissipated_power_W"]
-    return rows[~rows["engine"].duplicated() | (open_by > MISSING)]
+    return rows[~rows["engine"].duplicated() | (rows[UNACCOUNTED] > MISSING)]
 
 
 def _way(name: str) -> str:

@@ -10,11 +10,13 @@ from reports.tables import setting
 
 #: The ends of names of scenes whose runs are longer than those under the plain name.
 LONG, LASTING = "-long", "-turns"
-#: An interval is small that is this part of what contacts dissipate; without contacts, of the power that
-#: would take the largest kinetic energy by the end.
-SMALL = 0.01
-#: A run that gains or loses more than this part of that shows no order of convergence.
-FAR_OFF = 0.1
+#: Where an energy is told as a part, it is of that in play (see ``mechanics.energy.unaccounted_part``).
+UNACCOUNTED, IN_PLAY = "unaccounted_energy_part", "energy_in_play_J"
+#: An interval is small that is this part of the power which would take that by the end. Contacts dissipate a
+#: hundredth of it, or more.
+SMALL = 1e-4
+#: A run that gains or loses more than this part shows no order of convergence.
+FAR_OFF = 0.01
 
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
@@ -24,26 +26,24 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     (see ``quantities.knobs``); ``half_width`` half of the confidence interval of the hidden power in W, and
     ``significant`` whether that leaves zero out;
     ``uncertain_part`` is half of the interval as a part of what it has to be small against (see ``SMALL``),
-    and ``near`` whether no more than ``FAR_OFF`` of that was ever gained or lost;
+    and ``near`` whether no more than ``FAR_OFF`` was ever gained or lost;
     ``has_clearance`` whether the scene has contacts, which dissipate.
     """
     rows = with_columns(
         rows,
         *("hidden_power_W", "hidden_power_low_W", "hidden_power_high_W", "mean_hidden_power_W"),
-        *("dissipated_power_W", "stabilisation_power_W", "largest_kinetic_energy_J", "driver_work_J"),
+        *("dissipated_power_W", "stabilisation_power_W", IN_PLAY, UNACCOUNTED, "driver_work_J"),
         *("largest_numerical_gain_J", "energy_balance_residual_J"),
         *("constraint_violation_m", "constraint_violation_exponent"),
         *("constraint_speed_m_s", "constraint_speed_exponent"),
     )
     half_width = (rows["hidden_power_high_W"] - rows["hidden_power_low_W"]) / 2
-    scale = rows["dissipated_power_W"].where(rows["dissipated_power_W"] > 0)
-    scale = scale.fillna(rows["largest_kinetic_energy_J"] / rows["end_time_s"])
     return rows.assign(
         tolerance=tolerances(rows),
         knob=knobs(rows),
         half_width=half_width,
-        uncertain_part=half_width / scale,
-        near=rows["largest_numerical_gain_J"] <= FAR_OFF * scale * rows["end_time_s"],
+        uncertain_part=half_width * rows["end_time_s"] / rows[IN_PLAY],
+        near=rows[UNACCOUNTED] <= FAR_OFF,
         significant=rows["hidden_power_W"].abs() > half_width,
         has_clearance=rows["dissipated_power_W"].notna(),
     )

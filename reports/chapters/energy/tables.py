@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from reports.chapters.energy.rungs import FAR_OFF, SMALL, resolution
+from reports.chapters.energy.rungs import FAR_OFF, SMALL, UNACCOUNTED, resolution
 from reports.convergence import RULE
 from reports.parts import Table
 from reports.shared_tables import order_cells
@@ -24,27 +24,26 @@ def power_table(at_rung: pd.DataFrame, rows: pd.DataFrame) -> Table:
         size=rows["hidden_power_W"].abs().where(rows["significant"] & rows["near"]),
         gain=rows["largest_numerical_gain_J"].where(rows["near"]),
     )
-    dissipated = at_rung["dissipated_power_W"].where(at_rung["dissipated_power_W"] > 0)
     cells = {
-        "hidden power [W]": _power(at_rung, 1.0),
+        "hidden power [W]": _power(at_rung),
         "± [W]": at_rung["half_width"].map(number),
         "± as a part": at_rung["uncertain_part"].map(number),
-        "per largest kinetic energy [1/s]": _power(at_rung, at_rung["largest_kinetic_energy_J"]),
         "order of the power": order_cells(at_rung, sized, "size", "too few points"),
         "mean over the run [W]": at_rung["mean_hidden_power_W"].map(number),
         "of it stabilisation [W]": at_rung["stabilisation_power_W"].map(number),
-        "mean per dissipated power": (at_rung["mean_hidden_power_W"] / dissipated).map(number),
+        "largest gain, of the energy in play": at_rung[UNACCOUNTED].map(number),
         "order of the largest gain": order_cells(at_rung, sized, "gain", "too few points"),
     }
     reading = (
         "Positive where the method makes energy, negative where it loses it. The slope over time has the "
-        "half-width of its 95 % confidence interval beside it, in W and as a part of what contacts "
-        "dissipate, or without contacts of the largest kinetic energy over the length of the run; “< x” is "
-        f"not told from zero, and of a size below x; “unknown” is neither, that part being above {SMALL:g}. "
+        "half-width of its 95 % confidence interval beside it, in W and as a part of the energy in play over "
+        "the length of the run; “< x” is not told from zero, and of a size below x; “unknown” is neither, "
+        f"that part being above {SMALL:g}. In play is the largest of kinetic energy, potential energy gained "
+        "or spent, and the works of driver and loads. "
         "The mean is the gain at the end over the length of the run: it differs from the slope where the "
         "rate changes or the energy swings. Stabilisation is that part of the mean which the engine tells it "
         f"removed ({ABSENT}: it tells none). Only slopes told from zero count for the order, and no run that "
-        f"gains or loses more than {FAR_OFF:g} of what contacts dissipate or of that energy. "
+        f"gains or loses more than {FAR_OFF:g} of the energy in play. "
         f"{RULE}"
     )
     return Table.of(
@@ -117,12 +116,11 @@ def _or_status(rows: pd.DataFrame, cells: Mapping[str, pd.Series]) -> pd.DataFra
     return pd.DataFrame({name: column.where(ok, rows["status"]) for name, column in cells.items()})
 
 
-def _power(rows: pd.DataFrame, per: pd.Series | float) -> pd.Series:
-    """Return the hidden power divided by something, or below what it is if it is not told from zero."""
-    below = ("< " + ((rows["hidden_power_W"].abs() + rows["half_width"]) / per).map(number)).where(
-        rows["uncertain_part"] <= SMALL, "unknown"
-    )
-    return (rows["hidden_power_W"] / per).map(number).where(rows["significant"], below)
+def _power(rows: pd.DataFrame) -> pd.Series:
+    """Return the hidden power, or below what it is if it is not told from zero."""
+    below = "< " + (rows["hidden_power_W"].abs() + rows["half_width"]).map(number)
+    known = below.where(rows["uncertain_part"] <= SMALL, "unknown")
+    return rows["hidden_power_W"].map(number).where(rows["significant"], known)
 
 
 def _digits(value: float) -> str:

@@ -80,8 +80,8 @@ def _sound(answered: pd.DataFrame) -> Iterator[str]:
         bounds = sound[[f"{ENERGY}_bound", f"{CONSTRAINT}_bound"]].iloc[0] * sound["nonsense_factor"].iloc[0]
         sentence = (
             f"{len(answered)} runs of {answered['scene'].nunique()} cases all ended in a verdict. None that "
-            f"counts as right or inaccurate leaves more than {in_text(energy)} of its energy unaccounted "
-            f"for, or opens a joint by more than {in_text(constraint)} of the crank's length."
+            f"counts as right or inaccurate leaves more than {in_text(energy)} of the energy in play "
+            f"unaccounted for, or opens a joint by more than {in_text(constraint)} of the crank's length."
         )
         yield stated(sentence, bool((bounds >= [energy, constraint]).all()))
     ended = answered[answered["verdict"].isin(ENDED)]
@@ -176,7 +176,7 @@ def verdicts(answers: pd.DataFrame) -> Table:
     )
     reading = (
         f"Errors are relative to the motion's own size; right is below {motion:g}. "
-        "Energy that no physics accounts for is in parts of the largest energy there is, right below "
+        "Energy that no physics accounts for is in parts of that in play, right below "
         f"{energy:g}; constraints in parts of the crank's length, right below {constraint:g}. Beyond "
         f"{wrong:g} times one of these a success is wrong. The reason is told by the engine itself, by a "
         "guard of ours, by our model of the engine where that has no such law, or by the scene's own check "

@@ -31,7 +31,7 @@ class Verdict(Enum):
 
 
 #: The numbers that a verdict rests on, each with a column of its bound.
-JUDGED = ("relative_error", "energy_relative", "constraint_relative")
+JUDGED = ("relative_error", "unaccounted_energy_part", "constraint_relative")
 ENERGY, CONSTRAINT = JUDGED[1:]
 #: Verdicts on runs that end with word of when and why, the engine's own or that of the check after every run.
 TOLD_SO = (Verdict.FAILED, Verdict.NOTICED)
@@ -125,7 +125,7 @@ def _came(row: Row) -> str:
     if row["wanted"] == "refusal":
         return f"success, {row['judged']}"
     if row["worst"] == ENERGY:
-        return f"success, with energy off by {in_text(row[ENERGY])} of all there is"
+        return f"success, with energy off by {in_text(row[ENERGY])} of that in play"
     return f"success, with {row['judged']} off by {in_text(row['relative_error'])}"
 
 

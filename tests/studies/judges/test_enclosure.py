@@ -54,6 +54,7 @@ def enclosed(
 def test_solutions_of_rounded_numbers_lie_within_the_uncertainty(name: str) -> None:
     scene = SCENES[name]().model_copy(update={"end_time_s": END_S[name]})
     truth, repeats = converged(scene, SAMPLES)
+    assert [one.position[0, 0, 2] for one in (truth, *repeats)] == [0.0, np.spacing(1.0)], "a place off"
     run = RunSettings(scene.end_time_s, SAMPLES)
     draws = (rounded(scene, np.random.default_rng(seed)) for seed in range(DRAWS))
     others = (SHARPER.simulate(draw, run) for draw in draws if isinstance(draw, Scene))
