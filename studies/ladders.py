@@ -82,14 +82,12 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
     contact, whole, more = contact_step_s(scene), scene.end_time_s, 2 if full else 0
     flight, longest = 30 * contact, 150 * contact
     others = [rung for arm in arms.newcomers() for rung in by_step(arm, contact, 4 + more)]
-    if all(getattr(scene.clearance, joint).law == "rigid" for joint in scene.joints_with_clearance):
+    if _between_rigid_walls(scene):
         return [
             *others,
             *by_step(arms.LOCATED, flight, 5 + more),
             *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, 2)),
             *by_step(arms.NATIVE_CONTACT, contact / 2, 4 + more),
-            *by_tolerance(arms.SCIPY_DOP853, whole, range(6, 13, 2)),
-            *by_tolerance(arms.SCIPY_DOP853_MINIMAL, whole, range(6, 13, 2)),
         ]
     build: dict[str, Setting] = {"fast": True} if fast else {}
     every = 1 if full else 2
@@ -112,3 +110,16 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
         *by_tolerance(arms.LSODA_MINIMAL, whole, range(5, 13, every)),
         *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]
+
+
+def rebound_ladder(scene: Scene) -> list[Rung]:
+    """Return the ladders of arms that rebound from rigid walls until bounces accumulate, and follow none."""
+    if not _between_rigid_walls(scene):
+        return []
+    rebounding = (arms.SCIPY_DOP853, arms.SCIPY_DOP853_MINIMAL)
+    return [rung for arm in rebounding for rung in by_tolerance(arm, scene.end_time_s, range(6, 13, 2))]
+
+
+def _between_rigid_walls(scene: Scene) -> bool:
+    """Return whether every joint with clearance has a rigid wall."""
+    return all(getattr(scene.clearance, joint).law == "rigid" for joint in scene.joints_with_clearance)

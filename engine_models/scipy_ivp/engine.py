@@ -38,7 +38,7 @@ SHARPEST = 1e-13
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
 class ScipyEngine:
-    """Settings of ``solve_ivp``: its ``method``; ``rtol`` and ``atol``, the tolerances of a step.
+    """Settings of SciPy's integrators: the ``method``; ``rtol`` and ``atol``, the tolerances of a step.
 
     It integrates the multiplier equations (1)-(10) by the reference's compiled right-hand side, so that the
     two engines differ in the integrator and not in the equations. Every evaluation is one call of compiled
@@ -58,14 +58,18 @@ class ScipyEngine:
     on the interpolant, and the integration begins anew from there. Without it there is one integration over
     a force that switches by the sign of the penetration; the approach speed that a law needs is then taken
     where the first accepted step inside the wall ends (within that step the present speed stands for it),
-    and no tolerance bounds what that costs. The kinks of a table by the crank's angle are not located: the
+    and no tolerance bounds what that costs. From rigid walls pins rebound at located touches by the
+    reference's laws of impact, until bounces accumulate: a pin that is to follow its wall ends the run, which
+    is this project's limit and not SciPy's. The kinks of a table by the crank's angle are not located: the
     error control shortens steps over them.
 
     LSODA can come to a standstill where ``atol`` is far below ``rtol`` times a typical value (ideal-driven
-    with 1e-12 and 1e-6). ``odeint`` is the same method by an older call, which has no events and so is for
-    ideal joints alone; its loop over steps is compiled, and takes an eighth of ``solve_ivp``'s time. A run
-    fails that takes more than ``max_evaluations`` of the right-hand side (more steps between two samples, by
-    ``odeint``); the default takes about a minute.
+    with 1e-12 and 1e-6). ``odeint`` is the same method by an older call, and ``dop853`` DOP853 by an older
+    class, ``scipy.integrate.ode``. Both have no events and so are for ideal joints alone; their loops over
+    steps are compiled, and take a fifth to an eighth of ``solve_ivp``'s time. ``dop853`` has one ``atol`` for
+    all, sums included, and no interpolant: a sample is a step of its own from the last step's end before it.
+    A run fails that takes more than ``max_evaluations`` of the right-hand side (more steps between two
+    samples, by ``odeint``); the default takes about a minute.
     """
 
     method: Literal["DOP853", "RK45", "LSODA", "Radau", "odeint", "dop853"] = "DOP853"

@@ -22,7 +22,7 @@ from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.judges.comparison import compared, judged
 from studies.judges.metrics import checked
-from studies.ladders import Rung, clearance_ladder, ideal_ladder
+from studies.ladders import Rung, clearance_ladder, ideal_ladder, rebound_ladder
 from studies.running.case import Case, Curves, Row, Value
 from studies.work_precision.reach import reach
 
@@ -94,7 +94,9 @@ def _cases_on(
 
 def ladder(scene: Scene, full: bool) -> list[Rung]:
     """Return all engines' ladders for a scene."""
-    return clearance_ladder(scene, full) if scene.joints_with_clearance else ideal_ladder(scene, full)
+    if not scene.joints_with_clearance:
+        return ideal_ladder(scene, full)
+    return [*clearance_ladder(scene, full), *rebound_ladder(scene)]
 
 
 def _compiles(rung: Rung) -> bool:

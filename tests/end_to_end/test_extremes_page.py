@@ -1,5 +1,6 @@
 """The gallery of extremes on rows with round numbers: every verdict, cell and sentence worked out here."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from reports.chapters import extremes
+from reports.chapters.answer.trust import breaks
+from reports.chapters.headlines import hard
 from reports.parts import Section, Table
 from reports.plots.series import marked
+from reports.results import Results
 from tests.end_to_end.written_rows import results_of, row
 
 #: Cases in their places: group, what theory says and asks for, and when the motion ends in s.
@@ -99,7 +103,7 @@ LOOKS = {
 
 
 @pytest.fixture(scope="module")
-def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
+def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
     rows: list[dict[str, Any]] = []
     for place, (case, (group, theory, wanted, stop_s)) in enumerate(CASES.items()):
         head = {"place": place, "group": group, "theory": theory, "wanted": wanted, "stop_s": stop_s}
@@ -110,8 +114,30 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
             rows.append(
                 row(len(rows), case, "pymunk", "tuned", 1e-3, guarded=False, **{**head, **BARE[case]})
             )
-    results = results_of(tmp_path_factory.mktemp("results") / "extremes", rows[::-1], {})
+    return results_of(tmp_path_factory.mktemp("results") / "extremes", rows[::-1], {})
+
+
+@pytest.fixture(scope="module")
+def sections(results: Results) -> dict[str, Section]:
     return {section.name: section for section in extremes.sections(results)}
+
+
+def test_an_arm_breaks_where_it_goes_wrong_without_guards_and_not_where_its_model_refuses(
+    results: Results,
+) -> None:
+    """Pymunk does what theory asks in 3 cases, in 1 without guards; then a run of Exudyn is its model's."""
+    studies = {"extremes": results}
+    assert breaks(studies, "reference", "reference (default)") == "against theory in 1 of 5 hard cases"
+    assert breaks(studies, "pymunk", "pymunk (tuned)") == "against theory in 4 of 5 hard cases"
+    assert breaks(studies, "exudyn", "exudyn (DOPRI5)") == "against theory in 5 of 5 hard cases"
+    rows = results.rows.assign(spoken_by=None)
+    rows.loc[rows["reason"] == "something broke", "spoken_by"] = "adapter"
+    altered = replace(results, rows=rows)
+    assert breaks({"extremes": altered}, "exudyn", "exudyn (DOPRI5)") == "against theory in 4 of 4 hard cases"
+    text = next(section for section in extremes.sections(altered) if section.name == "gallery").text
+    assert "exudyn (DOPRI5) does what theory asks in 0 of 4 cases." in text
+    assert "Cases that our model of exudyn (DOPRI5) does not express: 1." in text
+    assert any("does what theory asks in 0 of 4 hard cases" in told for told in hard(altered))
 
 
 def table(sections: dict[str, Section], name: str) -> Table:

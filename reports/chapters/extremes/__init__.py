@@ -101,7 +101,7 @@ def _outcomes(answered: pd.DataFrame) -> Iterator[str]:
         if bare != wanted:
             yield f"Without our guards {label} would in {bare}."
         if len(asked) < len(of_label):
-            yield f"{len(of_label) - len(asked)} more cases our model of {label} does not express."
+            yield f"Cases that our model of {label} does not express: {len(of_label) - len(asked)}."
         for how, verdict in (("that the check notices", Verdict.NOTICED), ("as a success", Verdict.WRONG)):
             cases = of_label["scene"][of_label["verdict"] == verdict]
             if len(cases):

@@ -44,10 +44,12 @@ BY_TOLERANCE = (
     arms.SCIPY_DOP853,
     arms.LSODA,
     arms.ODEINT,
+    arms.ODE,
     arms.RADAU,
     arms.SCIPY_DOP853_MINIMAL,
     arms.LSODA_MINIMAL,
     arms.ODEINT_MINIMAL,
+    arms.ODE_MINIMAL,
     arms.HEYOKA,
 )
 TOLERANCES, LONGEST_PART = (1e-6, 1e-9), 40
