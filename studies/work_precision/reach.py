@@ -26,10 +26,9 @@ def reach(found: Judged) -> Row:
     ``compared_until_s``. Of fixed times only those before that have an error, with the truth's uncertainty.
     """
     end_s, truth = found.compared_until_s, found.solved.truth
-    until = truth.time_s <= end_s * (1 + ROUNDING)
-    time_s, true_m = truth.time_s[until], truth.slider_position_m[until]
-    off_m = np.abs(found.run.slider_position_m[until] - true_m)
-    repeats = [np.abs(repeat.slider_position_m[until] - true_m) for repeat in found.solved.repeats]
+    time_s, true_m = truth.time_s, truth.slider_position_m
+    off_m = np.abs(found.run.slider_position_m - true_m)
+    repeats = [np.abs(repeat.slider_position_m - true_m) for repeat in found.solved.repeats]
     doubt_m = np.max(repeats, axis=0) + ROUND_OFF * np.abs(true_m).max()
     smallest_m = min(room.radial_clearance_m for room in clearances(found.own).values())
     row: Row = {

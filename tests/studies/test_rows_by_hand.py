@@ -121,6 +121,8 @@ def test_a_run_reaches_as_far_as_its_slider_is_right_and_is_off_by_what_it_was_u
     assert {name for name in early if "_until_" in name} == {
         f"slider_position_{what}_until_3_impacts_m" for what in ("error", "uncertainty")
     }
+    found.compared_until_s = 0.0035  # the third impact has begun, and not ended
+    assert not {name for name in reach(found) if "_until_" in name}
 
 
 def test_a_cross_check_ends_at_the_horizon(monkeypatch: pytest.MonkeyPatch) -> None:

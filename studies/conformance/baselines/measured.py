@@ -22,8 +22,9 @@ TRUTHS = {
 #: What the columns have in their names that are held against a truth, and those against physics.
 OF_TRUTH = ("_error", "_uncertainty_", "_model_difference_", "cross_check", "impacts_")
 OF_PHYSICS = ("residual", "unaccounted", "gap_part", "constraint", "hidden_power", "gain")
-#: What the columns have in their names that tell of a scene's truth alone, the same for every arm.
-OF_SCENE = "_scale_"
+#: What the columns have in their names that tell of a scene alone, the same for every arm, or of a run what
+#: its errors at the end of the motion tell.
+UNHELD = ("_scale_", "smallest_clearance", "_error_until_", "_uncertainty_until_", "reached_")
 #: The study of smooth motion, at two steps: past impacts errors do not fall by the order of a method.
 OF_ORDERS = "agreement"
 #: An error is a point of an order while it is so many times the truth's uncertainty.
@@ -68,7 +69,9 @@ def measured(subject: Subject) -> dict[Key, Number]:
     out = {}
     for at, row in rows.items():
         for name, value in row.items():
-            if isinstance(value, int | float) and not isinstance(value, bool) and OF_SCENE not in name:
+            if any(part in name for part in UNHELD):
+                continue
+            if isinstance(value, int | float) and not isinstance(value, bool):
                 out[Key(*subject.key, at, name)] = _number(name, value, row)
     if subject.key[0] == OF_ORDERS:
         coarse, fine = rows.values()
