@@ -127,8 +127,8 @@ def test_every_line_of_the_ledger_has_its_column(sections: dict[str, Section], s
     )
     # 3 s of the hidden powers of 1e-7 and 7.5e-3 W, in parts of 50 J.
     assert sections["ledger"].text == (
-        "On the one scene with contact the ledger lacks or has too much at most, in parts of the energy in "
-        "play, 6.0×10⁻⁹ with reference (projection) and 4.5×10⁻⁴ with pymunk (tuned).",
+        "On the one scene with contact, in parts of the energy in play: the ledger lacks or has too much at "
+        "most 6.0×10⁻⁹ with reference (projection) and 4.5×10⁻⁴ with pymunk (tuned).",
     )
 
 

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from reports.chapters.energy.rungs import UNACCOUNTED, at_rungs, middle_rungs, prepared
+from reports.chapters.energy.rungs import SMALL, UNACCOUNTED, at_rungs, middle_rungs, prepared
 from reports.chapters.extremes.verdict import MODEL, answers
 from reports.chapters.predictability import data
 from reports.quantities import finished
 from reports.results import Results
 from reports.tables import ABSENT, setting
 
-#: What an engine may hide, as a part of the energy in play, of which contacts dissipate a hundredth or more.
-HIDDEN_PART = 1e-5
+#: What an engine may hide, as a part of the energy in play: a hundredth of what contacts dissipate, or less.
+HIDDEN_PART = SMALL
 #: A slider that is off by this much is lost, as a column's name and the text have it.
 LOST, LOST_IN_WORDS = "100um", "100 µm"
 
