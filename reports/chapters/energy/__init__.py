@@ -15,8 +15,8 @@ from reports.tables import in_text, listed, on_scenes
 STUDY = "energy"
 TITLE = "Energy over long runs"
 INTRODUCTION = (
-    "A method that makes or takes energy has a driver or a brake that no scene has. Every engine runs "
-    "scenes for many turns, and what its bodies and contacts store, what its driver gives and what its "
+    "A method that makes or takes energy has a driver or a brake that no scene has. Of every engine's "
+    "runs, which are longer than those of other studies, what its bodies and contacts store, what its driver gives and what its "
     "contacts dissipate are added up from its own trajectory. What does not add up is the method's own: "
     "energy gained if positive, lost if negative. Its rate is called hidden power: the slope over time, "
     "the median over all pairs of block means (Theil and Sen), with Student's interval over five parts of "
@@ -38,7 +38,7 @@ def sections(results: Results) -> list[Section]:
         Section.of(
             "hidden-power",
             "Hidden power",
-            (*hidden_power(at_middle), *lost_as_it_comes(rows, "ideal-free")),
+            (*lasting(rows), *hidden_power(at_middle), *lost_as_it_comes(rows, "ideal-free")),
             (figures.gain_over_time(results, at_middle), *figures.by_step(rows)),
             [tables.power_table(at_middle, rows)],
         ),
@@ -58,6 +58,17 @@ def sections(results: Results) -> list[Section]:
         ),
         failures_section(rows, STUDY),
     ]
+
+
+def lasting(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield how many revolutions runs take, on ideal joints and with contact."""
+    turns = [
+        (joints, of_kind["turns"].round())
+        for with_contact, joints in ((False, "on ideal joints"), (True, "with contact"))
+        if len(of_kind := finished(rows[rows["has_clearance"] == with_contact]))
+    ]
+    if turns:
+        yield f"Runs take {listed(f'{of.min():g} to {of.max():g} revolutions {joints}' for joints, of in turns)}."
 
 
 def hidden_power(at_rung: pd.DataFrame) -> Iterator[str]:
@@ -145,8 +156,8 @@ def ledger_closes(at_rung: pd.DataFrame) -> Iterator[str]:
         arms = listed(f"{in_text(worst[label])} with {label}" for label in ends)
         scenes = rows["scene"].nunique()
         yield (
-            f"{on_scenes(scenes).capitalize()} with contact, in parts of the energy in play: the ledger lacks "
-            f"or has too much at most {arms}."
+            f"{on_scenes(scenes).capitalize()} with contact, in parts of the energy in play: the ledger "
+            f"lacks or has too much at most {arms}."
         )
 
 
