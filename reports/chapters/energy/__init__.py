@@ -16,8 +16,8 @@ STUDY = "energy"
 TITLE = "Energy over long runs"
 INTRODUCTION = (
     "A method that makes or takes energy has a driver or a brake that no scene has. Of every engine's "
-    "runs, which are longer than those of other studies, what its bodies and contacts store, what its driver gives and what its "
-    "contacts dissipate are added up from its own trajectory. What does not add up is the method's own: "
+    "runs, which are longer than those of other studies, what its bodies and contacts store, what its "
+    "driver gives and what its contacts dissipate are added up from its own trajectory. What does not add up is the method's own: "
     "energy gained if positive, lost if negative. Its rate is called hidden power: the slope over time, "
     "the median over all pairs of block means (Theil and Sen), with Student's interval over five parts of "
     "the run. It holds what stabilisation of the constraints removes, which is no physics either and which "
@@ -67,8 +67,9 @@ def lasting(rows: pd.DataFrame) -> Iterator[str]:
         for with_contact, joints in ((False, "on ideal joints"), (True, "with contact"))
         if len(of_kind := finished(rows[rows["has_clearance"] == with_contact]))
     ]
+    spans = listed(f"{of.min():g} to {of.max():g} revolutions {joints}" for joints, of in turns)
     if turns:
-        yield f"Runs take {listed(f'{of.min():g} to {of.max():g} revolutions {joints}' for joints, of in turns)}."
+        yield f"Runs take {spans}."
 
 
 def hidden_power(at_rung: pd.DataFrame) -> Iterator[str]:
