@@ -17,7 +17,6 @@ from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Clearance, Scene
-from engine_models.scipy_ivp.model import Derivative
 
 if TYPE_CHECKING:
     from engine_models.heyoka.run import Flight
@@ -88,14 +87,11 @@ class HeyokaEngine:
         """
         self.check(scene)
         require_memory(scene, settings)
-        from engine_models.heyoka.run import Reading
+        from engine_models.heyoka.reading import HeldDerivative, Reading
 
-        derivative, flight = self._flight(scene, settings)
-        times = settings.times_s(scene)
-        reading = Reading(derivative, times)
-        record = reading.read(flight.pieces(kept=True))
-        samples = derivative.absolute(record.y)
-        solution = Derivative(wound(scene)).solution(times, samples, record.phases, record.ends, flight.steps)
+        flight, still = self._flight(scene, settings), wound(scene)
+        reading = Reading(HeldDerivative(still), settings.times_s(scene))
+        solution = reading.read(flight.run(kept=True), flight.steps)
         longest, solve_time = min(settings.step_s, scene.end_time_s), self.bare_solve_time_s(scene, settings)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))
@@ -107,10 +103,9 @@ class HeyokaEngine:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
         self.check(scene)
-        systems, (_, flight) = _systems(self, wound(scene)), self._flight(scene, settings)
+        systems, flight = _systems(self, wound(scene)), self._flight(scene, settings)
         compiled, started = systems.compiled_s, time.perf_counter()
-        for _ in flight.pieces(kept=False):
-            pass
+        flight.run(kept=False)
         return time.perf_counter() - started - (systems.compiled_s - compiled)
 
     def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
@@ -123,13 +118,12 @@ class HeyokaEngine:
         self.bare_solve_time_s(scene, settings)
         return _systems(self, wound(scene)).compiled_s
 
-    def _flight(self, scene: Scene, settings: RunSettings) -> "tuple[Derivative, Flight]":
+    def _flight(self, scene: Scene, settings: RunSettings) -> "Flight":
         from engine_models.heyoka.run import Flight  # which imports heyoka, where there is one
 
-        still, longest = wound(scene), min(settings.step_s, scene.end_time_s)
-        derivative = Derivative(still, minimal=True)
-        systems = _systems(self, still)
-        return derivative, Flight(still, derivative, systems, longest, self.max_steps)
+        still = wound(scene)
+        longest = min(settings.step_s, scene.end_time_s)
+        return Flight(still, _systems(self, still), longest, self.max_steps)
 
 
 @lru_cache(maxsize=1)

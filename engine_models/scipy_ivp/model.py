@@ -99,8 +99,8 @@ class Derivative:
         topology = Topology(mechanism)
         self._kernel = load_kernel(_source_of(topology.marked(), minimal))
         self._parameters = topology.parameters(self._kernel, q.ravel())
-        self._readable = Equations(mechanism, q.ravel())
-        self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self._readable.C)
+        self.readable = Equations(mechanism, q.ravel())
+        self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self.readable.C)
         self._forces = np.empty(self._rows + 2 * len(self._joints))
         self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         self._tree = Tree(mechanism) if minimal else None
@@ -108,10 +108,10 @@ class Derivative:
         if self._tree is not None:
             motion = self._tree.start(q.ravel(), v.ravel())
         self.n = len(motion) // 2
-        self.sums = tuple(_integrated(self._readable))
+        self.sums = tuple(_integrated(self.readable))
         self.contact_count = len(self._joints)
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
-        clipped = [k for k, joint in enumerate(self._joints) if joint.compliance.clipped]
+        clipped = [k for k, joint in enumerate(self._joints) if not joint.rigid and joint.compliance.clipped]
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
         self.start = np.concatenate([motion, np.zeros(len(self.sums))])
         self._refused: tuple[float, FloatArray] | None = None
@@ -157,7 +157,7 @@ class Derivative:
             return ""
         t, y = self._refused
         try:
-            self._readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n], self.phases().reshape(-1, 2))
+            self.readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n], self.phases().reshape(-1, 2))
         except SolverError as error:
             return str(error)
         return f"the constraint matrix is about to lose rank at t = {t:.6g} s"

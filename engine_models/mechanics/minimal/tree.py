@@ -193,17 +193,19 @@ class Posture:
             v.append(self._rate.get(angle, 0.0))
         return q, v
 
-    def accelerations(self, F: Array, driven: Scalar | None) -> tuple[list[Scalar], Scalar]:
+    def accelerations(
+        self, F: Array, driven: Scalar | None, more: Mapping[int, Scalar] | None = None
+    ) -> tuple[list[Scalar], Scalar]:
         """Return z'' (n,) under forces F (3b,) on the bodies, and the torque in N m of a driver of the crank.
 
         ``driven`` is the crank's angular acceleration where that is prescribed; else it is None, and the
-        torque 0.
+        torque 0. Of an open tree ``more`` are generalised forces beside F, by places.
         """
         if self._tree.closed:
             return [self._eksergian(F)], 0.0
         M, Q = self._masses(), self._forces(F, self._across, dict.fromkeys(ANGLES, 1.0))
         h = self._inertial(self._rate)
-        right = {i: Q[i] - h[i] for i in Q}
+        right = {i: Q[i] + (more or {}).get(i, 0.0) - h[i] for i in Q}
         given = {} if driven is None else {THETA: driven}
         free = [k for k in self._tree.places if k not in given]
         matrix = array([[M[i, j] for j in free] for i in free])
