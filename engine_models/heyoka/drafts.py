@@ -35,6 +35,7 @@ class Draft:
         pars = {name: hy.par[k] for k, name in enumerate(self.parameters)}
         self._of = Translation({**self.variables, **pars})
         self.stretched = bool(motion.touching)
+        self.periods = [round(2 * motion.joints[k].compliance.exponent) + 2 for k in motion.touching]
         self.alarms = self._alarms()
         self._alarm: Callable[[FloatArray], Any] | None = None
 

@@ -45,21 +45,16 @@ class HeyokaEngine:
     max_steps: Annotated[int, Field(gt=0)] = 20_000_000
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series."""
+        """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series of a contact."""
         if find_spec("heyoka") is None:
             raise UnsupportedScene(
-                "heyoka is not installed: pip install heyoka (Linux, Python 3.11 or later)"
+                "heyoka is not installed: pip install heyoka (Linux, Python 3.11 or later), "
+                "or conda install -c conda-forge heyoka.py (Linux, macOS, Windows)"
             )
         require_coordinates("heyoka", scene)
-        if scene.drive.kind in ("ramp", "fluctuating", "table"):
-            raise UnsupportedScene(
-                f"heyoka's model drives at constant speed only (drive.kind = '{scene.drive.kind}')"
-            )
-        if scene.load.slider is not None and scene.load.slider.gas is not None:
-            raise UnsupportedScene("heyoka's model has no tables (load.slider.gas)")
         for joint, clearance in clearances(scene).items():
             if (reason := _without_series(clearance)) is not None:
-                raise UnsupportedScene(f"heyoka has no Taylor series of the contact at {joint}: {reason}")
+                raise UnsupportedScene(f"heyoka's model has no contact like that at {joint}: {reason}")
 
     def twin(self, scene: Scene) -> Scene:
         """Return the scene itself: what is supported is solved as it is.
@@ -137,7 +132,7 @@ def _systems(engine: HeyokaEngine, scene: Scene) -> "Systems":
 def _without_series(clearance: Clearance) -> str | None:
     """Return what of a clearance has no Taylor series, None if all has."""
     if clearance.law == "rigid":
-        return "impacts are no part of an ODE (law = 'rigid')"
+        return "friction in impacts on rigid walls (law = 'rigid')" if clearance.friction else None
     if (2 * exponent_of(clearance)) % 1 != 0:
         return f"twice the exponent is not whole (exponent = {exponent_of(clearance):g})"
     if clearance.friction is None:
