@@ -1,4 +1,4 @@
-"""The equations of one system as heyoka's expressions: its variables, their rates, its events, what follows."""
+"""The equations of one system as heyoka's expressions: variables and rates, events, what follows them."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -8,7 +8,7 @@ import heyoka as hy
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.heyoka.equations import Motion, Phases
+from engine_models.heyoka.equations import Motion
 from engine_models.heyoka.expressions import Translation
 from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.tape import Scalar, larger, sqrt
@@ -37,7 +37,6 @@ class Draft:
         self.stretched = bool(motion.touching)
         self.periods = [round(2 * motion.joints[k].compliance.exponent) + 2 for k in motion.touching]
         self.alarms = self._alarms()
-        self._alarm: Callable[[FloatArray], Any] | None = None
 
     def flow(self) -> list[tuple[hy.expression, hy.expression]]:
         """Return the variables and their rates."""
@@ -118,6 +117,15 @@ class Draft:
             stops[OVER, 0] = self.variables["time"] - hy.par[self.parameters.index("until")]
         return stops
 
+    def approaching(self, contacts: Sequence[int]) -> list[hy.expression]:
+        """Return how far pins are past rigid walls that they approach, in m; of others -1."""
+        depths = []
+        for k in contacts:
+            d, G = self._motion.gap(k), self._of(self._motion.speed(self._row(k)))
+            depth = self._of(sqrt(d @ d) - self._motion.joints[k].radial_clearance_m)
+            depths.append(hy.select(hy.gt(G, 0.0), depth, hy.expression(-1.0)))
+        return depths
+
     def restart(self, to: "Draft", event: Event, restitution: float | None = None) -> list[hy.expression]:
         """Return the variables of the system to go on with after an event.
 
@@ -139,7 +147,7 @@ class Draft:
             begun[f"reach{k}"] = reach * reach
             if not joint.rigid:
                 begun[f"w{k}"] = sqrt(larger(depth, self._past_m))
-                speed = larger(G / distance, joint.compliance.minimum_impact_speed_m_s)
+                speed = larger(G / joint.radial_clearance_m, joint.compliance.minimum_impact_speed_m_s)
                 begun[f"speed{k}"] = speed
             known |= {name: self._of(value) for name, value in begun.items() if name in to.names}
         return [known[name] for name in to.names]
@@ -148,16 +156,6 @@ class Draft:
         """Return expressions as a function of the state, with parameters that are looked up in every call."""
         function = hy.cfunc(values, vars=[*self.variables.values()])
         return partial(function, pars=pars) if function.nparams else function
-
-    def due(self, kinds: Sequence[int], state: FloatArray, pars: FloatArray) -> Event | None:
-        """Return the first event of some kinds that has come, or would begin at zero, None without one."""
-        events = [event for event in self.alarms if event[0] in kinds]
-        if not events:
-            return None
-        if self._alarm is None:
-            self._alarm = self.compiled([*self.alarms.values()], pars)
-        values = dict(zip(self.alarms, self._alarm(state).tolist(), strict=True))
-        return next((event for event in events if values[event] >= 0), None)
 
     def told(self, names: Sequence[str]) -> list[hy.expression]:
         """Return q and v (3b,) each, powers by name, of what is no impact's, and dt/ds."""

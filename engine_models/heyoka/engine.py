@@ -86,7 +86,8 @@ class HeyokaEngine:
 
         flight, still = self._flight(scene, settings), wound(scene)
         reading = Reading(HeldDerivative(still), settings.times_s(scene))
-        solution = reading.read(flight.run(kept=True), flight.steps)
+        flight.run(reading.take)
+        solution = reading.solution(flight.steps)
         longest, solve_time = min(settings.step_s, scene.end_time_s), self.bare_solve_time_s(scene, settings)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))
@@ -100,7 +101,7 @@ class HeyokaEngine:
         self.check(scene)
         systems, flight = _systems(self, wound(scene)), self._flight(scene, settings)
         compiled, started = systems.compiled_s, time.perf_counter()
-        flight.run(kept=False)
+        flight.run()
         return time.perf_counter() - started - (systems.compiled_s - compiled)
 
     def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:

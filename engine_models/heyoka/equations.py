@@ -69,7 +69,7 @@ class Motion:
             for place, unit in zip(tree.coordinates, np.eye(len(order)), strict=True)
         }
         loads = [
-            replace(load, force_N=pieces["gas"]) if isinstance(load, GasForce) else load
+            replace(load, force_N=pieces["gas"]) if isinstance(load, GasForce) else load  # type: ignore[arg-type]
             for load in mechanism.loads
         ]
         equations = Equations(replace(mechanism, loads=tuple(loads)), np.zeros(len(self.q)))

@@ -31,7 +31,7 @@ class Polynomials:
     @property
     def terms(self) -> int:
         """The number n of a piece's coefficients."""
-        return self.rows.shape[1] - 1
+        return int(self.rows.shape[1]) - 1
 
 
 @dataclass(frozen=True)

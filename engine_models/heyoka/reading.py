@@ -1,7 +1,6 @@
 """Reads a run off the Taylor series of its pieces: samples, what powers add up to, impacts, forces."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -61,20 +60,26 @@ class Reading:
     def __init__(self, derivative: Derivative, times: FloatArray) -> None:
         self._derivative, self._times, self._n = derivative, times, derivative.n
         self._joints = derivative.mechanism.contacts
+        self._last: Piece | None = None
         self._sums, self._touches = np.zeros(len(derivative.sums)), dict[int, Touch]()
         self._rows, self._phases, self._impacts = list[FloatArray](), list[FloatArray](), list[Impact]()
 
-    def read(self, pieces: Sequence[Piece], steps: int) -> Solution:
-        """Return a run's solution, with the forces at its samples."""
-        for before, piece in zip([None, *pieces], pieces, strict=False):
-            start = self._told(piece, piece.series.times[:1])
-            if before is None:
-                self._sample(piece, start, self._sums[None])
-            self._change(before, piece, start[0])
-            self._follow(piece)
-        missing = len(self._times) - len(self._rows)  # the end, where rounding has it past the series
-        end = np.repeat(self._told(pieces[-1], None), missing, axis=0)
-        self._sample(pieces[-1], end, np.tile(self._sums, (missing, 1)))
+    def take(self, piece: Piece) -> None:
+        """Read the run's next piece."""
+        start = self._told(piece, piece.series.times[:1])
+        if self._last is None:
+            self._sample(piece, start, self._sums[None])
+        self._change(self._last, piece, start[0])
+        self._follow(piece)
+        self._last = replace(piece, series=None)
+
+    def solution(self, steps: int) -> Solution:
+        """Return the solution of a run that has been read, with the forces at its samples."""
+        last, missing = self._last, len(self._times) - len(self._rows)
+        assert last is not None
+        # The end, where rounding has it past the series.
+        end = np.repeat(self._told(last, None), missing, axis=0)
+        self._sample(last, end, np.tile(self._sums, (missing, 1)))
         return self._derivative.solution(self._times, self._rows, self._phases, self._impacts, steps)
 
     def _told(self, piece: Piece, own: FloatArray | None) -> FloatArray:
@@ -96,8 +101,9 @@ class Reading:
                 if before is not None and was == FLIGHT and before.event == (TOUCH, k):
                     self._hit(k, t, self._told(before, None)[0], closing=now == CONTACT)
             elif was == FLIGHT != now:
-                speed = float(self._separation(k, start).normal_speed[0])
-                self._touches[k] = Touch(t, speed, self._sums)
+                where = self._separation(k, start)
+                speed = where.normal_speed[0] * where.distance_m[0] / joint.radial_clearance_m
+                self._touches[k] = Touch(t, float(speed), self._sums)
             elif was != FLIGHT == now:
                 self._release(k, t)
 

@@ -1,5 +1,6 @@
-"""A run by heyoka from event to event: its own calls, and states handed on from one integrator to the next."""
+"""A run by heyoka from event to event: its own calls, and states handed on between its integrators."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,26 +43,36 @@ class Piece:
 
 
 class Flight:
-    """A run of a scene by its integrators, in steps up to the longest; ``steps`` counts those so far."""
+    """A run of a scene by its integrators, in steps up to the longest; ``steps`` counts those so far.
+
+    The integrators are at the start once it is made, and run for one flight at a time. ``system`` is the one
+    that runs, or has run last.
+    """
 
     def __init__(self, scene: Scene, systems: Systems, longest_s: float, max_steps: int) -> None:
         self._scene, self._systems = scene, systems
         self._longest_s, self._max_steps = longest_s, max_steps
         self._pace, self.steps = Pace(scene, OUTLASTING), 0
+        try:
+            self.system = systems.begin()
+        except Beyond as reason:
+            raise SimulationFailed(f"heyoka's model does not begin: {reason}") from None
 
-    def run(self, kept: bool) -> list[Piece]:
-        """Run to the end, and return the pieces, if they are to be ``kept``, with their series.
+    def run(self, take: Callable[[Piece], None] | None = None) -> None:
+        """Run to the end; pieces are made for who is to ``take`` them, if anybody.
+
+        A series keeps memory of the system's: of a thousand at once there is not enough.
 
         Raises:
             SimulationFailed: the state is no longer finite, the steps are too many, or rigid walls have come
                 to what the model has no rule for.
         """
-        pieces, systems, system = list[Piece](), self._systems, None
+        systems, kept = self._systems, take is not None
         until, most = NEVER if systems.timed else self._scene.end_time_s, min(PAUSE, self._max_steps)
         try:
-            following: System | None = systems.begin()
+            following: System | None = self.system
             while following is not None:
-                system = following
+                self.system = system = following
                 pars = system.pars.copy() if kept else system.pars
                 longest = np.inf if system.stretched else self._longest_s
                 ended, _, _, taken, series, _ = system.integrator.propagate_until(
@@ -69,8 +80,8 @@ class Flight:
                 )
                 self.steps += taken
                 number = ~int(ended)  # of the event, as heyoka counts them
-                if kept:
-                    pieces.append(Piece(system, pars, series, system.state.copy(), number))
+                if take is not None:
+                    take(Piece(system, pars, series, system.state.copy(), number))
                     tell(system.time_s)
                 if number >= len(system.ways) or self.steps >= self._max_steps:
                     following = self._paused(system, ended)
@@ -78,9 +89,8 @@ class Flight:
                     way = system.ways[number] or systems.way(system, number)
                     following = way()
         except Beyond as reason:
-            reached = 0.0 if system is None else system.time_s
-            raise SimulationFailed(f"heyoka's model ends at t = {reached:.6g} s: {reason}") from None
-        return pieces
+            at = f"t = {self.system.time_s:.6g} s"
+            raise SimulationFailed(f"heyoka's model ends at {at}: {reason}") from None
 
     def _paused(self, system: System, ended: Any) -> System | None:
         """Return the system that goes on where no event has been, None at the end of the run."""

@@ -31,6 +31,8 @@ from reference_solver.contact.types import CLIPPED, CONTACT, FLIGHT
 SHORTEST = 1e-5
 #: Powers of every period in which series at touch have terms.
 POWERS = 3
+#: Pins that hit rigid walls are told apart by so many times the part of a length that ``PAST`` is.
+TOGETHER = 32.0
 #: By how many pieces of the gas an event goes on.
 TURNED = {HIGHER: 1, LOWER: -1}
 
@@ -40,9 +42,9 @@ class Beyond(Exception):
 
 
 def without_gaps(tolerance: float, periods: Sequence[int]) -> float:
-    """Return the largest tolerance, up to one given, whose order does not fall in a gap of a series at touch.
+    """Return the largest tolerance, up to one given, whose order is in no gap of the series at a touch.
 
-    There the series of a contact whose force is K w^2n have the powers 0, 1 and 2 of every ``period``, 2n + 2,
+    There the series of a contact whose force is K w^2n have the powers 0, 1 and 2 of every period, 2n + 2,
     and next to nothing in between. heyoka takes the step from the last two terms, of the order
     -ln(tolerance)/2 + 1 and the one before: in a gap it would be too long.
     """
@@ -58,7 +60,7 @@ class System:
     Where there are contacts the time is the last variable, else it is the integrator's own. ``ways`` has for
     every one of ``events`` what makes the next system ready and returns it, or None at the end of the run;
     what is not made yet is None itself. ``stretched`` says that the independent variable does not run as the
-    time does: pins touch walls that give.
+    time does: pins touch walls that give. ``alarm`` is the draft's ``alarms`` as a function of the state.
     """
 
     draft: Draft
@@ -68,6 +70,7 @@ class System:
     pars: FloatArray = field(init=False)
     ways: list[Callable[[], "System | None"] | None] = field(init=False)
     stretched: bool = field(init=False)
+    alarm: Callable[[FloatArray], Any] | None = field(init=False, default=None)
     _told: Any = field(init=False, default=None)
 
     def __post_init__(self) -> None:
@@ -96,12 +99,13 @@ class System:
         columns = np.ascontiguousarray(states.T)
         if self._told.nparams:
             of_all = np.ascontiguousarray(np.tile(pars[: self._told.nparams, None], len(states)))
-            return np.asarray(self._told(columns, pars=of_all)).T
-        return np.asarray(self._told(columns)).T
+            return np.array(self._told(columns, pars=of_all).T)
+        return np.array(self._told(columns).T)
 
     def resume(self) -> "System":
         """Make the integrator ready to go on from its state."""
-        self.integrator.time = 0.0
+        if self.phases:
+            self.integrator.time = 0.0  # of a variable that begins anew
         if self.events:
             self.integrator.reset_cooldowns()
         return self
@@ -122,7 +126,7 @@ class Restart:
 
 
 class Bounce:
-    """An impact at a rigid wall, after which the pin flies on, or follows where bounces have come together."""
+    """An impact at a rigid wall; the pin flies on, or follows where bounces have come together."""
 
     def __init__(self, rebound: Restart, close: Callable[[], System], shortest_s: float) -> None:
         self._rebound, self._close, self._shortest_s = rebound, close, shortest_s
@@ -171,6 +175,7 @@ class Systems:
             for k, joint in enumerate(self.mechanism.contacts)
         }
         known = {**self._start, **reaches, "time": 0.0}
+        system.integrator.time = 0.0
         system.state[:] = [known[name] for name in system.draft.names]
         self._knots.begin(system.pars, self._angle)
         return self._settled(system.resume(), (TOUCH, CLIP))
@@ -250,7 +255,17 @@ class Systems:
         close = cache(partial(self._closing, system, closed, event))
         bounce = Bounce(rebound, lambda: self._settled(close()()), self._shortest_s)
         self._bounces.append(bounce)
-        return self._then_settled(bounce)
+        others = [j for j, one in enumerate(self.mechanism.contacts) if one.rigid and j != k]
+        if not others:
+            return self._then_settled(bounce)
+        depths = system.draft.compiled(system.draft.approaching(others), system.pars)
+
+        def alone() -> System:
+            if depths(system.state).max() > -TOGETHER * self._past_m:
+                raise Beyond("two pins hit their rigid walls at one time")
+            return self._settled(bounce())
+
+        return alone
 
     def _closing(self, system: System, phases: Phases, event: Event) -> Restart:
         """Return what has a pin follow its wall, without its normal speed."""
@@ -269,14 +284,21 @@ class Systems:
 
     def _settled(self, system: System, kinds: Sequence[int] = (TOUCH,)) -> System:
         """Return the system after all events that are due at its start."""
-        while True:
-            with self._timed():
-                due = system.draft.due(kinds, system.state, system.pars)
-            if due is None:
-                return system
-            _, k = due
-            if self.mechanism.contacts[k].rigid and system.phases[k] == FLIGHT:
-                raise Beyond("two pins are at their rigid walls at one time, or one is there at the start")
-            following = self.way(system, system.events.index(due))()
+        while (event := self._due(system, kinds)) is not None:
+            if self.mechanism.contacts[event[1]].rigid and system.phases[event[1]] == FLIGHT:
+                raise Beyond("a pin is at its rigid wall at the start, or as another touches")
+            following = self.way(system, system.events.index(event))()
             assert following is not None
             system = following
+        return system
+
+    def _due(self, system: System, kinds: Sequence[int]) -> Event | None:
+        """Return the first event of some kinds that has come, or would begin at zero, None without one."""
+        alarms = system.draft.alarms
+        if not alarms:
+            return None
+        if system.alarm is None:
+            with self._timed():
+                system.alarm = system.draft.compiled([*alarms.values()], system.pars)
+        values = zip(alarms, system.alarm(system.state).tolist(), strict=True)
+        return next((event for event, value in values if value >= 0 and event[0] in kinds), None)
