@@ -103,9 +103,7 @@ class System:
         return np.array(self._told(columns).T)
 
     def resume(self) -> "System":
-        """Make the integrator ready to go on from its state."""
-        if self.phases:
-            self.integrator.time = 0.0  # of a variable that begins anew
+        """Make the integrator ready to go on with other parameters."""
         if self.events:
             self.integrator.reset_cooldowns()
         return self
@@ -115,14 +113,16 @@ class Restart:
     """Goes from the state of one system to that of the next."""
 
     def __init__(self, old: System, new: System, function: Callable[[FloatArray], FloatArray]) -> None:
-        self._old, self._new, self._function = old, new, function
+        self._old, self._new, self._function, self._integrator = old, new, function, new.integrator
 
     def __call__(self) -> System:
         """Return the next system, which has come into its state."""
-        old, new = self._old, self._new
+        old, new, integrator = self._old, self._new, self._integrator
         new.state[:] = self._function(old.state)
         new.pars[:] = old.pars
-        return new.resume()
+        integrator.time = 0.0
+        integrator.reset_cooldowns()
+        return new
 
 
 class Bounce:
