@@ -67,20 +67,20 @@ class Flight:
             SimulationFailed: the state is no longer finite, the steps are too many, or rigid walls have come
                 to what the model has no rule for.
         """
-        systems, kept = self._systems, take is not None
+        systems, options = self._systems, {} if take is None else {"c_output": True}
         until, most = NEVER if systems.timed else self._scene.end_time_s, min(PAUSE, self._max_steps)
         try:
             following: System | None = self.system
             while following is not None:
                 self.system = system = following
-                pars = system.pars.copy() if kept else system.pars
+                pars = None if take is None else system.pars.copy()
                 longest = np.inf if system.stretched else self._longest_s
                 ended, _, _, taken, series, _ = system.integrator.propagate_until(
-                    until, max_steps=most, max_delta_t=longest, c_output=kept
+                    until, most, longest, **options
                 )
                 self.steps += taken
                 number = ~int(ended)  # of the event, as heyoka counts them
-                if take is not None:
+                if take is not None and pars is not None:
                     take(Piece(system, pars, series, system.state.copy(), number))
                     tell(system.time_s)
                 if number >= len(system.ways) or self.steps >= self._max_steps:

@@ -114,12 +114,14 @@ class Restart:
 
     def __init__(self, old: System, new: System, function: Callable[[FloatArray], FloatArray]) -> None:
         self._old, self._new, self._function, self._integrator = old, new, function, new.integrator
+        self._pars = None if new is old else old.pars
 
     def __call__(self) -> System:
         """Return the next system, which has come into its state."""
-        old, new, integrator = self._old, self._new, self._integrator
-        new.state[:] = self._function(old.state)
-        new.pars[:] = old.pars
+        new, integrator = self._new, self._integrator
+        new.state[:] = self._function(self._old.state)
+        if self._pars is not None:
+            new.pars[:] = self._pars
         integrator.time = 0.0
         integrator.reset_cooldowns()
         return new
