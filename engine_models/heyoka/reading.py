@@ -1,6 +1,6 @@
 """Reads a run off the Taylor series of its pieces: samples, what powers add up to, impacts, forces."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import brentq
@@ -71,7 +71,7 @@ class Reading:
             self._sample(piece, start, self._sums[None])
         self._change(self._last, piece, start[0])
         self._follow(piece)
-        self._last = replace(piece, series=None)
+        self._last = piece
 
     def solution(self, steps: int) -> Solution:
         """Return the solution of a run that has been read, with the forces at its samples."""
@@ -84,7 +84,7 @@ class Reading:
 
     def _told(self, piece: Piece, own: FloatArray | None) -> FloatArray:
         """Return rows of q, v, powers and dt/ds at values of the independent variable, or at the end."""
-        states = piece.end[None] if own is None else np.array(piece.series(own))
+        states = piece.end[None] if own is None else piece.series.at(own)
         return piece.system.told(self._derivative.sums, states, piece.pars)
 
     def _sample(self, piece: Piece, told: FloatArray, sums: FloatArray) -> None:
@@ -155,7 +155,7 @@ class Reading:
         if system.stretched:
             inside = along_steps(ends, ends[0], ends[-1])
             told, when = self._told(piece, inside), system.clock(piece.series, inside)
-            states = np.array(piece.series(inside))
+            states = piece.series.at(inside)
             for k, touch in self._touches.items():
                 force = told[:, 2 * self._n + self._derivative.sums.index(f"normal{k}")]
                 depth = states[:, system.draft.names.index(f"w{k}")] ** 2
@@ -168,5 +168,8 @@ class Reading:
         k = int(np.clip(np.searchsorted(clock, time_s), 1, len(clock) - 1))
         if not clock[k - 1] < time_s < clock[k]:
             return float(ends[k] if time_s >= clock[k] else ends[k - 1])
-        found = brentq(lambda s: series(s)[-1] - time_s, ends[k - 1], ends[k], xtol=1e-300, rtol=1e-15)
-        return float(found)
+
+        def early(own: float) -> float:
+            return float(series.at(np.array([own]))[0, -1]) - time_s
+
+        return float(brentq(early, ends[k - 1], ends[k], xtol=1e-300, rtol=1e-15))

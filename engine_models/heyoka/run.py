@@ -9,6 +9,7 @@ import numpy as np
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
 from engine_models.heyoka.drafts import Event
+from engine_models.heyoka.series import Series
 from engine_models.heyoka.systems import Beyond, System, Systems
 from engine_models.pace import Pace
 from engine_models.progress import tell
@@ -32,7 +33,7 @@ class Piece:
 
     system: System
     pars: FloatArray
-    series: Any
+    series: Series
     end: FloatArray
     number: int
 
@@ -61,26 +62,24 @@ class Flight:
     def run(self, take: Callable[[Piece], None] | None = None) -> None:
         """Run to the end; pieces are made for who is to ``take`` them, if anybody.
 
-        A series keeps memory of the system's: of a thousand at once there is not enough.
-
         Raises:
             SimulationFailed: the state is no longer finite, the steps are too many, or rigid walls have come
                 to what the model has no rule for.
         """
-        systems, options = self._systems, {} if take is None else {"c_output": True}
+        systems, options = self._systems, dict[str, Any]()
         until, most = NEVER if systems.timed else self._scene.end_time_s, min(PAUSE, self._max_steps)
         try:
             following: System | None = self.system
             while following is not None:
                 self.system = system = following
-                pars = None if take is None else system.pars.copy()
+                if take is not None:
+                    series, pars = Series(system.integrator.time), system.pars.copy()
+                    options = {"callback": series, "write_tc": True}
                 longest = np.inf if system.stretched else self._longest_s
-                ended, _, _, taken, series, _ = system.integrator.propagate_until(
-                    until, most, longest, **options
-                )
+                ended, _, _, taken, _, _ = system.integrator.propagate_until(until, most, longest, **options)
                 self.steps += taken
                 number = ~int(ended)  # of the event, as heyoka counts them
-                if take is not None and pars is not None:
+                if take is not None:
                     take(Piece(system, pars, series, system.state.copy(), number))
                     tell(system.time_s)
                 if number >= len(system.ways) or self.steps >= self._max_steps:

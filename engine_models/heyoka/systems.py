@@ -19,6 +19,7 @@ from engine_models.engine import FloatArray
 from engine_models.heyoka.drafts import CLIP, HIGHER, LOWER, OVER, PAST, TOUCH, Draft, Event
 from engine_models.heyoka.equations import Motion, Phases
 from engine_models.heyoka.pieces import Knots, drive_of, gas_of
+from engine_models.heyoka.series import Series
 from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.mechanics.minimal.tree import THETA, Tree
 from engine_models.mechanics.start_check import checked_start
@@ -88,9 +89,9 @@ class System:
         """The time that the integrator has reached."""
         return float(self.state[-1] if self.phases else self.integrator.time)
 
-    def clock(self, series: Any, own: FloatArray) -> FloatArray:
+    def clock(self, series: Series, own: FloatArray) -> FloatArray:
         """Return the times in s of values of the independent variable, (n,) each."""
-        return np.array(series(own))[:, -1] if self.phases else own
+        return series.at(own)[:, -1] if self.phases else own
 
     def told(self, names: Sequence[str], states: FloatArray, pars: FloatArray) -> FloatArray:
         """Return rows of q, v, powers by name, and dt/ds, of states (n, size), in a piece's parameters."""

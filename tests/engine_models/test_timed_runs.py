@@ -69,7 +69,7 @@ class Counter:
         code = frame.f_code
         if event == "call" and code.co_filename.startswith(PACKAGES):
             self.calls += 1
-            self.names[code.co_qualname] = self.names.get(code.co_qualname, 0) + 1
+            self.names[code.co_name] = self.names.get(code.co_name, 0) + 1
 
 
 @contextmanager

@@ -70,6 +70,8 @@ def _pin(angle: Any, turn: Any, rod: Any, rod_turn: Any, x: Any, rate: Any) -> t
 @cache
 def _loose(driven: bool) -> _Loose:
     zero = hy.expression(0.0)
+    names: tuple[str, ...]
+    start: tuple[float, ...]
     if driven:
         rod, x, rod_turn, rate, t = hy.make_vars("rod", "x", "rod_turn", "rate", "t")
         angle, turn = problem.DRIVEN_SPEED * t, problem.DRIVEN_SPEED
