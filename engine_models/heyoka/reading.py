@@ -146,7 +146,7 @@ class Reading:
         edges = np.union1d(ends, at)
         half, middle = np.diff(edges)[:, None] / 2, (edges[1:] + edges[:-1])[:, None] / 2
         told = self._told(piece, (middle + half * NODES).ravel())[:, 2 * self._n :]
-        rates = (told[:, :-1] * told[:, -1:]).reshape(len(half), len(NODES), -1)
+        rates = (told[:, :-1] * told[:, -1:]).reshape(len(half), len(NODES), len(self._sums))
         parts = half * np.einsum("k,ekp->ep", WEIGHTS, rates)
         sums = self._sums + np.concatenate([np.zeros((1, len(self._sums))), np.cumsum(parts, axis=0)])
         if len(at):

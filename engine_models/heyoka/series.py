@@ -42,4 +42,4 @@ class Series:
         states = coefficients[:, :, -1].copy()
         for k in reversed(range(coefficients.shape[-1] - 1)):
             states = states * h + coefficients[:, :, k]
-        return states
+        return np.asarray(states)
