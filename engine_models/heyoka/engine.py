@@ -34,8 +34,12 @@ class HeyokaEngine:
     series, 6 at 1e-4 and 20 at round-off, and with it the steps. It gives the motion alone: joint forces
     follow after the solve from the multiplier equations at the samples, works and losses from Gauss's
     quadrature of the series. There is an integrator for flight, and one for every combination of contacts
-    (see ``systems``); touch, release and clipping are its terminal events. The run's longest step holds in
-    flight.
+    (see ``equations``); touch, release and clipping are its terminal events. So are the ends of the pieces of
+    a drive or a gas that has pieces. The run's longest step holds in flight.
+
+    On rigid walls an impact is Newton's, without friction. Where bounces come together the pin follows its
+    wall, until that would have to pull. The run fails, and says when, where two pins hit at one time, or one
+    hits while another follows: for these there is no rule here.
 
     It tells no evaluations: a step computes Taylor coefficients. A run fails that takes more than
     ``max_steps``; the default takes about a minute.

@@ -176,6 +176,13 @@ def test_the_error_falls_with_the_tolerance(name: str) -> None:
     assert errors_m[2] < errors_m[1] / 100, f"{errors_m}"
 
 
+def test_no_order_is_worse_than_the_ones_before() -> None:
+    """At 1e-11 heyoka's order would be 14, and 13 and 14 are in a gap of the series at a touch."""
+    times = {t: run("clearance-free-0.5mm", t).contacts["B"].impacts.time_s for t in (1e-10, 1e-11, 1e-15)}
+    off = [np.abs(times[t] - times[1e-15]).max() for t in (1e-10, 1e-11)]
+    assert off[1] < 2 * off[0], f"{off[0]:.1e} s at 1e-10, {off[1]:.1e} s at 1e-11"
+
+
 def test_a_bare_run_takes_the_steps_of_a_recorded_one() -> None:
     scene, settings = scene_of("clearance-free-0.5mm"), RunSettings(1.0, SAMPLES)
     engine, ends = HeyokaEngine(), []
