@@ -35,7 +35,7 @@ planted: .venv/.rivals
 mutants: .venv/.ready
 	$(BIN)/python -m tests.planted_bugs.mutations $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
 
-# heyoka, which studies and tests do without: 100 MB, and for Linux and Python 3.11+ only.
+# heyoka from PyPI, which studies and tests do without: 100 MB, Linux and Python 3.11+. conda-forge has more.
 rivals: .venv/.rivals
 
 # Kills, full disks, fuzzed calls, damaged results and singular positions, an hour; it prints its seed and its figures. Linux.

@@ -74,13 +74,16 @@ RIGID_ARMS = (
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
     arms.SCIPY_DOP853,
+    arms.HEYOKA,
 )
+#: The scenes to which the quick set keeps heyoka, of those that it has.
+FOR_HEYOKA = ("clearance-free-0.5mm",)
 #: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
 CLEARANCE_ARMS = (*RIGID_ARMS, arms.NO_STABILISATION, arms.TRAPEZOIDAL, arms.GENERALIZED_ALPHA)
 IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
 #: Runs of hundreds of turns with contact: scenes, turns and arms, quick and what the full set adds.
 CHEAP_ARMS = (arms.PROJECTION, arms.REFERENCE_DOP853, arms.DOPRI5)
-LASTING_ARMS = (*CHEAP_ARMS, arms.TUNED, arms.SCIPY_DOP853)
+LASTING_ARMS = (*CHEAP_ARMS, arms.TUNED, arms.SCIPY_DOP853, arms.HEYOKA)
 LASTING = {
     False: (("clearance-driven-damped", 100, CHEAP_ARMS),),
     True: (("clearance-driven-damped", 300, LASTING_ARMS), ("clearance-driven-0.5mm", 300, LASTING_ARMS)),
@@ -121,10 +124,16 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
 
 
 def _affordable(every: list[Case], full: bool) -> list[Case]:
+    """Return the cases, of the quick set without what takes a kernel or an integrator more."""
+    left_out = {length.scene for length in SHORT}.difference(FOR_HEYOKA)
     return [
         case
         for case in every
-        if full or case.arm is not arms.NO_STABILISATION or not case.scene.joints_with_clearance
+        if full
+        or not (
+            (case.arm is arms.NO_STABILISATION and case.scene.joints_with_clearance)
+            or (case.arm is arms.HEYOKA and case.scene.name in left_out)
+        )
     ]
 
 

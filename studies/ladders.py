@@ -88,6 +88,7 @@ def clearance_ladder(scene: Scene, full: bool = True, fast: bool = True) -> list
             *by_step(arms.LOCATED, flight, 5 + more),
             *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, 2)),
             *by_step(arms.NATIVE_CONTACT, contact / 2, 4 + more),
+            *by_tolerance(arms.HEYOKA, whole, range(6, 13, 2)),
         ]
     build: dict[str, Setting] = {"fast": True} if fast else {}
     every = 1 if full else 2

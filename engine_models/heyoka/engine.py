@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene, require_finite
+from engine_models.engine import (
+    SETTINGS_CONFIG,
+    BareRun,
+    RunSettings,
+    Trajectory,
+    UnsupportedScene,
+    require_finite,
+)
 from engine_models.mechanics.contact_law import exponent_of
 from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.minimal.scope import require_coordinates
@@ -17,7 +24,6 @@ from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.scene import Clearance, Scene
-from engine_models.scipy_ivp.model import Derivative
 
 if TYPE_CHECKING:
     from engine_models.heyoka.run import Flight
@@ -35,8 +41,12 @@ class HeyokaEngine:
     series, 6 at 1e-4 and 20 at round-off, and with it the steps. It gives the motion alone: joint forces
     follow after the solve from the multiplier equations at the samples, works and losses from Gauss's
     quadrature of the series. There is an integrator for flight, and one for every combination of contacts
-    (see ``systems``); touch, release and clipping are its terminal events. The run's longest step holds in
-    flight.
+    (see ``equations``); touch, release and clipping are its terminal events. So are the ends of the pieces of
+    a drive or a gas that has pieces. The run's longest step holds in flight.
+
+    On rigid walls an impact is Newton's, without friction. Where bounces come together the pin follows its
+    wall, until that would have to pull. The run fails, and says when, where two pins hit at one time, or one
+    hits while another follows: for these there is no rule here.
 
     It tells no evaluations: a step computes Taylor coefficients. A run fails that takes more than
     ``max_steps``; the default takes about a minute.
@@ -46,21 +56,16 @@ class HeyokaEngine:
     max_steps: Annotated[int, Field(gt=0)] = 20_000_000
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series."""
+        """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series of a contact."""
         if find_spec("heyoka") is None:
             raise UnsupportedScene(
-                "heyoka is not installed: pip install heyoka (Linux, Python 3.11 or later)"
+                "heyoka is not installed: pip install heyoka (Linux, Python 3.11 or later), "
+                "or conda install -c conda-forge heyoka.py (Linux, macOS, Windows)"
             )
         require_coordinates("heyoka", scene)
-        if scene.drive.kind in ("ramp", "fluctuating", "table"):
-            raise UnsupportedScene(
-                f"heyoka's model drives at constant speed only (drive.kind = '{scene.drive.kind}')"
-            )
-        if scene.load.slider is not None and scene.load.slider.gas is not None:
-            raise UnsupportedScene("heyoka's model has no tables (load.slider.gas)")
         for joint, clearance in clearances(scene).items():
             if (reason := _without_series(clearance)) is not None:
-                raise UnsupportedScene(f"heyoka has no Taylor series of the contact at {joint}: {reason}")
+                raise UnsupportedScene(f"heyoka's model has no contact like that at {joint}: {reason}")
 
     def twin(self, scene: Scene) -> Scene:
         """Return the scene itself: what is supported is solved as it is.
@@ -88,30 +93,31 @@ class HeyokaEngine:
         """
         self.check(scene)
         require_memory(scene, settings)
-        from engine_models.heyoka.run import Reading
+        from engine_models.heyoka.reading import HeldDerivative, Reading
 
-        derivative, flight = self._flight(scene, settings)
-        times = settings.times_s(scene)
-        reading = Reading(derivative, times)
-        record = reading.read(flight.pieces(kept=True))
-        samples = derivative.absolute(record.y)
-        solution = Derivative(wound(scene)).solution(times, samples, record.phases, record.ends, flight.steps)
-        longest, solve_time = min(settings.step_s, scene.end_time_s), self.bare_solve_time_s(scene, settings)
+        flight, still = self._flight(scene, settings), wound(scene)
+        reading = Reading(HeldDerivative(still), settings.times_s(scene))
+        flight.run(reading.take)
+        solution = reading.solution(flight.steps)
+        longest, solve_time = (
+            min(settings.step_s, scene.end_time_s),
+            self.bare_run(scene, settings).solve_time_s,
+        )
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))
 
-    def bare_solve_time_s(self, scene: Scene, settings: RunSettings) -> float:
-        """Return the wall time of the same steps with no series kept.
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
+        """Return the same steps with no series kept.
 
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
         self.check(scene)
-        systems, (_, flight) = _systems(self, wound(scene)), self._flight(scene, settings)
+        systems, flight = _systems(self, wound(scene)), self._flight(scene, settings)
         compiled, started = systems.compiled_s, time.perf_counter()
-        for _ in flight.pieces(kept=False):
-            pass
-        return time.perf_counter() - started - (systems.compiled_s - compiled)
+        flight.run()
+        solve_time = time.perf_counter() - started - (systems.compiled_s - compiled)
+        return BareRun(solve_time, flight.position())
 
     def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
         """Return what heyoka takes to compile the integrators of a run, in s; it keeps none on disk."""
@@ -120,16 +126,15 @@ class HeyokaEngine:
 
         _systems.cache_clear()
         heyoka.llvm_state.clear_memcache()
-        self.bare_solve_time_s(scene, settings)
+        self.bare_run(scene, settings)
         return _systems(self, wound(scene)).compiled_s
 
-    def _flight(self, scene: Scene, settings: RunSettings) -> "tuple[Derivative, Flight]":
+    def _flight(self, scene: Scene, settings: RunSettings) -> "Flight":
         from engine_models.heyoka.run import Flight  # which imports heyoka, where there is one
 
-        still, longest = wound(scene), min(settings.step_s, scene.end_time_s)
-        derivative = Derivative(still, minimal=True)
-        systems = _systems(self, still)
-        return derivative, Flight(still, derivative, systems, longest, self.max_steps)
+        still = wound(scene)
+        longest = min(settings.step_s, scene.end_time_s)
+        return Flight(still, _systems(self, still), longest, self.max_steps)
 
 
 @lru_cache(maxsize=1)
@@ -143,7 +148,7 @@ def _systems(engine: HeyokaEngine, scene: Scene) -> "Systems":
 def _without_series(clearance: Clearance) -> str | None:
     """Return what of a clearance has no Taylor series, None if all has."""
     if clearance.law == "rigid":
-        return "impacts are no part of an ODE (law = 'rigid')"
+        return "friction in impacts on rigid walls (law = 'rigid')" if clearance.friction else None
     if (2 * exponent_of(clearance)) % 1 != 0:
         return f"twice the exponent is not whole (exponent = {exponent_of(clearance):g})"
     if clearance.friction is None:

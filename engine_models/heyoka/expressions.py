@@ -7,7 +7,7 @@ import heyoka as hy
 
 from reference_solver.tape import Node, Scalar, Value
 
-#: Operations by their names on the tape. Conditions have no Taylor series.
+#: Operations by their names on the tape. Conditions have no Taylor series: only plain functions have them.
 OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "+": lambda x, y: x + y,
     "-": lambda x, y: x - y,
@@ -16,8 +16,12 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "pow": lambda x, y: x**y,
     "cos": hy.cos,
     "sin": hy.sin,
+    "asin": hy.asin,
     "sqrt": hy.sqrt,
     "tanh": hy.tanh,
+    ">": hy.gt,
+    "max": lambda x, y: hy.select(hy.gt(x, y), x, y),
+    "if": lambda x, condition, y: hy.select(condition, x, y),
 }
 
 

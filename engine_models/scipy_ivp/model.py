@@ -103,8 +103,8 @@ class Derivative:
         topology = Topology(mechanism)
         self._kernel = load_kernel(_source_of(topology.marked(), minimal))
         self._parameters = topology.parameters(self._kernel, q.ravel())
-        self._readable = Equations(mechanism, q.ravel())
-        self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self._readable.C)
+        self.readable = Equations(mechanism, q.ravel())
+        self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self.readable.C)
         self._forces = np.empty(self._rows + 2 * len(self._joints))
         self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         self._tree = Tree(mechanism) if minimal else None
@@ -112,7 +112,7 @@ class Derivative:
         if self._tree is not None:
             motion = self._tree.start(q.ravel(), v.ravel())
         self.n = len(motion) // 2
-        self.sums = tuple(_integrated(self._readable))
+        self.sums = tuple(_integrated(self.readable))
         self.contact_count = len(self._joints)
         self._rigid = {
             k: scene.joints_with_clearance[k] for k, joint in enumerate(self._joints) if joint.rigid
@@ -165,7 +165,7 @@ class Derivative:
             return ""
         t, y = self._refused
         try:
-            self._readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n], self.phases().reshape(-1, 2))
+            self.readable.accelerations(t, y[: self.n], y[self.n : 2 * self.n], self.phases().reshape(-1, 2))
         except SolverError as error:
             return str(error)
         return f"the constraint matrix is about to lose rank at t = {t:.6g} s"
@@ -293,7 +293,7 @@ class Derivative:
         """
         assert self._rebounds is not None
         (absolute,) = self.absolute([y])
-        q, v = np.split(absolute[: 2 * self._readable.n], 2)
+        q, v = np.split(absolute[: 2 * self.readable.n], 2)
         try:
             after = self._rebounds(t, q, v)
         except SolverError as error:

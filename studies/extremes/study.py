@@ -47,7 +47,10 @@ ARMS = (
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
     arms.SCIPY,
+    arms.HEYOKA,
 )
+#: The group of cases to which the quick set keeps heyoka: it compiles each for itself, for half a second.
+FOR_HEYOKA = "everyday"
 
 
 @cache
@@ -89,13 +92,13 @@ def cases(full: bool) -> list[Case]:
         for place, extreme in enumerate(gallery().values())
         for arm in (*ARMS, *arms.newcomers())
         for guarded in ((True,) if extreme.long else (True, False))
-        if full or not extreme.long
+        if full or not (extreme.long or (arm is arms.HEYOKA and extreme.group != FOR_HEYOKA))
     ]
 
 
 def _case(place: int, extreme: Extreme, arm: Arm, guarded: bool) -> Case:
     scene, step = extreme.scene, extreme.step_s
-    chooses = arm in (arms.REFERENCE_DOP853, arms.SCIPY) or (
+    chooses = arm in (arms.REFERENCE_DOP853, arms.SCIPY, arms.HEYOKA) or (
         arm is arms.EXUDYN and bool(scene.joints_with_clearance)
     )
     if chooses and not extreme.for_all:

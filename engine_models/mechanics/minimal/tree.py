@@ -9,14 +9,18 @@ M w'' + h = Q with
     h = sum of m J^T a,  a = -sum of l_k u_k w_k'^2
     Q = sum of J^T F, and of torques on the angles
 
-Without clearance the rod closes a loop: sin(phi) = -(r/L) sin(theta), x = r cos(theta) + L cos(phi), so
+Without clearance the rod closes a loop: sin(phi) = -(r/L) sin(theta), x = r cos(theta) + L cos(phi). With a
+dash for d/dtheta,
 
-    phi' = k theta',  k = -(r cos(theta))/(L cos(phi)),  dk/dtheta = tan(phi) (k^2 - 1)
-    x' = g theta',    g = L sin(phi) (1 - k)
+    phi' = k = -(r cos(theta))/(L cos(phi)),  k' = tan(phi) (k^2 - 1),  x' = r s,  s = (k - 1) sin(theta)
 
-and w'' = J theta'' + b theta'^2 with J = (1, k, g) leaves one equation,
+and the directions e = (cos, sin) of both links, of which
 
-    J^T M J theta'' = J^T Q - (J^T h + (M J)^T b) theta'^2,  h at theta' = 1.
+    e_phi' = (r/L) (k sin(theta), -cos(theta)),  e_theta'.e_phi' = -(r/L) (1 + s sin(theta))
+
+one equation is left (Eksergian 1930),
+
+    I d^2theta/dt^2 = Q - I'/2 (dtheta/dt)^2,  I = sum of m x'^2, 2 m l_j l_k e_j'.e_k', and inertias w_k'^2.
 
 Coordinates are some of q = (x, y, phi) of crank, rod and slider: crank and rod by their angles, what nothing
 carries by the place of its centre of mass, and the slider by its place along the guide. A crank whose motion
@@ -36,6 +40,8 @@ from reference_solver.tape import Array, FloatArray, Scalar, arcsin, array, cos,
 #: Places in q of the angles of crank and rod, and of the slider along its guide.
 THETA, PHI, SLIDER_X = 2, 5, 6
 ANGLES = (THETA, PHI)
+#: A vector in the plane.
+Way = tuple[Scalar, Scalar]
 #: Joints by their pins' bodies.
 O, A, B = range(3)  # noqa: E741  the joints' names
 
@@ -143,8 +149,8 @@ class Posture:
         self._turns = {k: (cos(self._w[k]), sin(self._w[k])) for k in ANGLES if k in self._w}
         #: The direction in which each place moves a centre of mass.
         self._across = {k: (1.0, 0.0) if k % 3 == 0 else (0.0, 1.0) for k in tree.places if k not in ANGLES}
-        #: J and b of all that moves the bodies.
-        self._J, self._b = dict[int, Scalar](), dict[int, Scalar]()
+        #: Of a loop, by the crank's angle: both derivatives of all places.
+        self._slopes = dict[int, tuple[Scalar, Scalar]]()
         if tree.closed:
             self._close()
         self._across |= {k: (-s, c) for k, (c, s) in self._turns.items()}
@@ -154,18 +160,20 @@ class Posture:
         """Add the rod's angle and the slider's place, which follow from the crank's angle."""
         r, length = self._tree.radius, self._tree.length
         cos_theta, sin_theta = self._turns[THETA]
-        sin_phi = -(r / length) * sin_theta
-        cos_phi = sqrt((1.0 - sin_phi) * (1.0 + sin_phi))
-        k = -(r / length) * cos_theta / cos_phi
-        g = length * sin_phi * (1.0 - k)
+        part = r / length
+        sin_phi = -part * sin_theta
+        cos_phi = sqrt((1.0 - part * part) + (part * part) * (cos_theta * cos_theta))
+        k = -part * cos_theta / cos_phi
         dk = sin_phi / cos_phi * (k * k - 1.0)
-        dg = length * (cos_phi * k * (1.0 - k) - sin_phi * dk)
-        rate = self._rate[THETA]
+        along, lag = k * cos_theta, k * sin_theta
+        s, ds, rate = lag - sin_theta, along + dk * sin_theta - cos_theta, self._rate[THETA]
         self._turns[PHI] = cos_phi, sin_phi
         self._w |= {PHI: arcsin(sin_phi), SLIDER_X: r * cos_theta + length * cos_phi}
-        self._rate |= {PHI: k * rate, SLIDER_X: g * rate}
-        self._J = {THETA: 1.0, PHI: k, SLIDER_X: g}
-        self._b = {PHI: dk, SLIDER_X: dg}
+        self._rate |= {PHI: k * rate, SLIDER_X: r * (s * rate)}
+        self._slopes = {THETA: (1.0, 0.0), PHI: (k, dk), SLIDER_X: (r * s, r * ds)}
+        self._e_phi = part * lag, -part * cos_theta
+        #: The product of both directions' derivatives, and what its own is.
+        self._coupling = -part * (1.0 + sin_theta * s), -part * (sin_theta * (along - cos_theta + ds))
 
     def _columns(self, body: int) -> dict[int, tuple[Scalar, Scalar]]:
         """Return the columns of a body's J: the velocity of its centre by each rate."""
@@ -185,23 +193,19 @@ class Posture:
             v.append(self._rate.get(angle, 0.0))
         return q, v
 
-    def accelerations(self, F: Array, driven: Scalar | None) -> tuple[list[Scalar], Scalar]:
+    def accelerations(
+        self, F: Array, driven: Scalar | None, more: Mapping[int, Scalar] | None = None
+    ) -> tuple[list[Scalar], Scalar]:
         """Return z'' (n,) under forces F (3b,) on the bodies, and the torque in N m of a driver of the crank.
 
         ``driven`` is the crank's angular acceleration where that is prescribed; else it is None, and the
-        torque 0.
+        torque 0. Of an open tree ``more`` are generalised forces beside F, by places.
         """
-        M, Q = self._masses(), self._forces(F)
         if self._tree.closed:
-            J, b, rate = self._J, self._b, self._rate[THETA]
-            h = self._inertial(J)
-            MJ = {i: sum((M[i, j] * J[j] for j in J), start=0.0) for i in J}
-            inertia = sum((J[i] * MJ[i] for i in J), start=0.0)
-            force = sum((J[i] * Q[i] for i in J), start=0.0)
-            bent = sum((J[i] * h[i] for i in J), start=0.0) + sum((MJ[i] * b[i] for i in b), start=0.0)
-            return [(force - bent * rate * rate) / inertia], 0.0
+            return [self._eksergian(F)], 0.0
+        M, Q = self._masses(), self._forces(F, self._across, dict.fromkeys(ANGLES, 1.0))
         h = self._inertial(self._rate)
-        right = {i: Q[i] - h[i] for i in Q}
+        right = {i: Q[i] + (more or {}).get(i, 0.0) - h[i] for i in Q}
         given = {} if driven is None else {THETA: driven}
         free = [k for k in self._tree.places if k not in given]
         matrix = array([[M[i, j] for j in free] for i in free])
@@ -211,6 +215,24 @@ class Posture:
         solved = given | dict(zip(free, accelerations, strict=True))
         torque = sum((M[THETA, k] * solved[k] for k in solved), start=0.0) - right[THETA] if given else 0.0
         return [solved[k] for k in self._tree.places], torque
+
+    def _eksergian(self, F: Array) -> Scalar:
+        """Return the crank's acceleration in a loop under forces F (3b,) on the bodies."""
+        across = self._across | {PHI: self._e_phi}
+        slopes = {k: first for k, (first, _) in self._slopes.items()}
+        Q = self._forces(F, across, slopes)
+        force = Q[THETA] + Q[PHI] + slopes[SLIDER_X] * Q[SLIDER_X]
+        inertia: Scalar = 0.0
+        bent: Scalar = 0.0
+        for (i, j), mass in self._tree.masses.items():
+            if i == j:
+                first, second = self._slopes[i]
+                inertia, bent = inertia + mass * (first * first), bent + mass * (first * second)
+            elif i < j:
+                value, change = self._coupling
+                inertia, bent = inertia + 2.0 * mass * value, bent + mass * change
+        rate = self._rate[THETA]
+        return (force - bent * (rate * rate)) / inertia
 
     def _masses(self) -> dict[tuple[int, int], Scalar]:
         """Return M by places."""
@@ -233,13 +255,15 @@ class Posture:
                 h[i] = h[i] + (pull if swapped else -pull) * (rates[k] * rates[k])
         return h
 
-    def _forces(self, F: Array) -> dict[int, Scalar]:
-        """Return Q of forces F (3b,) on the bodies, by places."""
+    def _forces(
+        self, F: Array, across: Mapping[int, Way], turning: Mapping[int, Scalar]
+    ) -> dict[int, Scalar]:
+        """Return Q of forces F (3b,) on the bodies by places, which move them across, or turn them."""
         Q = dict[int, Scalar]()
         for i in self._tree.places:
             reach = {3 * body: carrier.reach.get(i, 0.0) for body, carrier in enumerate(self._tree.carriers)}
             sums = [sum((far * F[x + axis] for x, far in reach.items()), start=0.0) for axis in range(2)]
-            Q[i] = _dot(self._across[i], sums) + (F[i] if i in self._turns else 0.0)
+            Q[i] = _dot(across[i], sums) + (turning[i] * F[i] if i in self._turns else 0.0)
         return Q
 
 

@@ -17,9 +17,10 @@ TITLE = "Energy over long runs"
 INTRODUCTION = (
     "A method that makes or takes energy has a driver or a brake that no scene has. Of every engine's "
     "runs, which are longer than those of other studies, what its bodies and contacts store, what its "
-    "driver gives and what its contacts dissipate are added up from its own trajectory. What does not add up is the method's own: "
-    "energy gained if positive, lost if negative. Its rate is called hidden power: the slope over time, "
-    "the median over all pairs of block means (Theil and Sen), with Student's interval over five parts of "
+    "driver gives and what its contacts dissipate are added up from its own trajectory. What does not add up "
+    "is the method's own: energy gained if positive, lost if negative. Its rate is called hidden power: the "
+    "slope over time, the median over all pairs of block means (Theil and Sen), with Student's interval over "
+    "five parts of "
     "the run. It holds what stabilisation of the constraints removes, which is no physics either and which "
     "only some engines tell."
 )

@@ -6,6 +6,7 @@ The numbers are those of the studies' own rows, so a band holds the whole way fr
 import sys
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from itertools import groupby
 
 from engine_models import arms
@@ -94,10 +95,10 @@ def subjects(engines: Collection[str] = arms.NAMED) -> list[Subject]:
 
 
 def without_wheel() -> dict[str, str]:
-    """Return the labels of arms whose engine nobody offers for this platform, with the reason."""
-    if sys.platform == "linux" and sys.version_info >= (3, 11):
+    """Return the labels of arms whose engine is not there, nor on PyPI for this platform, with the reason."""
+    if find_spec("heyoka") or (sys.platform == "linux" and sys.version_info >= (3, 11)):
         return {}
-    return {arms.HEYOKA.label: "heyoka has wheels for Linux and Python 3.11 or newer alone"}
+    return {arms.HEYOKA.label: "heyoka is on PyPI for Linux and Python 3.11 or newer, else on conda-forge"}
 
 
 def _cases(engines: Collection[str]) -> Iterator[Case]:

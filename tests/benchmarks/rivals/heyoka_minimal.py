@@ -1,7 +1,8 @@
-"""heyoka on its own: minimal coordinates, Taylor's method, contacts by terminal events."""
+"""heyoka on its own: minimal coordinates, Taylor's method, walls by terminal events, and nothing else."""
 
-import math
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -9,18 +10,20 @@ import heyoka as hy
 import numpy as np
 
 from tests.benchmarks.rivals import problem
-from tests.benchmarks.rivals.problem import CLEARANCE_M, CRANK_M, ROD_M, STIFFNESS, Answer, FloatArray
+from tests.benchmarks.rivals.problem import CLEARANCE_M, CRANK_M, ROD_M, STIFFNESS, Answer
 
 DAMPING = 0.75 * (1 - problem.RESTITUTION**2)
-#: A contact is begun by its first terms after this part of its duration: delta^1.5 has no Taylor series at 0.
-BEGUN = 1e-3
+#: A pin touches so far past the wall, in m, where a flight from the wall has surely begun on this side of it.
+PAST_M = 1e-15
+#: The end of an independent variable whose end is an event's.
+NEVER = 1e300
 
 
 @cache
 def _free(tolerance: float) -> Any:
     angle, speed = hy.make_vars("angle", "speed")
     rates = [(angle, speed), (speed, problem.ideal_acceleration(hy)(angle, speed))]
-    return hy.taylor_adaptive(rates, [0.0, problem.FREE_SPEED], tol=tolerance)
+    return hy.taylor_adaptive(rates, [0.0, problem.FREE_SPEED], tol=tolerance, fast_math=True)
 
 
 def ideal_free(tolerance: float, samples: int) -> Answer:
@@ -32,92 +35,179 @@ def ideal_free(tolerance: float, samples: int) -> Answer:
     return Answer(time.perf_counter() - began, steps, problem.slider_at(states[:, 0]))
 
 
+@dataclass(frozen=True)
+class _Loose:
+    """The motion with clearance at the slider, free or driven: variables, and their rates in flight.
+
+    ``rates`` takes the components of a force on the rod. ``pin`` is the distance's square less that of the
+    wall, past which it touches, the gap's rate, and the direction from the rod to the slider; ``mass`` that
+    with which both meet.
+    """
+
+    names: tuple[str, ...]
+    start: tuple[float, ...]
+    rates: Callable[[Any, Any], list[Any]]
+    pin: tuple[Any, Any, Any, Any]
+    mass: Any
+
+    @property
+    def y(self) -> list[Any]:
+        """The variables; the last one is the time."""
+        return list(hy.make_vars(*self.names))
+
+
+def _pin(angle: Any, turn: Any, rod: Any, rod_turn: Any, x: Any, rate: Any) -> tuple[Any, Any, Any, Any]:
+    s, c, rod_s, rod_c = hy.sin(angle), hy.cos(angle), hy.sin(rod), hy.cos(rod)
+    across, up = x - CRANK_M * c - ROD_M * rod_c, -CRANK_M * s - ROD_M * rod_s
+    rate_x = rate + CRANK_M * s * turn + ROD_M * rod_s * rod_turn
+    rate_y = -CRANK_M * c * turn - ROD_M * rod_c * rod_turn
+    distance = hy.sqrt(across * across + up * up)
+    n = across / distance, up / distance
+    wall = CLEARANCE_M + PAST_M
+    return across * across + up * up - wall * wall, n[0] * rate_x + n[1] * rate_y, *n
+
+
 @cache
-def _loose(tolerance: float) -> tuple[Any, Any]:
-    """Return who integrates flight and contact; the latter by the speed at touch and where it ends."""
-    names = ("angle", "rod_angle", "slider", "speed", "rod_speed", "slider_speed")
-    y = hy.make_vars(*names)
-    gap, rate, x, z = _gap(y, hy)
-    force = STIFFNESS * gap**1.5 * (1.0 + DAMPING * rate / hy.par[0])
-    accelerations: Any = problem.open_accelerations(hy)
-    flight = [*y[3:], *accelerations(*y[:2], *y[3:5], 0.0 * y[0], 0.0 * y[0])]
-    contact = [*y[3:], *accelerations(*y[:2], *y[3:5], force * x, force * z)]
-    towards, away = hy.event_direction.positive, hy.event_direction.negative
-    ends = hy.t_event(gap, direction=towards), hy.t_event(gap - hy.par[1], direction=away)
-    both = zip((flight, contact), ends, strict=True)
-    one, other = (
-        hy.taylor_adaptive(list(zip(y, rates, strict=True)), [0.0] * 6, tol=tolerance, t_events=[end])
-        for rates, end in both
-    )
-    return one, other
+def _loose(driven: bool) -> _Loose:
+    zero = hy.expression(0.0)
+    names: tuple[str, ...]
+    start: tuple[float, ...]
+    if driven:
+        rod, x, rod_turn, rate, t = hy.make_vars("rod", "x", "rod_turn", "rate", "t")
+        angle, turn = problem.DRIVEN_SPEED * t, problem.DRIVEN_SPEED
+        of: Any = problem.driven_accelerations(hy)
+        names, speed = ("rod", "x", "rod_turn", "rate", "t"), problem.DRIVEN_SPEED
+        start = (0.0, CRANK_M + ROD_M, -speed * CRANK_M / ROD_M, 0.0, 0.0)
+
+        def rates(fx: Any, fy: Any) -> list[Any]:
+            return [rod_turn, rate, *of(angle, rod, fx, fy), hy.expression(1.0)]
+
+    else:
+        angle, rod, x, turn, rod_turn, rate, t = hy.make_vars(
+            "angle", "rod", "x", "turn", "rod_turn", "rate", "t"
+        )
+        at: Any = problem.open_accelerations(hy)
+        names, speed = ("angle", "rod", "x", "turn", "rod_turn", "rate", "t"), problem.FREE_SPEED
+        start = (0.0, 0.0, CRANK_M + ROD_M, speed, -speed * CRANK_M / ROD_M, 0.0, 0.0)
+
+        def rates(fx: Any, fy: Any) -> list[Any]:
+            return [turn, rod_turn, rate, *at(angle, rod, turn, rod_turn, fx, fy), hy.expression(1.0)]
+
+    pin = _pin(angle, turn, rod, rod_turn, x, rate)
+    y = dict(zip(names, hy.make_vars(*names), strict=True))
+    pulled, free = rates(pin[2], pin[3]), rates(zero, zero)
+    answer = [a - b for a, b in zip(pulled, free, strict=True)]
+    mobility = -hy.sum([hy.diff(pin[1], y[name]) * part for name, part in zip(names, answer, strict=True)])
+    return _Loose(names, start, rates, pin, 1.0 / mobility)
 
 
-def _gap(y: Any, m: Any) -> Any:
-    """Return how far the pin is past its bearing, how fast, and the direction from the rod to the slider."""
-    s, c, rod_s, rod_c = m.sin(y[0]), m.cos(y[0]), m.sin(y[1]), m.cos(y[1])
-    x, z = y[2] - CRANK_M * c - ROD_M * rod_c, -CRANK_M * s - ROD_M * rod_s
-    rate_x = y[5] + CRANK_M * s * y[3] + ROD_M * rod_s * y[4]
-    rate_z = -CRANK_M * c * y[3] - ROD_M * rod_c * y[4]
-    distance = m.sqrt(x * x + z * z)
-    return distance - CLEARANCE_M, (x * rate_x + z * rate_z) / distance, x / distance, z / distance
+def _integrator(names: list[Any], rates: list[Any], tolerance: float, events: list[Any]) -> Any:
+    up = hy.event_direction.positive
+    terminal = [hy.t_event(event, direction=up) for event in [*events, names[-1] - hy.par[0]]]
+    pairs = list(zip(names, rates, strict=True))
+    start = [0.0] * len(names)
+    return hy.taylor_adaptive(pairs, start, tol=tolerance, t_events=terminal, fast_math=True)
 
 
-def _pulled(y: FloatArray, impulse: float) -> FloatArray:
-    """Return what an impulse between rod and slider changes the speeds by."""
-    _, _, x, z = _gap(y, math)
-    of, at = problem.open_accelerations(math), (y[0], y[1], y[3], y[4])
-    changes = np.subtract(of(*at, impulse * x, impulse * z), of(*at, 0.0, 0.0))  # type: ignore[call-overload]
-    return np.asarray(changes)
+@cache
+def _compliant(driven: bool, tolerance: float) -> tuple[Any, Any, Any]:
+    """Return who integrates flight and contact, and what makes the one's state the other's at a touch.
+
+    In contact the root w of the penetration is a variable, and the independent one s with dt = w ds.
+    """
+    one, (w, speed) = _loose(driven), hy.make_vars("w", "speed")
+    y, zero = one.y, hy.expression(0.0)
+    gap, rate, nx, ny = one.pin
+    flight = _integrator(y, one.rates(zero, zero), tolerance, [gap])
+    force = STIFFNESS * (w * w * w) * (1.0 + DAMPING * rate / speed)
+    rates = [w * part for part in one.rates(force * nx, force * ny)]
+    contact = _integrator([w, speed, *y], [0.5 * rate, zero, *rates], tolerance, [-w])
+    return flight, contact, hy.cfunc([hy.expression(PAST_M**0.5), rate, *y], vars=y)
 
 
-def _mass(y: FloatArray) -> float:
-    """Return the mass with which rod and slider meet."""
-    _, _, x, z = _gap(y, math)
-    of_crank, of_rod, of_slider = _pulled(y, 1.0)
-    across = of_crank * CRANK_M * (z * math.cos(y[0]) - x * math.sin(y[0]))
-    across += of_rod * ROD_M * (z * math.cos(y[1]) - x * math.sin(y[1]))
-    return float(1.0 / (across - x * of_slider))
-
-
-def _across_the_edge(y: FloatArray, lasting: float, speed: float, damped: float, share: float) -> None:
-    """Add in place what the contact's force does while it is small, after touch or up to release."""
-    slope = STIFFNESS * speed**1.5 * damped
-    y[:3] += _pulled(y, slope * lasting**3.5 / share)
-    y[3:] += _pulled(y, slope * lasting**2.5 / 2.5)
+def _solved(driven: bool, tolerance: float, end_s: float, samples: int) -> Answer:
+    """Return the slider's position, from touch to release and to touch."""
+    (flight, contact, touch), one = _compliant(driven, tolerance), _loose(driven)
+    values, steps, x = [CRANK_M + ROD_M], 0, one.names.index("x")
+    flight.state[:] = one.start
+    flying, held = flight.state, contact.state
+    now, flight.pars[0], due = flight, end_s, list(np.linspace(0.0, end_s, samples + 1)[1:])
+    contact.pars[0] = flight.pars[0] = due[0]
+    flight.reset_cooldowns()
+    began = time.perf_counter()
+    while True:
+        ended, _, _, taken, *_ = now.propagate_until(NEVER)
+        steps += taken
+        if int(ended) == -2:
+            values.append((flying if now is flight else held[2:])[x])
+            del due[0]
+            if not due:
+                return Answer(time.perf_counter() - began, steps, np.array(values))
+            contact.pars[0] = flight.pars[0] = due[0]
+        elif now is flight:
+            held[:] = touch(flying)
+            now = contact
+        else:
+            flying[:] = held[2:]
+            now = flight
+        now.time = 0.0
+        now.reset_cooldowns()
 
 
 def clearance_free(tolerance: float, samples: int) -> Answer:
     """Return the slider's position."""
-    flight, contact = _loose(tolerance)
-    due, values, steps = list(np.linspace(0.0, problem.CLEARANCE_END_S, samples + 1)), list[float](), 0
-    turn = -problem.FREE_SPEED * CRANK_M / ROD_M
-    flight.time, flight.state[:] = 0.0, [0.0, 0.0, CRANK_M + ROD_M, problem.FREE_SPEED, turn, 0.0]
+    return _solved(False, tolerance, problem.CLEARANCE_END_S, samples)
+
+
+def clearance_driven(tolerance: float, samples: int) -> Answer:
+    """Return the slider's position."""
+    return _solved(True, tolerance, problem.CLEARANCE_DRIVEN_END_S, samples)
+
+
+@cache
+def _rigid(driven: bool, tolerance: float) -> tuple[Any, Any]:
+    """Return who integrates the flights, and what an impact makes of a state."""
+    one, zero = _loose(driven), hy.expression(0.0)
+    gap, rate, nx, ny = one.pin
+    flight = _integrator(one.y, one.rates(zero, zero), tolerance, [gap])
+    impulse = (1.0 + problem.RESTITUTION) * rate * one.mass
+    pulled, free = one.rates(impulse * nx, impulse * ny), one.rates(zero, zero)
+    half = len(one.y) // 2
+    after = [
+        y + (a - b if half <= k < 2 * half else 0.0)
+        for k, (y, a, b) in enumerate(zip(one.y, pulled, free, strict=True))
+    ]
+    return flight, hy.cfunc(after, vars=one.y)
+
+
+def _bounced(driven: bool, tolerance: float, end_s: float, samples: int) -> Answer:
+    """Return the slider's position, from impact to impact."""
+    (flight, jump), one = _rigid(driven, tolerance), _loose(driven)
+    values, steps, state = [CRANK_M + ROD_M], 0, flight.state
+    state[:] = one.start
+    due = list(np.linspace(0.0, end_s, samples + 1)[1:])
+    flight.pars[0], x = due[0], one.names.index("x")
     flight.reset_cooldowns()
-    now, began = flight, time.perf_counter()
-    while due:
-        while due and due[0] <= now.time:
-            values.append(now.state[2] - now.state[5] * (now.time - due.pop(0)))
-        if not due:
-            break
-        outcome, _, _, taken, *_ = now.propagate_until(due[0])
+    began = time.perf_counter()
+    while True:
+        ended, _, _, taken, *_ = flight.propagate_until(NEVER)
         steps += taken
-        if outcome == hy.taylor_outcome.time_limit:
-            continue
-        _, rate, _, _ = _gap(now.state, math)
-        if now is flight:
-            depth = (1.25 * _mass(now.state) * rate * rate / STIFFNESS) ** 0.4
-            lasting = BEGUN * 2.94 * depth / rate
-            now.propagate_for(lasting)
-            contact.state[:], contact.time = now.state, now.time
-            _across_the_edge(contact.state, lasting, rate, 1.0 + DAMPING, 8.75)
-            contact.pars[:] = [rate, BEGUN * depth]
-            contact.reset_cooldowns()
-            now = contact
+        if int(ended) == -1:
+            state[:] = jump(state)
         else:
-            lasting, touched_at = now.pars[1] / -rate, now.pars[0]
-            _across_the_edge(now.state, lasting, -rate, 1.0 + DAMPING * rate / touched_at, 3.5)
-            flight.state[:], flight.time = now.state, now.time
-            flight.reset_cooldowns()
-            flight.propagate_for(lasting)
-            now = flight
-    return Answer(time.perf_counter() - began, steps, np.array(values))
+            values.append(state[x])
+            del due[0]
+            if not due:
+                return Answer(time.perf_counter() - began, steps, np.array(values))
+            flight.pars[0] = due[0]
+        flight.reset_cooldowns()
+
+
+def rigid_free(tolerance: float, samples: int) -> Answer:
+    """Return the slider's position."""
+    return _bounced(False, tolerance, problem.RIGID_END_S, samples)
+
+
+def rigid_driven(tolerance: float, samples: int) -> Answer:
+    """Return the slider's position."""
+    return _bounced(True, tolerance, problem.RIGID_DRIVEN_END_S, samples)

@@ -15,7 +15,9 @@ CRANK_KG, ROD_KG, SLIDER_KG, GRAVITY = 0.30, 0.21, 0.14, 9.81
 FREE_INERTIAS, DRIVEN_INERTIAS = (1e-5, 2.5e-5), (1e-4, 2.5e-4)
 #: Both links begin along the guide; the crank's speed in rad/s, and how long the motion is followed in s.
 FREE_SPEED, DRIVEN_SPEED = 20 * math.pi, 2 * math.pi * 5000 / 60
-FREE_END_S, DRIVEN_END_S, CLEARANCE_END_S = 1.0, 0.024, 0.071
+FREE_END_S, DRIVEN_END_S, CLEARANCE_END_S, CLEARANCE_DRIVEN_END_S = 1.0, 0.024, 0.071, 0.029
+#: Between rigid walls to just before bounces come together: 21 impacts, driven 51.
+RIGID_END_S, RIGID_DRIVEN_END_S = 0.067, 0.006578
 #: The slider's pin of steel in its bearing; Hertz's stiffness in N/m^1.5, as the scene has it.
 CLEARANCE_M, BEARING_M, RESTITUTION = 5e-4, 0.01, 0.9
 STIFFNESS = 2 / 3 * 207e9 / (1 - 0.3**2) * math.sqrt(BEARING_M * (BEARING_M - CLEARANCE_M) / CLEARANCE_M)
@@ -84,5 +86,18 @@ def open_accelerations(m: ModuleType) -> Callable[..., object]:
             (own * at_rod - both * at_crank) / whole,
             -x / SLIDER_KG,
         )
+
+    return accelerations
+
+
+def driven_accelerations(m: ModuleType) -> Callable[..., object]:
+    """Return the accelerations of rod and slider at the driven crank's angle, with a force as above."""
+    swung = DRIVEN_INERTIAS[1] + ROD_KG * ROD_CENTRE_M**2
+    carried = ROD_KG * ROD_CENTRE_M * CRANK_M * DRIVEN_SPEED**2
+
+    def accelerations(angle, rod_angle, x, y):  # type: ignore[no-untyped-def]
+        s, c, rod_s, rod_c = m.sin(angle), m.cos(angle), m.sin(rod_angle), m.cos(rod_angle)
+        at_rod = ROD_M * (y * rod_c - x * rod_s) - GRAVITY * ROD_KG * ROD_CENTRE_M * rod_c
+        return (at_rod + carried * (s * rod_c - c * rod_s)) / swung, -x / SLIDER_KG
 
     return accelerations

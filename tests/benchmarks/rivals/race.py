@@ -28,6 +28,7 @@ from studies.judges.converged_truth import converged
 from studies.running.case import Case, Row
 from studies.running.outcome import run_case
 from studies.work_precision.study import NAME, SAMPLES, case_of, ladder
+from tests.benchmarks.rivals import problem
 from tests.benchmarks.rivals.problem import Answer, FloatArray
 
 ROUNDS = 10
@@ -73,7 +74,11 @@ class Rival:
 
 
 IDEAL, DRIVEN, LOOSE = "ideal-free", "ideal-driven", "clearance-free-0.5mm"
+LOOSE_DRIVEN, RIGID = "clearance-driven-0.5mm", ("rigid-free-0.5mm", "rigid-driven-0.5mm")
 TOLERANCES, LOOSE_TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12), (1e-8, 1e-10, 1e-12)
+WALL_TOLERANCES = (1e-7, 1e-9, 1e-11)
+#: How long scenes are followed that the study does not follow as long, in s.
+END_S = dict(zip(RIGID, (problem.RIGID_END_S, problem.RIGID_DRIVEN_END_S), strict=True))
 RIVALS = (
     Rival("exudyn_alone", IDEAL, POSITION, (24 * 42, 24 * 168)),
     Rival("exudyn_alone", DRIVEN, TORQUE, (24 * 20, 24 * 80)),
@@ -85,7 +90,7 @@ RIVALS = (
     Rival("scipy_ode", IDEAL, POSITION, TOLERANCES),
     Rival("scipy_minimal", LOOSE, POSITION, LOOSE_TOLERANCES),
     Rival("heyoka_minimal", IDEAL, POSITION, TOLERANCES),
-    Rival("heyoka_minimal", LOOSE, POSITION, LOOSE_TOLERANCES),
+    *(Rival("heyoka_minimal", scene, POSITION, WALL_TOLERANCES) for scene in (LOOSE, LOOSE_DRIVEN, *RIGID)),
 )
 
 
@@ -93,7 +98,8 @@ RIVALS = (
 def physics(scene: str) -> Scene:
     """Return a scene, cut to the time for which it is followed."""
     made = SCENES[scene]()
-    return made.model_copy(update={"end_time_s": clearance.END_S.get(scene, made.end_time_s)})
+    ends = clearance.END_S | END_S
+    return made.model_copy(update={"end_time_s": ends.get(scene, made.end_time_s)})
 
 
 @cache

@@ -22,13 +22,11 @@ RUBBED = Friction(law="saturated-linear", coefficient=0.1, regularisation_speed_
     ("scene", "reason"),
     [
         (SCENES["ideal-driven"](), "the motion is prescribed: there is no ODE to integrate"),
-        (SCENES["ideal-compressor"](), r"no tables \(load\.slider\.gas\)"),
-        (SCENES["clearance-start-up"](), r"constant speed only \(drive\.kind = 'ramp'\)"),
-        (SCENES["rigid-driven-AB"](), r"at A: impacts are no part of an ODE"),
+        (SCENES["rigid-driven-damped"](), r"at B: friction in impacts on rigid walls \(law = 'rigid'\)"),
         (with_B(exponent=1.3), r"at B: twice the exponent is not whole \(exponent = 1\.3\)"),
         (with_B(friction=RUBBED), r"at B: friction has kinks \(friction\.law = 'saturated-linear'\)"),
     ],
-    ids=["prescribed", "gas", "ramp", "rigid", "exponent", "friction"],
+    ids=["prescribed", "rigid", "exponent", "friction"],
 )
 def test_a_scene_without_a_series_is_refused(
     scene: Scene, reason: str, monkeypatch: pytest.MonkeyPatch

@@ -1,0 +1,1 @@
+"""Errors that engines tell of their own runs."""
