@@ -145,8 +145,8 @@ def ledger_closes(at_rung: pd.DataFrame) -> Iterator[str]:
         arms = listed(f"{in_text(worst[label])} with {label}" for label in ends)
         scenes = rows["scene"].nunique()
         yield (
-            f"{on_scenes(scenes).capitalize()} with contact, in parts of the energy in play: the ledger lacks "
-            f"or has too much at most {arms}."
+            f"{on_scenes(scenes).capitalize()} with contact, in parts of the energy in play: the ledger "
+            f"lacks or has too much at most {arms}."
         )
 
 
