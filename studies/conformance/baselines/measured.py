@@ -27,8 +27,8 @@ OF_PHYSICS = ("residual", "unaccounted", "gap_part", "constraint", "hidden_power
 UNHELD = ("_scale_", "smallest_clearance", "_error_until_", "_uncertainty_until_", "reached_")
 #: The study of smooth motion, at two steps: past impacts errors do not fall by the order of a method.
 OF_ORDERS = "agreement"
-#: An error is a point of an order while it is so many times the truth's uncertainty.
-ABOVE_UNCERTAINTY = 100.0
+#: An error is a point of an order while it is so many times the truth's uncertainty, of three distances.
+ABOVE_UNCERTAINTY = 30.0
 
 
 class Key(NamedTuple):
