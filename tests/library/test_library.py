@@ -134,7 +134,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "no end": (lambda: cs.simulate("ideal-free", end=0), "end: expected a finite number > 0"),
     "unknown engine": (lambda: cs.simulate("ideal-free", "exudin"), "engine: expected reference, exudyn, "),
     "unfit engine": (
-        lambda: cs.simulate("rigid-pendulum", "scipy"),
+        lambda: cs.simulate("rigid-pendulum", "exudyn"),
         "engine: expected one that can run this scene",
     ),
     "unknown setting": (
