@@ -88,12 +88,18 @@ class ScipyEngine:
             raise UnsupportedScene(
                 f"scipy's {self.method} has no events, and contacts need them: method = DOP853 or LSODA has"
             )
-        rigid = [name for name, clearance in clearances(scene).items() if clearance.law == "rigid"]
+        rigid = {name: room for name, room in clearances(scene).items() if room.law == "rigid"}
         if rigid and not self.locate_events:
             raise UnsupportedScene(
-                f"scipy's pins rebound where their touch is located: locate_events = true (law = 'rigid' at "
+                "scipy's pins rebound where their touch is located: locate_events = true (law = 'rigid' at "
                 f"{', '.join(rigid)})"
             )
+        for joint, room in rigid.items():
+            if not room.restitution:
+                raise UnsupportedScene(
+                    "scipy's model has no pin that follows a rigid wall, as one does that does not rebound "
+                    f"(clearance.{joint}.restitution = 0)"
+                )
         if self.coordinates == "minimal":
             require_coordinates("scipy", scene)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engine import AdapterCannot, Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.energy import unaccounted_part
 from engine_models.mechanics.slider_load import slider_forces
@@ -67,6 +67,18 @@ class Trial:
     def run(self) -> Trajectory:
         """The engine's run of it."""
         return self.again()
+
+    @cached_property
+    def refusal(self) -> str:
+        """Why the engine's model does not express the scene, or how it goes on; empty if it does."""
+        try:
+            self.engine.check(self.whole)
+            self.run  # noqa: B018  it is kept
+        except (UnsupportedScene, AdapterCannot) as reason:
+            return str(reason)
+        except Exception:
+            return ""  # which the claims tell
+        return ""
 
     def again(self) -> Trajectory:
         """Return another run of it."""

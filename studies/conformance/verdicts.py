@@ -49,7 +49,7 @@ def verdicts(engine: Engine) -> Iterator[Verdict]:
         yield Verdict(claim, "", tried(holds_of, engine))
     for scene in scenes_of(engine)[0]:
         trial = Trial(engine, SCENES[scene]())
-        for claim, holds in CLAIMS.items():
+        for claim, holds in CLAIMS.items() if not trial.refusal else ():
             yield Verdict(claim, scene, tried(holds, trial))
 
 

@@ -47,6 +47,8 @@ def test_every_engine_runs_some_scene_of_every_kind_it_claims() -> None:
 @pytest.mark.parametrize(("engine", "name"), supported())
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_a_claim_holds(engine: str, name: str, claim: str) -> None:
+    if refusal := trial(engine, name).refusal:
+        pytest.skip(refusal)
     holds, measured = CLAIMS[claim](trial(engine, name))
     assert holds, measured
 
