@@ -20,6 +20,8 @@ TOUCH, CLIP, HIGHER, LOWER, OVER = range(5)
 #: that begins at zero. So a touch is told past where the pin then is, by this part of the links' lengths: a
 #: few units in the last place of a pin's position.
 PAST = 1e-15
+#: It leaves at this part of the root of the penetration that it has touched at.
+LEAVING = 0.5
 
 #: The kind of an event and its contact, 0 of what is no contact's.
 Event = tuple[int, int]
@@ -100,7 +102,7 @@ class Draft:
             elif k in motion.held:
                 alarms[TOUCH, k] = -self.pressing(k)
             else:
-                alarms[TOUCH, k] = -self.variables[f"w{k}"]
+                alarms[TOUCH, k] = LEAVING * self._past_m**0.5 - self.variables[f"w{k}"]
                 if motion.joints[k].compliance.clipped:
                     push = self._of(motion.push(k))
                     alarms[CLIP, k] = -push if phase == CONTACT else push

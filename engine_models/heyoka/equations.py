@@ -4,10 +4,11 @@ In flight the independent variable is the time. Where pins touch, K delta^n has 
 at touch and release, unless n is whole. So there the roots w_k = sqrt(delta_k) of the penetrations are
 variables, too, and the independent variable is s (after Sundman 1912) with
 
-    dt/ds = W = 1/(sum of 1/w_k),  dw_k/ds = W/w_k delta_k'/2,  delta^n = w^(2n)
+    dt/ds = W = the product of all w_k,  dw_k/ds = W/w_k delta_k'/2,  delta^n = w^(2n)
 
-which are analytic from touch, w = 0, to release, w = 0 again, also where pins touch or leave together. The
-time is a variable. A crank whose motion is prescribed is a function of the time, and no variable.
+which are analytic from touch to release. Both are at a w that is not zero but for its rounding (see
+``drafts``): pins that touch or leave together would wait there for ever. The time is a variable. A crank
+whose motion is prescribed is a function of the time, and no variable.
 
 A pin that follows a rigid wall is held by a force f along d: with G = d.d', N = dG/du and R the accelerations
 per unit of f, G' = 0 asks of it that  N.R f = -(dG/dz.u + dG/dt + N.u'),  u' those of no f. The same N and R
@@ -142,15 +143,8 @@ class Motion:
     def slowness(self) -> tuple[Scalar, dict[int, Scalar]]:
         """Return W, and W/w_k of every contact that touches."""
         roots = {k: self.inputs[f"w{k}"] for k in self.touching}
-        others: dict[int, Scalar] = dict.fromkeys(roots, 1.0)
-        for k in roots:
-            for j in roots:
-                others[k] = others[k] * (1.0 if j == k else roots[j])
-        if len(roots) == 1:
-            return next(iter(roots.values())), others
-        whole = sum(others.values(), start=0.0)
-        shares = {k: other / whole for k, other in others.items()}
-        return next((roots[k] * share for k, share in shares.items()), 1.0), shares
+        others = {k: reduce(mul, [w for j, w in roots.items() if j != k], 1.0) for k in roots}
+        return reduce(mul, roots.values(), 1.0), others
 
     def _pulls(self, k: int) -> dict[int, Scalar]:
         """Return a contact's generalised forces (see ``contact.force``); powers get what it adds up."""

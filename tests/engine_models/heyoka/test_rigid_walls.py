@@ -120,6 +120,23 @@ def test_two_pins_touch_compliant_walls_at_one_time() -> None:
     assert np.abs(own.slider_position_m - other.slider_position_m).max() < POSITION_M
 
 
+def test_two_pins_leave_compliant_walls_at_one_time() -> None:
+    """A rod between a crank at its dead centre and a slider that hardly moves: both its ends do the same."""
+    scene = together("clearance-driven-AB")
+    scene = scene.replace(
+        {"slider.mass_kg": 1e9, "rod.centre_of_mass_m": scene.crank_slider()[1].length_m / 2}
+    )
+    position, velocity = start_state(scene)
+    velocity = np.zeros_like(velocity)
+    velocity[1, 0] = 1.0
+    run = HeyokaEngine().simulate(
+        started_from(scene, position, velocity, end_time_s=0.001), RunSettings(1.0, 20)
+    )
+    first, second = (contact.impacts for contact in run.contacts.values())
+    assert first.duration_s[0] == pytest.approx(second.duration_s[0], rel=1e-6)
+    assert run.steps < 100
+
+
 def test_an_impact_while_another_pin_follows_is_refused_with_the_time() -> None:
     scene = SCENES["rigid-driven-AB"]()
     with pytest.raises(
