@@ -20,6 +20,7 @@ from engine_models.mechanics.minimal.kernel import MinimalKernel
 from engine_models.mechanics.minimal.tree import Posture, Tree
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.model import mechanism_of
+from engine_models.reference.rebounds import Rebounds
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
@@ -28,7 +29,6 @@ from reference_solver.contact.force import gap
 from reference_solver.equations import Equations
 from reference_solver.failures import SolverError
 from reference_solver.mechanism.points import State
-from reference_solver.rigid.rebounds import Rebounds
 from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
 from reference_solver.tape import Scalar, choose

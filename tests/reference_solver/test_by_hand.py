@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from engine_models.reference.rebounds import Rebounds
 from reference_solver.contact.force import contact_force
 from reference_solver.contact.types import CONTACT
 from reference_solver.equations import Baumgarte, Equations
@@ -25,7 +26,6 @@ from reference_solver.mechanism.mechanism import (
 )
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, dop853, dopri5
-from reference_solver.rigid.rebounds import Rebounds
 from reference_solver.solver import LOWEST_FLIGHT
 from reference_solver.tape import power
 

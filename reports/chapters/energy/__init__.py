@@ -68,9 +68,13 @@ def lasting(rows: pd.DataFrame) -> Iterator[str]:
         for with_contact, joints in ((False, "on ideal joints"), (True, "with contact"))
         if len(of_kind := finished(rows[rows["has_clearance"] == with_contact]))
     ]
-    spans = listed(f"{of.min():g} to {of.max():g} revolutions {joints}" for joints, of in turns)
+    spans = listed(f"{_from_to(of.min(), of.max())} revolutions {joints}" for joints, of in turns)
     if turns:
         yield f"Runs take {spans}."
+
+
+def _from_to(least: float, most: float) -> str:
+    return f"{least:g} to {most:g}" if least < most else f"{most:g}"
 
 
 def hidden_power(at_rung: pd.DataFrame) -> Iterator[str]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from engine_models.reference.rebounds import Rebounds
 from reference_solver.contact.types import Impact
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Equations
@@ -22,7 +23,6 @@ from reference_solver.mechanism.mechanism import (
 from reference_solver.mechanism.points import State
 from reference_solver.rigid.complementarity import complementary
 from reference_solver.rigid.complementarity import solve as solve_small
-from reference_solver.rigid.rebounds import Rebounds
 from reference_solver.solver import LOWEST_FLIGHT, solve
 from tests.helpers.mechanism_energy import energy_residual_J
 
