@@ -73,13 +73,18 @@ RIGID_ARMS = (
     arms.REFERENCE_DOP853,
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
-    arms.SCIPY_DOP853,
     arms.HEYOKA,
 )
 #: The scenes to which the quick set keeps heyoka, of those that it has.
 FOR_HEYOKA = ("clearance-free-0.5mm",)
 #: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
-CLEARANCE_ARMS = (*RIGID_ARMS, arms.NO_STABILISATION, arms.TRAPEZOIDAL, arms.GENERALIZED_ALPHA)
+CLEARANCE_ARMS = (
+    *RIGID_ARMS,
+    arms.SCIPY_DOP853,
+    arms.NO_STABILISATION,
+    arms.TRAPEZOIDAL,
+    arms.GENERALIZED_ALPHA,
+)
 IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
 #: Runs of hundreds of turns with contact: scenes, turns and arms, quick and what the full set adds.
 CHEAP_ARMS = (arms.PROJECTION, arms.REFERENCE_DOP853, arms.DOPRI5)

@@ -112,8 +112,8 @@ def test_hidden_power_is_that_of_the_middle_step(sections: dict[str, Section]) -
     assert sections["hidden-power"].text == (
         "Runs take 20 revolutions on ideal joints and 20 revolutions with contact.",
         *(
-            f"On {scene} the hidden power is −1.0×10⁻⁷ W with reference (projection) and +7.5×10⁻³ W with pymunk "
-            "(tuned)."
+            f"On {scene} the hidden power is −1.0×10⁻⁷ W with reference (projection) and +7.5×10⁻³ W with "
+            "pymunk (tuned)."
             for scene in SCENES
         ),
     )
