@@ -237,7 +237,7 @@ def test_a_time_that_leaves_out_forces_says_so_where_forces_are_judged_and_nowhe
     assert not any("by slider position error" in text and "without its forces" in text for text in sentences)
     figures = {figure.name: figure.reading for section in page for figure in section.figures}
     assert (
-        "Forces are in no time of heyoka (Taylor)."
+        "Forces are left out of the run times of heyoka (Taylor)."
         in figures["work-precision-ideal-largest-joint-force-time"]
     )
-    assert "Forces are in no" not in figures["work-precision-ideal-slider-position-time"]
+    assert "Forces are left out" not in figures["work-precision-ideal-slider-position-time"]

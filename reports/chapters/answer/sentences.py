@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from reports.chapters.answer.picks import FORCE, POSITION, Race, Setting, asked, widest, won_by
 from reports.chapters.answer.trust import HIDDEN_PART, LOST_IN_WORDS, Hidden
-from reports.chapters.extremes.verdict import Verdict, answers
+from reports.chapters.extremes.verdict import MODEL, Verdict, answers
 from reports.equal_error import Ratio
 from reports.parts import Finding, Number
 from reports.quantities import PEAK
@@ -104,7 +104,9 @@ def _beside(each: Setting, races: Sequence[Race]) -> Finding:
 
 def _left_out(each: Setting) -> str:
     """Return what the run times of a setting leave out, if they do."""
-    return f"; {each.engine}'s forces are computed after the run, and in no time" if each.without else ""
+    return (
+        f"; {each.engine}'s forces are computed after the run and are not in its time" if each.without else ""
+    )
 
 
 def _id(each: Setting, races: Sequence[Race]) -> str:
@@ -189,10 +191,12 @@ def what_not_to_trust(studies: Mapping[str, Results], horizons: Mapping[str, flo
         wrong = bare.isin((Verdict.WRONG, Verdict.NOTICED)).groupby(runs["label"], observed=True).sum()
         if wrong.max() > 0:
             cases = runs["scene"].nunique()
+            asked = runs[runs["told_by"] != MODEL].groupby("label", observed=False)["scene"].nunique()
+            never = wrong.index[(wrong == 0) & (asked.reindex(wrong.index) == cases)]
             yield Finding(
                 f"Check every run: on {cases} hard cases {wrong.idxmax()} reports success {wrong.max()} "
                 "times although motion, energy or joints are off by more than ten times their bounds"
-                + (f"; {listed(wrong.index[wrong == 0])} never do" if (wrong == 0).any() else "")
+                + (f"; {listed(never)}, asked in all of them, never do" if len(never) else "")
                 + ".",
                 "nonsense",
                 [Number(float(wrong.max()), "runs")],

@@ -60,7 +60,8 @@ def _saturated(judged: Judged, cost: str) -> Iterator[str]:
     if saturated(judged.rows, judged.column).any():
         yield "Errors that have grown to a tenth of the clearance are shown, and are on no front."
     if cost == "time_s" and is_force(judged.column) and rungs["motion_alone"].any():
-        yield f"Forces are in no time of {listed(sorted(set(rungs['label'][rungs['motion_alone']])))}."
+        alone = listed(sorted(set(rungs["label"][rungs["motion_alone"]])))
+        yield f"Forces are left out of the run times of {alone}."
 
 
 #: Until when a slider is where it should be, by the column of that time.
