@@ -31,6 +31,7 @@ from reports.parts import Contradiction
 from reports.quantities import with_largest
 from reports.results import Results, read_results, read_study
 from reports.shared_tables import failures_section
+from studies.extremes.study import gallery
 
 PUBLISHED = Path(__file__).parents[2] / "reports/published/results"
 #: In a sentence; more are a table. Those within names, as DOP853 or 0.5mm, are none.
@@ -209,5 +210,7 @@ def test_no_sentence_has_more_numbers_than_one_can_read(place: str) -> None:
     found = [text for text in PLACES[place]() if not text.startswith("To run it: ")]  # which is to be typed
     assert found
     for text in found:
+        for name in sorted(gallery(), key=len, reverse=True):
+            text = text.replace(name, "a case")
         for sentence in re.split(r"[.:;] ", text):
             assert len(NUMBER.findall(sentence)) <= MOST_NUMBERS, sentence

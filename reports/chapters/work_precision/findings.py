@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import isfinite
 
 import pandas as pd
 
@@ -99,9 +100,12 @@ def _not_won(race: Race, unit: str) -> Iterator[str]:
             f"{plain(max(shares))} times as long."
         )
     if race.rivals_alone:
+        nearest = (
+            f"comes no nearer than {in_text(race.nearest)} {unit}" if isfinite(race.nearest) else "has none"
+        )
         yield (
             f"{listed(dict.fromkeys(race.rivals_alone))} alone is there at {len(race.rivals_alone)} of the "
-            f"best rungs; the reference comes no nearer than {in_text(race.nearest)} {unit}."
+            f"best rungs; the reference {nearest}."
         )
     if race.undecided:
         rungs = f"{race.undecided} of {len(race.shares)} best rungs"
