@@ -68,9 +68,9 @@ def lasting(rows: pd.DataFrame) -> Iterator[str]:
         for with_contact, joints in ((False, "on ideal joints"), (True, "with contact"))
         if len(of_kind := finished(rows[rows["has_clearance"] == with_contact]))
     ]
-    spans = listed(f"{_from_to(of.min(), of.max())} revolutions {joints}" for joints, of in turns)
-    if turns:
-        yield f"Runs take {spans}."
+    spans = [f"{_from_to(of.min(), of.max())} revolutions {joints}" for joints, of in turns]
+    if spans:
+        yield f"Runs take {listed(spans)}."
 
 
 def _from_to(least: float, most: float) -> str:

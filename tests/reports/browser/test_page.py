@@ -129,7 +129,7 @@ def test_a_table_is_filtered_by_words(page: Page) -> None:
     page.locator(TABLE).get_by_role("searchbox").fill("exudyn DOPRI5")
     left = column(page, 3)
     assert 0 < len(left) < everything
-    assert set(left) == {"exudyn (DOPRI5)"}
+    assert all(label.startswith("exudyn (DOPRI5") for label in left), left
 
 
 def test_dark_is_dark_and_a_button_makes_it_light(page: Page) -> None:
