@@ -47,22 +47,23 @@ def draw(study: str) -> list[tuple[str, Case]]:
 
 
 @pytest.fixture(scope="module")
-def processes() -> Iterator[Processes]:
-    """A process of its own for an engine that cannot run beside what this one has loaded."""
-    with Processes(1) as executor:
-        yield executor
+def processes() -> Iterator[dict[bool, Processes]]:
+    """Processes of their own, one for each of Exudyn's two builds, which cannot run beside each other."""
+    with Processes(1) as checked, Processes(1) as fast:
+        yield {False: checked, True: fast}
 
 
 @pytest.mark.accuracy
 @pytest.mark.parametrize("study", STUDIES)
-def test_rows_drawn_by_lot_come_out_again(study: str, processes: Processes) -> None:
+def test_rows_drawn_by_lot_come_out_again(study: str, processes: dict[bool, Processes]) -> None:
     for seed, case in draw(study):
         (before,) = (
             row
             for row in read_rows(RESULTS / study / "rows.jsonl")
             if case.head().items() <= row.items() and row.get("timed") == case.head().get("timed")
         )
-        after, _ = outcome(case, processes.submit(run_case, case))
+        build = bool(case.settings.get("fast"))
+        after, _ = outcome(case, processes[build].submit(run_case, case))
         assert after["status"] == before["status"]
         where = f"{case.arm.label} on {case.scene.name}, drawn by '{seed}'"
         for name in (name for name in after if "_error_" in name and study not in CHAOTIC):
