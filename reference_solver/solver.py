@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -178,7 +179,7 @@ class Solver:
             bouncing = self._bouncing(run)
             if bouncing is not None:
                 self._face(()).settle(run, bouncing.settling)
-            self._advance(run, bouncing)
+            self._loop(run, bouncing)()
 
     def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
         from reference_solver.compiled.faces import CompiledFace, ReadableFace
@@ -234,15 +235,12 @@ class Solver:
         shortest_s = self._shortest_flight_s(run)
         return Bouncing(self._equations, self._names, face.look(), face.parameters, shortest_s, lowest)
 
-    def _advance(self, run: types.Run, bouncing: "Bouncing | None") -> int:
-        """Advance a run, and take over its events on rigid walls; return how it ended."""
+    def _loop(self, run: types.Run, bouncing: "Bouncing | None") -> Callable[[], int]:
+        """Return what advances a run from its present state on: all that is timed of a run."""
+        face = self._face(() if bouncing is None else bouncing.following)
         if bouncing is None:
-            return self._face(()).advance(run)
-        status = self._face(bouncing.following).bounce(run, bouncing.settling)
-        bouncing.take(run)
-        if status == types.REFUSED:
-            bouncing.refuse(run)
-        return status
+            return partial(face.advance, face.bound(run))
+        return partial(face.bounce, face.bound(run), bouncing.settling)
 
     def run(
         self,
@@ -275,9 +273,12 @@ class Solver:
             following = () if bouncing is None else bouncing.following
             begin, chunk = float(now["time"]), self._chunk(following)
             now["events"], now["budget"] = 0, now["steps"] + chunk
+            advance = self._loop(run, bouncing)
             started = time.perf_counter()
-            status = self._advance(run, bouncing)
+            status = advance()
             took += time.perf_counter() - started
+            if bouncing is not None:
+                bouncing.take(run, status)
             self.steps, self.settled = int(now["steps"]), 0 if bouncing is None else bouncing.settled
             tell(float(now["time"]))
             events.append(records.events[: now["events"]].copy())
@@ -306,10 +307,9 @@ class Solver:
         speed = np.maximum(gaps["rate"], contacts["slowest"])[closed]
         contacts["phase"][closed] = types.CONTACT
         contacts["memory"][closed] = contacts["factor"][closed] / speed
-        if self._face(()).settle(run, bouncing.settling) == types.REFUSED:
-            bouncing.refuse(run)
+        status = self._face(()).settle(run, bouncing.settling)
         contacts["phase"][closed], contacts["memory"][closed] = types.FLIGHT, 0.0
-        bouncing.take(run)
+        bouncing.take(run, status)
 
     def _refuse(self, following: tuple[int, ...], run: types.Run) -> None:
         """Say why the step tried last could not be taken."""

@@ -68,12 +68,9 @@ class CompiledFace:
         """Settle an event on rigid walls."""
         return int(compiled(settling.settle, settling.SETTLE)(run.contacts, run.clock, run.old, s))
 
-    def bounce(self, run: Run, s: Settling) -> int:
-        """Advance a run and settle its events on rigid walls (see ``rigid.loop``)."""
-        return int(self._bounce(self.bound(run), s))
-
     @cached_property
-    def _bounce(self) -> Callable[[Run, Settling], int]:
+    def bounce(self) -> Callable[[Run, Settling], int]:
+        """What advances a run that is bound, and settles its events on rigid walls (see ``rigid.loop``)."""
         advance, settle = self._loop.advance, settling.settle
         called = callback(advance, self._loop.ADVANCE), callback(settle, settling.SETTLE)
         return partial(compiled(bounce, bounce_type(self._loop.ADVANCE)), *called)
@@ -142,9 +139,9 @@ class ReadableFace:
             return int(settling.settle(*map(with_fields, (run.contacts, run.clock, run.old, s))))
 
     def bounce(self, run: Run, s: Settling) -> int:
-        """Advance a run and settle its events on rigid walls."""
+        """Advance a run that is bound, and settle its events on rigid walls."""
         with np.errstate(all="ignore"):
-            return int(bounce(self._loop.advance, settling.settle, self.bound(run), with_fields(s)))
+            return int(bounce(self._loop.advance, settling.settle, run, with_fields(s)))
 
     def step(self, _: object, contacts: RecordArray, t: float, h: float, old: Motion, new: Motion) -> float:
         """Set ``new`` to the state after a step, with the sums of the step alone; return its condition.

@@ -28,7 +28,7 @@ class Bouncing:
         (joints,), (rows, n) = walls.joints.shape, walls.rows.shape
         control = np.zeros(1, CONTROL_RECORD)
         control["shortest_s"], control["lowest"], control["stale"] = shortest_s, lowest, 1
-        log = np.zeros(LOG_ROWS + settling.MOST_IN_TURNS * joints, IMPACT_RECORD)
+        log = np.zeros(LOG_ROWS + settling.ROWS_OF_EVENT * joints, IMPACT_RECORD)
         memory = np.zeros(rows, np.int64), np.zeros((settling.ROWS, n)), np.zeros((joints, joints))
         self.settling = Settling(look, p, walls, new_hit(joints, rows), control, log, *memory)
         self.following: tuple[int, ...] = ()
@@ -40,13 +40,19 @@ class Bouncing:
         """Return how many events have been settled."""
         return int(self.settling.control["settled"][0])
 
-    def take(self, run: types.Run) -> None:
-        """Take over what has been settled: the log, and which pins follow."""
+    def take(self, run: types.Run, status: int) -> None:
+        """Take over what has been settled: the log, and which pins follow.
+
+        Raises:
+            SolverError: an event has no answer, as ``status`` says (see ``refuse``).
+        """
         self.impacts += logged_impacts(self.settling)
         following = followers(run.contacts, self.settling)
         if following != self.following:
             self.following = following
             self.changes.append(ModeChange(float(run.clock["time"][0]), following))
+        if status == types.REFUSED:
+            self.refuse(run)
 
     def refuse(self, run: types.Run) -> None:
         """Say why an event has no answer.

@@ -34,7 +34,7 @@ def bounce(advance, settle, run, s):
     event has no answer.
     """
     control, now, contacts = s.control[0], run.clock[0], run.contacts
-    most, room = EVENTS_AT_ONCE * len(contacts), len(s.log) - settling.MOST_IN_TURNS * len(s.walls.joints)
+    most, room = EVENTS_AT_ONCE * len(contacts), len(s.log) - settling.ROWS_OF_EVENT * len(s.walls.joints)
     if control.stale != 0:
         run.kernel.gaps(run.p, contacts, now.time, run.old)
         control.stale = 0

@@ -45,6 +45,8 @@ COMPILED_WITH = (types, wall_friction, complementarity, impact)
 DEPENDENT = 1e-12
 #: Impacts at one time, of pins that hit in turns, after which all that touch take part in one.
 MOST_IN_TURNS = 100
+#: Rows of the log that an event may need for each pin.
+ROWS_OF_EVENT = MOST_IN_TURNS + 1
 #: Flights that are as high as so many times the distance's round-off take sqrt(2 x 4 x height/a).
 FLIGHT = 8.0
 #: What an impact on a wall may be (see ``contact.types.Impact``), by its number in the log.

@@ -20,7 +20,7 @@ def run_with_calls(name: str, end_s: float, choice: StepChoice | ErrorControl) -
     solver, calls = Solver(mechanism, q, choice), list[str]()
 
     def note(frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and frame.f_code.co_name == "bounce":
+        if event == "call" and frame.f_code.co_name == "_loop":
             calls.append(frame.f_code.co_filename)
 
     sys.setprofile(note)
