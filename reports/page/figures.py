@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from reports.axes import set_plainly
 from reports.page.formats import write_pdf, write_png, write_svg
 from reports.page.inline import NAMED, Inline, inline
 from reports.parts import Figure
+from reports.plots.axes import set_plainly
 from reports.plots.series import Series, marked
 from reports.style import COLUMN_IN, RC, legend_entries
 

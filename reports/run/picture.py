@@ -5,7 +5,7 @@ import io
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from reports.axes import set_plainly
+from reports.plots.axes import set_plainly
 from reports.style import RC, WIDTH_IN
 
 #: Colours of the curves of one panel, Okabe and Ito's, and their dashes, which tell them apart in greyscale.

@@ -11,9 +11,9 @@ import pytest
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
 
-from reports.axes import set_plainly
 from reports.page.figures import save
 from reports.parts import Figure
+from reports.plots.axes import set_plainly
 from reports.plots.step_figures import engine_legend, grid
 from reports.style import RC
 
