@@ -4,9 +4,14 @@ BIN := .venv/bin
 
 .PHONY: study test system accuracy coverage planted mutants docs rivals soak lint types benchmark publish lock clean
 
-study: .venv/.ready
+study: .venv/.study
 	$(BIN)/crankslider run
 	$(BIN)/crankslider report
+
+# The page of the rows that are published, with their times: of the quick set, and of the full one in full/.
+published-page: .venv/.study
+	$(BIN)/crankslider report --results reports/published/results --out published-page --quiet
+	$(BIN)/crankslider report --results reports/published/full/results --out published-page-full --quiet
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile
@@ -54,37 +59,42 @@ benchmark: .venv/.ready
 	$(BIN)/python -m tests.benchmarks.kernel
 	$(BIN)/python -m tests.benchmarks.rivals.race
 
-# Renew reports/published from the committed code; a test recomputes what it says.
+# Renew the quick set in reports/published from the committed code, and what is said of both sets' rows; a test
+# recomputes it. FULL=results-of-the-full-set takes over that set's rows, too.
 publish: .venv/.rivals
 	git diff --quiet HEAD -- reference_solver engine_models studies reports ':!reports/published' || \
 	    { echo "error: commit the code first, so that the published results can name it"; exit 2; }
-	rm -rf results && $(BIN)/crankslider run && $(BIN)/crankslider report
-	rm -rf reports/published/report reports/published/results
-	cp -r report reports/published/report
-	for study in results/*/; do mkdir -p reports/published/$$study && \
-	    cp $$study/rows.jsonl $$study/sidecar.json reports/published/$$study; done
+	rm -rf results && $(BIN)/crankslider run
+	$(BIN)/python -m reports.publication reports/published results
+	$(BIN)/python -m reports.publication reports/published/full $(FULL)
 	rm -rf reports/published/truth && $(BIN)/python -m studies.command.truth reports/published/truth
-	$(BIN)/python -m studies.conformance.seal reports/published
+	$(BIN)/python -m reports.publication --seal reports/published
 
-.venv/.ready: requirements.lock pyproject.toml
+# What studies need, and no more. Modules are compiled when they are first imported, which most never are.
+.venv/.study: study.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 	    { echo "error: $(PYTHON) is older than Python 3.10; name a newer one: make PYTHON=python3.12"; exit 2; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r requirements.lock
+	$(BIN)/python -m pip install --quiet --require-hashes --no-deps --no-compile -r study.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	touch $@
+
+.venv/.ready: requirements.lock .venv/.study
+	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r requirements.lock
 	touch $@
 
 .venv/.rivals: rivals.lock .venv/.ready
 	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r rivals.lock
 	touch $@
 
-# Renew the pinned, hashed versions from pyproject.toml; rivals.lock has what rivals need beside the others.
+# Renew the pinned, hashed versions from pyproject.toml. study.lock has what studies need of them, and what
+# installs the project; rivals.lock has what rivals need beside the others.
+LOCK := $(BIN)/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-header --quiet
 lock: .venv/.ready
-	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.10 --upgrade \
-	    --generate-hashes --no-emit-index-url --no-header --quiet -o requirements.lock
-	grep -o 'heyoka==[^"]*' pyproject.toml | $(BIN)/uv pip compile - --constraint requirements.lock --universal \
-	    --python-version 3.10 --no-emit-package numpy --no-emit-package cloudpickle \
-	    --generate-hashes --no-emit-index-url --no-header --quiet -o rivals.lock
+	$(LOCK) pyproject.toml --extra dev --upgrade -o requirements.lock
+	echo setuptools | $(LOCK) pyproject.toml - --constraint requirements.lock -o study.lock
+	grep -o 'heyoka==[^"]*' pyproject.toml | $(LOCK) - --constraint requirements.lock \
+	    --no-emit-package numpy --no-emit-package cloudpickle -o rivals.lock
 
 clean:
-	rm -rf .venv results report docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv results report published-page published-page-full docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

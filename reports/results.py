@@ -1,11 +1,18 @@
-"""Reads what studies wrote: ``rows.jsonl``, ``curves/CASE.npz`` and ``sidecar.json`` per study."""
+"""Reads what studies wrote: ``rows.jsonl``, ``curves/CASE.npz`` and ``sidecar.json`` per study.
 
+What is published of them (see ``reports.publication``) is read as well: ``rows.jsonl.xz`` in place of
+``rows.jsonl``, times in ``times.csv``, no curves.
+"""
+
+import csv
 import hashlib
 import json
+import lzma
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +36,8 @@ HEAD: dict[str, type | tuple[type, ...]] = {
     "status": str,
     "reason": str,
 }
+#: The files of published rows, and of their times, by the row's number from 0 on.
+PUBLISHED_ROWS, PUBLISHED_TIMES, NUMBER = "rows.jsonl.xz", "times.csv", "row"
 #: The column of a hash of a row's curves, where it has any.
 CURVES = "curves_checksum"
 #: The status of a run whose engine is not there, as its reason says: "heyoka is not installed: pip ...".
@@ -104,14 +113,11 @@ def read_study(folder: Path) -> Results:
         BrokenResults: a line is not a row, or one engine's rows were made by different code.
     """
     path = folder / "rows.jsonl"
+    if not path.exists() and (folder / PUBLISHED_ROWS).exists():
+        return Results(folder, frame(published_rows(folder)), _sidecar(folder / "sidecar.json"))
     if not path.exists():
         raise NoResults(f"no results: {path} is missing; run `crankslider run`")
-    *lines, _ = path.read_bytes().split(b"\n")  # a last line that a kill cut short is no row
-    by_case: dict[str, dict[str, Any]] = {}
-    for n, line in enumerate(lines, 1):
-        row = _row(line, f"{path}:{n}")
-        if by_case.setdefault(row["case"], row)["checksum"] != row["checksum"]:
-            raise BrokenResults(f"{path}:{n}: expected one row of each case, got another of {row['case']}")
+    by_case = rows_by_case(path)
     ended = [row for row in by_case.values() if row["status"] not in NO_RESULT]
     if not ended:
         raise NoResults(f"no results: {path} has no rows; run `crankslider run`")
@@ -120,7 +126,7 @@ def read_study(folder: Path) -> Results:
     if codes["engine"].duplicated().any():
         raise BrokenResults(f"{path}: rows made by different code; run `crankslider run` to renew them")
     counts = {
-        "rows are there twice and count once": len(lines) - len(by_case),
+        "rows are there twice and count once": path.read_bytes().count(b"\n") - len(by_case),
         "cases were killed from outside and are left out; run `crankslider run`": len(by_case) - len(ended),
     }
     notes = [f"{path}: {count} {what}" for what, count in counts.items() if count]
@@ -133,6 +139,52 @@ def read_study(folder: Path) -> Results:
     if sidecar and not codes_of.items() <= sidecar["fingerprints"].items():  # it is of other rows
         sidecar = None
     return Results(folder, rows, sidecar, tuple(notes))
+
+
+def rows_by_case(path: Path) -> dict[str, dict[str, Any]]:
+    """Return the rows of a file as a run wrote them, by their cases.
+
+    Raises:
+        BrokenResults: a line is not a row, or there are two rows of a case.
+    """
+    *lines, _ = path.read_bytes().split(b"\n")  # a last line that a kill cut short is no row
+    by_case: dict[str, dict[str, Any]] = {}
+    for n, line in enumerate(lines, 1):
+        row = _row(line, f"{path}:{n}")
+        if by_case.setdefault(row["case"], row)["checksum"] != row["checksum"]:
+            raise BrokenResults(f"{path}:{n}: expected one row of each case, got another of {row['case']}")
+    return by_case
+
+
+def published_rows(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows of a study that are published in a folder, with their times.
+
+    Raises:
+        BrokenResults: they are no rows.
+    """
+    path = folder / PUBLISHED_ROWS
+    try:
+        with lzma.open(path, "rt", encoding="utf-8") as lines:
+            rows: list[dict[str, Any]] = [json.loads(line) for line in lines]
+        if (folder / PUBLISHED_TIMES).exists():
+            with (folder / PUBLISHED_TIMES).open(encoding="utf-8", newline="") as file:
+                for times in csv.DictReader(file):
+                    row = rows[int(times.pop(NUMBER))]
+                    row |= {name: float(value) for name, value in times.items() if value}
+        known = {"study": folder.name, "fingerprint": ""}
+        rows = [{"case": f"{folder.name}-{n}", **known, **row} for n, row in enumerate(rows)]
+        if all(isinstance(row[column], kind) for row in rows for column, kind in HEAD.items()):
+            return rows
+        reason = "others"
+    except (OSError, EOFError, lzma.LZMAError, ValueError, KeyError, IndexError, TypeError) as error:
+        reason = f"'{error}'"
+    raise BrokenResults(f"{path}: expected published rows and their times, got {reason}")
+
+
+def head_of(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the columns that say what was run, whatever code and machine ran it."""
+    told = dict(takewhile(lambda item: item[0] != "status", row.items()))
+    return {name: value for name, value in told.items() if name not in ("case", "fingerprint", "study")}
 
 
 def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
@@ -161,7 +213,8 @@ def with_columns(rows: pd.DataFrame, *names: str) -> pd.DataFrame:
 
 
 def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
-    return row["scene"], legend_place(row["engine"], row["arm"]), -row["step_s"], row["case"]
+    place = row["scene"], legend_place(row["engine"], row["arm"]), -row["step_s"]
+    return *place, json.dumps(head_of(row), sort_keys=True)
 
 
 def _absent(row: Mapping[str, Any]) -> bool:

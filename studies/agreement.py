@@ -15,6 +15,8 @@ from studies.judges.metrics import conserved
 from studies.ladders import by_tolerance
 from studies.running.case import Case, Curves, Row
 
+#: The scenes of the quick set; the full set has all.
+QUICK = ("ideal-free", "ideal-driven")
 SAMPLES = 200
 #: Steps per sample interval, halving the step from one to the next: quick, then what the full set adds.
 LADDER, FINER = (2, 4, 8, 16, 32, 64, 128, 256), (512, 1024)
@@ -40,8 +42,13 @@ ITERATIONS, ITERATIONS_STEPS_PER_SAMPLE = (2, 5, 7, 10, 15, 20, 50, 100), 32
 
 
 def cases(full: bool) -> list[Case]:
-    """Return for every scene ladders of steps, ladders of tolerances, and Pymunk's sweep of iterations."""
-    return [case for make in IDEAL_SCENES.values() for case in _cases_on(make(), full)]
+    """Return for scenes ladders of steps, ladders of tolerances, and Pymunk's sweep of iterations."""
+    return [
+        case
+        for name in IDEAL_SCENES
+        if full or name in QUICK
+        for case in _cases_on(IDEAL_SCENES[name](), full)
+    ]
 
 
 def cases_on(scene: Scene, full: bool) -> list[Case]:

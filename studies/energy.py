@@ -42,7 +42,7 @@ class Length:
 
 #: One turn of set R's crank. Its runs are whole turns, sampled equally often in each.
 TURN_S = 60 / 5000
-#: Quick: some 25 to 100 turns without clearance, 2 to 6 with it.
+#: Some 25 to 100 turns without clearance, 2 to 6 with it; and those of them that the quick set has.
 SHORT = (
     Length("ideal-free", 6.0, 600, (25, 50, 100)),
     Length("ideal-driven", 100 * TURN_S, 1000, (15, 30, 60)),
@@ -53,6 +53,7 @@ SHORT = (
     Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20, 40)),
     Length("rigid-free-0.5mm", 0.4, 200, (50, 100, 200)),
 )
+QUICK = ("ideal-free", "ideal-driven", "clearance-free-0.5mm", "clearance-driven-damped", "rigid-free-0.5mm")
 #: What the full set adds: ten times as many turns and more.
 LONG = (
     Length("ideal-free", 100.0, 5000, (50, 100, 200), "ideal-free-long"),
@@ -86,13 +87,14 @@ CLEARANCE_ARMS = (
     arms.GENERALIZED_ALPHA,
 )
 IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
-#: Runs of hundreds of turns with contact: scenes, turns and arms, quick and what the full set adds.
+#: Runs of hundreds of turns with contact, of the full set: scenes, turns and arms.
 CHEAP_ARMS = (arms.PROJECTION, arms.REFERENCE_DOP853, arms.DOPRI5)
 LASTING_ARMS = (*CHEAP_ARMS, arms.TUNED, arms.SCIPY_DOP853, arms.HEYOKA)
-LASTING = {
-    False: (("clearance-driven-damped", 100, CHEAP_ARMS),),
-    True: (("clearance-driven-damped", 300, LASTING_ARMS), ("clearance-driven-0.5mm", 300, LASTING_ARMS)),
-}
+LASTING = (
+    ("clearance-driven-damped", 100, CHEAP_ARMS),
+    ("clearance-driven-damped", 300, LASTING_ARMS),
+    ("clearance-driven-0.5mm", 300, LASTING_ARMS),
+)
 #: Their tolerance and steps in a turn, and their samples in one.
 LASTING_TOLERANCE, LASTING_STEPS, LASTING_SAMPLES = 1e-5, 1200, 10
 #: Samples in a turn of a scene of the user's, without clearance and with it, and steps between two on each
@@ -107,14 +109,14 @@ PLACES, PLACES_PER_RAD = 1000, 2
 
 
 def cases(full: bool) -> list[Case]:
-    """Return every engine and arm on every scene at a ladder of steps, and those who can for many turns.
+    """Return every engine and arm on scenes at a ladder of steps.
 
-    The full set adds long runs, and with clearance those without stabilisation: each needs a kernel more.
+    The full set adds scenes, long runs, hundreds of turns of those who can, and with clearance those without
+    stabilisation: each needs a kernel more.
     """
-    every = [case for length in SHORT + (LONG if full else ()) for case in _ladder(_scene(length), length)]
-    every += [
-        case for lasting in LASTING[False] + (LASTING[True] if full else ()) for case in _lasting(*lasting)
-    ]
+    lengths = SHORT + LONG if full else tuple(length for length in SHORT if length.scene in QUICK)
+    every = [case for length in lengths for case in _ladder(_scene(length), length)]
+    every += [case for lasting in LASTING if full for case in _lasting(*lasting)]
     return _affordable(every, full)
 
 
@@ -130,7 +132,7 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
 
 def _affordable(every: list[Case], full: bool) -> list[Case]:
     """Return the cases, of the quick set without what takes a kernel or an integrator more."""
-    left_out = {length.scene for length in SHORT}.difference(FOR_HEYOKA)
+    left_out = set(QUICK).difference(FOR_HEYOKA)
     return [
         case
         for case in every

@@ -18,6 +18,7 @@ from engine_models.mechanics.contact_law import DAMPING_FACTORS
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES, SCENES
 from engine_models.scene.scene import Scene
+from studies import agreement, clearance
 from studies.command.trajectory_table import sample_columns
 from studies.judges.comparison import compared, judged
 from studies.judges.energy_ledger import ledger
@@ -29,22 +30,19 @@ from studies.running.case import Case, Curves, Row
 #: One turn of set R's crank, in s, and what is followed of each scene: a turn, or up to its horizon where
 #: that is earlier (see ``clearance.END_S``). Quick, then what the full set adds.
 TURN_S = 60 / 5000
-QUICK = {
-    "ideal-driven": TURN_S,
-    "ideal-free": 0.1,
-    "ideal-compressor": 0.04,
-    "clearance-driven-0.5mm": TURN_S,
-    "clearance-driven-damped": TURN_S,
-    "clearance-free-0.5mm": 0.071,
-    "rigid-driven-0.5mm": TURN_S,
-}
+QUICK = {"ideal-driven": TURN_S, "clearance-driven-0.5mm": TURN_S}
 MORE = {
+    "ideal-free": 0.1,
     "ideal-fluctuating": TURN_S,
+    "ideal-compressor": 0.04,
     "clearance-driven-0.1mm": TURN_S,
     "clearance-driven-0.02mm": TURN_S,
+    "clearance-driven-damped": TURN_S,
     "clearance-driven-A": TURN_S,
     "clearance-driven-AB": 0.01,
+    "clearance-free-0.5mm": 0.071,
     "clearance-compressor": 0.04,
+    "rigid-driven-0.5mm": TURN_S,
     "rigid-driven-damped": TURN_S,
 }
 #: A contact of set R lasts some ten of a turn's samples.
@@ -71,7 +69,7 @@ OF_TRUTH = ("crank_angle_", "slider_", "joint_", "driver_torque_", "clearance_",
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the cases of all views; the full set has more scenes, whole ones with rigid walls among them."""
+    """Return the cases of all views; the full set has more scenes."""
     return [
         *(
             case
@@ -80,7 +78,7 @@ def cases(full: bool) -> list[Case]:
         ),
         *_by_all(_first_impact(), "impact", IMPACT_SAMPLES),
         *(_law(law) for law in LAWS),
-        *(_whole(name) for name in SCENES if full or name not in RIGID_SCENES),
+        *(_whole(name) for name in SCENES if full or name in agreement.QUICK + clearance.QUICK),
     ]
 
 

@@ -51,6 +51,21 @@ ARMS = (
 )
 #: The group of cases to which the quick set keeps heyoka: it compiles each for itself, for half a second.
 FOR_HEYOKA = "everyday"
+#: Cases of the full set alone, beside long ones: each takes as long as ten others, most by its own kernels.
+COSTLY = (
+    "everyday friction 0.1",
+    "stick-slip",
+    "regularisation 1 µm/s",
+    "friction 0",
+    "friction 1",
+    "slider mass × 1e6",
+    "slider × 1e6, long step",
+    "gravity 0",
+    "clearance at O, A and B",
+    "rigid e = 0.5, mechanism",
+    "dead centre, loose",
+    "L = r, loose",
+)
 
 
 @cache
@@ -83,7 +98,7 @@ def gallery() -> dict[str, Extreme]:
 
 
 def cases(full: bool) -> list[Case]:
-    """Return every case for every engine and arm, with guards and without; the quick set has no long runs.
+    """Return every case for every engine and arm, with guards and without; the quick set has the cheap ones.
 
     Long ones take too long to be made twice.
     """
@@ -92,8 +107,13 @@ def cases(full: bool) -> list[Case]:
         for place, extreme in enumerate(gallery().values())
         for arm in (*ARMS, *arms.newcomers())
         for guarded in ((True,) if extreme.long else (True, False))
-        if full or not (extreme.long or (arm is arms.HEYOKA and extreme.group != FOR_HEYOKA))
+        if full or not (left_out(extreme) or (arm is arms.HEYOKA and extreme.group != FOR_HEYOKA))
     ]
+
+
+def left_out(extreme: Extreme) -> bool:
+    """Return whether the quick set leaves a case out."""
+    return extreme.long or extreme.scene.name in COSTLY
 
 
 def _case(place: int, extreme: Extreme, arm: Arm, guarded: bool) -> Case:

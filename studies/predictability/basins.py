@@ -20,18 +20,14 @@ PLACE, RATE = "start.slider.x_m", "start.slider.velocity_x_m_s"
 SPEED_RAD_S = 441.0
 #: Places on either side of the middle, in clearances, and speeds in m/s.
 REACH, RATE_M_S = 0.9, 0.5
-#: Starts of each field and in a case, revolutions left out and shown, quick and full: a member's turn takes
-#: 2 ms.
-SIZES: dict[bool, Row] = {
-    False: {"columns": 10, "in_case": 50, "transient": 24, "revolutions": 8},
-    True: {"columns": 40, "in_case": 100, "transient": 40, "revolutions": 12},
-}
+#: Starts of each field and in a case, revolutions left out and shown: a member's turn takes 2 ms.
+FEW: Row = {"columns": 10, "in_case": 50, "transient": 24, "revolutions": 8}
+MANY: Row = {"columns": 40, "in_case": 100, "transient": 40, "revolutions": 12}
 
 
-def cases(full: bool) -> list[Case]:
-    """Return stretches of the starts; the full set contains the quick one."""
-    sizes = [SIZES[False], *([SIZES[True]] if full else [])]
-    return [case for size in sizes for case in _stretches(size)]
+def cases() -> list[Case]:
+    """Return stretches of the starts, few of them and many."""
+    return [case for size in (FEW, MANY) for case in _stretches(size)]
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

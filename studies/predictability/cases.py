@@ -41,7 +41,7 @@ EXPONENT_PARTS = {"_quarter": 0.25, "_half": 0.5, "": 1.0}
 #: Starts of the exponent, quick and full.
 EXPONENT_STARTS = {False: 8, True: 16}
 #: Members of the reference's ensembles; of the engines', quick and full, of which one takes up to a second.
-MEMBERS, ENGINE_MEMBERS = 200, {False: 24, True: 200}
+MEMBERS, ENGINE_MEMBERS = 200, {False: 12, True: 200}
 #: Starts are drawn with this number beside the name of what they are for.
 SEED = 20240229
 
@@ -69,14 +69,14 @@ ENSEMBLES = {
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the cases of all parts; the full set contains the quick one."""
+    """Return the cases of all parts; the full set contains the quick one, and alone has chains and basins."""
     horizons = HORIZONS_S + (MORE_HORIZONS_S if full else ())
     exponents = EXPONENTS + (MORE_EXPONENTS if full else ())
     out = [_horizon(SCENES[name]().model_copy(update={"end_time_s": end})) for name, end in horizons]
     out += [case for name in exponents for case in _exponents(SCENES[name](), full)]
     for name, parts in ENSEMBLES[full]:
         out += _ensembles(following(SCENES[name](), round(WATCH.turns)), parts, ENGINE_MEMBERS[full])
-    return out + diagrams.cases(full) + chains.cases(full) + basins.cases(full)
+    return out + diagrams.cases(full) + (chains.cases() + basins.cases() if full else [])
 
 
 def cases_on(scene: Scene, full: bool) -> list[Case]:

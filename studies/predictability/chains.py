@@ -13,18 +13,15 @@ PART = "chain over crank speed"
 DIRECTIONS: tuple[Direction, ...] = ("up", "down")
 #: Ends of the speeds in rad/s: 950 to 7600 rev/min.
 SPEEDS_RAD_S = (100.0, 800.0)
-#: Members of a chain, revolutions left out and shown, quick and full: each of the two takes one core for some
-#: seconds, or, beside other work, for some four minutes.
-SIZES: dict[bool, Row] = {
-    False: {"columns": 24, "transient": 8, "revolutions": 12},
-    True: {"columns": 100, "transient": 30, "revolutions": 30},
-}
+#: Members of a chain, revolutions left out and shown: short ones take a core for some seconds, long ones,
+#: beside other work, for some four minutes.
+SHORT: Row = {"columns": 24, "transient": 8, "revolutions": 12}
+LONG: Row = {"columns": 100, "transient": 30, "revolutions": 30}
 
 
-def cases(full: bool) -> list[Case]:
-    """Return a case for each direction and size; the full set contains the quick one."""
-    sizes = [SIZES[False], *([SIZES[True]] if full else [])]
-    return [_case(size, direction) for size in sizes for direction in DIRECTIONS]
+def cases() -> list[Case]:
+    """Return a case for each direction and size."""
+    return [_case(size, direction) for size in (SHORT, LONG) for direction in DIRECTIONS]
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

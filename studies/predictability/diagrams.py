@@ -62,11 +62,12 @@ RUNG = Rung(arms.REFERENCE_DOP853, 1.0, {"step_tolerance": 1e-6})
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the stretches of the diagrams, and the map's rows; the full set contains the quick one."""
+    """Return the stretches of the diagrams, and the map's rows; the quick set has one short diagram."""
     sizes = [SIZES[False], *([SIZES[True]] if full else [])]
     out = [
         case
         for part, room in ROOM_M.items()
+        if full or part == CLEARANCES
         for size in sizes
         for case in _stretches(part, set_r(room), size)
     ]

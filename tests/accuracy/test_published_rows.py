@@ -7,13 +7,12 @@ from typing import Any
 
 import pytest
 
-from reports.results import read_study
+from reports.results import published_rows, read_study
 from studies.running.case import Case, Row
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
 from studies.running.registry import STUDIES
 from tests.helpers.engines import INSTALLED
-from tests.helpers.row_files import read_rows
 
 RESULTS = Path(__file__).parents[2] / "reports/published/results"
 #: Rows drawn of each study; the commit that they were made from is the seed.
@@ -38,7 +37,7 @@ def published(study: str) -> dict[str, Any]:
 def draw(study: str) -> list[tuple[str, Case]]:
     """Return finished cases of a study, of engines that are installed, with the seed that drew them."""
     seed = f"{study} {published(study)['commit']}"
-    heads = [row for row in read_rows(RESULTS / study / "rows.jsonl") if row["status"] == "ok"]
+    heads = [row for row in published_rows(RESULTS / study) if row["status"] == "ok"]
     cases = [case for case in load_study(study).cases(full=False) if not case.timed]
     mixed = random.Random(seed).sample(cases, len(cases))
     drawn = (case for case in mixed if case.engine in INSTALLED)
@@ -59,7 +58,7 @@ def test_rows_drawn_by_lot_come_out_again(study: str, processes: dict[bool, Proc
     for seed, case in draw(study):
         (before,) = (
             row
-            for row in read_rows(RESULTS / study / "rows.jsonl")
+            for row in published_rows(RESULTS / study)
             if case.head().items() <= row.items() and row.get("timed") == case.head().get("timed")
         )
         build = bool(case.settings.get("fast"))

@@ -38,8 +38,8 @@ class Timed:
 
 
 SHARPER = {"step_tolerance": 1e-8}, {"step_tolerance": 1e-11}
-#: The reference: its loop is called, and Numba looks at the addresses of what that calls. heyoka: an event is one
-#: restart, and an impact also a look at the time since the one before. Exudyn has all in one call.
+#: The reference: its loop is called, and Numba looks at the addresses of what that calls. heyoka: an event is
+#: one restart, and an impact also a look at the time since the one before. Exudyn has all in one call.
 RUNS = [
     Timed("reference", "ideal-free", 1.0, 5, 0.0, *({"method": "dop853", **one} for one in SHARPER)),
     Timed(

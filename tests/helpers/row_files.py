@@ -17,9 +17,3 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """Write rows, each with the checksum that it has now."""
     lines = [json.dumps({**row, "checksum": checksum(row)}) + "\n" for row in rows]
     path.write_text("".join(lines), encoding="utf-8")
-
-
-def renewed_checksums(text: str) -> str:
-    """Return the text of a file of rows with the checksums that they have now."""
-    rows = map(json.loads, text.splitlines())
-    return "".join(json.dumps({**row, "checksum": checksum(row)}) + "\n" for row in rows)

@@ -3,12 +3,11 @@
 They stand in ``bugs/*.toml``, a file for each folder that they are planted in.
 """
 
+import lzma
 import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-
-from tests.helpers.row_files import renewed_checksums
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -28,8 +27,7 @@ class Bug:
     """A change of the ``file``, a path from the root: ``old`` text, which is there once, becomes ``new``.
 
     A published file is another after each run, so that there a ``pattern`` may say what is changed, where it
-    matches first; its groups may be in ``new``. With ``renewed`` the rows get the checksums that they have
-    now: somebody who alters a row can do as much. ``tests`` are the paths, or pytest's names, of those who
+    matches first; its groups may be in ``new``. ``tests`` are the paths, or pytest's names, of those who
     could see it.
     """
 
@@ -40,7 +38,12 @@ class Bug:
     tests: tuple[str, ...]
     old: str = ""
     pattern: str = ""
-    renewed: bool = False
+
+    def planted_in(self, content: bytes) -> bytes:
+        """Return the content of the file, which may be compressed, with the bug in it."""
+        if self.file.endswith(".xz"):
+            return lzma.compress(self.planted(lzma.decompress(content).decode()).encode())
+        return self.planted(content.decode()).encode()
 
     def planted(self, text: str) -> str:
         """Return the text of the file with the bug in it.
@@ -57,7 +60,7 @@ class Bug:
         )
         if changed == text:
             raise Inapplicable(f"{self.name}: expected a change of {self.file}, got none")
-        return renewed_checksums(changed) if self.renewed else changed
+        return changed
 
 
 def bugs() -> list[Bug]:

@@ -79,7 +79,7 @@ class Copy:
         file, began = self.folder / bug.file, time.monotonic()
         right = file.read_bytes()
         try:
-            file.write_bytes(bug.planted(right.decode("utf-8")).encode("utf-8"))
+            file.write_bytes(bug.planted_in(right))
             failures, said = self._failures(bug.tests, "-x")
         except Inapplicable as reason:
             failures, said = {}, str(reason)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from reports.results import published_rows
 from studies import agreement
 from studies.running.case import Case
 from studies.running.outcome import load_study, run_case
 from studies.running.provenance import code_digest
 from studies.running.registry import STUDIES
-from tests.helpers.row_files import read_rows
 
 PUBLISHED = Path(__file__).parents[2] / "reports" / "published"
 #: Cheap cases are run again, every engine and arm among them. Another machine's sine may differ in the last
@@ -22,13 +22,13 @@ UNCERTAINTIES = 100
 
 
 @cache
-def published_rows(study: str) -> list[dict[str, object]]:
-    return read_rows(PUBLISHED / "results" / study / "rows.jsonl")
+def rows_of(study: str) -> list[dict[str, object]]:
+    return published_rows(PUBLISHED / "results" / study)
 
 
 def published_row(case: Case) -> dict[str, object]:
     head = case.head()
-    rows = [row for row in published_rows(case.study) if head.items() <= row.items()]
+    rows = [row for row in rows_of(case.study) if head.items() <= row.items()]
     assert len(rows) == 1, f"{len(rows)} published rows of {head}"
     return rows[0]
 
@@ -48,7 +48,7 @@ def test_every_study_is_published_whole_and_by_this_code(study: str) -> None:
     engines = dict.fromkeys(case.engine for case in cases)
     assert sidecar["code"] == code_digest(study, engines), "the code has changed: make publish"
     assert sidecar["fingerprints"].keys() == engines.keys()
-    assert len(published_rows(study)) == len(cases)
+    assert len(rows_of(study)) == len(cases)
     reasons = [str(published_row(case)["reason"]) for case in cases]
     assert not any("process of its own" in reason for reason in reasons), "an engine is refused for another"
 
@@ -65,10 +65,3 @@ def test_a_published_row_comes_out_again(case: Case) -> None:
     for name, round_off in (("energy_balance_residual_J", 1e-11), ("constraint_violation_m", 1e-14)):
         if row["status"] == "ok":
             assert row[name] == pytest.approx(published[name], rel=AGREEMENT, abs=round_off), name
-
-
-def test_the_published_page_is_there_with_all_it_refers_to() -> None:
-    page = (PUBLISHED / "report/index.html").read_text(encoding="utf-8")
-    for kind in ("figures", "tables"):
-        for file in (PUBLISHED / "report" / kind).iterdir():
-            assert f"{kind}/{file.name}" in page, f"{file.name} is not on the page"

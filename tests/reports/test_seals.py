@@ -1,8 +1,9 @@
 """What is published is as it was made: sealed file by file, and tables and sentences follow from its rows."""
 
-import html
+import json
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,27 +12,31 @@ import pytest
 
 from reports.chapters.answer import answer
 from reports.chapters.headlines import HEADLINES
+from reports.page import FINDINGS, claims_of
 from reports.page.questions import QUESTIONS, StudyReport
-from reports.parts import Section
-from reports.results import Results, read_study
+from reports.parts import Section, Table
+from reports.publication import FIGURES, broken_seals, certain, publish, tell_answer, write_seals, write_study
+from reports.results import Results, published_rows, read_study
 from reports.style import RC
-from reports.tables import FORMATS
-from studies.conformance.seal import broken_seals, write_seals
+from reports.tables import comma_separated
+from tests.helpers.row_files import write_rows
 
 PUBLISHED = Path(__file__).parents[2] / "reports/published"
 STUDIES = [study for question in QUESTIONS for study in question.studies]
 #: Its intervals are resampled ten thousand times, half a minute in all.
 SLOW = "work-precision"
+#: The most that may be published: what is in a clone for good.
+MOST_BYTES = 5_000_000
 #: One file of each kind.
 KINDS = {
-    "page": "report/index.html",
-    "table": "report/tables/agreement-errors.csv",
-    "table in LaTeX": "report/tables/clearance-impacts.tex",
-    "table in Markdown": "report/tables/energy-drift.md",
-    "figure": "report/figures/agreement-slider-position.svg",
-    "picture": "report/figures/agreement-slider-position.png",
-    "rows": "results/agreement/rows.jsonl",
+    "readme": "README.md",
+    "table": "tables/agreement-errors.csv",
+    "findings": "findings.json",
+    "figure": "figures/agreement-slider-position.svg",
+    "rows": "results/agreement/rows.jsonl.xz",
+    "times": "results/work-precision/times.csv",
     "sidecar": "results/energy/sidecar.json",
+    "truth": "truth/ideal-free.csv.xz",
 }
 
 
@@ -64,11 +69,11 @@ def test_one_digit_of_any_file_breaks_its_seal(copy: Path, kind: str) -> None:
 
 
 def test_a_file_that_is_lost_or_added_breaks_the_seal(copy: Path) -> None:
-    (copy / KINDS["page"]).rename(copy / "report/other.html")
+    (copy / KINDS["findings"]).rename(copy / "other.json")
     try:
-        assert broken_seals(copy) == [f"{KINDS['page']} was lost", "report/other.html was added"]
+        assert broken_seals(copy) == [f"{KINDS['findings']} was lost", "other.json was added"]
     finally:
-        (copy / "report/other.html").rename(copy / KINDS["page"])
+        (copy / "other.json").rename(copy / KINDS["findings"])
 
 
 def published(study: StudyReport) -> Results:
@@ -87,61 +92,110 @@ def marked(study: StudyReport) -> Any:
     return pytest.param(study, id=study.STUDY, marks=marks)
 
 
-def shown_tables(page: str) -> dict[str, list[tuple[str, ...]]]:
-    """Return head and rows of the tables on a page, by their names."""
-    out = {}
-    for name, body in re.findall(r'<figure id="table-([^"]+)".*?<table>(.*?)</table>', page, re.DOTALL):
-        lines = re.findall(r"<tr.*?</tr>", body, re.DOTALL)
-        cells = (re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", line) for line in lines)
-        out[name] = [tuple(map(html.unescape, line)) for line in cells]
-    return out
+def require_published(tables: Iterable[Table]) -> None:
+    for table in tables:
+        path = PUBLISHED / f"tables/{table.name}.csv"
+        assert path.read_text(encoding="utf-8") == comma_separated(table), path.name
 
 
 @pytest.fixture(scope="module")
-def page() -> str:
-    return (PUBLISHED / "report/index.html").read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def words(page: str) -> str:
-    """What is to be read on the page, in one line without markup."""
-    return " ".join(html.unescape(re.sub(r"<[^>]*>", "", page)).split())
+def said() -> set[str]:
+    """All sentences that are published."""
+    return {claim.text for claim in claims_of(PUBLISHED)}
 
 
 @pytest.mark.parametrize("study", [marked(study) for study in STUDIES])
 def test_published_tables_and_sentences_follow_from_the_published_rows(
-    study: StudyReport, page: str, words: str
+    study: StudyReport, said: set[str]
 ) -> None:
-    on_page = shown_tables(page)
     for section in sections(study):
-        for table in section.tables:
-            assert on_page[table.name] == [table.head, *table.rows], f"{table.name} on the page"
-            assert table.title in words
-            assert table.reading in words
-            for ending, written in FORMATS.items():
-                path = PUBLISHED / f"report/tables/{table.name}.{ending}"
-                assert path.read_text(encoding="utf-8") == written(table), path.name
-        for figure in section.figures:
-            assert f'<figure id="figure-{figure.name}"' in page
-            for text in (figure.title, figure.reading, figure.alt):
-                assert text in words, f"{figure.name} with what is said of it"
-        for sentence in section.text:
-            assert sentence in words
+        require_published(section.tables)
+        assert {str(sentence) for sentence in section.text} <= said
 
 
 @pytest.mark.parametrize("study", [marked(study) for study in STUDIES if study.STUDY in HEADLINES])
-def test_what_a_published_chapter_opens_with_follows_from_its_rows(study: StudyReport, words: str) -> None:
-    for sentence in HEADLINES[study.STUDY](published(study)):
-        assert sentence in words
+def test_what_a_published_chapter_opens_with_follows_from_its_rows(
+    study: StudyReport, said: set[str]
+) -> None:
+    assert {str(sentence) for sentence in HEADLINES[study.STUDY](published(study))} <= said
 
 
 @pytest.mark.accuracy
-def test_the_published_answer_follows_from_the_published_rows(page: str, words: str) -> None:
+def test_the_published_answer_follows_from_the_published_rows(said: set[str], tmp_path: Path) -> None:
     with mpl.rc_context(RC):
-        said = answer({study.STUDY: published(study) for study in STUDIES})
-    assert said.text
-    assert said.doubts
-    for sentence in (*said.text, *said.doubts):
-        assert sentence in words
-    for table in said.tables:
-        assert shown_tables(page)[table.name] == [table.head, *table.rows], f"{table.name} on the page"
+        found = answer({study.STUDY: published(study) for study in STUDIES})
+    assert found.text
+    assert found.doubts
+    assert {str(sentence) for sentence in (*found.text, *found.doubts)} <= said
+    require_published(found.tables)
+    copy = shutil.copytree(PUBLISHED, tmp_path / "copy")
+    tell_answer(copy / "README.md", (*found.text, *found.doubts))
+    assert (copy / "README.md").read_bytes() == (PUBLISHED / "README.md").read_bytes()
+
+
+def test_the_readme_refers_to_files_that_are_there() -> None:
+    text = (PUBLISHED / "README.md").read_text(encoding="utf-8")
+    files = {target for target in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in target}
+    assert {f"figures/{name}.svg" for name in FIGURES} <= files
+    assert [name for name in files if not (PUBLISHED / name).exists()] == []
+
+
+@pytest.mark.accuracy
+def test_tables_and_sentences_of_the_full_set_follow_from_its_rows(tmp_path: Path) -> None:
+    again = tmp_path / "full"
+    shutil.copytree(PUBLISHED / "full/results", again / "results")
+    publish(again)
+    for path in [*sorted(again.rglob("*.csv")), again / FINDINGS]:
+        there = PUBLISHED / "full" / path.relative_to(again)
+        assert path.read_bytes() == there.read_bytes(), there
+
+
+def test_what_is_published_is_small() -> None:
+    assert sum(path.stat().st_size for path in PUBLISHED.rglob("*") if path.is_file()) < MOST_BYTES
+
+
+def one_run(number: int, solve_time_s: float) -> dict[str, Any]:
+    """Return a row as a run writes it."""
+    head = {"scene": "x", "engine": "e", "arm": "a", "label": "e (a)", "step_s": 1 / 3, "round": number}
+    measured = {"error_m": 2 / 3, "solve_time_s": solve_time_s}
+    return {
+        "case": f"c{number}",
+        "fingerprint": "f",
+        "study": "s",
+        **head,
+        "status": "ok",
+        "reason": "",
+        **measured,
+    }
+
+
+def test_published_twice_no_byte_is_changed_and_new_times_change_only_theirs(tmp_path: Path) -> None:
+    study, out = tmp_path / "s", tmp_path / "out"
+    study.mkdir()
+
+    def written(rows: list[dict[str, Any]], commit: str) -> dict[str, bytes]:
+        write_rows(study / "rows.jsonl", rows)
+        (study / "sidecar.json").write_text(json.dumps({"commit": commit, "rows": commit}))
+        write_study(study, out)
+        return {path.name: path.read_bytes() for path in out.iterdir()}
+
+    rows = [one_run(number, 1e-3) for number in range(3)]
+    first = written(rows, "1")
+    assert written(rows[::-1], "2") == first, "the order in which runs finished does not count"
+    slower = written(
+        [row | {"case": f"b{row['round']}", "fingerprint": "g", "solve_time_s": 1.0} for row in rows], "3"
+    )
+    assert {name for name in first if first[name] != slower[name]} == {"times.csv"}
+    other = written([row | {"error_m": 0.5} for row in rows], "4")
+    assert {name for name in first if first[name] != other[name]} == {"rows.jsonl.xz", "sidecar.json"}
+    last = published_rows(out)[2]
+    assert (last["step_s"], last["round"], last["solve_time_s"]) == (1 / 3, 2, 1e-3), "what was run is exact"
+
+
+@pytest.mark.parametrize(
+    ("error", "doubt", "shown"),
+    [(0.123456789, 1e-9, 0.123457), (0.123456789, 1e-3, 0.1235), (0.123456789, 0.3, 0.12), (0.0, 1e-3, 0.0)],
+)
+def test_an_error_has_the_digits_that_its_truth_certifies(error: float, doubt: float, shown: float) -> None:
+    row = one_run(0, 1.0) | {"x_error_m": error, "x_uncertainty_m": doubt}
+    assert certain(row)["x_error_m"] == shown

@@ -234,8 +234,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *some("reference (a tenth less clearance)", "0.5mm", 60),
         *some("pymunk (as the scene)", "0.5mm", 4),
         *(few_columns(case) for case in some(diagrams.CLEARANCES, "0.5 mm", 1)),
-        *(few_members(case) for case in chains.cases(False)),
-        *(few_starts(case) for case in basins.cases(False)[:1]),
+        *(few_members(case) for case in chains.cases()),
+        *(few_starts(case) for case in basins.cases()[:1]),
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
     return folder
@@ -341,7 +341,7 @@ def test_basins_have_a_shape_where_neighbours_differ_less_than_starts_drawn_at_r
 
 
 def test_a_start_in_a_basin_is_the_run_that_a_user_makes_of_it() -> None:
-    case = few_starts(basins.cases(False)[0])
+    case = few_starts(basins.cases()[0])
     row, curves = basins.measure(case)
     assert row["failed_members"] == 0
     place, rate = basins.starts_of(case)

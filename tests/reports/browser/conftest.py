@@ -1,4 +1,4 @@
-"""The published page in Debian's Chromium, for all tests of this folder."""
+"""The page of the published rows in Debian's Chromium, for all tests of this folder."""
 
 import shutil
 from collections.abc import Iterator
@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-PUBLISHED = Path(__file__).parents[3] / "reports" / "published" / "report"
+from reports.page import write_report
+
+PUBLISHED = Path(__file__).parents[3] / "reports" / "published" / "results"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
@@ -28,11 +30,13 @@ def heard() -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def page(browser: Browser, heard: list[str]) -> Page:
+def page(browser: Browser, heard: list[str], tmp_path_factory: pytest.TempPathFactory) -> Page:
+    folder = tmp_path_factory.mktemp("report")
+    write_report(PUBLISHED, folder)
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.on("console", lambda said: heard.append(f"{said.type}: {said.text}"))
     page.on("pageerror", lambda error: heard.append(f"error: {error}"))
     page.on("request", lambda of: heard.extend([] if of.url.startswith("file:") else [of.url[:80]]))
     page.on("requestfailed", lambda of: heard.append(f"failed: {of.url[:80]}"))
-    page.goto((PUBLISHED / "index.html").as_uri())
+    page.goto((folder / "index.html").as_uri())
     return page

@@ -84,12 +84,12 @@ def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
     names = ["ideal-free", "clearance-driven-damped"]
     write_truths(tmp_path, names)
     for name in names:
-        here, there = (pd.read_csv(folder / f"{name}.csv", index_col=0) for folder in (tmp_path, PUBLISHED))
+        here, there = (pd.read_csv(folder / f"{name}.csv.xz", index_col=0) for folder in (tmp_path, PUBLISHED))
         pd.testing.assert_frame_equal(here, there, rtol=1e-6, atol=1e-9)
     certainty = pd.read_csv(PUBLISHED / "certainty.csv").set_index("scene")
     assert set(certainty.index) == set(cs.scenes)
     assert set(certainty["solved_by"]) == {"independent"}
     assert certainty["slider_position_uncertainty_m"].max() < 1e-8
     for name, row in certainty.iterrows():
-        times = pd.read_csv(PUBLISHED / f"{name}.csv")["time_s"]
-        assert times.iloc[-1] == pytest.approx(row["certain_until_s"], rel=1e-15)  # as Pandas 2 reads it
+        times = pd.read_csv(PUBLISHED / f"{name}.csv.xz")["time_s"]
+        assert times.iloc[-1] == pytest.approx(row["certain_until_s"], rel=1e-13)  # of fourteen digits

@@ -1,0 +1,209 @@
+"""Publishes results in few bytes, which stay the same while nothing but times has changed.
+
+``python -m reports.publication FOLDER RESULTS`` writes into FOLDER
+
+* ``results/STUDY/rows.jsonl.xz``: a row a line, in the order of what was run, without times, code and commit,
+  and with the digits that are certain; ``times.csv`` has the times and ``sidecar.json`` the rest;
+* ``tables/NAME.csv`` and ``findings.json``: those of the page that these rows make;
+* in a ``README.md`` that has a place for it, the answer with its ``figures``.
+
+Without RESULTS the rows are those that are there. ``python -m reports.publication --seal FOLDER`` writes a
+hash of every file into ``seals.json``. A file that is altered, lost or added breaks the seal. Line endings do
+not count in text.
+"""
+
+import csv
+import hashlib
+import json
+import lzma
+import math
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from reports.page import FINDINGS, write_report
+from reports.parts import Table
+from reports.results import (
+    CURVES,
+    NO_RESULT,
+    NUMBER,
+    PUBLISHED_ROWS,
+    PUBLISHED_TIMES,
+    head_of,
+    rows_by_case,
+)
+from reports.tables import markdown
+
+SEALS = "seals.json"
+#: Files that are no text.
+BINARY = (".png", ".npz", ".xz")
+#: Columns that are other at every run, and those that say no more than the code and the row itself.
+TIMES = ("solve_time_s", "least_solve_time_s", "build_time_s", "compile_time_s", "repeats")
+LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)
+#: Significant digits of a measured number, of a time and of an uncertainty; and of an error so many as are
+#: above a tenth of its uncertainty, but some.
+DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
+#: Tables and figures that show the answer, the columns that are shown, and what encloses them in the text.
+ANSWER = {"answer": "With clearance", "answer-ideal": "On ideal joints"}
+COLUMNS = 8
+FIGURES = (
+    "answer",
+    "agreement-slider-position",
+    "clearance-slider-position",
+    "energy-gain-by-step",
+    "stability-contact-stiffness",
+    "extremes-verdicts",
+)
+BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"
+
+
+def publish(folder: Path, results: Path | None = None) -> None:
+    """Write the rows of all studies in ``results`` into a folder, and what the page says of those in it.
+
+    Raises:
+        NoResults, BrokenResults, Contradiction: as ``write_report`` does.
+    """
+    for study in sorted(path.parent for path in results.glob("*/rows.jsonl")) if results else ():
+        write_study(study, folder / "results" / study.name)
+    readme = folder / "README.md"
+    with TemporaryDirectory() as name:
+        made = Path(name)
+        report = write_report(folder / "results", made, paper=readme.exists())
+        shutil.copy(made / FINDINGS, folder)
+        _renew(folder / "tables", sorted((made / "tables").glob("*.csv")))
+        if readme.exists():
+            _renew(folder / "figures", [made / f"figures/{name}.svg" for name in FIGURES])
+            tell_answer(readme, report.answer)
+
+
+def write_study(study: Path, folder: Path) -> None:
+    """Write a study's rows, their times and its sidecar; what says the same as before stays as it is."""
+    ended = [row for row in rows_by_case(study / "rows.jsonl").values() if row["status"] not in NO_RESULT]
+    rows = sorted(ended, key=lambda row: json.dumps(head_of(row), sort_keys=True))
+    lines = [json.dumps(certain(row), separators=(",", ":"), ensure_ascii=False) + "\n" for row in rows]
+    content = lzma.compress("".join(lines).encode(), preset=9 | lzma.PRESET_EXTREME)
+    sidecar = json.loads((study / "sidecar.json").read_text(encoding="utf-8"))
+    sidecar = {name: value for name, value in sidecar.items() if name not in ("rows", "checksum")}
+    folder.mkdir(parents=True, exist_ok=True)
+    if not _same(folder, content, sidecar):
+        (folder / PUBLISHED_ROWS).write_bytes(content)
+        (folder / "sidecar.json").write_text(json.dumps(sidecar, indent=2) + "\n", encoding="utf-8")
+    _write_times(folder / PUBLISHED_TIMES, rows)
+
+
+def certain(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a row says of its run but times and code, with the digits that are certain."""
+    head, kept = head_of(row), dict[str, Any]()
+    for name, value in row.items():
+        if name in head or not isinstance(value, float):
+            kept[name] = value
+        elif "_uncertainty_" in name:
+            kept[name] = rounded(value, DOUBT_DIGITS)
+        else:
+            doubt = row.get(name.replace("_error_", "_uncertainty_")) if "_error_" in name else None
+            kept[name] = rounded(value, _digits(value, doubt))
+    return {name: value for name, value in kept.items() if name not in (*LEFT_OUT, *TIMES)}
+
+
+def _digits(value: float, doubt: object) -> int:
+    """Return how many digits of an error are certain; of what has no uncertainty of its own ``DIGITS``."""
+    if not (isinstance(doubt, float) and doubt > 0 and value and math.isfinite(value / doubt)):
+        return DIGITS
+    return min(max(math.floor(math.log10(abs(value) / doubt)) + 2, FEWEST), DIGITS)
+
+
+def rounded(value: float, digits: int) -> float:
+    """Return a number with so many significant digits."""
+    return float(f"{value:.{digits}g}")
+
+
+def _same(folder: Path, content: bytes, sidecar: Mapping[str, Any]) -> bool:
+    """Return whether a folder has these rows, of any commit of the same code, versions and machine."""
+    try:
+        before = json.loads((folder / "sidecar.json").read_text(encoding="utf-8"))
+        rows = (folder / PUBLISHED_ROWS).read_bytes()
+    except OSError:
+        return False
+    return rows == content and {**before, "commit": ""} == {**sidecar, "commit": ""}
+
+
+def _write_times(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write the times of the rows that have some, by their numbers; without any there is no file."""
+    names = [name for name in TIMES if any(name in row for row in rows)]
+    path.unlink(missing_ok=True)
+    if not names:
+        return
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([NUMBER, *names])
+        for n, row in enumerate(rows):
+            times = [f"{row[name]:.{TIME_DIGITS}g}" if name in row else "" for name in names]
+            if any(times):
+                table.writerow([n, *times])
+
+
+def _renew(folder: Path, files: Sequence[Path]) -> None:
+    """Have these files in a folder and no others."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for file in files:
+        shutil.copy(file, folder)
+
+
+def tell_answer(readme: Path, answer: Sequence[str]) -> None:
+    """Write the answer into its place in a README."""
+    tables = [
+        f"**{title}** ([with commands](tables/{name}.csv)):\n\n{_first_columns(readme.parent, name)}"
+        for name, title in ANSWER.items()
+    ]
+    sentences = "\n".join(f"* {sentence}" for sentence in answer)
+    figures = "\n".join(f"![{name}](figures/{name}.svg)\n" for name in FIGURES)
+    before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
+    after = rest.partition(END)[2]
+    told = "\n".join([*tables, sentences, "", figures])
+    readme.write_text(f"{before}{BEGIN}\n\n{told}\n{END}{after}", encoding="utf-8")
+
+
+def _first_columns(folder: Path, name: str) -> str:
+    """Return the first columns of a table as Markdown, without its caption."""
+    with (folder / f"tables/{name}.csv").open(encoding="utf-8", newline="") as file:
+        head, *rows = (tuple(line[:COLUMNS]) for line in csv.reader(file))
+    return markdown(Table(name, "", "", head, tuple(rows))).partition("\n\n")[2]
+
+
+def write_seals(folder: Path) -> None:
+    """Write the hashes of all files in a folder into it."""
+    (folder / SEALS).write_text(json.dumps(_hashes(folder), indent=0) + "\n", encoding="utf-8")
+
+
+def broken_seals(folder: Path) -> list[str]:
+    """Return in a line each what was altered, lost or added since a folder was sealed."""
+    sealed, now = json.loads((folder / SEALS).read_text(encoding="utf-8")), _hashes(folder)
+    what = {(True, True): "altered", (True, False): "lost", (False, True): "added"}
+    return [
+        f"{name} was {what[name in sealed, name in now]}"
+        for name in sorted(sealed.keys() | now.keys())
+        if sealed.get(name) != now.get(name)
+    ]
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / SEALS)
+    return {path.relative_to(folder).as_posix(): _hash(path) for path in files}
+
+
+def _hash(path: Path) -> str:
+    content = path.read_bytes()
+    if path.suffix not in BINARY:
+        content = content.replace(b"\r\n", b"\n")
+    return hashlib.sha256(content).hexdigest()
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "--seal":
+        write_seals(Path(sys.argv[2]))
+    else:
+        publish(*map(Path, sys.argv[1:]))
