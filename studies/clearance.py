@@ -27,7 +27,7 @@ from studies.judges.impact_matching import (
 from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
 from studies.judges.metrics import COVERAGE, conserved, errors, is_force
-from studies.ladders import clearance_ladder
+from studies.ladders import clearance_ladder, only_full
 from studies.running.case import Case, Curves, Row
 
 #: How far each scene is followed in s: to its horizon (see ``converged_truth.followed``), where it has one.
@@ -66,7 +66,8 @@ def scenes(full: bool) -> list[Scene]:
 
 def cases(full: bool) -> list[Case]:
     """Return a ladder of every engine's own best settings for every scene."""
-    return [case for scene in scenes(full) for case in _cases_on(scene, full)]
+    found = [case for scene in scenes(full) for case in _cases_on(scene, full)]
+    return [case for case in found if full or not only_full(case.arm, case.scene)]
 
 
 def cases_on(scene: Scene, full: bool) -> list[Case]:

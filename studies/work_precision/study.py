@@ -22,7 +22,7 @@ from engine_models.scene.scene import Scene
 from studies import agreement, clearance
 from studies.judges.comparison import compared, judged
 from studies.judges.metrics import checked
-from studies.ladders import Rung, clearance_ladder, ideal_ladder, rebound_ladder
+from studies.ladders import Rung, clearance_ladder, ideal_ladder, only_full, rebound_ladder
 from studies.running.case import Case, Curves, Row, Value
 from studies.work_precision.reach import reach
 
@@ -66,7 +66,8 @@ def cases(full: bool) -> list[Case]:
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
-    return _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full, FINER if full else ())
+    found = _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full, FINER if full else ())
+    return [case for case in found if full or not only_full(case.arm, case.scene)]
 
 
 def cases_on(scene: Scene, full: bool) -> list[Case]:
