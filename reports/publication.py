@@ -50,12 +50,12 @@ DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
 ANSWER = {"answer": "With clearance", "answer-ideal": "On ideal joints"}
 COLUMNS = 8
 FIGURES = (
+    "motions-mechanism",
     "answer",
     "agreement-slider-position",
     "clearance-slider-position",
     "energy-gain-by-step",
     "stability-contact-stiffness",
-    "extremes-verdicts",
 )
 BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"
 

@@ -1,4 +1,4 @@
-"""Numbers as text, and a table as Markdown, LaTeX (booktabs) and CSV."""
+"""Numbers as text, and a table as CSV, LaTeX (booktabs) and Markdown."""
 
 import math
 import re
@@ -104,14 +104,20 @@ def comma_separated(table: Table) -> str:
     return str(pd.DataFrame(table.rows, columns=table.head).to_csv(index=False, lineterminator="\n"))
 
 
-#: The formats by the end of the file's name.
-FORMATS = {"md": markdown, "tex": latex, "csv": comma_separated}
+#: The formats of files by the ends of their names: that of every report, and those for papers with it.
+SCREEN = {"csv": comma_separated}
+FORMATS = {**SCREEN, "tex": latex}
 
 
-def write_table(table: Table, folder: Path) -> None:
-    """Write a table in every format."""
-    for end, as_text in FORMATS.items():
-        (folder / f"{table.name}.{end}").write_text(as_text(table), encoding="utf-8")
+def formats(paper: bool) -> list[str]:
+    """Return the ends of the names of a table's files."""
+    return list(FORMATS if paper else SCREEN)
+
+
+def write_table(table: Table, folder: Path, paper: bool) -> None:
+    """Write a table as CSV, and for a ``paper`` as LaTeX too."""
+    for end in formats(paper):
+        (folder / f"{table.name}.{end}").write_text(FORMATS[end](table), encoding="utf-8")
 
 
 def _latex_cell(cell: str) -> str:

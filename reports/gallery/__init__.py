@@ -34,7 +34,7 @@ DRAWN = "clearance-driven-0.5mm"
 
 
 def sections(results: Results) -> list[Section]:
-    """Return the sections of the gallery; without curves there is nothing to be seen."""
+    """Return the sections of the gallery; without curves the mechanism is all there is to be seen."""
     told = [
         Section.of(
             "runs",
@@ -44,20 +44,22 @@ def sections(results: Results) -> list[Section]:
         ),
         shared_tables.failures_section(results.rows, STUDY, "motions-failures"),
     ]
-    return [*_seen(results), *told] if results.has_curves else told
+    return [_mechanism(results), *(_over_time(results) if results.has_curves else ()), *told]
 
 
-def _seen(results: Results) -> list[Section]:
+def _mechanism(results: Results) -> Section:
+    whole = of_view(results, "whole").set_index("scene")
+    drawn = [mechanism_figure(json.loads(whole.loc[DRAWN, "scene_json"]))] if DRAWN in whole.index else []
+    laws = [laws_figure(results)] if results.has_curves else []
+    section = Section.of("mechanism", "The mechanism and its contacts", (), [*drawn, *laws])
+    return replace(section, markup=equations_html())
+
+
+def _over_time(results: Results) -> list[Section]:
     runs = of_view(results, "revolution")
     ideal = runs[runs["contacts_ended"].isna()]
     signals = (over_time.POSITION, over_time.VELOCITY, over_time.JOINT, over_time.TORQUE)
-    whole = of_view(results, "whole").set_index("scene")
-    drawn = [mechanism_figure(json.loads(whole.loc[DRAWN, "scene_json"]))] if DRAWN in whole.index else []
     return [
-        replace(
-            Section.of("mechanism", "The mechanism and its contacts", (), [*drawn, laws_figure(results)]),
-            markup=equations_html(),
-        ),
         Section.of("scenes", "The scenes", (), [card.as_figure() for card in scene_cards(results)]),
         Section.of(
             "ideal",

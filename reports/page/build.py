@@ -16,7 +16,7 @@ from reports.page.questions import QUESTIONS, Question
 from reports.page.references import References
 from reports.page.shown import ShownChapter, ShownSection, shown_answer, shown_chapter
 from reports.results import BrokenResults, NoResults, Results, read_study
-from reports.tables import FORMATS
+from reports.tables import formats
 
 #: What marks a folder as a report, so that nothing else is ever replaced.
 GENERATOR = '<meta name="generator" content="crankslider">'
@@ -32,10 +32,11 @@ class Report:
     claims: tuple[Claim, ...]
 
 
-def write_report(results: Path, folder: Path) -> Report:
+def write_report(results: Path, folder: Path, paper: bool = False) -> Report:
     """Make the report of the studies in ``results`` in a folder that is new or empty.
 
-    That is index.html, findings.json, figures/ and tables/.
+    That is index.html, findings.json and tables/ with CSV; for a ``paper`` also figures/ with SVG, PNG and
+    PDF, and LaTeX in tables/.
 
     Raises:
         NoResults: no study in ``results`` has rows; then there is no folder.
@@ -43,16 +44,16 @@ def write_report(results: Path, folder: Path) -> Report:
         Contradiction: a sentence of the report is not true of the results.
     """
     studies, missing = _read(results)
-    for kind in ("figures", "tables"):
+    for kind in ("tables", "figures") if paper else ("tables",):
         (folder / kind).mkdir(parents=True)
-    said, screen, chapters = _shown(studies, folder)
+    said, screen, chapters = _shown(studies, folder, paper)
     asked = [
         (question, [chapters[study.STUDY] for study in question.studies if study.STUDY in chapters])
         for question in QUESTIONS
     ]
     bare = [name for name, results in studies.items() if not results.has_curves]
     found = collected(said, chapters.values())
-    _write_page(folder, said, screen, [each for each in asked if each[1]], missing, bare)
+    _write_page(folder, said, screen, [each for each in asked if each[1]], missing, bare, paper)
     (folder / FINDINGS).write_text(as_json(found, studies), encoding="utf-8")
     notes = [note for results in studies.values() for note in results.notes]
     if bare:
@@ -98,17 +99,20 @@ def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
 
 
 def _shown(
-    studies: Mapping[str, Results], folder: Path
+    studies: Mapping[str, Results], folder: Path, paper: bool
 ) -> tuple[Answer, ShownSection, dict[str, ShownChapter]]:
     """Return the answer, as it is and as the page shows it, and all chapters, drawn on all cores."""
     jobs = min(os.cpu_count() or 1, len(studies))
     if jobs == 1:
-        chapters = {name: shown_chapter(name, results, folder) for name, results in studies.items()}
-        return *shown_answer(studies, folder), chapters
+        chapters = {name: shown_chapter(name, results, folder, paper) for name, results in studies.items()}
+        return *shown_answer(studies, folder, paper), chapters
     with ProcessPoolExecutor(jobs, get_context("spawn"), signal.signal, _DEAF) as pool:
-        work = {name: pool.submit(shown_chapter, name, results, folder) for name, results in studies.items()}
+        work = {
+            name: pool.submit(shown_chapter, name, results, folder, paper)
+            for name, results in studies.items()
+        }
         try:
-            said, screen = shown_answer(studies, folder)
+            said, screen = shown_answer(studies, folder, paper)
             return said, screen, {name: chapter.result() for name, chapter in work.items()}
         except BaseException:
             pool.shutdown(cancel_futures=True)
@@ -126,6 +130,7 @@ def _write_page(
     asked: Sequence[tuple[Question, Sequence[ShownChapter]]],
     missing: Sequence[str],
     bare: Sequence[str],
+    paper: bool,
 ) -> None:
     references = References()
     environment = Environment(
@@ -152,7 +157,7 @@ def _write_page(
         asked=asked,
         missing=missing,
         bare=bare,
-        formats=list(FORMATS),
+        formats=formats(paper),
         references=references,
         findings=FINDINGS,
     )

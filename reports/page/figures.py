@@ -1,4 +1,4 @@
-"""Saves a figure: SVG, PNG, PDF for papers, and what stands in the page, an SVG with the values on it."""
+"""Draws a figure: an SVG with the values on it for the page, and files for papers, SVG, PNG and PDF."""
 
 import json
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from reports.page.formats import write_pdf, write_png, write_svg
+from reports.page.formats import as_svg, write_pdf, write_png
 from reports.page.inline import NAMED, Inline, inline
 from reports.parts import Figure
 from reports.plots.axes import set_plainly
@@ -19,7 +19,7 @@ from reports.style import COLUMN_IN, RC, legend_entries
 
 #: Text stays text, which is found, read aloud and quick to draw; in PDF it is embedded, as publishers ask.
 TEXT: Any = {"svg.fonttype": "none", "pdf.fonttype": 42}
-#: What a figure is written as, by the ends of its files' names.
+#: What a figure is for papers, by the ends of its files' names.
 FILES = (".svg", ".png", ".pdf")
 #: The same figure for one column of a paper, and with how many panels it still is a figure there.
 COLUMN, MOST_PANELS = "-column.pdf", 4
@@ -36,10 +36,10 @@ class Picture:
     files: tuple[str, ...]
 
 
-def save(figure: Figure, folder: Path) -> Picture:
-    """Write a figure in every format and return it as it stands in the page.
+def draw(figure: Figure, folder: Path | None = None) -> Picture:
+    """Return a figure as it stands in the page, and into a ``folder`` write its files for papers.
 
-    It is laid out once, and once more for one column.
+    It is laid out once, and for papers once more for one column.
     """
     drawing, series = figure.drawing, marked(figure.drawing)
     for place, each in enumerate(series):
@@ -47,17 +47,24 @@ def save(figure: Figure, folder: Path) -> Picture:
     set_plainly(drawing)
     with mpl.rc_context({**RC, **TEXT}):
         _lay_out(drawing)
-        svg = write_svg(drawing, folder / f"{figure.name}.svg")
-        write_png(drawing, folder / f"{figure.name}.png")
-        write_pdf(drawing, folder / f"{figure.name}.pdf")
+        svg = as_svg(drawing)
         values = json.dumps(_values(drawing, series), separators=(",", ":")).replace("<", "\\u003c")
-        files: tuple[str, ...] = FILES
-        if not figure.dense and len(drawing.axes) <= MOST_PANELS:
-            _reflow(drawing)
-            write_pdf(drawing, folder / f"{figure.name}{COLUMN}")
-            files = (*FILES, COLUMN)
+        files = () if folder is None else _write(figure, svg, folder)
     alt = f"alt-{figure.name}"
     return Picture(inline(svg, figure.name, alt, recoloured=not figure.dense), values, files)
+
+
+def _write(figure: Figure, svg: str, folder: Path) -> tuple[str, ...]:
+    """Write a figure in every format and return the ends of the names of its files."""
+    drawing = figure.drawing
+    (folder / f"{figure.name}.svg").write_text(svg, encoding="utf-8")
+    write_png(drawing, folder / f"{figure.name}.png")
+    write_pdf(drawing, folder / f"{figure.name}.pdf")
+    if figure.dense or len(drawing.axes) > MOST_PANELS:
+        return FILES
+    _reflow(drawing)
+    write_pdf(drawing, folder / f"{figure.name}{COLUMN}")
+    return (*FILES, COLUMN)
 
 
 def _lay_out(drawing: Drawing) -> None:

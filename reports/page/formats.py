@@ -1,8 +1,9 @@
-"""Writes a drawing that is laid out into its files: SVG, PNG and PDF, each small, and drawn once.
+"""Renders a drawing that is laid out as SVG, PNG and PDF, each small, and drawn once.
 
 The canvases are asked themselves: `Figure.savefig` draws all once more before, for a layout that is there.
 """
 
+import io
 import re
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,12 @@ DPI, COLOURS = 200, 128
 _COORDINATES = re.compile(r' (d|x|y|transform|points)="([^"]*)"')
 
 
-def write_svg(drawing: Drawing, path: Path) -> str:
-    """Write an SVG without date, to a hundredth of a point, and return it."""
+def as_svg(drawing: Drawing) -> str:
+    """Return a drawing as SVG without date, to a hundredth of a point."""
     canvas: Any = FigureCanvasSVG(drawing)  # its methods have no types
-    canvas.print_svg(path, metadata={"Date": None})
-    svg = _COORDINATES.sub(lambda m: f' {m[1]}="{_rounded(m[2])}"', path.read_text(encoding="utf-8"))
-    path.write_text(svg, encoding="utf-8")
-    return svg
+    written = io.StringIO()
+    canvas.print_svg(written, metadata={"Date": None})
+    return _COORDINATES.sub(lambda m: f' {m[1]}="{_rounded(m[2])}"', written.getvalue())
 
 
 def write_png(drawing: Drawing, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Makes chapters into what the page shows: sentences first, figures drawn and saved, tables written."""
+"""Makes chapters into what the page shows: sentences first, figures drawn, tables written."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import matplotlib as mpl
 
 from reports.chapters.answer import Answer, answer
 from reports.chapters.headlines import HEADLINES
-from reports.page.figures import Picture, save
+from reports.page.figures import Picture, draw
 from reports.page.questions import QUESTIONS
 from reports.parts import Figure, Section, Table
 from reports.results import Results
@@ -56,8 +56,8 @@ class ShownChapter:
     runs: int
 
 
-def shown_chapter(name: str, results: Results, folder: Path) -> ShownChapter:
-    """Write the figures and tables of a study into ``folder`` and return its chapter."""
+def shown_chapter(name: str, results: Results, folder: Path, paper: bool) -> ShownChapter:
+    """Write a study's tables, and for a ``paper`` its figures, into ``folder`` and return its chapter."""
     study = next(each for question in QUESTIONS for each in question.studies if name == each.STUDY)
     with mpl.rc_context(RC):
         sections = study.sections(results)
@@ -67,29 +67,30 @@ def shown_chapter(name: str, results: Results, folder: Path) -> ShownChapter:
         study.TITLE,
         study.INTRODUCTION,
         tuple(headline),
-        tuple(show(section, folder) for section in sections),
+        tuple(show(section, folder, paper) for section in sections),
         results.sidecar,
         len(results.rows),
     )
 
 
-def shown_answer(studies: Mapping[str, Results], folder: Path) -> tuple[Answer, ShownSection]:
-    """Write the figures and tables of the answer and return it, as it is and as the page shows it."""
+def shown_answer(studies: Mapping[str, Results], folder: Path, paper: bool) -> tuple[Answer, ShownSection]:
+    """Write the files of the answer and return it, as it is and as the page shows it."""
     with mpl.rc_context(RC):
         said = answer(studies)
-    return said, show(Section("answer", "The answer", said.text, said.figures, said.tables), folder)
+    section = Section("answer", "The answer", said.text, said.figures, said.tables)
+    return said, show(section, folder, paper)
 
 
-def show(section: Section, folder: Path) -> ShownSection:
-    """Write the figures and tables of a section and return it without what drew them."""
-    figures = tuple(_shown(figure, folder / "figures") for figure in section.figures)
+def show(section: Section, folder: Path, paper: bool) -> ShownSection:
+    """Write the files of a section and return it without what drew its figures."""
+    figures = tuple(_shown(figure, folder / "figures" if paper else None) for figure in section.figures)
     for table in section.tables:
-        write_table(table, folder / "tables")
+        write_table(table, folder / "tables", paper)
     return ShownSection(section.name, section.title, section.text, figures, section.tables, section.markup)
 
 
-def _shown(figure: Figure, folder: Path) -> ShownFigure:
-    picture = save(figure, folder)
+def _shown(figure: Figure, folder: Path | None) -> ShownFigure:
+    picture = draw(figure, folder)
     return ShownFigure(
         figure.name,
         figure.title,

@@ -439,9 +439,12 @@ def report(
     against: Annotated[
         Path | None, Option(metavar="DIR", help="Another report; print what moved between the two.")
     ] = None,
+    paper: Annotated[
+        bool, Option("--paper", help="Also each figure as SVG, PNG and PDF, each table as LaTeX.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make tables, figures and the HTML page from results, and print the answer."""
+    """Make the HTML page and its tables as CSV from results, and print the answer."""
     from reports.page import claims_of, moved, require_replaceable, write_report
     from reports.parts import Contradiction
     from reports.results import BrokenResults, NoResults
@@ -458,7 +461,7 @@ def report(
             require_folder(out)
             require_replaceable(out)
             with whole_folder(out) as new, starting():
-                made = write_report(results, new)
+                made = write_report(results, new, paper)
     except FolderHeld as reason:
         raise failures.BadInput(f"--out: expected {reason}") from None
     except (NoResults, BrokenResults) as reason:

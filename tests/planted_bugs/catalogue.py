@@ -3,7 +3,6 @@
 They stand in ``bugs/*.toml``, a file for each folder that they are planted in.
 """
 
-import lzma
 import re
 import sys
 from dataclasses import dataclass
@@ -38,12 +37,6 @@ class Bug:
     tests: tuple[str, ...]
     old: str = ""
     pattern: str = ""
-
-    def planted_in(self, content: bytes) -> bytes:
-        """Return the content of the file, which may be compressed, with the bug in it."""
-        if self.file.endswith(".xz"):
-            return lzma.compress(self.planted(lzma.decompress(content).decode()).encode())
-        return self.planted(content.decode()).encode()
 
     def planted(self, text: str) -> str:
         """Return the text of the file with the bug in it.

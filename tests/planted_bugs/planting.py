@@ -1,6 +1,7 @@
 """A copy of the project in which one bug at a time is planted, and what the tests that could see it say."""
 
 import json
+import lzma
 import os
 import re
 import shutil
@@ -54,6 +55,16 @@ class Planted(Protocol):
         ...
 
 
+def as_text(content: bytes, file: Path) -> str:
+    """Return what is written in a file, which may be compressed."""
+    return (lzma.decompress(content) if file.suffix == ".xz" else content).decode()
+
+
+def as_content(text: str, file: Path) -> bytes:
+    """Return a text as a file has it."""
+    return lzma.compress(text.encode()) if file.suffix == ".xz" else text.encode()
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Who caught a bug, by pytest's name, and what that said; nobody if the name is empty."""
@@ -79,7 +90,7 @@ class Copy:
         file, began = self.folder / bug.file, time.monotonic()
         right = file.read_bytes()
         try:
-            file.write_bytes(bug.planted_in(right))
+            file.write_bytes(as_content(bug.planted(as_text(right, file)), file))
             failures, said = self._failures(bug.tests, "-x")
         except Inapplicable as reason:
             failures, said = {}, str(reason)

@@ -7,6 +7,7 @@ from functools import cache
 import pytest
 
 from tests.planted_bugs.catalogue import ROOT, Bug, bugs
+from tests.planted_bugs.planting import as_text
 
 #: Fewer are no measure of the suite.
 FEWEST = 120
@@ -30,8 +31,9 @@ def test_there_are_enough_and_each_has_a_name_of_its_own() -> None:
 
 @pytest.mark.parametrize("bug", bugs(), ids=lambda bug: bug.name)
 def test_a_bug_fits_its_file_and_changes_what_it_means(bug: Bug) -> None:
-    before = (ROOT / bug.file).read_bytes()
-    after = bug.planted_in(before)
+    path = ROOT / bug.file
+    before = as_text(path.read_bytes(), path)
+    after = bug.planted(before)
     if bug.file.endswith(".py"):
         assert ast.dump(ast.parse(before)) != ast.dump(ast.parse(after))
 

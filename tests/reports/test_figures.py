@@ -2,7 +2,6 @@
 
 import itertools
 import re
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
 
-from reports.page.figures import save
+from reports.page.figures import draw
 from reports.parts import Figure
 from reports.plots.axes import set_plainly
 from reports.plots.step_figures import engine_legend, grid
@@ -67,14 +66,14 @@ def test_labels_that_somebody_has_set_stay() -> None:
     assert [label.get_text() for label in ax.get_xticklabels()] == ["two", "five", "hundred"]
 
 
-def test_long_titles_lie_neither_on_each_other_nor_beyond_the_edge(tmp_path: Path) -> None:
+def test_long_titles_lie_neither_on_each_other_nor_beyond_the_edge() -> None:
     long = "clearance-driven-0.5mm-300-turns-and-more"
     with mpl.rc_context(RC):
         drawing, axes = grid(3)
         for ax, title in zip(axes, (long, "short", long), strict=True):
             ax.set(title=title, ylabel="energy gained or lost\nso far [J]")
         size = axes[1].title.get_fontsize()
-        save(Figure("name", "Title", "Reading.", "Alternative.", drawing, dense=True), tmp_path)
+        draw(Figure("name", "Title", "Reading.", "Alternative.", drawing, dense=True))
     boxes = [ax.title.get_window_extent() for ax in axes]
     assert boxes[0].x1 < boxes[1].x0 < boxes[1].x1 < boxes[2].x0
     assert all(box.x0 >= 0 and box.x1 <= drawing.bbox.width for box in boxes)

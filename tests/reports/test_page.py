@@ -17,7 +17,7 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.page import claims_of, moved, references, write_report
 from reports.page.claims import Claim, numbers
-from reports.page.figures import save
+from reports.page.figures import draw
 from reports.parts import Contradiction, Figure, Number, Table, stated
 from reports.plots.series import mark
 from reports.results import BrokenResults, NoResults, frame, read_results
@@ -62,7 +62,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def report(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page") / "report"
-    write_report(results, out)
+    write_report(results, out, paper=True)
     return out
 
 
@@ -83,7 +83,7 @@ def written(small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows[0] |= {"status": "failed", "reason": "<script>alert(1)</script> | 5 % of $x_1$"}
     write_rows(results, rows)
     write_sidecar(results, str(rows[0]["fingerprint"]))
-    write_report(results, folder / "report")
+    write_report(results, folder / "report", paper=True)
     return folder / "report"
 
 
@@ -152,7 +152,7 @@ class Page(HTMLParser):
 # The page and its files
 
 
-def test_every_figure_is_there_for_screen_and_paper_and_every_table_in_three_formats(report: Path) -> None:
+def test_for_paper_every_figure_is_there_in_three_formats_and_every_table_in_two(report: Path) -> None:
     figures = {path.name for path in (report / "figures").iterdir()}
     tables = {path.name for path in (report / "tables").iterdir()}
     columns = {name for name in figures if name.endswith("-column.pdf")}
@@ -161,12 +161,22 @@ def test_every_figure_is_there_for_screen_and_paper_and_every_table_in_three_for
         f"{Path(name).stem}.{end}" for name in figures - columns for end in ("svg", "png", "pdf")
     }
     assert {name.replace("-column", "") for name in columns} <= figures
-    assert tables == {f"{Path(name).stem}.{end}" for name in tables for end in ("md", "tex", "csv")}
+    assert tables == {f"{Path(name).stem}.{end}" for name in tables for end in ("tex", "csv")}
 
 
-def test_the_page_names_every_file_there_is_and_no_other(report: Path) -> None:
-    page = Page((report / "index.html").read_text("utf-8"))
-    written = {str(path.relative_to(report)) for path in report.rglob("*.*") if path.name != "index.html"}
+def test_without_paper_there_are_the_page_its_findings_and_tables_as_csv(replaced: Path) -> None:
+    names = {path.relative_to(replaced).as_posix() for path in replaced.rglob("*") if path.is_file()}
+    tables = names - {"index.html", "findings.json"}
+    assert len(names) - len(tables) == 2
+    assert tables
+    assert all(re.fullmatch(r"tables/[\w-]+\.csv", name) for name in tables)
+
+
+@pytest.mark.parametrize("kind", ["report", "replaced"])
+def test_the_page_names_every_file_there_is_and_no_other(kind: str, request: pytest.FixtureRequest) -> None:
+    folder: Path = request.getfixturevalue(kind)
+    page = Page((folder / "index.html").read_text("utf-8"))
+    written = {str(path.relative_to(folder)) for path in folder.rglob("*.*") if path.name != "index.html"}
     assert page.files == written
 
 
@@ -183,19 +193,16 @@ def test_the_order_in_which_runs_finished_does_not_change_a_byte(
     shuffled = tmp_path / "results"
     shutil.copytree(results, shuffled)
     write_rows(shuffled, rows_of(results)[::-1])
-    write_report(shuffled, tmp_path / "report")
+    write_report(shuffled, tmp_path / "report", paper=True)
     for path in sorted(report.rglob("*.*")):
         again = tmp_path / "report" / path.relative_to(report)
         assert path.read_bytes() == again.read_bytes(), f"{path.name} differs from run to run"
 
 
-def test_the_three_formats_of_a_table_agree_in_every_number(report: Path) -> None:
+def test_both_formats_of_a_table_agree_in_every_number(report: Path) -> None:
     for path in (report / "tables").glob("*.csv"):
         with path.open(encoding="utf-8", newline="") as file:
             cells = [cell for row in list(csv.reader(file))[1:] for cell in row]
-        text = path.with_suffix(".md").read_text("utf-8").split("\n\n", 1)[1]
-        lines = text.splitlines()[2:]
-        assert [cell for line in lines for cell in line.strip("| ").split(" | ")] == cells
         body = path.with_suffix(".tex").read_text("utf-8").partition(r"\midrule")[2]
         powers = [(m[1], int(m[2])) for m in re.finditer(r"([\d.]+) \\times 10\^\{(-?\d+)\}", body)]
         numbers = [re.fullmatch(r"(?:< )?([\d.]+)e([+-]\d+)", cell) for cell in cells]
@@ -494,9 +501,9 @@ def drawn(values: tuple[float, ...]) -> Figure:
     return Figure("name", "Title", "Reading.", "Alternative.", drawing)
 
 
-def test_every_point_of_a_figure_tells_its_values_and_its_setting(tmp_path: Path) -> None:
+def test_every_point_of_a_figure_tells_its_values_and_its_setting() -> None:
     values = (1e-3, 1e-2, 1e-1)
-    picture = save(drawn(values), tmp_path)
+    picture = draw(drawn(values))
     told = json.loads(picture.data)
     assert "<b>" not in picture.data, "it stands in a script of the page"
     assert told["panels"] == [["a scene", "step [s]", "error [m]"]]
@@ -512,20 +519,20 @@ def test_the_figure_for_a_column_explains_every_line(tmp_path: Path) -> None:
     (ax,) = figure.drawing.axes
     ax.loglog([1e-3, 1e-2], [1.0, 2.0], label="another")
     figure.drawing.legend(handles=ax.get_lines()[::-1], labels=["another", "an arm"])
-    assert "-column.pdf" in save(figure, tmp_path).files
+    assert "-column.pdf" in draw(figure, tmp_path).files
     (legend,) = figure.drawing.legends
     assert [text.get_text() for text in legend.get_texts()] == ["another", "an arm"]
 
 
-def test_powers_on_an_axis_are_raised_digit_by_digit(tmp_path: Path) -> None:
+def test_powers_on_an_axis_are_raised_digit_by_digit() -> None:
     figure = drawn((1e-23, 1e-21))
-    save(figure, tmp_path)
+    draw(figure)
     told = {text.get_text() for text in figure.drawing.axes[0].get_xticklabels()}
     assert {"10⁻²³", "10⁻²²", "10⁻²¹"} <= told
 
 
-def test_a_point_lies_where_the_drawing_has_it(tmp_path: Path) -> None:
-    picture = save(drawn((1e-3, 1e-2, 1e-1)), tmp_path)
+def test_a_point_lies_where_the_drawing_has_it() -> None:
+    picture = draw(drawn((1e-3, 1e-2, 1e-1)))
     (*_, points) = json.loads(picture.data)["lines"][0]
     line = re.search(r'id="f\w+-series-0">\s*<path d="([^"]*)"', picture.svg.markup)
     assert line
@@ -533,9 +540,9 @@ def test_a_point_lies_where_the_drawing_has_it(tmp_path: Path) -> None:
     assert [place for point in points for place in point[:2]] == pytest.approx(strokes, abs=0.11)
 
 
-def test_colours_follow_the_page_but_those_of_letters_in_cells_do_not(tmp_path: Path) -> None:
-    light = save(drawn((1.0, 2.0)), tmp_path).svg.styles
-    paper = save(replace(drawn((1.0, 2.0)), dense=True), tmp_path).svg.styles
+def test_colours_follow_the_page_but_those_of_letters_in_cells_do_not() -> None:
+    light = draw(drawn((1.0, 2.0))).svg.styles
+    paper = draw(replace(drawn((1.0, 2.0)), dense=True)).svg.styles
     assert any("var(--ink)" in style for style in light.values())
     assert not any("var(" in style for style in paper.values())
 

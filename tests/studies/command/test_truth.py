@@ -84,7 +84,9 @@ def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
     names = ["ideal-free", "clearance-driven-damped"]
     write_truths(tmp_path, names)
     for name in names:
-        here, there = (pd.read_csv(folder / f"{name}.csv.xz", index_col=0) for folder in (tmp_path, PUBLISHED))
+        here, there = (
+            pd.read_csv(folder / f"{name}.csv.xz", index_col=0) for folder in (tmp_path, PUBLISHED)
+        )
         pd.testing.assert_frame_equal(here, there, rtol=1e-6, atol=1e-9)
     certainty = pd.read_csv(PUBLISHED / "certainty.csv").set_index("scene")
     assert set(certainty.index) == set(cs.scenes)
