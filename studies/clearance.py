@@ -53,7 +53,7 @@ END_S = {
     "rigid-compressor": 0.084,
 }
 #: The scenes of the quick set; the full set has all.
-QUICK = ("clearance-free-0.5mm", "clearance-driven-0.5mm", "rigid-free-0.5mm")
+QUICK = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 SAMPLES = 120
 
 

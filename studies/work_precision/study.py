@@ -36,8 +36,9 @@ REPEAT_S, REPEATS = 0.03, 100
 #: How far a bare run may end from the recorded one, in parts of the crank's length: 0.5 mm in most scenes.
 #: They are equal but for methods whose steps know of the samples, and that are as far off themselves.
 APART = 0.01
-#: Scenes of which the full set has finer ladders, which take most of its time: those of the quick set.
-FINER = agreement.QUICK + clearance.QUICK
+#: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows, these
+#: alone with finer ladders, which take most of the time.
+QUICK_IDEAL, QUICK_CLEARANCE = agreement.QUICK, (*clearance.QUICK, "rigid-free-0.5mm")
 #: Ends in s of scenes with rigid walls, while all engines' models follow the bounces: short of where these
 #: first accumulate, which coarse settings have sooner. With damping they do so at once.
 BEFORE_REST_S = {
@@ -54,8 +55,8 @@ MORE_COMPILED = ("clearance-driven-0.5mm", "clearance-free-OAB", "rigid-free-0.5
 
 def scenes(full: bool) -> list[Scene]:
     """Return the scenes, those with clearance cut to the time for which they are followed."""
-    ideal = IDEAL_SCENES if full else agreement.QUICK
-    loose = clearance.scenes(full)
+    ideal = IDEAL_SCENES if full else QUICK_IDEAL
+    loose = [scene for scene in clearance.scenes(True) if full or scene.name in QUICK_CLEARANCE]
     ends = [BEFORE_REST_S.get(scene.name, scene.end_time_s) for scene in loose]
     cut = [scene.model_copy(update={"end_time_s": end}) for scene, end in zip(loose, ends, strict=True)]
     return [IDEAL_SCENES[name]() for name in ideal] + cut
@@ -66,7 +67,8 @@ def cases(full: bool) -> list[Case]:
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
-    found = _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full, FINER if full else ())
+    finer = QUICK_IDEAL + QUICK_CLEARANCE if full else ()
+    found = _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full, finer)
     return [case for case in found if full or not only_full(case.arm, case.scene)]
 
 
