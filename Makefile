@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study test system accuracy coverage planted mutants docs rivals soak lint types benchmark publish lock clean
+.PHONY: study published-page test system accuracy coverage planted mutants docs rivals soak lint types benchmark publish lock clean
 
 study: .venv/.study
 	$(BIN)/crankslider run

@@ -111,7 +111,7 @@ def _parse(arguments: list[str], where: str) -> None:
 
 
 def _make(targets: list[str], where: str) -> None:
-    rules = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    rules = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     assert {target for target in targets if "=" not in target} <= rules, where
 
 

@@ -81,7 +81,7 @@ def test_a_certainty_is_no_smaller_than_the_last_place_of_a_position() -> None:
 
 
 def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
-    names, both = ["ideal-free", "clearance-driven-damped"], (tmp_path, PUBLISHED)
+    names = ["ideal-free", "clearance-driven-damped"]
     write_truths(tmp_path, names)
     for name in names:
         here, there = (
