@@ -12,11 +12,9 @@ from studies.judges.comparison import compared, judged
 from studies.judges.converged_truth import REFERENCE
 from studies.judges.kinds import require
 from studies.judges.metrics import conserved
-from studies.ladders import by_tolerance
+from studies.ladders import QUICK_IDEAL, by_tolerance
 from studies.running.case import Case, Curves, Row
 
-#: The scenes of the quick set; the full set has all.
-QUICK = ("ideal-free", "ideal-driven")
 SAMPLES = 200
 #: Steps per sample interval, halving the step from one to the next: quick, then what the full set adds.
 LADDER, FINER = (2, 4, 8, 16, 32, 64, 128, 256), (512, 1024)
@@ -46,7 +44,7 @@ def cases(full: bool) -> list[Case]:
     return [
         case
         for name in IDEAL_SCENES
-        if full or name in QUICK
+        if full or name in QUICK_IDEAL
         for case in _cases_on(IDEAL_SCENES[name](), full)
     ]
 

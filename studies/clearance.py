@@ -27,7 +27,7 @@ from studies.judges.impact_matching import (
 from studies.judges.kinds import require
 from studies.judges.local_error import local_errors
 from studies.judges.metrics import COVERAGE, conserved, errors, is_force
-from studies.ladders import clearance_ladder, only_full
+from studies.ladders import QUICK_LOOSE, clearance_ladder, only_full
 from studies.running.case import Case, Curves, Row
 
 #: How far each scene is followed in s: to its horizon (see ``converged_truth.followed``), where it has one.
@@ -52,15 +52,13 @@ END_S = {
     "rigid-start-up": 0.05,
     "rigid-compressor": 0.084,
 }
-#: The scenes of the quick set; the full set has all.
-QUICK = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 SAMPLES = 120
 
 
 def scenes(full: bool) -> list[Scene]:
     """Return the scenes, cut to the time for which they are followed."""
     library = {**CLEARANCE_SCENES, **RIGID_SCENES}
-    names = END_S if full else QUICK
+    names = END_S if full else QUICK_LOOSE
     return [library[name]().model_copy(update={"end_time_s": END_S[name]}) for name in names]
 
 

@@ -10,6 +10,9 @@ from engine_models.arms import Arm, Setting
 from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.scene.scene import Scene
 
+#: Scenes of the quick set, in all studies that have no others of their own.
+QUICK_IDEAL = ("ideal-free", "ideal-driven")
+QUICK_LOOSE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 #: Arms of the full set alone, on ideal joints and with compliant contacts: where one of these is the best of
 #: its engine, another one is nearly as good.
 MORE_IDEAL = (arms.OUT_OF_THE_BOX, arms.ODEINT, arms.RADAU)

@@ -18,13 +18,12 @@ from engine_models.mechanics.contact_law import DAMPING_FACTORS
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES, SCENES
 from engine_models.scene.scene import Scene
-from studies import agreement, clearance
 from studies.command.trajectory_table import sample_columns
 from studies.judges.comparison import compared, judged
 from studies.judges.energy_ledger import ledger
 from studies.judges.ideal_motion import slider_position_m
 from studies.judges.metrics import checked, conserved
-from studies.ladders import Rung, clearance_ladder, ideal_ladder
+from studies.ladders import QUICK_IDEAL, QUICK_LOOSE, Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row
 
 #: One turn of set R's crank, in s, and what is followed of each scene: a turn, or up to its horizon where
@@ -78,7 +77,7 @@ def cases(full: bool) -> list[Case]:
         ),
         *_by_all(_first_impact(), "impact", IMPACT_SAMPLES),
         *(_law(law) for law in LAWS),
-        *(_whole(name) for name in SCENES if full or name in agreement.QUICK + clearance.QUICK),
+        *(_whole(name) for name in SCENES if full or name in QUICK_IDEAL + QUICK_LOOSE),
     ]
 
 

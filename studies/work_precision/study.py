@@ -19,10 +19,18 @@ from engine_models.engine import BareRun, Engine, FloatArray, RunSettings, Simul
 from engine_models.engines import engine_class, make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
-from studies import agreement, clearance
+from studies import clearance
 from studies.judges.comparison import compared, judged
 from studies.judges.metrics import checked
-from studies.ladders import Rung, clearance_ladder, ideal_ladder, only_full, rebound_ladder
+from studies.ladders import (
+    QUICK_IDEAL,
+    QUICK_LOOSE,
+    Rung,
+    clearance_ladder,
+    ideal_ladder,
+    only_full,
+    rebound_ladder,
+)
 from studies.running.case import Case, Curves, Row, Value
 from studies.work_precision.reach import reach
 
@@ -38,7 +46,7 @@ REPEAT_S, REPEATS = 0.03, 100
 APART = 0.01
 #: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows, these
 #: alone with finer ladders, which take most of the time.
-QUICK_IDEAL, QUICK_CLEARANCE = agreement.QUICK, (*clearance.QUICK, "rigid-free-0.5mm")
+QUICK = (*QUICK_IDEAL, *QUICK_LOOSE, "rigid-free-0.5mm")
 #: Ends in s of scenes with rigid walls, while all engines' models follow the bounces: short of where these
 #: first accumulate, which coarse settings have sooner. With damping they do so at once.
 BEFORE_REST_S = {
@@ -56,7 +64,7 @@ MORE_COMPILED = ("clearance-driven-0.5mm", "clearance-free-OAB", "rigid-free-0.5
 def scenes(full: bool) -> list[Scene]:
     """Return the scenes, those with clearance cut to the time for which they are followed."""
     ideal = IDEAL_SCENES if full else QUICK_IDEAL
-    loose = [scene for scene in clearance.scenes(True) if full or scene.name in QUICK_CLEARANCE]
+    loose = [scene for scene in clearance.scenes(True) if full or scene.name in QUICK]
     ends = [BEFORE_REST_S.get(scene.name, scene.end_time_s) for scene in loose]
     cut = [scene.model_copy(update={"end_time_s": end}) for scene, end in zip(loose, ends, strict=True)]
     return [IDEAL_SCENES[name]() for name in ideal] + cut
@@ -67,7 +75,7 @@ def cases(full: bool) -> list[Case]:
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
-    finer = QUICK_IDEAL + QUICK_CLEARANCE if full else ()
+    finer = QUICK if full else ()
     found = _cases_on(scenes(full), COMPILED + (MORE_COMPILED if full else ()), full, finer)
     return [case for case in found if full or not only_full(case.arm, case.scene)]
 

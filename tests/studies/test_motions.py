@@ -20,8 +20,8 @@ HERTZ = 6.610e10
 
 
 def case(view: str, engine: str, scene: str) -> Case:
-    """Return the quick set's case of a view."""
-    found = [c for c in motions.cases(full=False) if c.columns["view"] == view and c.engine == engine]
+    """Return the full set's case of a view."""
+    found = [c for c in motions.cases(full=True) if c.columns["view"] == view and c.engine == engine]
     return next(c for c in found if c.scene.name == scene)
 
 

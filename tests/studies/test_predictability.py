@@ -99,7 +99,7 @@ def test_a_pin_that_bounces_stably_has_no_positive_exponent() -> None:
 
 def test_a_scene_that_settles_to_continuous_contact_has_no_exponent() -> None:
     case = next(
-        c for c in study.cases(False) if c.columns["part"] == EXPONENT and c.scene.name.endswith("0.02mm")
+        c for c in study.cases(True) if c.columns["part"] == EXPONENT and c.scene.name.endswith("0.02mm")
     )
     row, _ = run_case(case)
     assert row["status"] == "ok"
@@ -234,7 +234,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *some("reference (a tenth less clearance)", "0.5mm", 60),
         *some("pymunk (as the scene)", "0.5mm", 4),
         *(few_columns(case) for case in some(diagrams.CLEARANCES, "0.5 mm", 1)),
-        *(few_members(case) for case in chains.cases()),
+        *(few_members(case) for case in chains.cases()[:2]),
         *(few_starts(case) for case in basins.cases()[:1]),
     ]
     run_study("predictability", chosen, folder / "predictability", lambda: ThreadPoolExecutor(1))
@@ -255,7 +255,7 @@ def test_the_chapter_says_what_the_rows_say(results: Path, tmp_path: Path) -> No
     assert "Over the clearance, the pin stays at the wall at all values up to 0.0464 mm." in text
     assert "on clearance-driven-0.5mm: 60 and 120 members are too few to decide." in text
     assert "pymunk (as the scene) and" not in text, "four members are too few to compare"
-    assert len(list((tmp_path / "report/figures").glob("*.png"))) == 7
+    assert text.count('<figure id="figure-predictability') == 7
     assert "Chains up and down the crank's speed have 3 speeds in common" in html.unescape(text)
     assert "From 4 starts of its slider" in text or "From all 4 starts of the slider" in text
     table = (tmp_path / "report/tables/predictability-horizons.csv").read_text("utf-8")
@@ -359,7 +359,8 @@ def test_a_start_in_a_basin_is_the_run_that_a_user_makes_of_it() -> None:
 
 
 def test_the_columns_of_all_stretches_are_those_of_the_diagram_in_order() -> None:
-    of_part = [case for case in study.cases(False) if case.columns["part"] == diagrams.SPEEDS]
+    of_part = [case for case in study.cases(True) if case.columns["part"] == diagrams.SPEEDS]
+    of_part = [case for case in of_part if case.columns["columns"] == 100]
     joined = np.concatenate([diagrams.columns_of(case) for case in of_part])
     np.testing.assert_allclose(joined, np.linspace(*diagrams.SPEEDS_RAD_S, 100))
 

@@ -37,10 +37,10 @@ CLOSE = 1e-6
 
 
 def the_case(engine: str, arm: str, step_s: float | None = None, **columns: Value) -> Case:
-    """Return the one case of the quick set that has these columns and, if given, this step."""
+    """Return the one case of the full set that has these columns and, if given, this step."""
     matches = [
         case
-        for case in stability.cases(full=False)
+        for case in stability.cases(full=True)
         if (case.engine, case.arm.name) == (engine, arm)
         and all(case.columns.get(name) == value for name, value in columns.items())
         and step_s in (None, pytest.approx(case.run.step_s))
@@ -274,7 +274,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     arms = [("reference", "located"), ("reference", "plain"), ("pymunk", "as the scene")]
     cases = [
         replace(case, limits=None)
-        for case in stability.cases(full=False)
+        for case in stability.cases(full=True)
         if (case.engine, case.arm.name) in arms
         and (
             case.columns.get("damping_ratio") == 0.0
