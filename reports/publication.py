@@ -48,7 +48,7 @@ LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)
 DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
 #: Tables and figures that show the answer, the columns that are shown, and what encloses them in the text.
 ANSWER = {"answer": "With clearance", "answer-ideal": "On ideal joints"}
-COLUMNS = 8
+COLUMNS = 7
 FIGURES = (
     "motions-mechanism",
     "answer",

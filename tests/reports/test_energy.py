@@ -61,7 +61,11 @@ def test_the_full_set_contains_the_quick_one_and_runs_ten_times_as_long() -> Non
         if case.engine == "reference" and case.arm.name != "DOP853" and not case.scene.name.endswith("-turns")
     ]
     steps = {(case.scene.name.removesuffix("-long"), f"{case.run.step_s:.6e}") for case in by_step}
-    short = {(case.scene.name, f"{case.run.step_s:.6e}") for case in by_step if case in quick}
+    short = {
+        (case.scene.name, f"{case.run.step_s:.6e}")
+        for case in by_step
+        if not case.scene.name.endswith("-long")
+    }
     assert steps == short, "long runs take the steps of the short ones"
 
 
@@ -164,16 +168,9 @@ def test_no_order_is_claimed_of_runs_that_gain_or_lose_a_good_part_of_their_ener
 
 
 def test_those_who_can_run_hundreds_of_turns_with_contact() -> None:
-    turns = {
-        full: [
-            case.scene.end_time_s / energy.TURN_S
-            for case in energy.cases(full)
-            if case.scene.name.endswith("-turns") and case.scene.joints_with_clearance
-        ]
-        for full in (False, True)
-    }
-    assert min(turns[False]) == pytest.approx(100)
-    assert max(turns[True]) == pytest.approx(300)
+    lasting = [case.scene for case in energy.cases(full=True) if case.scene.name.endswith("-turns")]
+    assert {round(scene.end_time_s / energy.TURN_S) for scene in lasting} == {100, 300}
+    assert all(scene.joints_with_clearance for scene in lasting)
 
 
 def test_drift_of_another_power_of_time_breaks_the_chapter(rows: pd.DataFrame) -> None:
@@ -183,7 +180,7 @@ def test_drift_of_another_power_of_time_breaks_the_chapter(rows: pd.DataFrame) -
     free = (rows["label"] == "reference (none)") & (rows["scene"] == "ideal-free")
     for name, value, sentence in (
         ("constraint_violation_exponent", 1.5, "with the square of time"),
-        ("constraint_speed_exponent", 0.5, "drift on all 4 scenes as theory has it for RK4"),
+        ("constraint_speed_exponent", 0.5, "drift on both scenes as theory has it for RK4"),
     ):
         with pytest.raises(Contradiction, match=sentence):
             list(drift(rows.assign(**{name: rows[name].mask(free, value)})))

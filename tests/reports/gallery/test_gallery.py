@@ -61,7 +61,7 @@ def chosen(case: Case) -> bool:
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
     folder = tmp_path_factory.mktemp("motions")
-    cases = [shortened(case) for case in motions.cases(full=False) if chosen(case)]
+    cases = [shortened(case) for case in motions.cases(full=True) if chosen(case)]
     run_study("motions", cases, folder, lambda: ThreadPoolExecutor(1))
     return read_study(folder)
 
