@@ -49,14 +49,14 @@ DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
 #: Tables and figures that show the answer, the columns that are shown, and what encloses them in the text.
 ANSWER = {"answer": "With clearance", "answer-ideal": "On ideal joints"}
 COLUMNS = 7
-FIGURES = (
-    "motions-mechanism",
-    "answer",
-    "agreement-slider-position",
-    "clearance-slider-position",
-    "energy-gain-by-step",
-    "stability-contact-stiffness",
-)
+FIGURES = {
+    "answer": "Error of the slider's position against run time with clearance: each engine's best settings",
+    "agreement-slider-position": "The same error against the step on ideal joints",
+    "clearance-slider-position": "The same error against the step with clearance, by each engine's own law",
+    "energy-gain-by-step": "Energy that nothing accounts for, against the step",
+    "stability-contact-stiffness": "Where runs stop being trustworthy, over step and contact stiffness",
+    "motions-mechanism": "The mechanism",
+}
 BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"
 
 
@@ -160,7 +160,7 @@ def tell_answer(readme: Path, answer: Sequence[str]) -> None:
         for name, title in ANSWER.items()
     ]
     sentences = "\n".join(f"* {sentence}" for sentence in answer)
-    figures = "\n".join(f"![{name}](figures/{name}.svg)\n" for name in FIGURES)
+    figures = "\n".join(f"{shown}:\n\n![{shown}](figures/{name}.svg)\n" for name, shown in FIGURES.items())
     before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
     after = rest.partition(END)[2]
     told = "\n".join([*tables, sentences, "", figures])

@@ -173,7 +173,7 @@ def published_rows(folder: Path) -> list[dict[str, Any]]:
                     row |= {name: float(value) for name, value in times.items() if value}
         known = {"study": folder.name, "fingerprint": ""}
         rows = [{"case": f"{folder.name}-{n}", **known, **row} for n, row in enumerate(rows)]
-        if all(isinstance(row[column], kind) for row in rows for column, kind in HEAD.items()):
+        if rows and all(isinstance(row[column], kind) for row in rows for column, kind in HEAD.items()):
             return rows
         reason = "others"
     except (OSError, EOFError, lzma.LZMAError, ValueError, KeyError, IndexError, TypeError) as error:
