@@ -10,7 +10,7 @@ import numpy as np
 
 from reports.page.svg import paths
 from reports.page.svg.merging import markers_of, merge
-from reports.page.svg.sharing import NAMED_IN, gather, number_styles, rename
+from reports.page.svg.sharing import gather, named_in, number_styles, rename
 
 #: What a page has no use for: provenance, and names of namespaces.
 _AROUND = re.compile(r'<metadata>.*?</metadata>| xmlns(:\w+)?="[^"]*"', re.DOTALL)
@@ -45,11 +45,8 @@ def inline(svg: str, alt_id: str, *, recoloured: bool) -> Inline:
     drawing = next(each for each in root if each.tag == "g")
     merge(drawing, things)
     markers = markers_of(drawing)
-    names = [
-        name for each in drawing.iter() for at in NAMED_IN for name in paths.NAME.findall(each.get(at, ""))
-    ]
     defs, whole = Element("defs"), Element("svg", {"role": "img", "aria-labelledby": alt_id})
-    defs.extend([*(things[name] for name in dict.fromkeys(names) if name in things), *markers])
+    defs.extend([*(things[name] for name in named_in(drawing) if name in things), *markers])
     whole.set("viewBox", root.attrib["viewBox"])
     whole.extend([defs, drawing])
     styles = number_styles(whole, recoloured)

@@ -12,8 +12,6 @@ from reports.results import FloatArray
 TOLERANCE = 0.1
 #: A shape no larger than this is a marker, and drawn ten times as finely.
 SMALL = 20.0
-#: What names another thing.
-NAME = re.compile(r"url\(#([\w-]+)")
 _COMMAND, _NUMBER = re.compile(r"([A-Za-z])([^A-Za-z]*)"), re.compile(r"-?[\d.]+")
 _BLANK = re.compile(r" (?=-)|(?<=\.\d) (?=\.)|(?<=\.\d\d) (?=\.)")
 

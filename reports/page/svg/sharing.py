@@ -7,8 +7,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from reports.page.svg.paths import NAME
-
 #: Colours of figures that the page gives its own, in the light and in the dark.
 NAMED = {
     "#000000": "ink",
@@ -20,13 +18,21 @@ NAMED = {
     "#009e73": "green",
     "#6a3d9a": "purple",
 }
-#: Where an element names another one, and of how many neighbours what they share is written at a group.
-NAMED_IN, FEWEST = ("clip-path", "style"), 3
+#: Of how many neighbours what they share is written at a group.
+FEWEST = 3
+#: Where an element names another one, and how.
+_NAMED_IN, _NAME = ("clip-path", "style"), re.compile(r"url\(#([\w-]+)")
 #: How Matplotlib names the fonts that stand in for its own; a page has one list for all.
 _FONTS = re.compile(r"font-family: [^;\"]*|font: ([\d.]+px) '[^;\"]*")
 _COLOUR = re.compile(r"#[0-9a-f]{6}\b")
 #: A style that a group has as a whole, and not for each of its parts.
 _WHOLE = re.compile(r"(?<!-)opacity")
+
+
+def named_in(drawing: Element) -> list[str]:
+    """Return the names of what elements of a drawing name, each once, in their order."""
+    texts = (each.get(at, "") for each in drawing.iter() for at in _NAMED_IN)
+    return list(dict.fromkeys(name for text in texts for name in _NAME.findall(text)))
 
 
 def number_styles(whole: Element, recoloured: bool) -> tuple[str, ...]:
@@ -79,6 +85,6 @@ def rename(whole: Element) -> None:
     for each in whole.iter():
         if each.get("id") in names:
             each.set("id", names[each.attrib["id"]])
-        for at in NAMED_IN:
+        for at in _NAMED_IN:
             if text := each.get(at):
-                each.set(at, NAME.sub(lambda m: f"url(#{names[m[1]]}", text))
+                each.set(at, _NAME.sub(lambda m: f"url(#{names[m[1]]}", text))
