@@ -16,7 +16,17 @@ QUICK_LOOSE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 #: Arms of the full set alone, on ideal joints and with compliant contacts: where one of these is the best of
 #: its engine, another one is nearly as good.
 MORE_IDEAL = (arms.OUT_OF_THE_BOX, arms.ODEINT, arms.RADAU)
-MORE_LOOSE = (arms.PLAIN, arms.WIDE_GAP, arms.ODE23, arms.TRAPEZOIDAL, arms.AS_THE_SCENE, arms.LSODA)
+MORE_LOOSE = (
+    arms.PLAIN,
+    arms.LOCATED_ALONE,
+    arms.WIDE_GAP,
+    arms.ODE23,
+    arms.TRAPEZOIDAL,
+    arms.AS_THE_SCENE,
+    arms.NATIVE_CONTACT,
+    arms.LSODA,
+    arms.SCIPY_DOP853_MINIMAL,
+)
 #: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts. The search's fewest
 #: sweeps that cost no accuracy leave so much; its rungs are steps that resolve contacts, where the engine's
 #: own bounds are for any.
@@ -25,7 +35,9 @@ LEFT_IDEAL, LEFT_LOOSE = 0.42, 1 / 8
 
 def only_full(arm: Arm, scene: Scene) -> bool:
     """Return whether only the full set has an arm on a scene, of those that its ladders have."""
-    return arm in (MORE_LOOSE if scene.joints_with_clearance else MORE_IDEAL)
+    if not scene.joints_with_clearance:
+        return arm in MORE_IDEAL
+    return arm in MORE_LOOSE and not _between_rigid_walls(scene)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from reports.page.claims import Claim, as_json, collected, from_json
 from reports.page.questions import QUESTIONS, Question
 from reports.page.references import References
 from reports.page.shown import ShownChapter, ShownSection, shown_answer, shown_chapter
+from reports.page.svg import classes_of
 from reports.results import BrokenResults, NoResults, Results, read_study
 from reports.tables import formats
 
@@ -145,15 +146,14 @@ def _write_page(
         screen,
         *(section for _, chapters in asked for chapter in chapters for section in chapter.sections),
     ]
-    styles: dict[str, str] = {}
-    for figure in (figure for section in sections for figure in section.figures):
-        styles |= figure.picture.svg.styles
+    figures = [figure for section in sections for figure in section.figures]
     page = environment.get_template("index.html.jinja").render(
         generator=GENERATOR,
         question=QUESTION,
         said=said,
         screen=screen,
-        styles=styles,
+        classes=classes_of(figure.picture.svg for figure in figures),
+        prefixes={figure.name: f"f{place}-" for place, figure in enumerate(figures)},
         asked=asked,
         missing=missing,
         bare=bare,

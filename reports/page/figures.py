@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from reports.page.formats import as_svg, write_pdf, write_png
-from reports.page.inline import NAMED, Inline, inline
+from reports.page.svg import NAMED, Inline, inline
 from reports.parts import Figure
 from reports.plots.axes import set_plainly
 from reports.plots.series import Series, marked
@@ -24,7 +24,7 @@ FILES = (".svg", ".png", ".pdf")
 #: The same figure for one column of a paper, and with how many panels it still is a figure there.
 COLUMN, MOST_PANELS = "-column.pdf", 4
 #: Of a curve no more points than these tell their values.
-MOST_POINTS = 60
+MOST_POINTS = 30
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,7 @@ def draw(figure: Figure, folder: Path | None = None) -> Picture:
         svg = as_svg(drawing)
         values = json.dumps(_values(drawing, series), separators=(",", ":")).replace("<", "\\u003c")
         files = () if folder is None else _write(figure, svg, folder)
-    alt = f"alt-{figure.name}"
-    return Picture(inline(svg, figure.name, alt, recoloured=not figure.dense), values, files)
+    return Picture(inline(svg, f"alt-{figure.name}", recoloured=not figure.dense), values, files)
 
 
 def _write(figure: Figure, svg: str, folder: Path) -> tuple[str, ...]:
@@ -118,7 +117,7 @@ def colour(series: Series) -> str:
 
 
 def _points(series: Series, drawing: Drawing) -> list[list[Any]]:
-    """Return a line's points: place on the SVG, value across and up, and the note."""
+    """Return a line's points: place on the SVG, value across and up, and the note if there is one."""
     line = series.artist
     if not isinstance(line, Line2D):
         return []
@@ -127,9 +126,13 @@ def _points(series: Series, drawing: Drawing) -> list[list[Any]]:
     with np.errstate(all="ignore"):  # what is not positive has no place on a logarithmic axis
         places = line.get_transform().transform(data) / drawing.dpi * 72
     there = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(data).all(axis=1))
-    notes = series.notes or ("",) * len(data)
     return [
-        [round(places[k, 0], 1), round(high - places[k, 1], 1), *(f"{v:.3g}" for v in data[k]), notes[k]]
+        [
+            round(places[k, 0], 1),
+            round(high - places[k, 1], 1),
+            *(float(f"{v:.3g}") for v in data[k]),
+            *series.notes[k : k + 1],
+        ]
         for k in there[:: -(-len(there) // MOST_POINTS) or 1]
     ]
 

@@ -1,6 +1,5 @@
 """The page of a comparison: one file with its figures and tables inside."""
 
-from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,8 +8,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure as Drawing
 
 from reports.chapters.comparison.sections import sections
+from reports.page.figures import draw
+from reports.page.svg import classes_of
 from reports.results import Results
-from reports.run.picture import picture_bytes
 from reports.style import RC
 
 #: Where the page's template is, and the style that it shares with the report.
@@ -30,14 +30,13 @@ def page(results: Results, pictures: Mapping[str, Drawing], scene: str, given: s
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["embedded"] = _embedded
     with mpl.rc_context(RC):
         parts = sections(results, pictures, given)
+    drawn = {figure.name: draw(figure).svg for part in parts for figure in part.figures}
     return environment.get_template("page.html.jinja").render(
-        name=results.rows["scene"].iloc[0], sections=parts, scene=scene
+        name=results.rows["scene"].iloc[0],
+        sections=parts,
+        scene=scene,
+        drawn=drawn,
+        classes=classes_of(drawn.values()),
     )
-
-
-def _embedded(drawing: Drawing) -> str:
-    """Return a figure as the address of an image that is in it."""
-    return f"data:image/svg+xml;base64,{b64encode(picture_bytes(drawing, '.svg')).decode('ascii')}"

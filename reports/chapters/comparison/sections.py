@@ -124,5 +124,5 @@ def _over_time(results: Results, standings: Standings) -> Figure | None:
 
 
 def _figures(pictures: Mapping[str, Drawing]) -> Iterator[Figure]:
-    for title, drawing in pictures.items():
-        yield Figure(NAME, title, "", title, drawing)
+    for place, (title, drawing) in enumerate(pictures.items()):
+        yield Figure(f"{NAME}-run-{place}", title, "", title, drawing)
