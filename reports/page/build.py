@@ -48,15 +48,18 @@ def write_report(results: Path, folder: Path, paper: bool = False) -> Report:
     for kind in ("tables", "figures") if paper else ("tables",):
         (folder / kind).mkdir(parents=True)
     said, screen, chapters = _shown(studies, folder, paper)
+    lacking = [name for name in studies if name not in chapters]
     asked = [
         (question, [chapters[study.STUDY] for study in question.studies if study.STUDY in chapters])
         for question in QUESTIONS
     ]
     bare = [name for name, results in studies.items() if not results.has_curves]
     found = collected(said, chapters.values())
-    _write_page(folder, said, screen, [each for each in asked if each[1]], missing, bare, paper)
+    _write_page(folder, said, screen, [each for each in asked if each[1]], missing, lacking, bare, paper)
     (folder / FINDINGS).write_text(as_json(found, studies), encoding="utf-8")
     notes = [note for results in studies.values() for note in results.notes]
+    if lacking:
+        notes.append(f"rows of {', '.join(lacking)} are of an older commit, with other columns: left out")
     if bare:
         notes.append(f"no curves beside the rows of {', '.join(bare)}: figures over time are left out")
     return Report((*said.text, *said.doubts), tuple(notes), tuple(found))
@@ -102,19 +105,27 @@ def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
 def _shown(
     studies: Mapping[str, Results], folder: Path, paper: bool
 ) -> tuple[Answer, ShownSection, dict[str, ShownChapter]]:
-    """Return the answer, as it is and as the page shows it, and all chapters, drawn on all cores."""
+    """Return the answer, as it is and as the page shows it, and the chapters, drawn on all cores.
+
+    Chapters that published rows lack columns for are left out, and the answer is that of the others.
+    """
     jobs = min(os.cpu_count() or 1, len(studies))
     if jobs == 1:
-        chapters = {name: shown_chapter(name, results, folder, paper) for name, results in studies.items()}
-        return *shown_answer(studies, folder, paper), chapters
+        drawn = {name: shown_chapter(name, results, folder, paper) for name, results in studies.items()}
+        chapters = {name: chapter for name, chapter in drawn.items() if chapter}
+        return *shown_answer({name: studies[name] for name in chapters}, folder, paper), chapters
     with ProcessPoolExecutor(jobs, get_context("spawn"), signal.signal, _DEAF) as pool:
+        answer = pool.submit(shown_answer, studies, folder, paper)
         work = {
             name: pool.submit(shown_chapter, name, results, folder, paper)
             for name, results in studies.items()
         }
         try:
-            said, screen = shown_answer(studies, folder, paper)
-            return said, screen, {name: chapter.result() for name, chapter in work.items()}
+            chapters = {name: chapter for name, of in work.items() if (chapter := of.result())}
+            if len(chapters) < len(studies):
+                others = {name: studies[name] for name in chapters}
+                answer = pool.submit(shown_answer, others, folder, paper)
+            return *answer.result(), chapters
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -130,6 +141,7 @@ def _write_page(
     screen: ShownSection,
     asked: Sequence[tuple[Question, Sequence[ShownChapter]]],
     missing: Sequence[str],
+    lacking: Sequence[str],
     bare: Sequence[str],
     paper: bool,
 ) -> None:
@@ -156,6 +168,7 @@ def _write_page(
         prefixes={figure.name: f"f{place}-" for place, figure in enumerate(figures)},
         asked=asked,
         missing=missing,
+        lacking=lacking,
         bare=bare,
         formats=formats(paper),
         references=references,

@@ -56,17 +56,22 @@ class ShownChapter:
     runs: int
 
 
-def shown_chapter(name: str, results: Results, folder: Path, paper: bool) -> ShownChapter:
+def shown_chapter(name: str, results: Results, folder: Path, paper: bool) -> ShownChapter | None:
     """Write a study's tables, and for a ``paper`` its figures, into ``folder`` and return its chapter."""
     study = next(each for question in QUESTIONS for each in question.studies if name == each.STUDY)
-    with mpl.rc_context(RC):
-        sections = study.sections(results)
-    headline = HEADLINES[name](results) if name in HEADLINES else ()
+    try:
+        with mpl.rc_context(RC):
+            sections = study.sections(results)
+        headline = tuple(HEADLINES[name](results)) if name in HEADLINES else ()
+    except KeyError:
+        if results.is_published:
+            return None
+        raise
     return ShownChapter(
         name,
         study.TITLE,
         study.INTRODUCTION,
-        tuple(headline),
+        headline,
         tuple(show(section, folder, paper) for section in sections),
         results.sidecar,
         len(results.rows),

@@ -1,6 +1,7 @@
 """What is published is as it was made: sealed file by file, and tables and sentences follow from its rows."""
 
 import json
+import lzma
 import re
 import shutil
 from collections.abc import Iterable
@@ -12,7 +13,7 @@ import pytest
 
 from reports.chapters.answer import answer
 from reports.chapters.headlines import HEADLINES
-from reports.page import FINDINGS, claims_of
+from reports.page import FINDINGS, claims_of, write_report
 from reports.page.questions import QUESTIONS, StudyReport
 from reports.parts import Section, Table
 from reports.publication import FIGURES, broken_seals, certain, publish, tell_answer, write_seals, write_study
@@ -199,3 +200,17 @@ def test_published_twice_no_byte_is_changed_and_new_times_change_only_theirs(tmp
 def test_an_error_has_the_digits_that_its_truth_certifies(error: float, doubt: float, shown: float) -> None:
     row = one_run(0, 1.0) | {"x_error_m": error, "x_uncertainty_m": doubt}
     assert certain(row)["x_error_m"] == shown
+
+
+def test_published_rows_of_an_older_commit_are_shown_where_their_columns_allow_it(tmp_path: Path) -> None:
+    for study in ("agreement", "extremes"):
+        shutil.copytree(PUBLISHED / "results" / study, tmp_path / "old" / study)
+    path = tmp_path / "old/extremes/rows.jsonl.xz"
+    older = lzma.decompress(path.read_bytes()).replace(b'"unaccounted_energy_part_bound"', b'"energy_bound"')
+    path.write_bytes(lzma.compress(older))
+    (tmp_path / "report").mkdir()
+    report = write_report(tmp_path / "old", tmp_path / "report")
+    assert "rows of extremes are of an older commit, with other columns: left out" in report.notes
+    page = (tmp_path / "report/index.html").read_text(encoding="utf-8")
+    assert 'id="agreement"' in page
+    assert 'id="extremes"' not in page

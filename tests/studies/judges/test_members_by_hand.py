@@ -85,7 +85,7 @@ def test_a_members_numbers_are_those_after_the_transient() -> None:
 
 
 def test_an_ensembles_member_is_a_sweeps_row_with_the_mean_direction_of_its_impacts() -> None:
-    known = next(case for case in study.cases(False) if case.columns["part"] == "exudyn (DOPRI5)")
+    known = next(case for case in study.cases(True) if case.columns["part"] == "exudyn (DOPRI5)")
     phases, row = [0.5, 1.5, 6.0], {"impacts_per_revolution": 1.5, "impulse_N_s": math.nan}
     told = {**row, "status": "ok", "reason": "", "strobe_m": [], "impact_phase_rad": phases}
     with pytest.MonkeyPatch.context() as patch:
