@@ -11,7 +11,7 @@ is infinite where a finer run failed, and where errors have grown to the clearan
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -131,7 +131,8 @@ def rungs(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     """
     rows = from_coarse_to_fine(with_columns(rows, "motion_alone"))
     settings = [name for name in rows if name.startswith("setting_")]
-    rung = rows[["engine", "arm", "step_s", *settings]].map(str).agg(" ".join, axis=1)
+    asked = zip(*(rows[name] for name in ("engine", "arm", "step_s", *settings)), strict=True)
+    rung = pd.Series([" ".join(map(str, of)) for of in asked], rows.index, dtype=object)
     by_round = pd.pivot_table(
         rows.assign(rung=rung, time_s=value(rows, "solve_time_s")), "time_s", "rung", "round"
     )
@@ -192,10 +193,11 @@ def arrivals(rungs: pd.DataFrame, error: float) -> list[Arrival]:
 
 def arrival(rungs: pd.DataFrame, error: float) -> Arrival | None:
     """Return how the cheapest of the arms among some rungs gets to an error, None if none does."""
-    arms = rungs.groupby("label", observed=True)
-    return min(
-        (way for _, arm in arms for way in _ways(arm, error)), key=lambda way: way.time_s, default=None
-    )
+    arms: dict[str, list[Any]] = {}
+    for rung in rungs.sort_values("label", kind="stable").itertuples():
+        arms.setdefault(rung.label, []).append(rung)
+    ways = (way for arm in arms.values() for way in _ways(arm, error))
+    return min(ways, key=lambda way: way.time_s, default=None)
 
 
 def at_rung(rung: Any) -> Arrival:
@@ -203,13 +205,13 @@ def at_rung(rung: Any) -> Arrival:
     return Arrival(rung.engine, rung.label, setting(rung.knob, rung.value), rung.times_s, rung.motion_alone)
 
 
-def _ways(arm: pd.DataFrame, error: float) -> Iterator[Arrival]:
+def _ways(arm: Sequence[Any], error: float) -> Iterator[Arrival]:
     """Yield how an arm gets to an error: rungs that keep it, and log-log between neighbouring ones."""
-    yield from map(at_rung, arm[arm["kept"] <= error].itertuples())
-    errors, places = arm["kept"].to_numpy(), arm["place"].to_numpy()
+    yield from (at_rung(rung) for rung in arm if rung.kept <= error)
+    errors, places = np.array([[rung.kept, rung.place] for rung in arm]).T
     between = (errors[:-1] > error) & (error > errors[1:]) & np.isfinite(errors[:-1])
     for k in np.flatnonzero(between & (np.diff(places) == 1)):
-        one, other = arm[k : k + 2].itertuples()
+        one, other = arm[int(k)], arm[int(k) + 1]
         share = math.log(one.kept / error) / math.log(one.kept / other.kept)
         times = one.times_s * (other.times_s / one.times_s) ** share
         if np.isfinite(times).any():  # rounds that both have

@@ -67,8 +67,8 @@ def breaks(studies: Mapping[str, Results], engine: str, label: str) -> str:
     """
     said = []
     if "extremes" in studies:
-        hard = answers(studies["extremes"].rows)
-        of_engine = hard[hard["engine"] == engine].sort_values("label")
+        rows = studies["extremes"].rows
+        of_engine = answers(rows[rows["engine"] == engine]).sort_values("label")
         labels = list(of_engine["label"].unique())
         if labels:
             of = of_engine[of_engine["label"] == (label if label in labels else labels[0])]
