@@ -29,8 +29,9 @@ from studies.running.case import Case, Curves, Row
 #: One turn of set R's crank, in s, and what is followed of each scene: a turn, or up to its horizon where
 #: that is earlier (see ``clearance.END_S``). Quick, then what the full set adds.
 TURN_S = 60 / 5000
-QUICK = {"ideal-driven": TURN_S, "clearance-driven-0.5mm": TURN_S}
+QUICK = {"ideal-driven": TURN_S}
 MORE = {
+    "clearance-driven-0.5mm": TURN_S,
     "ideal-free": 0.1,
     "ideal-fluctuating": TURN_S,
     "ideal-compressor": 0.04,

@@ -5,9 +5,10 @@ A study's folder holds what ``studies.running.finished_cases`` keeps there, and 
 
 import json
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
+from itertools import chain
 from pathlib import Path
 
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
@@ -162,7 +163,8 @@ def _run(
 ) -> dict[str, Case]:
     """Run cases, keep each as soon as it is finished, and return those that ended without a result.
 
-    The ``last`` time these are kept too. Whatever stops the run stops the cases at work.
+    The ``last`` time these are kept too. Whatever stops the run stops the cases at work. Of every scene one
+    case goes first, unless they are timed: it leaves a truth behind that the others would each solve beside.
 
     Raises:
         RunBroken: no process can begin, or the code is no longer what was imported.
@@ -171,9 +173,13 @@ def _run(
     begun, unbegun = False, 0
     with make() as pool:
         try:
-            futures = {key: _submitted(pool, case) for key, case in cases.items()}
+            held = _held(cases)
+            ready = cases.keys() - chain.from_iterable(held.values())
+            futures = {key: _submitted(pool, case) for key, case in cases.items() if key in ready}
             for key, future in _as_done(cases, futures):
                 row, curves = outcome(cases[key], future)
+                for other in held.pop(cases[key].scene.name, ()):
+                    futures[other] = _submitted(pool, cases[other])
                 begun = begun or row["status"] != NOT_BEGUN
                 unbegun += not begun
                 if unbegun == HOPELESS:
@@ -186,6 +192,17 @@ def _run(
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return again
+
+
+def _held(cases: Mapping[str, Case]) -> dict[str, list[str]]:
+    """Return the cases that wait until the first one of their scene is finished, by scenes."""
+    held: dict[str, list[str]] = {}
+    seen: set[str] = set()
+    for key, case in cases.items():
+        if case.scene.name in seen and not case.timed:
+            held.setdefault(case.scene.name, []).append(key)
+        seen.add(case.scene.name)
+    return held
 
 
 def _submitted(pool: Executor, case: Case) -> Result:

@@ -40,7 +40,7 @@ SAMPLES = 24
 #: Rounds of timed runs over all engines, quick and full.
 ROUNDS, FULL_ROUNDS = 3, 10
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
-REPEAT_S, REPEATS = 0.03, 100
+REPEAT_S, REPEATS = 0.02, 100
 #: How far a bare run may end from the recorded one, in parts of the crank's length: 0.5 mm in most scenes.
 #: They are equal but for methods whose steps know of the samples, and that are as far off themselves.
 APART = 0.01
