@@ -4,7 +4,7 @@ import time
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.scene.scene import Scene
-from reference_solver.compiled.checked_files import read_checked, write_checked
+from reference_solver.compiled.checked_files import made_once, read_checked, write_checked
 from reference_solver.compiled.folder import FolderRefused, KernelsRefused, writable_folder
 from reference_solver.compiled.store import callback, compiled, compiled_anew, njit
 
@@ -14,6 +14,7 @@ __all__ = [
     "callback",
     "compile_time_s",
     "compiled",
+    "made_once",
     "njit",
     "read_checked",
     "writable_folder",

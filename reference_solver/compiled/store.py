@@ -11,7 +11,7 @@ import linecache
 import pickle
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from types import ModuleType
 from typing import Any, TypeVar, cast
@@ -22,7 +22,7 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.core.typing.templates import _OverloadFunctionTemplate
 
-from reference_solver.compiled.checked_files import read_checked, write_checked
+from reference_solver.compiled.checked_files import made_once, read_checked, write_checked
 from reference_solver.compiled.folder import FolderRefused, KernelsRefused, kernel_folder, temporary_folder
 
 __all__ = ["FolderRefused", "compiled_anew", "kernel_folder", "load_kernel", "njit"]
@@ -43,10 +43,12 @@ def njit(*signature: object, cache: bool = False, **options: Any) -> Callable[[F
         compiled: Any = numba.njit(**options)(function)
         if compiled is function:  # NUMBA_DISABLE_JIT is set
             return function
-        if cache:
-            compiled._cache = KeptCode(function, options)
+        kept = KeptCode(function, options) if cache else None
+        if kept:
+            compiled._cache = kept
         if signature:
-            compiled.compile(*signature)
+            with made_once(kept.name_of(signature)) if kept else nullcontext():
+                compiled.compile(*signature)
             compiled.disable_compile()
         return cast(F, compiled)
 
@@ -81,6 +83,11 @@ class KeptCode(_Cache):
         """Keep the code for a signature."""
         if not data.library.has_dynamic_globals:  # addresses of this process
             write_checked(self._file(sig, data.codegen), dumps(data._reduce()))
+
+    def name_of(self, signature: object) -> str:
+        """Return a name of the code for a signature, whatever the processor."""
+        what = hashlib.sha256(repr((*self._what, signature)).encode())
+        return f"{self._name}-{what.hexdigest()[:16]}"
 
     def _file(self, sig: Any, codegen: Any) -> str:
         what = hashlib.sha256(repr((*self._what, sig, codegen.magic_tuple())).encode())

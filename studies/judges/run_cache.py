@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from llvmlite.binding import get_host_cpu_name
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.reference.kernels import read_checked, write_checked
+from engine_models.reference.kernels import made_once, read_checked, write_checked
 from engine_models.scene.scene import Scene
 from studies.running.provenance import engine_fingerprint
 
@@ -47,9 +47,10 @@ def kept(made_by: str, engine: Solver, scene: Scene, settings: RunSettings, make
     run = engine, scene.model_dump_json(), settings
     text = repr((*code, *run, platform.machine(), get_host_cpu_name()))
     name = f"run-{hashlib.sha256(text.encode()).hexdigest()[:32]}.pickle"
-    if (content := read_checked(name)) is not None:
-        found: Kept = pickle.loads(content)
-        return found
-    made = make()
-    write_checked(name, pickle.dumps(made))
-    return made
+    with made_once(name):
+        if (content := read_checked(name)) is not None:
+            found: Kept = pickle.loads(content)
+            return found
+        made = make()
+        write_checked(name, pickle.dumps(made))
+        return made

@@ -48,9 +48,14 @@ def code_digest(study: str, engines: Iterable[str]) -> str:
     return _hash([study], _made_of(study, engines), with_versions=False)
 
 
-def changed_code(study: str, engines: Iterable[str]) -> list[str]:
-    """Return the files of a study and its engines that by now mean something else than what was imported."""
-    files = {path for path in _made_of(study, engines).files.values() if changed(path)}
+def code_of(made_by: Iterable[tuple[str, str]]) -> frozenset[Path]:
+    """Return the files of studies and engines."""
+    return frozenset(path for each in made_by for path in _made_of(each[0], each[1:]).files.values())
+
+
+def changed_code(known: Iterable[Path]) -> list[str]:
+    """Return the files of some that by now mean something else than what was imported."""
+    files = {path for path in known if changed(path)}
     return sorted(path.relative_to(ROOT).as_posix() if ROOT in path.parents else str(path) for path in files)
 
 

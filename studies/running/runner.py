@@ -4,6 +4,8 @@ A study's folder holds what ``studies.running.finished_cases`` keeps there, and 
 """
 
 import json
+import math
+import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
@@ -22,7 +24,7 @@ from studies.running.finished_cases import Rows, checksum, opened
 from studies.running.given_scenes import cases_of, contents
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
-from studies.running.provenance import changed_code, fingerprint, sidecar
+from studies.running.provenance import changed_code, code_of, fingerprint, sidecar
 from studies.running.whole_file import write_whole
 from studies.running.worker import LIMITS_MEMORY
 
@@ -70,11 +72,10 @@ def run_studies(
         cases = {name: cases_of(name, load_study(name), full, scenes) for name in names}
         folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
-        pool = stack.enter_context(Processes(jobs))
-        local = lent(pool)
+        local = lent(stack.enter_context(Processes(jobs)))
+        asked = {name: [case for case in of if not only or case.engine in only] for name, of in cases.items()}
+        _run_all(asked, folders, executor or local, local, retry_failed)
         for name, rows in folders.items():
-            asked = [case for case in cases[name] if not only or case.engine in only]
-            _run_study(name, asked, rows, executor or local, local, retry_failed)
             content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY, "rows": rows.digest()}
             content["checksum"] = checksum(content)
             write_whole(out / name / "sidecar.json", json.dumps(content, indent=2).encode() + b"\n")
@@ -99,7 +100,7 @@ def run_study(
         FolderHeld, DamagedRows, RunBroken, OSError: as ``run_studies``.
     """
     with _rows(name, cases, folder) as rows:
-        _run_study(name, cases, rows, executor, processes, retry_failed)
+        _run_all({name: cases}, {name: rows}, executor, processes, retry_failed)
 
 
 def _rows(name: str, cases: list[Case], folder: Path) -> AbstractContextManager[Rows]:
@@ -113,27 +114,41 @@ def _engines(cases: list[Case]) -> list[str]:
     return list(dict.fromkeys(case.engine for case in cases))
 
 
-def _run_study(
-    name: str, cases: list[Case], rows: Rows, executor: Executors, processes: Executors, retry_failed: bool
+def _run_all(
+    cases: Mapping[str, list[Case]],
+    folders: Mapping[str, Rows],
+    executor: Executors,
+    processes: Executors,
+    retry_failed: bool,
 ) -> None:
-    wanted = {case.key(_fingerprint(case)): case for case in cases}
-    pending = {key: case for key, case in wanted.items() if rows.lacks(key, retry_failed)}
+    """Run the cases of studies that their folders lack: those of all that may run beside each other first."""
+    wanted = {name: {case.key(_fingerprint(case)): case for case in of} for name, of in cases.items()}
+    lacking = {
+        name: {key: case for key, case in of.items() if folders[name].lacks(key, retry_failed)}
+        for name, of in wanted.items()
+    }
+    study_of = {key: name for name, of in lacking.items() for key in of}
+    pending = {key: case for of in lacking.values() for key, case in of.items()}
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=progress_console(), disable=not pending)
     with progress:
-        bar = progress.add_task(name, total=len(wanted), completed=len(wanted) - len(pending))
+        bars = {
+            name: progress.add_task(name, total=len(of), completed=len(of) - len(lacking[name]))
+            for name, of in wanted.items()
+        }
 
         def keep(key: str, row: Row, curves: Curves) -> None:
-            rows.keep(key, row, curves)
-            progress.advance(bar)
+            folders[study_of[key]].keep(key, row, curves)
+            progress.advance(bars[study_of[key]])
 
         for some, make in _phases(pending, executor, processes):
             if again := _run(some, make, keep):
                 _run(again, lambda: Processes(1), keep, last=True)
-    ended = rows.statuses()
-    failures = Counter(ended[key] for key in wanted if ended[key] != "ok")
-    counts = [f"{len(wanted)} cases", *(f"{n} {status}" for status, n in failures.most_common())]
-    progress.console.print(f"{name}: {', '.join(counts)}", highlight=False)
+    for name, of in wanted.items():
+        ended = folders[name].statuses()
+        failures = Counter(ended[key] for key in of if ended[key] != "ok")
+        counts = [f"{len(of)} cases", *(f"{n} {status}" for status, n in failures.most_common())]
+        progress.console.print(f"{name}: {', '.join(counts)}", highlight=False)
 
 
 def _phases(
@@ -142,7 +157,8 @@ def _phases(
     """Split cases into those that may run beside each other, and where.
 
     Of those, one of every scene, engine and arm comes first, in the order of their keys, which is as good as
-    random: cases that start together and share a kernel would both compile it.
+    random: cases that start together and share a kernel would wait for one compilation. Among them are first
+    those with clearance, whose truths take longest.
     """
     timed = {key: case for key, case in cases.items() if case.timed}
     alike: Counter[tuple[str, str, str]] = Counter()
@@ -151,7 +167,8 @@ def _phases(
         kind = cases[key].scene.name, cases[key].engine, cases[key].arm.name
         turns[key] = alike[kind]
         alike[kind] += 1
-    beside = {key: cases[key] for key in sorted(turns, key=turns.__getitem__)}
+    ideal = {key: not case.scene.joints_with_clearance for key, case in cases.items()}
+    beside = {key: cases[key] for key in sorted(turns, key=lambda key: (turns[key], ideal[key]))}
     limited = {key: case for key, case in beside.items() if case.limits}
     others = {key: case for key, case in beside.items() if not case.limits}
     phases = ((others, executor), (limited, processes), (timed, lambda: Processes(1)))
@@ -178,7 +195,7 @@ def _run(
             futures = {key: _submitted(pool, case) for key, case in cases.items() if key in ready}
             for key, future in _as_done(cases, futures):
                 row, curves = outcome(cases[key], future)
-                for other in held.pop(cases[key].scene.name, ()):
+                for other in held.pop(cases[key].scene, ()):
                     futures[other] = _submitted(pool, cases[other])
                 begun = begun or row["status"] != NOT_BEGUN
                 unbegun += not begun
@@ -194,14 +211,14 @@ def _run(
     return again
 
 
-def _held(cases: Mapping[str, Case]) -> dict[str, list[str]]:
+def _held(cases: Mapping[str, Case]) -> dict[Scene, list[str]]:
     """Return the cases that wait until the first one of their scene is finished, by scenes."""
-    held: dict[str, list[str]] = {}
-    seen: set[str] = set()
+    held: dict[Scene, list[str]] = {}
+    seen: set[Scene] = set()
     for key, case in cases.items():
-        if case.scene.name in seen and not case.timed:
-            held.setdefault(case.scene.name, []).append(key)
-        seen.add(case.scene.name)
+        if case.scene in seen and not case.timed:
+            held.setdefault(case.scene, []).append(key)
+        seen.add(case.scene)
     return held
 
 
@@ -213,11 +230,14 @@ def _submitted(pool: Executor, case: Case) -> Result:
 
 def _as_done(cases: dict[str, Case], futures: dict[str, Result]) -> Iterator[tuple[str, Result]]:
     """Yield the futures of cases when they are done, as long as the code is what was imported."""
-    (study,) = {case.study for case in cases.values()}
-    engines = _engines(list(cases.values()))
+    code, looked = code_of({(case.study, case.engine) for case in cases.values()}), -math.inf
     while futures:
         done, _ = wait(futures.values(), LOOK_S, FIRST_COMPLETED)
-        if files := changed_code(study, engines):
+        if time.monotonic() < looked + LOOK_S:
+            files = []
+        else:
+            files, looked = changed_code(code), time.monotonic()
+        if files:
             shown = ", ".join(files[:SHOWN_FILES]) + ", ..." * (len(files) > SHOWN_FILES)
             raise RunBroken(
                 f"the code changed under the run ({shown}): what was finished is kept, run it again"
