@@ -15,7 +15,7 @@ QUICK_IDEAL = ("ideal-free", "ideal-driven")
 QUICK_LOOSE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 #: Arms of the full set alone, on ideal joints and with compliant contacts: where one of these is the best of
 #: its engine, another one is nearly as good.
-MORE_IDEAL = (arms.OUT_OF_THE_BOX, arms.ODEINT, arms.RADAU)
+MORE_IDEAL = (arms.OUT_OF_THE_BOX, arms.ODEINT, arms.RADAU, arms.ODE_MINIMAL, arms.ODEINT_MINIMAL)
 MORE_LOOSE = (
     arms.PLAIN,
     arms.LOCATED_ALONE,
@@ -25,6 +25,7 @@ MORE_LOOSE = (
     arms.AS_THE_SCENE,
     arms.NATIVE_CONTACT,
     arms.LSODA,
+    arms.LSODA_MINIMAL,
     arms.SCIPY_DOP853_MINIMAL,
 )
 #: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts. The search's fewest

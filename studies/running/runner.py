@@ -10,15 +10,15 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from itertools import chain
 from pathlib import Path
+from typing import ParamSpec, TypeVar, cast
 
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models import engines
 from engine_models.scene.scene import Scene
 from studies.running.case import Case, Curves, Row
-from studies.running.execution import NO_RESULT, NOT_BEGUN, ROOMY, LimitedExecutor, RunBroken
+from studies.running.execution import NO_RESULT, NOT_BEGUN, ROOMY, LimitedExecutor, Limits, RunBroken
 from studies.running.failures import progress_console
 from studies.running.finished_cases import Rows, checksum, opened
 from studies.running.given_scenes import cases_of, contents
@@ -33,11 +33,38 @@ Executors = Callable[[], AbstractContextManager[Executor]]
 Result = Future[tuple[Row, Curves]]
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 #: How often a run looks whether its code has changed, in s; and how many cases in succession whose process
 #: cannot begin break it.
 LOOK_S, HOPELESS = 1.0, 3
 #: Of the files that changed, how many are named.
 SHOWN_FILES = 3
+
+
+class Lanes(LimitedExecutor):
+    """Processes in two lanes: of studies that follow each other one runs in each, in its own half of them.
+
+    So what one compiles for long, or cannot share with others in a process, does not stop the next one.
+    """
+
+    def __init__(self, jobs: int, studies: Sequence[str]) -> None:
+        sizes = (jobs - jobs // 2, jobs // 2) if jobs > 1 and len(studies) > 1 else (jobs,)
+        self._pools = [Processes(size) for size in sizes]
+        self._pool_of = {study: self._pools[place % len(sizes)] for place, study in enumerate(studies)}
+
+    def submit_within(
+        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+    ) -> "Future[T]":
+        """Run a call on a case, its last argument, in the lane of its study."""
+        case = cast(Case, args[-1])
+        return self._pool_of[case.study].submit_within(limits, call, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more calls, as ``Processes.shutdown`` does."""
+        for pool in self._pools:
+            pool.shutdown(wait, cancel_futures=cancel_futures)
 
 
 def lent(pool: Executor) -> Executors:
@@ -58,8 +85,9 @@ def run_studies(
     """Run the named studies into ``out/NAME``, skipping every case that is there already.
 
     Cases run in ``jobs`` processes of this machine, the same for all studies since each takes two seconds to
-    import what it needs, or on what ``executor`` makes. All folders are held before any work is done.
-    If engines are named, ``only`` theirs are run; ``scenes`` of the user's take the place of the studies'.
+    import what it needs (see ``Lanes``), or on what ``executor`` makes. All folders are held before any work
+    is done. If engines are named, ``only`` theirs are run; ``scenes`` of the user's take the place of the
+    studies'.
 
     Raises:
         BadInput: a study takes no such scene.
@@ -72,7 +100,7 @@ def run_studies(
         cases = {name: cases_of(name, load_study(name), full, scenes) for name in names}
         folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
-        local = lent(stack.enter_context(Processes(jobs)))
+        local = lent(stack.enter_context(Lanes(jobs, names)))
         asked = {name: [case for case in of if not only or case.engine in only] for name, of in cases.items()}
         _run_all(asked, folders, executor or local, local, retry_failed)
         for name, rows in folders.items():
@@ -156,9 +184,8 @@ def _phases(
 ) -> Iterator[tuple[dict[str, Case], Executors]]:
     """Split cases into those that may run beside each other, and where.
 
-    Of those, one of every scene, engine and arm comes first, in the order of their keys, which is as good as
-    random: cases that start together and share a kernel would wait for one compilation. Among them are first
-    those with clearance, whose truths take longest.
+    Of those of a study, one of every scene, engine and arm comes first, in the order of their keys, which is
+    as good as random: of cases that start together and share a kernel one would wait for the other.
     """
     timed = {key: case for key, case in cases.items() if case.timed}
     alike: Counter[tuple[str, str, str]] = Counter()
@@ -167,8 +194,9 @@ def _phases(
         kind = cases[key].scene.name, cases[key].engine, cases[key].arm.name
         turns[key] = alike[kind]
         alike[kind] += 1
-    ideal = {key: not case.scene.joints_with_clearance for key, case in cases.items()}
-    beside = {key: cases[key] for key in sorted(turns, key=lambda key: (turns[key], ideal[key]))}
+    place = {study: place for place, study in enumerate(dict.fromkeys(case.study for case in cases.values()))}
+    order = sorted(turns, key=lambda key: (place[cases[key].study], turns[key]))
+    beside = {key: cases[key] for key in order}
     limited = {key: case for key, case in beside.items() if case.limits}
     others = {key: case for key, case in beside.items() if not case.limits}
     phases = ((others, executor), (limited, processes), (timed, lambda: Processes(1)))
@@ -180,8 +208,7 @@ def _run(
 ) -> dict[str, Case]:
     """Run cases, keep each as soon as it is finished, and return those that ended without a result.
 
-    The ``last`` time these are kept too. Whatever stops the run stops the cases at work. Of every scene one
-    case goes first, unless they are timed: it leaves a truth behind that the others would each solve beside.
+    The ``last`` time these are kept too. Whatever stops the run stops the cases at work.
 
     Raises:
         RunBroken: no process can begin, or the code is no longer what was imported.
@@ -190,13 +217,9 @@ def _run(
     begun, unbegun = False, 0
     with make() as pool:
         try:
-            held = _held(cases)
-            ready = cases.keys() - chain.from_iterable(held.values())
-            futures = {key: _submitted(pool, case) for key, case in cases.items() if key in ready}
+            futures = {key: _submitted(pool, case) for key, case in cases.items()}
             for key, future in _as_done(cases, futures):
                 row, curves = outcome(cases[key], future)
-                for other in held.pop(cases[key].scene, ()):
-                    futures[other] = _submitted(pool, cases[other])
                 begun = begun or row["status"] != NOT_BEGUN
                 unbegun += not begun
                 if unbegun == HOPELESS:
@@ -209,17 +232,6 @@ def _run(
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return again
-
-
-def _held(cases: Mapping[str, Case]) -> dict[Scene, list[str]]:
-    """Return the cases that wait until the first one of their scene is finished, by scenes."""
-    held: dict[Scene, list[str]] = {}
-    seen: set[Scene] = set()
-    for key, case in cases.items():
-        if case.scene in seen and not case.timed:
-            held.setdefault(case.scene, []).append(key)
-        seen.add(case.scene)
-    return held
 
 
 def _submitted(pool: Executor, case: Case) -> Result:
