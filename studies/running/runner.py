@@ -195,11 +195,11 @@ def _phases(
         turns[key] = alike[kind]
         alike[kind] += 1
     place = {study: place for place, study in enumerate(dict.fromkeys(case.study for case in cases.values()))}
-    order = sorted(turns, key=lambda key: (place[cases[key].study], turns[key]))
+    order = sorted(turns, key=lambda key: (place[cases[key].study], bool(cases[key].limits), turns[key]))
     beside = {key: cases[key] for key in order}
-    limited = {key: case for key, case in beside.items() if case.limits}
-    others = {key: case for key, case in beside.items() if not case.limits}
-    phases = ((others, executor), (limited, processes), (timed, lambda: Processes(1)))
+    here = {key: case for key, case in beside.items() if case.limits or executor is processes}
+    others = {key: case for key, case in beside.items() if key not in here}
+    phases = ((others, executor), (here, processes), (timed, lambda: Processes(1)))
     return ((group, make) for group, make in phases if group)
 
 
