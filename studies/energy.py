@@ -53,7 +53,7 @@ SHORT = (
     Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20, 40)),
     Length("rigid-free-0.5mm", 0.4, 200, (50, 100, 200)),
 )
-QUICK = ("ideal-free", "ideal-driven", "clearance-free-0.5mm", "clearance-driven-damped", "rigid-free-0.5mm")
+QUICK = ("ideal-free", "ideal-driven", "clearance-driven-damped", "rigid-free-0.5mm")
 #: What the full set adds: ten times as many turns and more.
 LONG = (
     Length("ideal-free", 100.0, 5000, (50, 100, 200), "ideal-free-long"),
@@ -77,7 +77,7 @@ RIGID_ARMS = (
     arms.HEYOKA,
 )
 #: The scenes to which the quick set keeps heyoka, of those that it has.
-FOR_HEYOKA = ("clearance-free-0.5mm",)
+FOR_HEYOKA = ("rigid-free-0.5mm",)
 #: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
 CLEARANCE_ARMS = (
     *RIGID_ARMS,

@@ -51,7 +51,7 @@ SAMPLES = 2400
 #: samples of half a microsecond; and the restitution at which laws are told apart.
 IMPACT_SCENE, IMPACT_FROM_S, IMPACT_END_S, IMPACT_SAMPLES = "clearance-driven-0.5mm", 2.2e-4, 3e-4, 600
 LAWS, RESTITUTION = ("hertz", *DAMPING_FACTORS), 0.5
-QUICK_LAWS = ("hertz", "lankarani-nikravesh", "flores")
+QUICK_LAWS = ("hertz", "lankarani-nikravesh")
 #: Samples of a whole scene, of which every so many are kept, and the tolerance of its run.
 WHOLE_SAMPLES, WHOLE_EVERY, WHOLE_TOLERANCE = 4800, 4, 1e-9
 

@@ -53,6 +53,8 @@ ARMS = (
 FOR_HEYOKA = "everyday"
 #: Cases of the full set alone, beside long ones: each takes as long as ten others, most by its own kernels.
 COSTLY = (
+    "everyday linear law",
+    "everyday restitution 0.9",
     "everyday friction 0.1",
     "stick-slip",
     "regularisation 1 µm/s",
@@ -65,6 +67,7 @@ COSTLY = (
     "rigid e = 0.5, mechanism",
     "dead centre, loose",
     "L = r, loose",
+    "at rest at a dead centre",
 )
 
 

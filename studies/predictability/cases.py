@@ -40,9 +40,8 @@ EXPONENT_REVOLUTIONS = 1, 32
 EXPONENT_PARTS = {"_quarter": 0.25, "_half": 0.5, "": 1.0}
 #: Starts of the exponent, quick and full.
 EXPONENT_STARTS = {False: 8, True: 16}
-#: Members of the reference's ensembles; of the engines', of a scene of the user's, quick and full: one takes
-#: up to a second.
-MEMBERS, ENGINE_MEMBERS = 200, {False: 24, True: 200}
+#: Members of the reference's ensembles, quick and full, and of the engines', of which one takes up to a second.
+MEMBERS, ENGINE_MEMBERS = {False: 100, True: 200}, {False: 24, True: 200}
 #: Starts are drawn with this number beside the name of what they are for.
 SEED = 20240229
 
@@ -76,7 +75,7 @@ def cases(full: bool) -> list[Case]:
     out = [_horizon(SCENES[name]().model_copy(update={"end_time_s": end})) for name, end in horizons]
     out += [case for name in exponents for case in _exponents(SCENES[name](), full)]
     for name, parts in ENSEMBLES[full]:
-        out += _ensembles(following(SCENES[name](), round(WATCH.turns)), parts, ENGINE_MEMBERS[full])
+        out += _ensembles(following(SCENES[name](), round(WATCH.turns)), parts, full)
     return out + diagrams.cases(full) + (chains.cases() + basins.cases() if full else [])
 
 
@@ -93,7 +92,7 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
         laws = {room.law for room in clearances(scene).values()}
         engines = ("native contact",) if laws == {"rigid"} else _SAME_LAW
         out += _exponents(scene, full)
-        out += _ensembles(following(scene, round(WATCH.turns)), engines, ENGINE_MEMBERS[full])
+        out += _ensembles(following(scene, round(WATCH.turns)), engines, full)
     return out
 
 
@@ -126,15 +125,16 @@ def _case(part: str, scene: Scene, run: RunSettings, rung: Rung = REFERENCE, **c
     return Case("predictability", scene, rung.arm, run, rung.added, columns={"part": part, **columns})
 
 
-def _ensembles(scene: Scene, names: tuple[str, ...], members: int) -> list[Case]:
+def _ensembles(scene: Scene, names: tuple[str, ...], full: bool) -> list[Case]:
     """Return the reference's ensembles, then every engine's arm, with its model twin's if that differs.
 
     Of the reference's own the second differs in nothing but its draws, and the last by more than the margins.
     """
-    out = _members(scene, SHARP.arm.label, SHARP, MEMBERS)
-    out += _members(scene, "reference (other starts)", SHARP, MEMBERS)
-    out += _members(scene, "reference (RK4)", PAPERS, MEMBERS)
-    out += _members(tighter(scene), "reference (a tenth less clearance)", SHARP, MEMBERS)
+    own, members = MEMBERS[full], ENGINE_MEMBERS[full]
+    out = _members(scene, SHARP.arm.label, SHARP, own)
+    out += _members(scene, "reference (other starts)", SHARP, own)
+    out += _members(scene, "reference (RK4)", PAPERS, own)
+    out += _members(tighter(scene), "reference (a tenth less clearance)", SHARP, own)
     for rung in (*(RUNGS[name] for name in names), *(Rung(arm, STEP_S) for arm in arms.newcomers())):
         out += _members(scene, rung.arm.label, rung, members)
         try:

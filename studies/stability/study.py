@@ -54,7 +54,7 @@ FINE = (1, 2, 3, 5, 7, 10, 14, 20, 30, 50, 70, 100, 140, 200, 300, 500)
 CLEARANCE_M, SPEED_RPM, EXPONENT = 5e-4, 5000.0, 1.5
 #: Parts of the stiffness of steel, radial clearances and crank speeds of the maps: quick, then what the full
 #: set adds.
-STIFFNESS_FACTORS, MORE_FACTORS = (0.1, 1.0, 10.0, 100.0, 1000.0), (0.3, 3.0, 30.0, 300.0)
+STIFFNESS_FACTORS, MORE_FACTORS = (1.0, 100.0, 1000.0), (0.1, 0.3, 3.0, 10.0, 30.0, 300.0)
 CLEARANCES_M, MORE_CLEARANCES_M = (2e-5, 1e-4, 5e-4, 2.5e-3), (5e-5, 2e-4, 1e-3)
 SPEEDS_RPM, MORE_SPEEDS_RPM = (1250.0, 5000.0, 20000.0), (2500.0, 10000.0)
 
