@@ -40,7 +40,7 @@ EXPONENT_REVOLUTIONS = 1, 32
 EXPONENT_PARTS = {"_quarter": 0.25, "_half": 0.5, "": 1.0}
 #: Starts of the exponent, quick and full.
 EXPONENT_STARTS = {False: 8, True: 16}
-#: Members of the reference's ensembles, quick and full, and of the engines', of which one takes up to a second.
+#: Members of the reference's ensembles and of the engines', quick and full: one of these takes some 0.5 s.
 MEMBERS, ENGINE_MEMBERS = {False: 100, True: 200}, {False: 24, True: 200}
 #: Starts are drawn with this number beside the name of what they are for.
 SEED = 20240229
@@ -130,11 +130,11 @@ def _ensembles(scene: Scene, names: tuple[str, ...], full: bool) -> list[Case]:
 
     Of the reference's own the second differs in nothing but its draws, and the last by more than the margins.
     """
-    own, members = MEMBERS[full], ENGINE_MEMBERS[full]
-    out = _members(scene, SHARP.arm.label, SHARP, own)
-    out += _members(scene, "reference (other starts)", SHARP, own)
-    out += _members(scene, "reference (RK4)", PAPERS, own)
-    out += _members(tighter(scene), "reference (a tenth less clearance)", SHARP, own)
+    references, members = MEMBERS[full], ENGINE_MEMBERS[full]
+    out = _members(scene, SHARP.arm.label, SHARP, references)
+    out += _members(scene, "reference (other starts)", SHARP, references)
+    out += _members(scene, "reference (RK4)", PAPERS, references)
+    out += _members(tighter(scene), "reference (a tenth less clearance)", SHARP, references)
     for rung in (*(RUNGS[name] for name in names), *(Rung(arm, STEP_S) for arm in arms.newcomers())):
         out += _members(scene, rung.arm.label, rung, members)
         try:
