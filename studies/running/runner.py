@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, nullcontext
+from itertools import cycle
 from pathlib import Path
 from typing import ParamSpec, TypeVar, cast
 
@@ -46,20 +47,22 @@ SHOWN_FILES = 3
 class Lanes(LimitedExecutor):
     """Processes in two lanes: of studies that follow each other one runs in each, in its own half of them.
 
-    So what one compiles for long, or cannot share with others in a process, does not stop the next one.
+    So what one compiles for long, or cannot share with others in a process, does not stop the next one. The
+    last two use both, so that none is idle at the end.
     """
 
     def __init__(self, jobs: int, studies: Sequence[str]) -> None:
         sizes = (jobs - jobs // 2, jobs // 2) if jobs > 1 and len(studies) > 1 else (jobs,)
         self._pools = [Processes(size) for size in sizes]
-        self._pool_of = {study: self._pools[place % len(sizes)] for place, study in enumerate(studies)}
+        own = {study: [self._pools[place % len(sizes)]] for place, study in enumerate(studies[:-2])}
+        self._turns = {study: cycle(own.get(study, self._pools)) for study in studies}
 
     def submit_within(
         self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> "Future[T]":
-        """Run a call on a case, its last argument, in the lane of its study."""
-        case = cast(Case, args[-1])
-        return self._pool_of[case.study].submit_within(limits, call, *args, **kwargs)
+        """Run a call on a case, its last argument, in a lane of its study."""
+        pool = next(self._turns[cast(Case, args[-1]).study])
+        return pool.submit_within(limits, call, *args, **kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Take no more calls, as ``Processes.shutdown`` does."""

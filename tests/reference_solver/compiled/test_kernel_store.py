@@ -7,12 +7,16 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from reference_solver.compiled import checked_files
+from reference_solver.compiled.checked_files import made_once
 from reference_solver.compiled.folder import FolderRefused, private_folder, say_once, writable_folder
 from reference_solver.compiled.store import kernel_folder, load_kernel, njit
 from tests.helpers.command import crankslider
@@ -244,3 +248,24 @@ def test_of_two_kinds_of_argument_each_loads_its_own_machine_code() -> None:
         kernel: ModuleType = load_kernel(SOURCE)
         assert (kernel.twice(21.0), kernel.twice(2.0 + 1.0j)) == (42.0, 4.0 + 2.0j)
     assert len(list(kernel_folder().iterdir())) == 2
+
+
+def test_what_is_made_by_one_is_waited_for_by_the_others_but_not_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    inside, most = [0], [0]
+
+    def make(_: int) -> None:
+        with made_once("thing"):
+            inside[0] += 1
+            most[0] = max(most[0], inside[0])
+            time.sleep(0.02)
+            inside[0] -= 1
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(make, range(4)))
+    assert most == [1]
+    assert not list(kernel_folder().glob("*.lock"))
+    monkeypatch.setattr(checked_files, "WAIT_S", 0.1)
+    with made_once("thing"), made_once("thing"):  # the other one hangs
+        pass

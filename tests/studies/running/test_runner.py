@@ -26,7 +26,7 @@ from studies.running.execution import Limits, RunBroken
 from studies.running.outcome import run_case
 from studies.running.processes import Processes
 from studies.running.provenance import fingerprint
-from studies.running.runner import run_study
+from studies.running.runner import Lanes, run_study
 from tests.helpers.row_files import read_rows
 
 
@@ -145,3 +145,19 @@ def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
     cases = [c for c in agreement.cases(False) if c.key(fingerprint("agreement", c.engine)) in done]
     run_study("agreement", cases, tmp_path / "agreement", refused)
     assert [json.loads(line) for line in whole] == rows(tmp_path / "agreement")
+
+
+def process_of(_: Case) -> int:
+    return os.getpid()
+
+
+def test_studies_run_in_two_lanes_and_the_last_two_in_both() -> None:
+    names = ["agreement", "clearance", "energy", "stability", "extremes"]
+    with Lanes(2, names) as lanes:
+        calls = {
+            name: [lanes.submit(process_of, replace(case(), study=name)) for _ in range(4)] for name in names
+        }
+        ran_in = {name: {call.result() for call in of} for name, of in calls.items()}
+    assert ran_in["agreement"] == ran_in["energy"] != ran_in["clearance"]
+    assert len(ran_in["agreement"]) == len(ran_in["clearance"]) == 1
+    assert ran_in["stability"] == ran_in["extremes"] == ran_in["agreement"] | ran_in["clearance"]
