@@ -208,8 +208,8 @@ def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
         if not name.startswith("setting_") and table[name].map(_may_be_number).all()
     }
     measured["mean_step_s"] = measured.get("mean_step_s", measured["step_s"]).fillna(measured["step_s"])
-    table = table.assign(**measured, label=in_legend_order(table))
-    return table.copy()  # in one piece, which is quicker to select from
+    columns = {**dict(table.items()), **measured, "label": in_legend_order(table)}
+    return pd.DataFrame(columns)  # in one piece, which is quicker to select from
 
 
 def with_columns(rows: pd.DataFrame, *names: str) -> pd.DataFrame:
