@@ -248,9 +248,8 @@ def _as_done(cases: dict[str, Case], futures: dict[str, Result]) -> Iterator[tup
     code, looked = code_of({(case.study, case.engine) for case in cases.values()}), -math.inf
     while futures:
         done, _ = wait(futures.values(), LOOK_S, FIRST_COMPLETED)
-        if time.monotonic() < looked + LOOK_S:
-            files = []
-        else:
+        files = []
+        if time.monotonic() >= looked + LOOK_S or any(map(_broken, done)):
             files, looked = changed_code(code), time.monotonic()
         if files:
             shown = ", ".join(files[:SHOWN_FILES]) + ", ..." * (len(files) > SHOWN_FILES)
@@ -259,6 +258,11 @@ def _as_done(cases: dict[str, Case], futures: dict[str, Result]) -> Iterator[tup
             )
         for key in [key for key, future in futures.items() if future in done]:
             yield key, futures.pop(key)
+
+
+def _broken(future: Result) -> bool:
+    """Return whether a process refused a case, which it does where its code is other than the run's."""
+    return not future.cancelled() and isinstance(future.exception(), RunBroken)
 
 
 def _run_case_by(code: str, case: Case) -> tuple[Row, Curves]:
