@@ -8,7 +8,7 @@ study: .venv/.study
 	$(BIN)/crankslider run
 	$(BIN)/crankslider report
 
-# The page of the rows that are published, with their times: of the quick set, and of the full one in full/.
+# The pages of the rows that are published, of the quick set and of the full one.
 published-page: .venv/.study
 	$(BIN)/crankslider report --results reports/published/results --out published-page --quiet
 	$(BIN)/crankslider report --results reports/published/full/results --out published-page-full --quiet

@@ -48,13 +48,14 @@ class Lanes(LimitedExecutor):
     """Processes in two lanes: of studies that follow each other one runs in each, in its own half of them.
 
     So what one compiles for long, or cannot share with others in a process, does not stop the next one. The
-    last two use both, so that none is idle at the end.
+    last two, or three, use both, so that none is idle at the end.
     """
 
     def __init__(self, jobs: int, studies: Sequence[str]) -> None:
         sizes = (jobs - jobs // 2, jobs // 2) if jobs > 1 and len(studies) > 1 else (jobs,)
         self._pools = [Processes(size) for size in sizes]
-        own = {study: [self._pools[place % len(sizes)]] for place, study in enumerate(studies[:-2])}
+        paired = studies[: max(0, len(studies) - 2) // 2 * 2]
+        own = {study: [self._pools[place % len(sizes)]] for place, study in enumerate(paired)}
         self._turns = {study: cycle(own.get(study, self._pools)) for study in studies}
 
     def submit_within(
@@ -105,11 +106,14 @@ def run_studies(
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
         local = lent(stack.enter_context(Lanes(jobs, names)))
         asked = {name: [case for case in of if not only or case.engine in only] for name, of in cases.items()}
-        _run_all(asked, folders, executor or local, local, retry_failed)
-        for name, rows in folders.items():
-            content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY, "rows": rows.digest()}
+
+        def finish(name: str) -> None:
+            digest = folders[name].digest()
+            content = {**facts[name], "memory_limits_enforced": LIMITS_MEMORY, "rows": digest}
             content["checksum"] = checksum(content)
             write_whole(out / name / "sidecar.json", json.dumps(content, indent=2).encode() + b"\n")
+
+        _run_all(asked, folders, executor or local, local, retry_failed, finish)
 
 
 def run_study(
@@ -151,8 +155,12 @@ def _run_all(
     executor: Executors,
     processes: Executors,
     retry_failed: bool,
+    finish: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Run the cases of studies that their folders lack: those of all that may run beside each other first."""
+    """Run the cases of studies that their folders lack: those of all that may run beside each other first.
+
+    ``finish`` is called with a study's name as soon as it lacks none.
+    """
     wanted = {name: {case.key(_fingerprint(case)): case for case in of} for name, of in cases.items()}
     lacking = {
         name: {key: case for key, case in of.items() if folders[name].lacks(key, retry_failed)}
@@ -168,9 +176,18 @@ def _run_all(
             for name, of in wanted.items()
         }
 
+        left = {name: len(of) for name, of in lacking.items()}
+
         def keep(key: str, row: Row, curves: Curves) -> None:
-            folders[study_of[key]].keep(key, row, curves)
-            progress.advance(bars[study_of[key]])
+            name = study_of[key]
+            folders[name].keep(key, row, curves)
+            progress.advance(bars[name])
+            left[name] -= 1
+            if not left[name]:
+                finish(name)
+
+        for name in (name for name, count in left.items() if not count):
+            finish(name)
 
         for some, make in _phases(pending, executor, processes):
             if again := _run(some, make, keep):

@@ -152,12 +152,15 @@ def process_of(_: Case) -> int:
 
 
 def test_studies_run_in_two_lanes_and_the_last_two_in_both() -> None:
-    names = ["agreement", "clearance", "energy", "stability", "extremes"]
+    names = ["agreement", "clearance", "energy", "predictability", "stability", "extremes"]
     with Lanes(2, names) as lanes:
         calls = {
             name: [lanes.submit(process_of, replace(case(), study=name)) for _ in range(4)] for name in names
         }
         ran_in = {name: {call.result() for call in of} for name, of in calls.items()}
-    assert ran_in["agreement"] == ran_in["energy"] != ran_in["clearance"]
+    assert ran_in["agreement"] == ran_in["energy"] != ran_in["clearance"] == ran_in["predictability"]
     assert len(ran_in["agreement"]) == len(ran_in["clearance"]) == 1
     assert ran_in["stability"] == ran_in["extremes"] == ran_in["agreement"] | ran_in["clearance"]
+    with Lanes(2, names[:3]) as lanes:
+        calls_of_three = [lanes.submit(process_of, case()) for _ in range(4)]
+        assert len({call.result() for call in calls_of_three}) == 2, "an odd one has no lane of its own"
