@@ -9,6 +9,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Collection, Iterable
+from datetime import datetime, timezone
 from functools import cache, reduce
 from importlib.metadata import version
 from operator import or_
@@ -85,6 +86,7 @@ def sidecar(study: str, full: bool, engines: Collection[str]) -> dict[str, objec
         "fingerprints": {engine: fingerprint(study, engine) for engine in engines},
         "code": code_digest(study, engines),
         "commit": _commit(),
+        "date": datetime.now(timezone.utc).date().isoformat(),
         "versions": versions(_made_of(study, engines).distributions),
         "machine": {"system": platform.system(), "processor": _processor()},
     }

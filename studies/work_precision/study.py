@@ -21,6 +21,7 @@ from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.judges.comparison import compared, judged
+from studies.judges.horizon import moved
 from studies.judges.metrics import checked
 from studies.ladders import (
     QUICK_IDEAL,
@@ -56,6 +57,8 @@ BEFORE_REST_S = {
     "rigid-start-up": 0.008,
     "rigid-compressor": 0.0075,
 }
+#: How far another start is from the scene's own, by the crank's angle in rad.
+OTHER_RAD = 1e-3
 #: Scenes for which the full set compiles kernels anew.
 COMPILED = ("ideal-driven", "clearance-driven-0.5mm", "clearance-free-OAB", "rigid-free-0.5mm")
 
@@ -70,7 +73,7 @@ def scenes(full: bool) -> list[Scene]:
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the recorded run of every rung, then rounds of bare runs of all, then compilations.
+    """Return the recorded run of every rung, then rounds of bare runs of all, compilations, and other starts.
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
@@ -96,6 +99,9 @@ def _cases_on(
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
     out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
+    if not any(scene.start.states for scene in scenes):
+        once = {(scene.name, rung.arm.label): (scene, rung) for scene, rung in rungs}
+        out += [case_of(NAME, scene, rung, 1, timed=True, other_start=1) for scene, rung in once.values()]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
@@ -124,6 +130,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     if "compiled_anew" in case.columns:
         engine: Any = make_engine(case.engine, **case.settings)
         return {"compile_time_s": engine.compile_time_s(case.scene, case.run)}, {}
+    if "other_start" in case.columns:
+        return {"other_start_time_s": other_start_time_s(case)}, {}
     return (times(case) if case.timed else _errors(case)), {}
 
 
@@ -164,6 +172,18 @@ def require_same_end(scene: Scene, bare: FloatArray, recorded: FloatArray) -> fl
         what = f"off by {off:.3g} m from the recorded run's" if np.isfinite(off) else "not finite"
         raise SimulationFailed(f"the timed run's end at t = {scene.end_time_s:.6g} s is {what}")
     return off
+
+
+def other_start_time_s(case: Case) -> float:
+    """Return what a run from another start takes besides the native solve, after one from the scene's own.
+
+    That is building the model and, of an engine that compiles the start with the scene, compiling it anew.
+    """
+    engine = make_engine(case.engine, **case.settings)
+    _bare_run(engine, case.scene, case.run)
+    other = moved(case.scene, OTHER_RAD)
+    start = time.perf_counter()
+    return -_bare_run(engine, other, case.run).solve_time_s + time.perf_counter() - start
 
 
 def times(case: Case, samples: int = SAMPLES) -> Row:
