@@ -6,7 +6,7 @@
     run.frame["slider_position_m"]      # pandas, over time_s
     run.plot_orbit("B")
 
-What a user gives and gets wrong is refused with a ``BadInput``, in the words of the command line.
+Bad input raises ``BadInput``, with the message of the command line.
 """
 
 import os
@@ -32,12 +32,12 @@ PACKAGES = ("reference_solver", "engine_models", "studies", "reports")
 
 @contextmanager
 def _home_first() -> Iterator[None]:
-    """Have our packages found beside this file, though the user's folder may have some of the same names.
+    """Import this project's packages from beside this file, also if the user's folder has the same names.
 
-    What else is in the user's can be imported as well, before and after.
+    Other modules in the user's folder can be imported before and after.
 
     Raises:
-        ImportError: a module of the user's has the full name of one of ours.
+        ImportError: a module of the user has the full name of one of this project.
     """
     home = Path(__file__).resolve().parent
     for name, module in list(sys.modules.items()):
@@ -78,7 +78,7 @@ with _home_first():
 __all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep", "truth"]
 __version__ = version("crankslider")
 
-#: The library's scenes by name.
+#: The scenes of the library by name.
 scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in SCENES.items()})
 
 
@@ -94,16 +94,16 @@ def simulate(
     settings: Mapping[str, object] | None = None,
     **more_settings: object,
 ) -> Run:
-    """Return the run of a scene: of one made here, of the library's by name, or of one in a TOML file.
+    """Return the run of a scene: a ``Scene``, the name of a library scene, or the path of a TOML file.
 
-    ``step`` in s is the longest time step, 1e-5 unless the engine chooses its own. With a ``tolerance`` in m
-    the run is sharpened until the slider is known so well. ``end`` in s takes the place of the scene's,
-    ``samples`` is the number of equal output intervals. Settings of the engine go by their names, in a
-    mapping or as further arguments. Doubts about the run are warned of.
+    ``step`` in s is the longest time step; the default is 1e-5, unless the engine chooses its steps. With a
+    ``tolerance`` in m the run is refined until the slider position is accurate to it. ``end`` in s replaces
+    the end time of the scene. ``samples`` is the number of output intervals of equal length. Settings of the
+    engine are given by name, in a mapping or as further arguments. Doubts about the run are warnings.
 
     Raises:
         BadInput: an argument or the scene is refused, or the engine cannot run the scene.
-        Failed: the simulation broke down; the message says when and why.
+        Failed: the simulation failed; the message says when and why.
     """
     from studies.command.simulation import simulated  # loads the compiler, which takes a second
 
@@ -119,10 +119,10 @@ def simulate(
 
 @check_arguments
 def truth(scene: SomeScene, *, end: Duration | None = None, samples: Samples = 120) -> "TrueRun":
-    """Return the true motion of a scene, as far as it is certain: what a solver can be held to.
+    """Return the reference solution of a scene, for the validation of other solvers.
 
-    It is by equations that no engine has a part in. Its samples end where two true solutions part;
-    ``certain_m`` is how well the slider's position is known up to there.
+    It is independent of all engines. Its samples end at the predictability horizon, where two solutions
+    diverge. ``certain_m`` is the uncertainty of the slider position up to there, in m.
 
     Raises:
         BadInput: an argument or the scene is refused.
@@ -140,15 +140,15 @@ def truth(scene: SomeScene, *, end: Duration | None = None, samples: Samples = 1
 
 @check_arguments
 def compare(scene: SomeScene, engines: Sequence[str] = (), folder: Place | None = None) -> "Comparison":
-    """Return what engines are worth on a scene: rows, a recommendation, and a page to be saved.
+    """Compare engines on a scene and return rows, a recommendation, and a page that can be saved.
 
-    ``engines`` are those named, all if none is. Runs are kept in ``folder``, ``comparison/NAME`` unless
-    given, where a second call goes on. They take a minute or a few in processes of their own, so in a
-    script the call belongs under ``if __name__ == "__main__":``.
+    ``engines`` are the names of engines; empty means all. Runs are saved in ``folder`` (default:
+    ``comparison/NAME``), from which a second call continues. They take one to a few minutes in processes of
+    their own. In a script, call this function under ``if __name__ == "__main__":``.
 
     Raises:
-        BadInput: an argument or the scene is refused, it has no truth, or no engine can run it.
-        Failed: the truth was not found, or no engine finished.
+        BadInput: an argument or the scene is refused, it has no reference solution, or no engine can run it.
+        Failed: the reference solution was not found, or no engine finished.
     """
     from studies.command.comparison import comparison, default_folder
     from studies.command.study_run import joined, running_in
@@ -173,16 +173,15 @@ def sweep(
     settings: Mapping[str, object] | None = None,
     **options: object,
 ) -> "Swept":
-    """Return the sweep of a scene: a row for each of many members that differ in some fields.
+    """Run a scene with many values of its fields and return the rows, one per member.
 
-    ``vary`` has for each field, by its path, a range as text or the values themselves; ``options`` are those
-    of the command line by their names (see ``studies.command.sweep.SweepOptions``). The rows go to the
-    Parquet file ``out``, from which a sweep that was interrupted goes on, or to a new one in a temporary
-    folder.
+    ``vary`` maps the path of a field to a range as text, or to its values. ``options`` are those of the
+    command line, by name (see ``studies.command.sweep.SweepOptions``). The rows are written to the Parquet
+    file ``out``, from which an interrupted sweep resumes; the default is a file in a temporary folder.
 
     Raises:
-        BadInput: an argument is refused, or what the sweep would take.
-        Failed: the members cannot go on.
+        BadInput: an argument is refused, or the resources that the sweep needs.
+        Failed: the members cannot continue.
     """
     from studies.command.endings import ending_of
     from studies.command.sweep import asked, options_of, swept
@@ -201,6 +200,6 @@ def load(path: Place) -> Scene:
     """Return the scene in a TOML file.
 
     Raises:
-        BadInput: there is none; the message names the file, the line and the field.
+        BadInput: there is no valid scene; the message names the file, the line and the field.
     """
     return file.load(Path(path))

@@ -1,4 +1,4 @@
-"""How Sphinx makes these pages: ``make docs``. They need no network to be read."""
+"""Configuration of Sphinx for these pages (``make docs``). The pages need no network."""
 
 import sys
 from importlib.metadata import version as version_of
@@ -18,7 +18,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathm
 exclude_patterns = ["_build"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
-smartquotes = False  # the quotes in settings are typed as they stand
+smartquotes = False  # quotes in settings are typed as shown
 
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
@@ -35,12 +35,12 @@ html_copy_source = html_show_sourcelink = False
 
 
 def text_alone(_app: Sphinx, what: str, _name: str, *others: object) -> None:
-    """Begin a property's text with an escaped blank: else Napoleon takes what precedes a colon for a type."""
+    """Start the text of a property with an escaped blank: Napoleon reads text before a colon as a type."""
     *_, lines = others
     if what == "property":
         cast(list[str], lines).insert(0, r"\ ")
 
 
 def setup(app: Sphinx) -> None:
-    """Come before Napoleon, whose priority is the usual 500."""
+    """Run before Napoleon, which has the default priority of 500."""
     app.connect("autodoc-process-docstring", text_alone, priority=400)

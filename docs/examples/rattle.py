@@ -4,7 +4,7 @@ The coordinates q are (x, y, phi) of crank, rod and slider. Joints, guide and dr
 
     g(q, t) = linear q + cosine cos(phi) + sine sin(phi) - target(t) = 0,  G = dg/dq.
 
-A row's multiplier is the force, or the torque, that it puts on the body entered with a plus.
+The multiplier of a row is the force or torque on the body that is entered with a positive sign.
 """
 
 import time
@@ -24,38 +24,38 @@ from engine_models.mechanics.assembly import start_state
 from engine_models.progress import tell
 from engine_models.scene.scene import Scene
 
-#: The rows: two for each of the joints O, A and B, then y and phi of the slider, then the driven crank's phi.
+#: Rows: two for each of the joints O, A and B, then y and phi of the slider, then phi of a driven crank.
 JOINTS, GUIDE, DRIVE = slice(0, 6), 6, 8
-#: What rows may be off in m and rad after a step, and how many corrections of it they get.
+#: Allowed error of the rows after a step in m and rad, and the largest number of corrections in a step.
 CLOSED, MOST_CORRECTIONS = 1e-14, 50
 
 
 @dataclass(frozen=True)
 class Rattle:
-    """Equal steps of order 2; there is nothing to set."""
+    """RATTLE with equal steps, of order 2; it has no settings."""
 
     order = 2
 
     def check(self, scene: Scene) -> None:
-        """Raise UnsupportedScene for what the model has no terms for."""
+        """Raise UnsupportedScene for a scene that the model does not cover."""
         if not scene.is_crank_slider or scene.joints_with_clearance:
             raise UnsupportedScene("rattle runs crank-sliders with ideal joints only")
         if scene.drive.kind not in ("free", "torque", "constant-speed"):
             raise UnsupportedScene(f"rattle has no drive of kind '{scene.drive.kind}'")
         if scene.load.slider is not None or scene.start.states:
-            raise UnsupportedScene("rattle has no loads, and begins with its joints closed")
+            raise UnsupportedScene("rattle has no loads, and starts with closed joints")
 
     def twin(self, scene: Scene) -> Scene:
-        """Return the scene itself: what is supported is solved as it is."""
+        """Return the scene itself: the model solves it without changes."""
         self.check(scene)
         return scene
 
     def sharper(self) -> "Rattle":
-        """Return the engine itself: the step alone decides."""
+        """Return the engine itself: only the step sets its accuracy."""
         return self
 
     def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        """Run the scene; raise SimulationFailed where the joints cannot be closed."""
+        """Run the scene; raise SimulationFailed if the joints cannot be closed."""
         self.check(scene)
         per_sample, step = settings.steps_per_sample(scene.end_time_s), settings.step_used_s(scene.end_time_s)
         times = np.linspace(0.0, scene.end_time_s, settings.samples + 1)
@@ -86,7 +86,7 @@ class Rattle:
 
 
 class Motion:
-    """A crank-slider at one time: its rows, its state, and the way to the next time."""
+    """A crank-slider at one time: its rows, its state, and the step to the next time."""
 
     def __init__(self, scene: Scene) -> None:
         crank, rod, _ = bodies = scene.crank_slider()
@@ -111,13 +111,13 @@ class Motion:
         self._look()
 
     def _enter(self, joint: int, body: int, arm_m: float, sign: int) -> None:
-        """Enter a body's pin, at a distance along its axis, into the two rows of a joint."""
+        """Enter the pin of a body, at ``arm_m`` along its axis, into the two rows of a joint."""
         x, y = 2 * joint, 2 * joint + 1
         self.linear[x, 3 * body] = self.linear[y, 3 * body + 1] = sign
         self.cosine[x, body] = self.sine[y, body] = sign * arm_m
 
     def _look(self) -> None:
-        """Work out G and (G M^-1 G^T)^-1 where the bodies are."""
+        """Compute G and (G M^-1 G^T)^-1 at the present positions."""
         turned = self.q[2::3]
         self.gradient = self.linear.copy()
         self.gradient[:, 2::3] += self.sine * np.cos(turned) - self.cosine * np.sin(turned)
@@ -127,7 +127,7 @@ class Motion:
             raise SimulationFailed(f"singular position, crank at {self.q[2]:.6g} rad") from None
 
     def advance(self, step: float) -> None:
-        """Take a step: half a kick, so that the joints will be closed, a drift, and the other half."""
+        """Take a step: half a step of velocity that closes the joints, a step of position, the other half."""
         before, gradient, half = self.q, self.gradient, step / 2
         self.target = self.target + step * self.rate
         pull = self.multipliers
@@ -152,7 +152,7 @@ class Motion:
         return self.linear @ self.q + self.cosine @ np.cos(turned) + self.sine @ np.sin(turned) - self.target
 
     def sample(self) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
-        """Return q, q', the multipliers for which the rows stay closed, the drive's torque and its work."""
+        """Return q, q', the multipliers that keep the rows closed, the driver torque and its work."""
         turned = self.q[2::3]
         bend = (self.cosine * np.cos(turned) + self.sine * np.sin(turned)) @ self.v[2::3] ** 2
         multipliers = self.inverse @ (bend - self.gradient @ (self.mobility * self.force))

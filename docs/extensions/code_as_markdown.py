@@ -1,4 +1,4 @@
-"""What engines, scenes and commands say of themselves, as Markdown."""
+"""The descriptions of engines, scenes and commands in the code, as Markdown."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from inspect import cleandoc
@@ -17,11 +17,11 @@ from studies.command.main import app
 
 
 def _kind(drive: type[SceneData]) -> str:
-    """Return how a drive is called in a scene file."""
+    """Return the name of a drive in a scene file."""
     return str(get_args(drive.model_fields["kind"].annotation)[0])
 
 
-#: The sections of a scene file in the order in which people write them.
+#: The sections of a scene file, in their usual order.
 SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
     ("The top of the file", scene.Scene),
     ("[crank] and [rod]", scene.Link),
@@ -37,10 +37,10 @@ SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
 
 
 def engine(name: str) -> str:
-    """Return an engine's documentation, its settings, and the library scenes that it refuses and why."""
+    """Return the documentation of an engine, its settings, and the library scenes that it refuses."""
     kind = engine_class(name)
     said = "\n\n".join(cleandoc(each.__doc__ or "") for each in kind.__mro__ if each is not object)
-    settings = _table(("setting", "default", "takes"), _rows(kind))
+    settings = _table(("setting", "default", "allowed values"), _rows(kind))
     refusals: dict[str, list[str]] = {}
     for scene_name, make in SCENES.items():
         try:
@@ -48,10 +48,10 @@ def engine(name: str) -> str:
         except UnsupportedScene as reason:
             refusals.setdefault(str(reason), []).append(f"`{scene_name}`")
     count = len(SCENES) - sum(map(len, refusals.values()))
-    refused = _table(("why", "scenes"), ((reason, ", ".join(them)) for reason, them in refusals.items()))
-    runs = f"At its defaults it runs {count} of the {len(SCENES)} library scenes."
-    what = f"{runs} The others, with its reasons:\n\n{refused}" if refusals else runs
-    return f"## What it is\n\n{said}\n\n## Settings\n\n{settings}\n\n## What it refuses\n\n{what}\n"
+    refused = _table(("reason", "scenes"), ((reason, ", ".join(them)) for reason, them in refusals.items()))
+    runs = f"With its defaults it runs {count} of the {len(SCENES)} library scenes."
+    what = f"{runs} It refuses the others:\n\n{refused}" if refusals else runs
+    return f"## Model\n\n{said}\n\n## Settings\n\n{settings}\n\n## Refused scenes\n\n{what}\n"
 
 
 def scenes() -> str:
@@ -61,20 +61,20 @@ def scenes() -> str:
         made, what = make(), (make.__doc__ or "").partition("\n")[0]
         loose = ", ".join(made.joints_with_clearance)
         rows.append((f"`{name}`", made.drive.kind, loose, f"{made.end_time_s:g}", what))
-    return _table(("scene", "drive", "clearance", "end in s", "what it is"), rows)
+    return _table(("scene", "drive", "clearance", "end time in s", "description"), rows)
 
 
 def scene_sections() -> str:
-    """Return every section of a scene file with what its fields take."""
+    """Return every section of a scene file with the allowed values of its fields."""
     parts = []
     for heading, kind in SECTIONS:
-        rows = _table(("field", "default", "takes"), _rows(kind))
+        rows = _table(("field", "default", "allowed values"), _rows(kind))
         parts.append(f"## {heading}\n\n{cleandoc(kind.__doc__ or '')}\n\n{rows}")
     return "\n\n".join(parts)
 
 
 def commands() -> str:
-    """Return what every command does, and its arguments and options."""
+    """Return the description, the arguments and the options of every command."""
     parts, group = [], cast(Any, get_command(app))
     for name, of in group.commands.items():
         rows = [(f"`{_usage(each)}`", each.help) for each in of.params if getattr(each, "help", None)]
@@ -83,7 +83,7 @@ def commands() -> str:
 
 
 def _usage(parameter: Any) -> str:
-    """Return how an argument or an option is typed."""
+    """Return an argument or an option as it is typed."""
     metavar = parameter.metavar or ""
     return metavar if parameter.param_type_name == "argument" else f"{parameter.opts[0]} {metavar}".strip()
 

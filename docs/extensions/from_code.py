@@ -1,4 +1,4 @@
-"""The directive ``from-code``: pages hold what the code says of itself, as it is now.
+"""The directive ``from-code``: a page contains descriptions from the present code.
 
 ```{from-code} engine pymunk
 ```
@@ -20,7 +20,7 @@ WRITERS: dict[str, Callable[..., str]] = {
 
 
 class FromCode(SphinxDirective):
-    """What the writer of this name says, with the arguments behind it."""
+    """The text of the writer of this name, called with the arguments after it."""
 
     required_arguments, optional_arguments = 1, 1
 

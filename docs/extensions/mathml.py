@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers show by themselves: no script, no picture and no network."""
+"""Formulas as MathML, which browsers show without script, image or network."""
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
@@ -13,7 +13,7 @@ def inline(writer: HTML5Translator, node: nodes.math) -> None:
 
 
 def block(writer: HTML5Translator, node: nodes.math_block) -> None:
-    """Write a formula that stands by itself."""
+    """Write a displayed formula."""
     writer.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>\n')
     raise nodes.SkipNode
 

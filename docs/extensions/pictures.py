@@ -1,4 +1,4 @@
-"""The directive ``picture``: the figure that an expression of Python returns, drawn when pages are made.
+"""The directive ``picture``: the figure that a Python expression returns, drawn when the pages are built.
 
 ```{picture} The pin in its clearance
 cs.simulate("clearance-driven-0.5mm", end=0.003).plot_orbit("B")

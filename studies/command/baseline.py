@@ -1,4 +1,4 @@
-"""What commands hold to baselines: numbers of engines and arms, held to tables or written there."""
+"""Baselines: numbers of configurations are compared with tables, or written to them."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,13 @@ Baselines = dict[Key, Baseline]
 
 @dataclass(frozen=True)
 class Gate:
-    """Subjects and the folder of the tables that they are held to."""
+    """Configurations, and the folder of the tables with which they are compared."""
 
     subjects: Sequence[Subject]
     folder: Path
 
     def require_place(self, accept: bool) -> None:
-        """Raise BadInput where there is no table to be held to, or none can be written to ``accept``."""
+        """Raise BadInput if there is no table to compare with, or if ``accept`` cannot write one."""
         if accept:
             with writing("--baselines", self.folder):
                 require_folder(self.folder)
@@ -35,11 +35,11 @@ class Gate:
             raise BadInput(f"--baselines: expected a folder with tables, got '{self.folder}': {todo}")
 
     def hold_or_accept(self, why: str | None) -> None:
-        """Hold what is measured to the tables, or write it there with the reason ``why`` if one is given.
+        """Compare measured numbers with the tables, or write them there with the reason ``why``, if given.
 
         Raises:
             BadInput: a table is damaged.
-            Failed: a run came to no end; a number left its band, or has none, or is gone.
+            Failed: a run did not finish; a number left its band, has none, or is missing.
         """
         if why:
             self._accept(why)
@@ -47,25 +47,25 @@ class Gate:
             self._hold()
 
     def _hold(self) -> None:
-        """Measure all subjects, and print what left its band."""
+        """Measure all configurations, and print the numbers that left their bands."""
         baselines, _ = self._read()
         lines = verdicts(_measured(self.subjects, {}), baselines)
         if lines:
             print("\n".join(lines))
-            raise Failed(f"{len(lines)} numbers are not what their baselines say")
+            raise Failed(f"{len(lines)} numbers differ from their baselines")
         note(f"{len(baselines)} numbers are within their bands")
 
     def _accept(self, why: str) -> None:
-        """Measure all subjects, and give a new baseline to what left its band, or had none."""
+        """Measure all configurations; write new baselines for numbers that left their bands or had none."""
         before, absent = self._read()
         after = accepted(_measured(self.subjects, {}), before, self.subjects, why, _measured)
         with writing("baselines", self.folder):
             write_tables(after | absent, self.folder)
         changed = sum(after.get(key) != before.get(key) for key in after.keys() | before.keys())
-        note(f"{changed} of {len(after)} baselines are new, in {self.folder}")
+        note(f"{changed} of {len(after)} baselines in {self.folder} are new")
 
     def _read(self) -> tuple[Baselines, Baselines]:
-        """Return the baselines of what this platform can run, and those of what it cannot, which is said."""
+        """Return the baselines of configurations that this platform can run, and all others, with a note."""
         try:
             every = read_tables(self.folder)
         except DamagedTable as reason:
@@ -78,14 +78,14 @@ class Gate:
 
 
 def require_reason(accept: bool, why: str | None) -> None:
-    """Raise BadInput where acceptance and its reason do not come together."""
+    """Raise BadInput if there is acceptance without a reason, or a reason without acceptance."""
     if accept != bool(why and why.strip()):
         came = "none" if accept else "one without --accept"
         raise BadInput(f"--why: expected a reason with --accept, got {came}")
 
 
 def _measured(some: Sequence[Subject], processor: Mapping[str, str]) -> Numbers:
-    """Return the numbers of subjects, as a processor of a kind would find them, and show how far it is."""
+    """Return the numbers of configurations as computed for one kind of processor, and show progress."""
     with Progress(console=progress_console(), transient=True) as progress:
         task = progress.add_task(
             f"on {processor['NUMBA_CPU_NAME']}" if processor else "here", total=len(some)

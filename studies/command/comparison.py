@@ -1,4 +1,4 @@
-"""A scene of the user's on every engine: which to take, and the page that says why."""
+"""A user's scene on every engine: the recommendation, and the page with its reasons."""
 
 import os
 import re
@@ -13,10 +13,9 @@ from engine_models.engines import make_engine
 from engine_models.scene.arguments import Place, check_arguments
 from engine_models.scene.file import to_toml
 from engine_models.scene.scene import Scene
-from reports.chapters.comparison.page import page
-from reports.chapters.comparison.recommendation import refusals, sentences
-from reports.chapters.comparison.sections import standings_table
-from reports.chapters.comparison.standing import Standings
+from reports.comparison.page import page
+from reports.comparison.sentences import not_run, sentences
+from reports.comparison.standing import Standings, standings_table
 from reports.results import NEVER_BEGUN, Results, read_study
 from studies.command.finished_run import Run
 from studies.comparison.question import Question, asked
@@ -32,16 +31,16 @@ from studies.running.whole_file import write_whole
 if TYPE_CHECKING:
     import pandas as pd
 
-#: The folder of the rows within that of a comparison, and output intervals of the run that is shown.
+#: The subfolder of the rows, and the output intervals of the run that is shown.
 ROWS, SHOWN_SAMPLES = "runs", 400
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What engines are worth on a scene.
+    """A comparison of engines on a scene.
 
-    ``results`` has the rows and their curves, ``run`` is the recommended one at more samples, None where none
-    can be recommended; ``given`` is the scene as it is typed in a command.
+    ``results`` has the rows and their curves. ``run`` is the recommended run with more samples, None if there
+    is no recommendation. ``given`` is the scene as it is typed in a command.
     """
 
     scene: Scene
@@ -51,27 +50,29 @@ class Comparison:
 
     @property
     def frame(self) -> "pd.DataFrame":
-        """The rows, a run each, recorded or timed in a round, with settings, errors and reasons."""
+        """The rows, one per recorded or timed run, with settings, errors, times and reasons."""
         return self.results.rows
 
     @cached_property
     def standings(self) -> Standings:
-        """Where every engine stands."""
+        """The result of every engine."""
         return Standings.of(self.frame)
 
     @property
     def recommendation(self) -> str:
-        """Which engine to take at which setting, what it costs, and where it stops being trustworthy."""
+        """The recommended engine and setting, its cost, and its limit, in sentences."""
         return "\n".join(sentences(self.standings, self.given))
 
     def table(self) -> Any:
-        """Return a line for each engine, as ``rich`` prints it."""
+        """Return a table with a line for each engine, for ``rich``."""
         from rich import box
         from rich.markup import escape
         from rich.table import Table
 
         content = standings_table(self.standings)
-        table = Table(*map(escape, content.head), title=content.title, box=box.SIMPLE)
+        table = Table(
+            *map(escape, content.head), title=content.title, caption=content.reading, box=box.SIMPLE
+        )
         for row in content.rows:
             table.add_row(*map(escape, row))
         return table
@@ -81,14 +82,14 @@ class Comparison:
         """Write the page, ``index.html``, and the rows, ``rows.csv``, to a folder.
 
         Raises:
-            BadInput: it cannot be written.
+            BadInput: the folder cannot be written.
         """
         place = Path(folder)
         pictures = {}
         if self.run is not None:
-            pictures["Motion, forces and energy"] = self.run.plot()
+            pictures["What does the recommended run look like?"] = self.run.plot()
             for joint in self.scene.joints_with_clearance:
-                pictures[f"Pin {joint} in its bearing"] = self.run.plot_orbit(joint)
+                pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
         text = page(self.results, pictures, to_toml(self.scene), self.given)
         with writing("folder", place):
             place.mkdir(parents=True, exist_ok=True)
@@ -100,18 +101,18 @@ class Comparison:
 
 
 def default_folder(scene: Scene) -> Path:
-    """Return where a scene's comparison is kept if nobody says."""
+    """Return the default folder of a scene's comparison."""
     return Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", scene.name))
 
 
 def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path) -> Comparison:
-    """Run what ``folder`` lacks of a scene's comparison, on the engines named or on all, and return it.
+    """Run the cases of a comparison that ``folder`` lacks, on the named engines or on all, and return it.
 
     ``given`` is the scene as it is typed in a command.
 
     Raises:
-        BadInput: there is no truth for the scene, or no engine that can run it.
-        Failed: the truth was not found, or no engine finished.
+        BadInput: the scene has no reference solution, or no engine can run it.
+        Failed: the reference solution was not found, or no engine finished.
     """
     pool = Processes(os.cpu_count() or 1)
     with pool:
@@ -121,8 +122,8 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
             results = _of(read_study(folder / ROWS), found)
             standings = Standings.of(results.rows)
             _require_a_run(standings)
-            case = found.get(str(standings.rows["case"].get(getattr(standings.chosen, "Index", None))))
-            run = _shown(case, pool) if case else None
+            chosen = standings.chosen
+            run = _shown(found[str(standings.rows["case"][chosen.row])], pool) if chosen else None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -131,13 +132,13 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
 
 def _question(scene: Scene, pool: Processes) -> Question:
     try:
-        with progress_console().status(f"the truth of {scene.name}"):
+        with progress_console().status(f"reference solution of {scene.name}"):
             return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
     except UnsupportedScene as reason:
-        expected = "one whose true motion can be found"
+        expected = "a scene that has a reference solution"
         raise BadInput(f"SCENE: expected {expected}, got {scene.name}: {reason}") from None
     except (SimulationFailed, CaseEnded) as reason:
-        raise Failed(f"the true motion of {scene.name} was not found: {reason}") from None
+        raise Failed(f"the reference solution of {scene.name} was not found: {reason}") from None
 
 
 def _key(case: Case) -> str:
@@ -145,7 +146,7 @@ def _key(case: Case) -> str:
 
 
 def _of(results: Results, found: Collection[str]) -> Results:
-    """Return the results of these cases alone: others may have been in the folder."""
+    """Return the results of these cases; the folder may have others."""
     rows = results.rows[results.rows["case"].isin(found)].dropna(axis="columns", how="all")
     return replace(results, rows=rows.assign(label=rows["label"].cat.remove_unused_categories()))
 
@@ -154,14 +155,14 @@ def _require_a_run(standings: Standings) -> None:
     recorded = standings.recorded
     if (recorded["status"] == "ok").any():
         return
-    reasons = " ".join(refusals(standings))
+    reasons = " ".join(not_run(standings))
     if recorded["status"].isin(NEVER_BEGUN).all():
         raise BadInput(f"--engine: expected one that can run this scene, got: {reasons}")
-    raise Failed(f"no engine has a run of this scene: {reasons}")
+    raise Failed(f"no engine finished a run of this scene: {reasons}")
 
 
 def _shown(case: Case, pool: Processes) -> Run | None:
-    """Return the run of a rung at more samples, None if at these it fails."""
+    """Return the run of a case with more samples, None if that fails."""
     step_s = case.run.step_used_s(case.scene.end_time_s)
     run = RunSettings(step_s, SHOWN_SAMPLES)
     engine = make_engine(case.engine, **case.settings)

@@ -1,4 +1,4 @@
-"""What a file will be by the ending of its name."""
+"""File formats by the ending of the name."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from engine_models.scene.plain_words import one_of, shown
 from studies.running.failures import BadInput
 
-#: Endings of pictures and of films.
+#: Endings of figures and of animations.
 PICTURES, FILMS = (".png", ".svg", ".pdf"), (".html", ".gif", ".mp4")
 
 
@@ -14,7 +14,7 @@ def ending_of(option: str, path: Path, known: Iterable[str]) -> str:
     """Return the ending of a file's name in lower case.
 
     Raises:
-        BadInput: it is none that is known.
+        BadInput: it is not among ``known``.
     """
     ending = path.suffix.lower()
     if ending not in known:
@@ -24,10 +24,10 @@ def ending_of(option: str, path: Path, known: Iterable[str]) -> str:
 
 
 def film_ending(path: Path) -> str:
-    """Return the ending of a film's file.
+    """Return the ending of an animation's file.
 
     Raises:
-        BadInput: it is none of a film, or it is .mp4 and there is no ffmpeg.
+        BadInput: it is not one of an animation, or it is .mp4 without ffmpeg.
     """
     from reports.run.film import can_write
 

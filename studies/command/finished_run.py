@@ -1,4 +1,4 @@
-"""What a simulation gives a user: tables, pictures, and how far it is to be trusted."""
+"""The result of a simulation: tables, figures, and checks of its accuracy."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-#: Samples that miss more than this part of the largest contact force are told of.
+#: A note says that samples miss the largest contact force by more than this part of it.
 MISSED = 0.1
-#: So many samples in the shortest impact show its largest force: of half a sine 99 %.
+#: This number of samples in the shortest impact shows 99 % of the largest force of half a sine.
 PER_IMPACT = 10
 
 
 class ContactForce(NamedTuple):
-    """The normal force of a contact, its joint, and its time."""
+    """Normal force of a contact, its joint, and its time."""
 
     force_N: float
     joint: str
@@ -43,10 +43,10 @@ class ContactForce(NamedTuple):
 
 @dataclass(frozen=True)
 class Run:
-    """A finished simulation: what was asked for, and all that came out.
+    """A finished simulation: its input and its results.
 
-    ``engine`` holds the settings that ran, ``tolerance_m`` is the slider's, None without one, and
-    ``warnings`` has a line for each doubt about the run. ``trajectory`` has everything as arrays.
+    ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
+    ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays.
     """
 
     scene: Scene
@@ -58,23 +58,23 @@ class Run:
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
-        """The samples: motion, forces and energies over ``time_s``, the columns of the command line's CSV."""
+        """The samples: motion, forces and energies over ``time_s``, with the columns of the command line."""
         import pandas as pd
 
         return pd.DataFrame(sample_columns(self.scene, self.trajectory)).set_index("time_s")
 
     @cached_property
     def impacts(self) -> "pd.DataFrame":
-        """The contacts that have ended, a row each in the order of time; none in an ideal scene."""
+        """The contacts that have ended, one row each in the order of time; empty in an ideal scene."""
         import pandas as pd
 
         return pd.DataFrame(impact_columns(self.trajectory.contacts))
 
     @property
     def largest_contact_force(self) -> ContactForce | None:
-        """The largest normal force of all contacts, its joint and time, of impacts and of samples.
+        """The largest normal force of all contacts, in impacts and samples, with its joint and time.
 
-        None if no pin has touched its bearing, on ideal joints, and between rigid walls.
+        None if no pin has touched its bearing, with ideal joints, and with rigid walls.
         """
         found, loose = [], clearances(self.scene)
         for joint, contact in self.trajectory.contacts.items():
@@ -87,16 +87,16 @@ class Run:
 
     @property
     def quality(self) -> Quality:
-        """How far the run is from what physics allows; ``summary()`` says so in a line."""
+        """Checks of energy balance, joint gaps and penetration; ``summary()`` gives them in a line."""
         return quality_of(self.scene, self.trajectory)
 
     @check_arguments
     def plot(self) -> "Figure":
         """Return a figure of position, velocity, forces and energy over time.
 
-        The largest contact force is marked, though no sample may be there.
+        The largest contact force is marked, also if it lies between samples.
         """
-        from reports.run.time_plot import time_plot
+        from reports.run.figures import time_plot
 
         mark = None
         if largest := self.largest_contact_force:
@@ -106,12 +106,12 @@ class Run:
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
-        """Return a figure of the pin's path in the clearance circle of a joint.
+        """Return a figure of the path of a joint's pin in its clearance circle.
 
         Raises:
             BadInput: the joint has no clearance.
         """
-        from reports.run.orbit_plot import orbit_plot
+        from reports.run.figures import orbit_plot
 
         loose = clearances(self.scene)
         if joint not in loose:
@@ -121,12 +121,12 @@ class Run:
 
     @check_arguments
     def animate(self, file: Place, exaggerate: Positive = 1.0) -> None:
-        """Write a film of the mechanism, with its joint forces as arrows, to a .html, .gif or .mp4 file.
+        """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file.
 
-        Clearances are drawn ``exaggerate`` times as large as they are.
+        Clearances are enlarged by the factor ``exaggerate``.
 
         Raises:
-            BadInput: the file ends otherwise or cannot be written, or .mp4 is wanted without ffmpeg.
+            BadInput: the file has another ending or cannot be written, or it is .mp4 without ffmpeg.
         """
         with as_arguments():
             path, ending = Path(file), film_ending(Path(file))
@@ -135,9 +135,8 @@ class Run:
                 write_whole(path, self.film(ending, exaggerate))
 
     def film(self, ending: str, exaggerate: float) -> bytes:
-        """Return the film of ``animate`` as the bytes of a file; how far it is is told as a run tells."""
-        from reports.run.film import film_bytes
-        from reports.run.mechanism import Mechanism
+        """Return the animation as the bytes of a file; progress is reported as for a run."""
+        from reports.run.film import Mechanism, film_bytes
 
         mechanism = Mechanism(
             self.scene.crank.length_m,
@@ -148,7 +147,7 @@ class Run:
 
     @property
     def made_by(self) -> dict[str, Any]:
-        """What made the run: version, engine, settings, steps, quality, and the scene as TOML."""
+        """Provenance of the run: version, engine, settings, steps, quality, and the scene as TOML."""
         return {
             "version": version("crankslider"),
             "engine": self.engine_name,
@@ -163,7 +162,7 @@ class Run:
         }
 
     def notes(self) -> list[str]:
-        """Return what there is to say of any run: its quality, steps, and largest force, a line each."""
+        """Return a line each on the quality, the steps and the largest force of the run."""
         of_method = f" of {self.engine.method}" if hasattr(self.engine, "method") else ""
         steps, allowed_s = self.trajectory.steps, self.trajectory.step_s
         mean_s = self.trajectory.time_s[-1] / max(steps, 1)
@@ -174,7 +173,7 @@ class Run:
         return [f"quality: {self.quality.summary()}", steps_taken, *self._notes_of_force()]
 
     def _notes_of_force(self) -> list[str]:
-        """Return a line on the largest contact force, and one on samples that miss it."""
+        """Return a line on the largest contact force, and one if samples miss it."""
         if (largest := self.largest_contact_force) is None:
             return []
         said = f"the largest contact force is {_newtons(largest.force_N)}"
@@ -198,12 +197,12 @@ class Run:
         return f"Run of {self._title}: {'; '.join([*self.notes(), *self.warnings])}"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: what ran, how well, and the figure."""
-        from reports.run.card import card
+        """Return the display of a notebook: title, notes, warnings and figure."""
+        from reports.run.figures import card
 
         return card(self._title, [*self.notes(), *self.warnings], self.plot())
 
 
 def _newtons(force_N: float) -> str:
-    """Return a force in words, with three digits."""
+    """Return a force as text, with three digits."""
     return f"{force_N:.3g} N" if force_N < 999.5 else f"{force_N / 1e3:.3g} kN"

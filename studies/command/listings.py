@@ -1,4 +1,4 @@
-"""What there is: the text of ``crankslider scenes`` and ``crankslider engines``."""
+"""The text of ``crankslider scenes`` and ``crankslider engines``."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import expectation, fields, meant, one_of, shown
 from studies.running.failures import BadInput
 
-#: Characters of what a setting takes, and of what is said of it in a line.
+#: Longest text of the values of a setting, and of its description, in characters.
 LONGEST_CHOICE, LONGEST_CLAUSE = 60, 100
 
 
@@ -33,7 +33,7 @@ def engine_listing() -> str:
 
 
 def engine_in_full(name: str) -> str:
-    """Return all there is to say of one engine: its documentation, its settings and what it runs.
+    """Return the description of one engine: its documentation, its settings and the scenes that it runs.
 
     Raises:
         BadInput: there is no such engine.
@@ -48,7 +48,7 @@ def engine_in_full(name: str) -> str:
 
 
 def _settings(engine: str) -> str:
-    """Return a line for each setting: its name, its default, what it takes, and what it is."""
+    """Return a line for each setting: name, default, allowed values, description."""
     cls = engine_class(engine)
     rows = []
     for key, field in fields(cls).items():
@@ -58,13 +58,13 @@ def _settings(engine: str) -> str:
 
 
 def _documentation(cls: type) -> str:
-    """Return the docstring of an engine, and those of the classes of ours that it builds on."""
+    """Return the docstring of an engine, and those of its base classes."""
     ours = (kind for kind in cls.__mro__ if kind is not object)
     return "\n\n".join(cleandoc(kind.__doc__ or "") for kind in ours)
 
 
 def _explained(setting: str, documentation: str) -> str:
-    """Return the first clause of a documentation that names a setting, on one line."""
+    """Return the first clause of a documentation that names the setting, as one line."""
     clauses = re.split(r"(?<=[.:;]) (?=[A-Z`])", " ".join(documentation.split()))
     named = re.compile(rf"``{setting}( = [^`]*)?``")
     clause = next((clause for clause in clauses if named.search(clause)), "")
@@ -72,7 +72,7 @@ def _explained(setting: str, documentation: str) -> str:
 
 
 def _support(engine: str) -> str:
-    """Return the library scenes that an engine at its defaults runs, and what it refuses by its reasons."""
+    """Return the library scenes that an engine runs at its defaults, and those that it refuses, by reason."""
     runs, refused = list[str](), dict[str, list[str]]()
     for name, make in SCENES.items():
         try:
@@ -92,7 +92,7 @@ def _summary(documented: object) -> str:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows as lines with every column as wide as its widest cell."""
+    """Return rows as lines of aligned columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""The command ``crankslider``: exit code 0, 2 for bad input, 1 for work that failed, 130 on Ctrl-C."""
+"""The command ``crankslider``: exit code 0, 2 for bad input, 1 for failed work, 130 after Ctrl-C."""
 
 import logging
 import os
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 app = Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Crank-slider simulations by the reference solver, Exudyn, Pymunk and SciPy, and the study of them.",
+    help="Simulate crank-sliders with the reference solver, Exudyn, Pymunk, SciPy and heyoka; compare them.",
 )
 
 
 def _version(wanted: bool) -> None:
-    """Print the version and leave, if that is wanted."""
+    """Print the version and exit, if it is ``wanted``."""
     if wanted:
         from importlib.metadata import version
 
@@ -34,20 +34,20 @@ def _version(wanted: bool) -> None:
 
 
 def _scenes(begun: str) -> Iterator[str]:
-    """Yield the library scenes whose names begin so, for a shell that completes."""
+    """Yield the library scenes whose names start with ``begun``, for completion in a shell."""
     from engine_models.scene.library import SCENES
 
     yield from (name for name in SCENES if name.startswith(begun))
 
 
 def _engines(begun: str) -> Iterator[str]:
-    """Yield the engines whose names begin so."""
+    """Yield the engines whose names start with ``begun``."""
     from engine_models.engines import ENGINES
 
     yield from (name for name in ENGINES if name.startswith(begun))
 
 
-#: What is checked as text, and not by Typer, so that it is refused in our own words.
+#: An option that is read as text and checked later, so that Typer does not write the error message.
 Text = str | None
 SceneName = Annotated[
     str, Argument(metavar="SCENE", help="A library scene or a TOML file.", autocompletion=_scenes)
@@ -57,17 +57,17 @@ Changes = Annotated[
     Option(
         "--with",
         metavar="FIELD=VALUE",
-        help="Another value in a field of the scene, as clearance.B.radial_clearance_m=1e-4.",
+        help="Change a field of the scene, for example clearance.B.radial_clearance_m=1e-4.",
     ),
 ]
-EndTime = Annotated[Text, Option(metavar="T", help="End time in s, in place of the scene's.")]
+EndTime = Annotated[Text, Option(metavar="T", help="End time in s; default: that of the scene.")]
 SamplesFile = Annotated[
-    Path, Option(metavar="FILE", help="Samples as .csv, .json or .parquet; - is stdout, as CSV.")
+    Path, Option(metavar="FILE", help="Write samples to .csv, .json or .parquet; - is stdout, as CSV.")
 ]
 ImpactsFile = Annotated[
-    Path | None, Option(metavar="FILE", help="Impacts, a row each, as .csv, .json or .parquet.")
+    Path | None, Option(metavar="FILE", help="Write impacts, one row each, to .csv, .json or .parquet.")
 ]
-Quiet = Annotated[bool, Option("--quiet", help="Say nothing but warnings and errors.")]
+Quiet = Annotated[bool, Option("--quiet", help="Print only warnings and errors.")]
 
 
 @app.callback()
@@ -76,12 +76,12 @@ def about(
         bool, Option("--version", help="Print the version.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Take the options that stand before a command."""
+    """Handle the options before a command."""
 
 
 @app.command()
 def scenes() -> None:
-    """List the library's scenes."""
+    """List the scenes of the library."""
     from studies.command.listings import scene_listing
 
     print(scene_listing())
@@ -90,7 +90,7 @@ def scenes() -> None:
 @app.command()
 def engines(
     name: Annotated[
-        str | None, Argument(metavar="[NAME]", help="One engine, in full.", autocompletion=_engines)
+        str | None, Argument(metavar="[NAME]", help="Describe this engine in full.", autocompletion=_engines)
     ] = None,
 ) -> None:
     """List the engines, their settings and the library scenes that each can run."""
@@ -101,7 +101,7 @@ def engines(
 
 @app.command()
 def show(scene: SceneName) -> None:
-    """Print a scene as TOML, the start of a file of your own."""
+    """Print a scene as TOML, as a template for a file of your own."""
     from engine_models.scene.file import to_toml
     from studies.command.options import read_scene
 
@@ -120,27 +120,29 @@ def simulate(
         Option("--set", metavar="KEY=VALUE", help="A setting of the engine; see 'crankslider engines'."),
     ] = None,
     changes: Changes = None,
-    step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
+    step: Annotated[
+        Text, Option(metavar="H", help="Longest time step in s; default: 1e-5, none for dop853.")
+    ] = None,
     tolerance: Annotated[
-        Text, Option(metavar="TOL", help="Sharpen the run until the slider is known to TOL in m.")
+        Text, Option(metavar="TOL", help="Refine the run until the slider position is accurate to TOL in m.")
     ] = None,
     end: EndTime = None,
-    samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "200",
+    samples: Annotated[str, Option(metavar="N", help="Number of output intervals of equal length.")] = "200",
     out: SamplesFile = Path("-"),
     impacts: ImpactsFile = None,
     plot: Annotated[
         Path | None,
-        Option(metavar="FILE", help="Figure of motion, forces and energy, as .png, .svg or .pdf."),
+        Option(metavar="FILE", help="Draw motion, forces and energy to .png, .svg or .pdf."),
     ] = None,
     animate: Annotated[
-        Path | None, Option(metavar="FILE", help="Film of the mechanism, as .html, .gif or .mp4.")
+        Path | None, Option(metavar="FILE", help="Animate the mechanism to .html, .gif or .mp4.")
     ] = None,
     exaggerate: Annotated[
-        Text, Option(metavar="TIMES", help="How many times as large the film shows clearances; 1.")
+        Text, Option(metavar="TIMES", help="Enlarge clearances in the animation by this factor; default: 1.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run one scene and write motion, forces and energy as a table; on request impacts, a figure, a film."""
+    """Run a scene; write motion, forces and energy as a table, on request impacts, a figure, an animation."""
     from studies.command import options, outputs
     from studies.command.simulation import simulated
 
@@ -164,7 +166,7 @@ def simulate(
 
 
 def _say(run: "Run") -> None:
-    """Say what there is to say of a run."""
+    """Print the warnings and notes of a run."""
     for warning in run.warnings:
         failures.say(f"warning: {warning}")
     for note in run.notes():
@@ -176,12 +178,12 @@ def truth(
     scene: SceneName,
     changes: Changes = None,
     end: EndTime = None,
-    samples: Annotated[str, Option(metavar="N", help="Output intervals of equal length.")] = "120",
+    samples: Annotated[str, Option(metavar="N", help="Number of output intervals of equal length.")] = "120",
     out: SamplesFile = Path("-"),
     impacts: ImpactsFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write a scene's true motion, as far as it is certain, by equations that no engine has a part in."""
+    """Write the reference solution of a scene, independent of all engines, as far as it is predictable."""
     from studies.command import options, outputs
     from studies.command.truth import true_run
 
@@ -202,17 +204,19 @@ def sweep(
         list[str] | None,
         Option(
             metavar="FIELD=VALUES",
-            help="Values of a field: LOW:HIGH[:log][:COUNT], or a list as 1e-5,1e-4; a grid if repeated.",
+            help="Values of a field: LOW:HIGH[:log][:COUNT] or a list, 1e-5,1e-4; repeat for a grid.",
         ),
     ] = None,
     sample: Annotated[
-        str, Option(metavar="NAME", help="grid, or draws: random, latin-hypercube or sobol.")
+        str, Option(metavar="NAME", help="grid, or a sampling: random, latin-hypercube or sobol.")
     ] = "grid",
-    members: Annotated[Text, Option(metavar="N", help="Draws in all, or at each point of a grid.")] = None,
+    members: Annotated[
+        Text, Option(metavar="N", help="Number of members, or of members at each point of a grid.")
+    ] = None,
     jitter: Annotated[
-        str, Option(metavar="RAD", help="Move each member's crank angle by up to so much at its start.")
+        str, Option(metavar="RAD", help="Change the crank angle at each start by a random value up to RAD.")
     ] = "0",
-    seed: Annotated[str, Option(metavar="S", help="Another seed draws other members.")] = "0",
+    seed: Annotated[str, Option(metavar="S", help="Seed of the random members.")] = "0",
     engine: Annotated[
         str, Option(metavar="NAME", help="See 'crankslider engines'.", autocompletion=_engines)
     ] = "reference",
@@ -220,24 +224,29 @@ def sweep(
         list[str] | None, Option("--set", metavar="KEY=VALUE", help="A setting of the engine.")
     ] = None,
     changes: Changes = None,
-    step: Annotated[Text, Option(metavar="H", help="Longest time step in s; 1e-5, none for dop853.")] = None,
-    transient: Annotated[str, Option(metavar="R", help="Turns of the crank that are not watched.")] = "0",
-    revolutions: Annotated[str, Option(metavar="R", help="Turns that are watched.")] = "2",
-    chain: Annotated[
-        Text, Option(metavar="WAY", help="up, down or both: members go on from one to the next.")
+    step: Annotated[
+        Text, Option(metavar="H", help="Longest time step in s; default: 1e-5, none for dop853.")
     ] = None,
-    exponent: Annotated[
-        bool, Option("--exponent", help="Also measure how fast neighbouring motions part.")
-    ] = False,
-    jobs: Annotated[Text, Option(metavar="N", help="Processes here; one for each core.")] = None,
-    scheduler: Annotated[Text, Option(metavar="ADDRESS", help="A Dask scheduler to run the members.")] = None,
-    hours: Annotated[str, Option(metavar="H", help="Refuse what would take longer.")] = "10",
-    out: Annotated[Path, Option(metavar="FILE", help="The rows, as .parquet.")] = Path("sweep.parquet"),
-    plot: Annotated[Path | None, Option(metavar="FILE", help="A picture, as .png, .svg or .pdf.")] = None,
-    show: Annotated[Text, Option(metavar="COLUMN", help="What the picture is of.")] = None,
+    transient: Annotated[str, Option(metavar="R", help="Revolutions before the evaluation starts.")] = "0",
+    revolutions: Annotated[str, Option(metavar="R", help="Revolutions that are evaluated.")] = "2",
+    chain: Annotated[
+        Text,
+        Option(metavar="WAY", help="up, down or both: each member starts from the end of the one before."),
+    ] = None,
+    exponent: Annotated[bool, Option("--exponent", help="Also compute the Lyapunov exponent.")] = False,
+    jobs: Annotated[Text, Option(metavar="N", help="Local processes; default: one for each core.")] = None,
+    scheduler: Annotated[
+        Text, Option(metavar="ADDRESS", help="Dask scheduler that runs the members.")
+    ] = None,
+    hours: Annotated[
+        str, Option(metavar="H", help="Refuse a sweep that would take longer, in hours.")
+    ] = "10",
+    out: Annotated[Path, Option(metavar="FILE", help="Write the rows to .parquet.")] = Path("sweep.parquet"),
+    plot: Annotated[Path | None, Option(metavar="FILE", help="Draw a figure to .png, .svg or .pdf.")] = None,
+    show: Annotated[Text, Option(metavar="COLUMN", help="Column that the figure shows.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run a scene with many values in its fields, a row for each; what is finished is kept, and resumed."""
+    """Run a scene with many values of its fields, one row each; an interrupted sweep resumes."""
     count = str(os.cpu_count() or 1) if jobs is None else jobs
     strings = {"sample": sample, "members": members, "jitter": jitter, "seed": seed, "step": step}
     strings |= {"transient": transient, "revolutions": revolutions, "hours": hours, "chain": chain}
@@ -246,7 +255,7 @@ def sweep(
         if scheduler is None and count in map(str, range(1, 1001)):  # another is refused below
             from studies.running.processes import beginning
 
-            # They import what runs members while this process does, and while it looks at what is asked for.
+            # They import what runs members while this process imports and checks the options.
             pool = stack.enter_context(beginning(int(count), "studies.predictability.sweeps.chunk"))
         from studies.command import endings, options
         from studies.command import sweep as sweeps
@@ -267,29 +276,42 @@ def sweep(
 def run(
     studies: Annotated[
         list[str] | None,
-        Argument(metavar="[STUDY]...", help=f"Studies to run, all if none is named: {', '.join(STUDIES)}."),
+        Argument(metavar="[STUDY]...", help=f"Studies to run; default: all of {', '.join(STUDIES)}."),
     ] = None,
-    full: Annotated[bool, Option("--full", help="The full set of cases, not the quick one.")] = False,
+    full: Annotated[
+        bool, Option("--full", help="Run the full set of cases instead of the quick one.")
+    ] = False,
     engines: Annotated[
         list[str] | None,
-        Option("--engine", metavar="NAME", help="Only cases of this one; or of yours, my_module:MyEngine."),
+        Option(
+            "--engine",
+            metavar="NAME",
+            help="Run only cases of this engine, or of your own: my_module:MyEngine.",
+        ),
     ] = None,
-    jobs: Annotated[Text, Option(metavar="N", help="Cases run at once; one for each core.")] = None,
-    out: Annotated[Path, Option(metavar="DIR", help="Where results are kept.")] = Path("results"),
+    jobs: Annotated[
+        Text, Option(metavar="N", help="Cases to run in parallel; default: one for each core.")
+    ] = None,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path("results"),
     scheduler: Annotated[
         Text,
-        Option(metavar="ADDRESS", help="A Dask scheduler to run cases; timed or limited ones run here."),
+        Option(metavar="ADDRESS", help="Dask scheduler that runs cases; timed or limited cases run locally."),
     ] = None,
     scenes: Annotated[
         list[str] | None,
-        Option("--scene", metavar="SCENE", help="In place of the studies' own.", autocompletion=_scenes),
+        Option(
+            "--scene",
+            metavar="SCENE",
+            help="Run the studies on this scene instead of their own.",
+            autocompletion=_scenes,
+        ),
     ] = None,
     retry_failed: Annotated[
-        bool, Option("--retry-failed", help="Also run again what neither finished nor was refused.")
+        bool, Option("--retry-failed", help="Run cases again that neither finished nor were refused.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run studies; finished cases are kept and skipped the next time."""
+    """Run studies; finished cases are saved and skipped the next time."""
     from studies.command.options import RunOptions, checked
     from studies.command.study_run import given_scenes, joined, require_studies, running_in, studies_of
     from studies.running.cluster import cluster
@@ -312,15 +334,19 @@ def compare(
     scene: SceneName,
     engines: Annotated[
         list[str] | None,
-        Option("--engine", metavar="NAME", help="Only this one, and others named; or my_module:MyEngine."),
+        Option(
+            "--engine",
+            metavar="NAME",
+            help="Run only this engine; repeat for several; my_module:MyEngine is your own.",
+        ),
     ] = None,
     changes: Changes = None,
     out: Annotated[
-        Path | None, Option(metavar="DIR", help="Where page and rows are kept; comparison/NAME.")
+        Path | None, Option(metavar="DIR", help="Folder of the page and the rows; default: comparison/NAME.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Compare engines on a scene: which to take, at which setting, what it costs; a page says why."""
+    """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
     from studies.command.options import read_scene
     from studies.command.study_run import joined, running_in
 
@@ -343,14 +369,18 @@ def compare(
 
 @app.command()
 def search(
-    full: Annotated[bool, Option("--full", help="Also on scenes that had no say in the settings.")] = False,
-    jobs: Annotated[Text, Option(metavar="N", help="Cases run at once; one for each core.")] = None,
-    out: Annotated[Path, Option(metavar="DIR", help="Where results and the record are kept.")] = Path(
+    full: Annotated[
+        bool, Option("--full", help="Also run scenes that were not used to choose the settings.")
+    ] = False,
+    jobs: Annotated[
+        Text, Option(metavar="N", help="Cases to run in parallel; default: one for each core.")
+    ] = None,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results and the record.")] = Path(
         "search"
     ),
     quiet: Quiet = False,
 ) -> None:
-    """Turn every knob of every engine, in error and time, and record what beats the studies' ladders."""
+    """Search engine settings for better error / run-time trade-offs than those of the studies."""
     from rich.console import Console
     from rich.table import Table
 
@@ -366,25 +396,28 @@ def search(
         record = found(out / settings_search.__name__)
         record.to_csv(out / "record.csv", index=False, float_format="%.3g")
         failures.note(f"the record is {out / 'record.csv'}")
-    table = Table("scene", "signal", "error", "ladder", "search", "part of its time")
+    table = Table("scene", "signal", "error", "studies", "search", "ratio of times")
     for row in beaten(record).itertuples():
         table.add_row(row.scene, row.signal, f"{row.error:g}", row.ladder, row.search, f"{row.part:.2f}")
-    Console().print(table if table.row_count else "No ladder is beaten by more than a quarter.")
+    Console().print(
+        table if table.row_count else "No searched setting saves more than a quarter of the run time."
+    )
 
 
 @app.command()
 def conform(
-    engine: Annotated[
-        str, Argument(metavar="ENGINE", help="An engine, or one of yours: my_module:MyEngine.")
-    ],
+    engine: Annotated[str, Argument(metavar="ENGINE", help="An engine, or your own: my_module:MyEngine.")],
     baselines: Annotated[
-        Path | None, Option(metavar="DIR", help="Also hold its numbers to tables of your own in there.")
+        Path | None,
+        Option(metavar="DIR", help="Also compare its numbers with baseline tables in this folder."),
     ] = None,
-    accept: Annotated[bool, Option("--accept", help="Write down what left its band there.")] = False,
-    why: Annotated[Text, Option(metavar="TEXT", help="Why the numbers are others now.")] = None,
+    accept: Annotated[
+        bool, Option("--accept", help="Accept numbers that left their bands, with --why.")
+    ] = False,
+    why: Annotated[Text, Option(metavar="TEXT", help="Reason why the numbers changed.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Hold an engine to what every engine owes, claim by claim; exit code 1 where one does not hold."""
+    """Run the checks that every engine has to pass; exit code 1 if one fails."""
     from rich.progress import track
 
     from engine_models.engines import join
@@ -409,18 +442,20 @@ def conform(
         lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
         print("\n".join(lines))
         if not holds:
-            raise failures.Failed(f"{engine} does not hold to all claims")
+            raise failures.Failed(f"{engine} does not pass all checks")
         if gate:
             gate.hold_or_accept(why)
 
 
 @app.command()
 def baseline(
-    accept: Annotated[bool, Option("--accept", help="Write down what left its band, with --why.")] = False,
-    why: Annotated[Text, Option(metavar="TEXT", help="Why the numbers are others now.")] = None,
+    accept: Annotated[
+        bool, Option("--accept", help="Accept numbers that left their bands, with --why.")
+    ] = False,
+    why: Annotated[Text, Option(metavar="TEXT", help="Reason why the numbers changed.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Hold engines and arms to their accuracy as accepted; exit code 1 where a number left its band."""
+    """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band."""
     from studies.command.baseline import Gate, require_reason
     from studies.conformance.baselines.subjects import subjects
     from studies.conformance.baselines.table import FOLDER
@@ -434,17 +469,18 @@ def baseline(
 
 @app.command()
 def report(
-    results: Annotated[Path, Option(metavar="DIR", help="Where results are.")] = Path("results"),
-    out: Annotated[Path, Option(metavar="DIR", help="Where the report goes.")] = Path("report"),
+    results: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path("results"),
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the report.")] = Path("report"),
     against: Annotated[
-        Path | None, Option(metavar="DIR", help="Another report; print what moved between the two.")
+        Path | None,
+        Option(metavar="DIR", help="Folder of another report; print what changed between the two."),
     ] = None,
     paper: Annotated[
-        bool, Option("--paper", help="Also each figure as SVG, PNG and PDF, each table as LaTeX.")
+        bool, Option("--paper", help="Also write figures as SVG, PNG and PDF, and tables as LaTeX.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make the HTML page and its tables as CSV from results, and print the answer."""
+    """Write the HTML page and its tables as CSV from results, and print the answer."""
     from reports.page import claims_of, moved, require_replaceable, write_report
     from reports.parts import Contradiction
     from reports.results import BrokenResults, NoResults
@@ -476,7 +512,7 @@ def report(
 
 
 def main() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line and exit with its exit code."""
     failures.make_ready()
     logging.getLogger("reference_solver").handlers = [failures.Notes()]
     try:
@@ -484,9 +520,9 @@ def main() -> None:
             code = app(standalone_mode=False, prog_name="crankslider") or 0
         message = "interrupted" if code == failures.INTERRUPTED else ""  # typer returns it after Ctrl-C
         sys.stdout.flush()
-    except BrokenPipeError:  # whoever reads stdout has seen enough
+    except BrokenPipeError:  # the reader of stdout has closed it
         message, code = "", 1
-        # What stdout still holds cannot be written, and Python would say so once more at its end.
+        # The buffer of stdout cannot be written; Python would report that again at exit.
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process
     except Exception as error:
         message, code = failures.explained(error)

@@ -1,4 +1,4 @@
-"""What ``crankslider simulate`` is asked for: strings of a command line, checked before anything runs."""
+"""The options of ``crankslider simulate``: strings of the command line, checked before anything runs."""
 
 import os
 import re
@@ -32,7 +32,7 @@ Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
 #: A scene as users may give one.
 SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of(list(SCENES))}, or a TOML file")]
 DEFAULT_STEP_S = 1e-5
-#: A step below this part of the end time would be lost in the rounding of time itself.
+#: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
 
 
@@ -48,7 +48,7 @@ class SimulateOptions:
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
 class FilmOptions:
-    """How many times as large as they are a film shows clearances."""
+    """The factor by which an animation enlarges clearances."""
 
     exaggerate: Positive = 1.0
 
@@ -62,9 +62,9 @@ class RunOptions:
 
 @contextmanager
 def as_arguments(**names: str) -> Iterator[None]:
-    """Have refusals in the block name the arguments of a function, not the options of the command line.
+    """Make refusals in the block name the arguments of a function instead of the options of the command line.
 
-    ``names`` are arguments that have other names than options do, by those of the options.
+    ``names`` maps an option to its argument where the two names differ.
     """
     try:
         yield
@@ -74,9 +74,9 @@ def as_arguments(**names: str) -> Iterator[None]:
 
 
 def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
-    """Return ``kind`` made from the values that are not None, strings or what can be typed as one.
+    """Return ``kind`` made from the values that are not None: strings, or values that can be typed as one.
 
-    The prefix makes a field what the user typed.
+    The prefix turns the name of a field into what the user typed.
 
     Raises:
         BadInput: a field is unknown or its value is refused.
@@ -95,13 +95,13 @@ def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
 def read_scene(
     scene: str | Path | Scene, assignments: Sequence[str] = (), end_s: float | None = None
 ) -> Scene:
-    """Return a library scene by its name, or the scene in a TOML file, with changes, or a scene itself.
+    """Return a library scene by its name, the scene in a TOML file, or a scene itself, with changes.
 
-    Changes are fields given as ``FIELD=VALUE``, a value as in TOML, and another end. A scene is checked once,
-    with all of them.
+    Changes are assignments ``FIELD=VALUE``, with values as in TOML, and another end time. A scene is checked
+    once, after all changes.
 
     Raises:
-        BadInput: there is no such scene, an assignment is none, or the scene is refused.
+        BadInput: there is no such scene, an assignment has another form, or the scene is refused.
     """
     fields = _fields(assignments)
     changes = fields if end_s is None else {**fields, "end_time_s": end_s}
@@ -118,7 +118,7 @@ def read_scene(
 
 
 def _scene_file(name: str) -> Path:
-    if not os.path.exists(name):  # pathlib's raises for a name too long
+    if not os.path.exists(name):  # pathlib's raises for a name that is too long
         if "/" in name or name.endswith(".toml"):
             raise BadInput(f"SCENE: expected a TOML file that is there, got {shown(name)} (no such file)")
         expected = f"{one_of(list(SCENES))}, or a TOML file"
@@ -131,7 +131,7 @@ def _fields(assignments: Sequence[str]) -> dict[str, object]:
 
 
 def _value(text: str) -> object:
-    """Return the value that a text is in TOML, or else the text itself."""
+    """Return the TOML value of a text, or the text itself if it is none."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
@@ -161,15 +161,15 @@ def is_source(file: Path, scene: str, assignments: Sequence[str] = ()) -> bool:
         return False
     try:
         return any(file.samefile(source) for source in sources(Path(scene), _fields(assignments)))
-    except OSError:  # what is not there yet is none
+    except OSError:  # a file that is not there yet is no source
         return False
 
 
 def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = False) -> Engine:
     """Return the engine of this name with the settings given, the rest at their defaults.
 
-    To keep a tolerance, an engine that can control its error does, unless ``method`` is among the settings;
-    if ``step_tolerance`` is, it begins with that.
+    For a tolerance, an engine that can control its error does so, unless ``method`` is among the settings. If
+    ``step_tolerance`` is among them, it starts with that.
 
     Raises:
         BadInput: the engine or a setting is unknown, or a value is refused.
@@ -186,10 +186,10 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
 
 
 def longest_step_s(options: SimulateOptions, end_time_s: float, engine: Engine) -> float:
-    """Return the step asked for or the default, which is the whole run for an engine that controls its error.
+    """Return the step asked for, or the default: the whole run for an engine that controls its error.
 
     Raises:
-        BadInput: there is a tolerance beside the step, or the step does not fit the end time.
+        BadInput: there are both a tolerance and a step, or the step does not fit the end time.
     """
     if options.step is not None and options.tolerance is not None:
         raise BadInput(f"--tolerance: expected nothing beside --step, got {options.tolerance:g}")

@@ -1,4 +1,4 @@
-"""The files that ``simulate`` and ``truth`` write: tables and pictures, each by its name's ending."""
+"""The files that ``simulate`` and ``truth`` write: tables and figures, by the ending of the name."""
 
 import csv
 import io
@@ -24,27 +24,27 @@ from studies.running.whole_file import require_place, whole_file, write_through
 
 Columns = Mapping[str, NDArray[Any]]
 
-#: Where a table goes that has no file.
+#: The place of a table without a file.
 STDOUT = Path("-")
 
 
 @dataclass(frozen=True)
 class Output:
-    """A file to come: the option that asked for it, where it goes, and how it is made of a run."""
+    """A file to be written: its option, its path, and the function that makes its content from a run."""
 
     option: str
     path: Path
     content: Callable[[Run], bytes]
 
     def require_place(self) -> None:
-        """Refuse a place that cannot be written."""
+        """Refuse a path that cannot be written."""
         if self.path != STDOUT:
             with writing(self.option, self.path):
                 require_place(self.path)
 
     @contextmanager
     def opened(self) -> Iterator[Callable[[bytes], None]]:
-        """Open the file, and yield what writes into it; what was there stays until all is well."""
+        """Open the file and yield its write function; an old file stays until the new one is complete."""
         if self.path == STDOUT:
             if not sys.stdout.writable():
                 raise BadInput(
@@ -62,7 +62,7 @@ class Output:
 
 
 def write(files: Sequence[Output], scene: Scene, result: Callable[[], Run]) -> Run:
-    """Write into all files, or none, what a run of a scene gives, and return it; how far it is is shown."""
+    """Make a run, write all files or none, and return the run; progress is shown."""
     for file in files:
         file.require_place()
     with shown_progress(scene.end_time_s):
@@ -94,7 +94,7 @@ def plot(path: Path) -> Output:
     ending = ending_of("--plot", path, PICTURES)
 
     def content(run: Run) -> bytes:
-        from reports.run.picture import picture_bytes
+        from reports.plots.picture import picture_bytes
 
         return picture_bytes(run.plot(), ending)
 
@@ -102,13 +102,13 @@ def plot(path: Path) -> Output:
 
 
 def film(path: Path, exaggerate: str | None) -> Output:
-    """Return the file of a run's film, its clearances shown so many times as large as they are."""
+    """Return the file of a run's animation, with clearances enlarged by the factor ``exaggerate``."""
     times, ending = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate, film_ending(path)
     return Output("--animate", path, lambda run: run.film(ending, times))
 
 
 def require_places(files: Sequence[Output], scene: str, changes: Sequence[str]) -> None:
-    """Refuse two outputs to one place, and one to a file that the scene was read from."""
+    """Refuse two outputs to one file, and an output to a file of the scene."""
     for number, file in enumerate(files):
         if is_source(file.path, scene, changes):
             expected = "another file than the scene or its tables"
@@ -120,7 +120,7 @@ def require_places(files: Sequence[Output], scene: str, changes: Sequence[str]) 
 
 
 def _csv(columns: Columns, _: Run) -> bytes:
-    """Return a table as CSV, its numbers with all their digits."""
+    """Return a table as CSV, with all digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -129,13 +129,13 @@ def _csv(columns: Columns, _: Run) -> bytes:
 
 
 def _json(columns: Columns, run: Run) -> bytes:
-    """Return a table as JSON: what made it, and a list of each column, null for NaN."""
+    """Return a table as JSON: its provenance, and a list for each column, null for NaN."""
     lists = {name: [None if x != x else x for x in values.tolist()] for name, values in columns.items()}
     return (json.dumps({"made_by": run.made_by, "columns": lists}) + "\n").encode("utf-8")
 
 
 def _parquet(columns: Columns, run: Run) -> bytes:
-    """Return a table as Parquet, with what made it in the metadata of its schema."""
+    """Return a table as Parquet, with its provenance in the metadata of the schema."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -145,7 +145,7 @@ def _parquet(columns: Columns, run: Run) -> bytes:
     return sink.getvalue()
 
 
-#: How a table is encoded, by the ending of its file's name.
+#: The encoding of a table by the ending of the file name.
 FORMATS: Mapping[str, Callable[[Columns, Run], bytes]] = {
     "": _csv,
     ".csv": _csv,

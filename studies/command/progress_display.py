@@ -1,4 +1,4 @@
-"""How far a simulation has come, on stderr: a bar on a terminal, elsewhere a line now and then."""
+"""Progress of a simulation on stderr: a bar on a terminal, otherwise a line from time to time."""
 
 import sys
 import time
@@ -9,18 +9,18 @@ from threading import Event, Thread
 from engine_models.progress import told_to
 from studies.running.failures import is_quiet, note, progress_console
 
-#: A run that is over before is not worth a bar; the bar moves this often; a line comes this often, in s.
+#: Time before the bar appears, time between its updates, and time between lines, in s.
 DELAY_S, REFRESH_S, LINE_S = 1.5, 0.2, 30.0
 
 
 class Reached:
-    """How far the present one of some simulations has come: where time goes back another one has begun."""
+    """The time that the present simulation has reached; if time goes back, another simulation has started."""
 
     def __init__(self) -> None:
         self.time_s, self.run, self.began = 0.0, 1, time.monotonic()
 
     def __call__(self, time_s: float) -> None:
-        """Take the time that has been reached."""
+        """Set the time that has been reached."""
         if time_s < self.time_s:
             self.run, self.began = self.run + 1, time.monotonic()
         self.time_s = time_s
@@ -28,9 +28,9 @@ class Reached:
 
 @contextmanager
 def shown_progress(end_time_s: float, line_s: float | None = None) -> Iterator[None]:
-    """Show how far the simulations in this block, each to ``end_time_s``, have come.
+    """Show the progress of the simulations in this block, each to ``end_time_s``.
 
-    A thread of its own does, so that an engine that tells nothing is not silent either.
+    It is shown by a thread, so that the elapsed time appears also for an engine that reports no progress.
     """
     if is_quiet():
         yield
@@ -50,7 +50,7 @@ def shown_progress(end_time_s: float, line_s: float | None = None) -> Iterator[N
 def _bar(reached: Reached, end_time_s: float, over: Event, _: float) -> None:
     if over.wait(DELAY_S):
         return
-    # Most runs are over without.
+    # Most runs end before the bar is needed.
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     text = TextColumn("run {task.description}: t = {task.completed:.3g} s of {task.total:g} s")
@@ -67,6 +67,8 @@ def _bar(reached: Reached, end_time_s: float, over: Event, _: float) -> None:
 def _lines(reached: Reached, end_time_s: float, over: Event, line_s: float) -> None:
     while not over.wait(line_s):
         elapsed, part = time.monotonic() - reached.began, reached.time_s / end_time_s
-        left = f"about {elapsed * (1 / part - 1):.3g} s left" if part > 0 else "no end in sight yet"
+        left = (
+            f"about {elapsed * (1 / part - 1):.3g} s left" if part > 0 else "no estimate of the time left yet"
+        )
         of_run = f" in run {reached.run}" if reached.run > 1 else ""
         note(f"t = {reached.time_s:.6g} s of {end_time_s:g} s{of_run} after {elapsed:.0f} s, {left}")

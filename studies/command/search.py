@@ -1,75 +1,64 @@
-"""What the search of settings found: how much cheaper than a ladder a turned knob is, error by error."""
+"""Result of the search of settings: the run time of a changed parameter relative to the studies' series."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
 
-from reports.equal_error import Judged, arrival, levels, ratio
-from reports.quantities import finished, with_largest
+from reports.analysis.equal_error import SLIDER, fastest, levels, ratio, settings_by_scene
+from reports.quantities import FORCE, finished, has_clearance, with_forces
 from reports.results import read_study, with_columns
 
-#: A ladder is beaten by what surely takes less than this part of its time.
+#: A changed parameter counts if it significantly takes less than this part of the time of the series.
 BEATEN = 0.75
-#: A rung has its error by chance, where errors of either sign meet, unless the next finer one's is below this
-#: part of it.
+#: A setting counts only if the error of the next finer one is below this part of its error. Otherwise its
+#: error is small by chance, where errors of either sign cancel.
 FALLS = 0.8
-POSITION, TORQUE, FORCE = (
-    "slider_position_error_m",
-    "driver_torque_error_N_m",
-    "largest_joint_force_error_N",
-)
+TORQUE = "driver_torque_error_N_m"
 
 
 def found(folder: Path) -> pd.DataFrame:
-    """Return a row per scene, signal, error and engine: the ladder's cheapest way there, and the search's.
+    """Return a row per scene, signal, error and engine: the fastest choice of the series and of the search.
 
-    ``part`` is the time of the search's in parts of the ladder's, over the rounds that have both, ``low`` and
-    ``high`` are the ends of its 95 % interval; it is 1 where no turned knob is cheaper, and NaN where the
-    ladder does not get there. The least time of a round's repeats counts: a search takes so long that the
-    machine is not quiet throughout.
+    ``part`` is the time of the search relative to that of the series, over the rounds that have both. ``low``
+    and ``high`` are the ends of its 95 % interval. It is 1 if no changed parameter is faster, and NaN if the
+    series does not reach the error. Of the repeats of a round the shortest time counts, because the load of
+    the machine changes during a search.
 
     Raises:
         NoResults, BrokenResults: see ``reports.results.read_study``.
     """
     rows = with_columns(finished(read_study(folder).rows), "round", "compiled_anew", TORQUE)
     rows = rows.assign(solve_time_s=rows["least_solve_time_s"])
-    rows = with_largest(rows, FORCE, r"joint_\w_force_error_N")
     labels = rows["label"].astype(str) + rows["turned"].map(lambda knob: f", {knob}" if knob else "")
-    rows = rows.assign(label=labels)
-    kinematic = rows["scene"].isin(_driven_ideal(rows))
-    judged = ((rows[~kinematic], POSITION), (rows[kinematic], TORQUE), (rows, FORCE))
-    lines = [line for some, column in judged for line in _lines(Judged("search", some, column))]
-    return pd.DataFrame(lines)
+    rows = with_forces(rows.assign(label=labels))
+    driven = rows[TORQUE].notna().groupby(rows["scene"]).transform("any") & ~has_clearance(rows)
+    compared = ((rows[~driven], SLIDER), (rows[driven], TORQUE), (rows, FORCE))
+    return pd.DataFrame([line for some, column in compared for line in _compare(some, column)])
 
 
 def beaten(record: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of a record where a turned knob surely beats the ladder."""
+    """Return the rows of a record in which a changed parameter is significantly faster than the series."""
     return record[record["high"] < BEATEN]
 
 
-def _driven_ideal(rows: pd.DataFrame) -> set[str]:
-    """Return the scenes whose slider's position is the drive's doing, whatever the engine."""
-    loose = rows.filter(regex="^clearance_").notna().any(axis=1)
-    return set(rows["scene"][rows[TORQUE].notna()]) - set(rows["scene"][loose])
-
-
-def _lines(judged: Judged) -> Iterator[dict[str, object]]:
-    for scene, (rungs, floor) in judged.ladders.items():
-        finer = rungs.groupby("label", observed=True)["error"].shift(-1)
-        meant = rungs[finer.isna() | (finer < FALLS * rungs["error"])]
+def _compare(rows: pd.DataFrame, column: str) -> Iterator[dict[str, object]]:
+    """Yield the row of every error that an engine's settings reach on a scene, by a column of errors."""
+    for scene, (ran, floor) in settings_by_scene(rows, column).items():
+        finer = ran.groupby("label", observed=True)["error"].shift(-1)
+        meant = ran[finer.isna() | (finer < FALLS * ran["error"])]
         for engine, own in meant.groupby("engine"):
-            of_ladder = own[~own["label"].str.contains(" = ", regex=False)]
+            usual = own[~own["label"].str.contains(" = ", regex=False)]
             for error in levels(own, floor):
-                usual, best = arrival(of_ladder, error), arrival(own, error)
-                assert best is not None  # levels lie within the errors of its rungs
-                share = ratio(best, usual) if usual else None
+                before, best = fastest(usual, error), fastest(own, error)
+                assert best is not None, "levels lie within the errors of the settings"
+                share = ratio(best, before) if before else None
                 yield {
                     "scene": scene,
-                    "signal": judged.column,
+                    "signal": column,
                     "error": error,
                     "engine": engine,
-                    "ladder": f"{usual.label}, {usual.setting}" if usual else "",
+                    "ladder": f"{before.label}, {before.setting}" if before else "",
                     "search": f"{best.label}, {best.setting}",
                     "part": share.median if share else None,
                     "low": share.low if share else None,

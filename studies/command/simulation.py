@@ -1,4 +1,4 @@
-"""The one way from what a user asks for to a run: the command line goes it, and so does the library."""
+"""From a user's input to a run, for the command line and the library."""
 
 import numpy as np
 
@@ -14,15 +14,15 @@ from studies.running.failures import BadInput, Failed
 
 
 def simulated(scene: Scene, engine_name: str, engine: Engine, options: SimulateOptions) -> Run:
-    """Run a scene by an engine at the step, or to the tolerance, that is asked for.
+    """Run a scene with an engine at the step, or to the tolerance, asked for.
 
     Raises:
-        BadInput: the engine cannot run the scene, or not at this step or with as many samples.
-        Failed: the simulation broke down, or its quality makes it none.
+        BadInput: the engine cannot run the scene, or not with this step or number of samples.
+        Failed: the simulation failed, or the check after the run rejects it.
     """
     longest_step = longest_step_s(options, scene.end_time_s, engine)
     try:
-        with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
+        with np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
             if options.tolerance is not None:
                 run = simulate_to_tolerance(engine, scene, options.tolerance, options.samples)
             else:

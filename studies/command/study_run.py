@@ -1,4 +1,4 @@
-"""What commands that run cases take and check: studies, engines, scenes, and a place for results."""
+"""Input of the commands that run cases: studies, engines, scenes, and the folder of results."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ from studies.running.whole_file import require_folder
 
 
 def joined(engines: Sequence[str]) -> None:
-    """Let engines take part, those from outside as well.
+    """Add engines to the studies, also those of the user.
 
     Raises:
         BadInput: one is unknown.
@@ -30,7 +30,7 @@ def joined(engines: Sequence[str]) -> None:
 
 
 def require_studies(names: Sequence[str]) -> None:
-    """Raise BadInput for what is no study."""
+    """Raise BadInput if a name is not that of a study."""
     for name in names:
         if name not in STUDIES:
             expected = one_of(list(STUDIES))
@@ -38,10 +38,10 @@ def require_studies(names: Sequence[str]) -> None:
 
 
 def given_scenes(names: Sequence[str]) -> list[Scene]:
-    """Return the scenes to be put through studies.
+    """Return the scenes on which studies are to run.
 
     Raises:
-        BadInput: there is no such scene, or its name is not its own or cannot be a file's.
+        BadInput: there is no such scene, or its name is not unique or cannot be a file name.
     """
     try:
         scenes = [read_scene(name) for name in names]
@@ -52,13 +52,13 @@ def given_scenes(names: Sequence[str]) -> list[Scene]:
 
 
 def studies_of(scenes: Sequence[Scene], full: bool) -> list[str]:
-    """Return the studies that take all scenes; a note says which do not, and why."""
+    """Return the studies that accept all scenes; a note names the others, with the reason."""
     names = []
     for name in STUDIES:
         try:
             cases_of(name, load_study(name), full, scenes)
         except BadInput as reason:
-            note(f"without {name}: {reason}")
+            note(f"study {name} is left out: {reason}")
         else:
             names.append(name)
     return names
@@ -69,7 +69,7 @@ def running_in(out: Path) -> Iterator[None]:
     """Run cases in the block, with results in ``out``.
 
     Raises:
-        BadInput: something there, or in the folder of kernels, is not as it has to be.
+        BadInput: a file there, or in the folder of compiled code, is damaged or cannot be used.
     """
     try:
         with writable_folder(), writing("--out", out), terminated_as_interrupted():

@@ -1,4 +1,4 @@
-"""What ``crankslider sweep`` is asked for, checked before anything runs, and what it gives a user."""
+"""Input of ``crankslider sweep``, checked before anything runs, and its result."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -39,17 +39,17 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-#: Members of a chain go on from where the one before them ended.
+#: Directions of a chain, in which each member starts from the end of the one before.
 Chain = Literal["up", "down", "both"]
-#: Fields of the start of single bodies.
+#: Beginnings of the fields of the start of single bodies.
 STATES = ("start.crank.", "start.rod.", "start.slider.")
-#: Of the corners of all ranges together, and of the values of a field, so many are looked at before a sweep.
+#: Number of corners of all ranges together, and of values of a field, that are checked before a sweep.
 MOST_LOOKS = 64
 
 
 @checked_dataclass(frozen=True, config=SETTINGS_CONFIG)
 class SweepOptions:
-    """The options of ``sweep`` that have one value: turns of the crank, jitter in rad, step in s."""
+    """The options of ``sweep`` with one value: revolutions of the crank, jitter in rad, step in s."""
 
     sample: Sample = "grid"
     members: Annotated[int, Field(ge=1, le=MOST_MEMBERS)] | None = None
@@ -65,7 +65,7 @@ class SweepOptions:
 
 @dataclass(frozen=True)
 class Swept:
-    """A finished sweep: ``path`` is the file of its rows, a member each."""
+    """A finished sweep: ``path`` is the file of its rows, one per member."""
 
     path: Path
     title: str
@@ -79,20 +79,20 @@ class Swept:
 
     @check_arguments
     def plot(self, show: str | None = None) -> "Figure":
-        """Return the picture that fits what was varied, of a column to ``show`` or of one that fits too.
+        """Return the figure for the fields that were varied, of the column ``show`` or of a default one.
 
         Raises:
-            BadInput: there is none of so many fields, or no such column.
+            BadInput: there is no figure of that number of fields, or no such column.
         """
         with as_arguments():
             return picture_of(self, show)
 
 
 def picture_of(swept: Swept, show: str | None) -> "Figure":
-    """Return the same for a command, whose option is ``--show``."""
+    """Return the figure for the command, whose option is ``--show``."""
     from pyarrow import parquet
 
-    from reports.plots.sweeps.picture import NoPicture, sweep_picture
+    from reports.plots.sweeps import NoPicture, sweep_picture
 
     varied = json.loads(parquet.read_schema(swept.path).metadata[b"varied"])
     try:
@@ -115,17 +115,17 @@ def asked(
         BadInput: ranges, engine or options are refused, or a scene at the ends of the ranges is.
     """
     if not (scene.is_crank_slider and scene.joints_with_clearance):
-        expected = "a crank-slider with clearance, whose pins a sweep watches"
+        expected = "a crank-slider with clearance"
         raise BadInput(f"SCENE: expected {expected}, got {scene.name}")
     engine = read_engine(engine_name, settings, to_tolerance=True)
     step_s = options.step
     if step_s is None and not getattr(engine, "controls_error", False):
         step_s = DEFAULT_STEP_S
     if exponent and engine_name != "reference" and getattr(engine, "order", None) is None:
-        expected = "the reference, or an engine whose steps no tolerance chooses"
+        expected = "the reference, or an engine with a fixed step"
         raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
     if any(field.startswith(STATES) for field in vary) and not scene.start.states:
-        scene = started_from(scene, *start_state(scene))  # each body has a start of its own then
+        scene = started_from(scene, *start_state(scene))  # then each body has its own start
     watch = Watch(options.transient, options.revolutions, exponent)
     task = Task(scene, engine_name, dict(vars(engine)), step_s, watch)
     ranges = {field: values_of(field, given) for field, given in vary.items()}
@@ -143,20 +143,24 @@ def asked(
 def _directions(
     task: Task, changes: Mapping[str, FloatArray], options: SweepOptions
 ) -> tuple[Direction, ...]:
-    """Return the ways in which chains run; refuse what is no chain."""
+    """Return the directions in which chains run; refuse input that gives no chain."""
     if options.chain is None:
         return ()
     if task.scene.drive.kind != "constant-speed":
-        expected = "a crank at constant speed, whose motions go on from member to member"
+        expected = "a crank at constant speed"
         raise BadInput(f"--chain: expected {expected}, got the drive '{task.scene.drive.kind}'")
     field, *others = changes
     values = changes[field]
     if others or options.sample != "grid" or (field.startswith("start.") and field != SPEED):
-        raise BadInput("--chain: expected one field with --vary, other than of the start but for its speed")
+        raise BadInput(
+            "--chain: expected one field with --vary, which of the start may only be the crank speed"
+        )
     if len(values) < 2 or not (np.diff(values) > 0).all():
-        raise BadInput(f"--chain: expected values of {field} that rise, got others")
+        raise BadInput(f"--chain: expected rising values of {field}, got others")
     if not (options.transient.is_integer() and options.revolutions.is_integer()):
-        raise BadInput("--chain: expected whole turns with --transient and --revolutions, got parts of one")
+        raise BadInput(
+            "--chain: expected whole revolutions with --transient and --revolutions, got fractions"
+        )
     return ("up", "down") if options.chain == "both" else (options.chain,)
 
 
@@ -167,13 +171,13 @@ def swept(
     scheduler: str | None = None,
     pool: LimitedExecutor | None = None,
 ) -> Swept:
-    """Run a sweep into a file, or what its parts lack, on local cores or a Dask cluster.
+    """Run a sweep, or the rest of an interrupted one, into a file, on local cores or a Dask cluster.
 
-    ``pool`` are ``options.jobs`` processes here, if there are any yet.
+    ``pool`` has ``options.jobs`` local processes, if they were started before.
 
     Raises:
-        BadInput: the file, the cluster or what the sweep would take is refused.
-        Failed: the members cannot go on.
+        BadInput: the file, the cluster or the resources that the sweep needs are refused.
+        Failed: the members cannot continue.
     """
     task = sweep.task
     made_by: dict[str, object] = {
@@ -198,18 +202,18 @@ def swept(
 
 
 def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swept], None]:
-    """Return what draws a sweep into a file, if a picture is asked for.
+    """Return the function that draws a sweep into a file, if a figure is asked for.
 
     Raises:
-        BadInput: it cannot be written, there is none of so many fields or so few turns, or no such column, or
-            a column is named and no file.
+        BadInput: it cannot be written, there is none of that number of fields or revolutions, there is no
+            such column, or there is a column without a file.
     """
     if path is None:
         if show is not None:
             raise BadInput(f"--show: expected nothing without --plot, got {show}")
         return lambda _: None
     ending = ending_of("--plot", path, PICTURES)
-    from reports.plots.sweeps.picture import EXPONENT, MOST_FIELDS, MOTION, fewest_turns  # loads matplotlib
+    from reports.plots.sweeps import EXPONENT, MOST_FIELDS, MOTION, fewest_turns  # loads matplotlib
 
     varied, watch = sweep.varied, sweep.task.watch
     if len(varied) > MOST_FIELDS:
@@ -220,13 +224,13 @@ def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swep
     if show == EXPONENT and not watch.exponent:
         raise BadInput(f"--show: expected --exponent beside {EXPONENT}, got none")
     if watch.revolutions < (fewest := fewest_turns(varied, show)):
-        expected = f"a number >= {fewest} for this picture, or another one with --show"
+        expected = f"a number >= {fewest} for this figure, or another one with --show"
         raise BadInput(f"--revolutions: expected {expected}, got {watch.revolutions:g}")
     with writing("--plot", path):
         require_place(path)
 
     def draw(result: Swept) -> None:
-        from reports.run.picture import picture_bytes
+        from reports.plots.picture import picture_bytes
 
         with writing("--plot", path):
             write_whole(path, picture_bytes(picture_of(result, show), ending))
@@ -235,15 +239,15 @@ def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swep
 
 
 def options_of(values: Mapping[str, object]) -> SweepOptions:
-    """Return the options of strings, or of what is written as one, by their names."""
+    """Return the options from values by name: strings, or values that can be typed as one."""
     return checked(SweepOptions, "--", values)
 
 
 def _require_scenes(task: Task, changes: Mapping[str, FloatArray]) -> None:
-    """Refuse values with which there is no scene, or none that the engine can run.
+    """Refuse values that give no valid scene, or none that the engine can run.
 
-    Looked at are the corners of all ranges together, and the values of each field beside the first member's
-    others; what is no scene in between is a row that failed.
+    The corners of all ranges together are checked, and the values of each field with the other values of the
+    first member. Invalid scenes in between are failed rows.
     """
     ends = {field: sorted({float(of.min()), float(of.max())}) for field, of in changes.items()}
     looked_at = [

@@ -13,14 +13,15 @@ from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
 
-#: Kinds of drives whose work has a column of its own, as it is no product of two others.
+#: Kinds of drives whose work has a column, because it is not the product of two others.
 OF_TIME = ("ramp", "fluctuating", "table", "motor")
 
 
 def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
-    """Return a value for each sample, units in the names; columns without use in the scene are absent.
+    """Return columns with a value for each sample; columns that do not apply to the scene are absent.
 
-    A joint's force is on the body further from the crank pivot, the guide's on the slider along +y.
+    Names contain the unit. A joint force acts on the body further from the crank pivot, the guide force on
+    the slider along +y.
     """
     columns = {
         "time_s": trajectory.time_s,
@@ -60,9 +61,9 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
 
 
 def impact_columns(contacts: Mapping[str, Contact]) -> dict[str, NDArray[Any]]:
-    """Return a value for each impact in the order of time: its joint, and what ``Impacts`` has of it.
+    """Return columns with a value for each impact, in the order of time: joint and fields of ``Impacts``.
 
-    Columns without any number are absent.
+    Columns without numbers are absent.
     """
     impacts = {joint: contact.impacts for joint, contact in contacts.items()}
     counts = [len(each.time_s) for each in impacts.values()]

@@ -1,7 +1,7 @@
-"""The true motion of a scene as a run that users can hold their own solver to.
+"""The reference solution of a scene as a run, for the validation of other solvers.
 
-``python -m studies.command.truth FOLDER`` writes that of every library scene: samples are
-``SCENE.csv.xz``, ended contacts ``SCENE-impacts.csv.xz``, and ``certainty.csv`` has a row for each scene.
+``python -m studies.command.truth FOLDER`` writes that of every library scene: samples as ``SCENE.csv.xz``,
+ended contacts as ``SCENE-impacts.csv.xz``, and ``certainty.csv`` with a row for each scene.
 """
 
 import sys
@@ -26,36 +26,36 @@ from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, 
 from studies.judges.metrics import COVERAGE
 from studies.running.failures import BadInput, Failed
 
-#: Samples that are published, and digits: two more than the best known slider has.
+#: Samples that are published, and digits: two more than the most accurate slider position has.
 SAMPLES, DIGITS = 120, "%.14g"
 
 
 @dataclass(frozen=True, repr=False)
 class TrueRun(Run):
-    """A scene's true motion, up to where two solutions part; the slider is certain to ``certain_m``."""
+    """A reference solution up to the predictability horizon; ``certain_m`` is the slider's uncertainty."""
 
     certain_m: float
     by: str
 
     @property
     def made_by(self) -> dict[str, Any]:
-        """What made the motion: that of a run, with its certainty in place of an engine's settings."""
+        """Provenance as of a run, with the uncertainty in place of an engine's settings."""
         return {**super().made_by, "settings": {}, "certain_m": self.certain_m, "by": self.by}
 
     def notes(self) -> list[str]:
-        """Return how well the motion is known, by what, and until when, and the largest force."""
+        """Return a line each on the uncertainty, the method and the end, and on the largest force."""
         end, what = self.trajectory.time_s[-1], "slider" if self.scene.is_crank_slider else "crank's pin"
         known = f"the {what} is certain to {self.certain_m:.1e} m until t = {end:.6g} s"
-        by = "independent equations" if self.by == INDEPENDENT else "the reference"
+        by = "independent equations" if self.by == INDEPENDENT else "the reference engine"
         return [f"{known}, by {by}", *self._notes_of_force()]
 
 
 def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
-    """Return the true motion of a scene.
+    """Return the reference solution of a scene.
 
     Raises:
-        BadInput: the folder of kept runs is refused.
-        Failed: no solution was found, or none that is certain for even one sample.
+        BadInput: the folder of saved runs is refused.
+        Failed: no solution was found, or two solutions diverge before the first sample.
     """
     try:
         truth, repeats = converged(scene, options.samples)
@@ -65,25 +65,25 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
     except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
     except (UnsupportedScene, SimulationFailed) as reason:
-        raise Failed(f"no truth was found: {reason}") from None
+        raise Failed(f"no reference solution was found: {reason}") from None
     if not count:
-        raise Failed("no truth was found: two true solutions part before the first sample")
+        raise Failed("no reference solution was found: two solutions diverge before the first sample")
     apart = max(float(np.abs(_place(scene, one) - _place(scene, truth))[:count].max()) for one in repeats)
     resolution = float(np.spacing(max(np.abs(_place(scene, truth)).max(), scene.crank.length_m)))
     known, warnings = _until(truth, impacts, count), doubts_of_tables(scene)
     if count <= options.samples:
-        warnings.append(f"two true solutions part after t = {known.time_s[-1]:.6g} s, and samples end there")
+        warnings.append(f"two solutions diverge after t = {known.time_s[-1]:.6g} s; samples end there")
     solver, certain = cast(Engine, COLLOCATION), max(COVERAGE * apart, resolution)
     return TrueRun(scene, "truth", solver, None, known, tuple(warnings), certain, by)
 
 
 def _place(scene: Scene, run: Trajectory) -> FloatArray:
-    """Return where the slider is, in m, or how far along its way the end of a pendulum."""
+    """Return the slider position in m, or the arc length of the end of a pendulum."""
     return run.slider_position_m if scene.is_crank_slider else scene.crank.length_m * run.position[:, 0, 2]
 
 
 def _until(truth: Trajectory, impacts_of: Mapping[str, Impacts], count: int) -> Trajectory:
-    """Return the first samples, and the impacts that have ended by then."""
+    """Return the first ``count`` samples, and the impacts that have ended by then."""
     cut, end = selected(truth, slice(count)), truth.time_s[count - 1]
     contacts = {}
     for joint, contact in cut.contacts.items():
@@ -95,7 +95,7 @@ def _until(truth: Trajectory, impacts_of: Mapping[str, Impacts], count: int) -> 
 
 
 def write_truths(folder: Path, names: list[str]) -> None:
-    """Write the true motions of some scenes as far as the studies follow them."""
+    """Write the reference solutions of scenes up to the end times of the studies."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = []
     for name in names:

@@ -373,12 +373,13 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
 def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from reports import page
     from reports.page.build import Report
+    from reports.parts import Finding
 
     calls: list[tuple[object, ...]] = []
 
     def write_report(*arguments: object) -> Report:
         calls.append(arguments)
-        return Report(("The answer.",), ("a note",), ())
+        return Report((Finding("answer", "The answer."),), ("a note",), (), {})
 
     monkeypatch.setattr(page, "write_report", write_report)
     monkeypatch.chdir(tmp_path)

@@ -54,7 +54,7 @@ def test_a_tolerance_among_the_settings_is_that_of_the_members() -> None:
         (["--vary", "clearance.B.radius=1,2"], "--vary clearance.B.radius: expected the key"),
         (["--vary", f"{SPEED}=-1:1:3"], f"--vary {SPEED}: expected a number other than 0"),
         (["--vary", "end_time_s=1,2"], "--vary end_time_s: expected --transient and --revolutions"),
-        (["--vary", f"{SPEED}=1,2", *HALF], "--revolutions: expected a number >= 1 for this picture"),
+        (["--vary", f"{SPEED}=1,2", *HALF], "--revolutions: expected a number >= 1 for this figure"),
         (["--vary", f"{SPEED}=1,2", *HALF, "--show", "strobe_m"], "--revolutions: expected a number >= 1"),
         (
             ["--vary", f"{SPEED}=1,2", "--vary", f"{CLEARANCE}=1e-5,1e-4", *HALF, "--show", "motion"],

@@ -32,7 +32,7 @@ def test_a_table_ends_where_two_solutions_part_and_has_no_impact_past_it(tmp_pat
     end = table["time_s"].iloc[-1]
     assert 0.02 < end < 0.06
     assert (impacts["time_s"] + impacts["duration_s"]).max() <= end
-    assert f"warning: two true solutions part after t = {end:.6g} s, and samples end there" in told.stderr
+    assert f"warning: two solutions diverge after t = {end:.6g} s; samples end there" in told.stderr
     assert "by independent equations" in told.stderr
 
 
@@ -71,7 +71,7 @@ def test_what_is_wrong_is_named_in_a_line(wrong: tuple[object, ...], said: str) 
 
 def test_a_motion_that_nobody_can_follow_has_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("studies.command.truth.followed", lambda *_: 0)
-    with pytest.raises(cs.Failed, match="no truth was found: two true solutions part before the first"):
+    with pytest.raises(cs.Failed, match="no reference solution was found: two solutions diverge before"):
         cs.truth("ideal-driven", end=0.004, samples=4)
 
 
