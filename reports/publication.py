@@ -19,12 +19,13 @@ import lzma
 import math
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from reports.page import FINDINGS, write_report
+from reports.chapters.answer import LIMITS
+from reports.page import FINDINGS, Report, write_report
 from reports.parts import Table
 from reports.results import (
     CURVES,
@@ -46,17 +47,16 @@ LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)
 #: Significant digits of a measured number, of a time and of an uncertainty; and of an error so many as are
 #: above a tenth of its uncertainty, but some.
 DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
-#: Tables and figures that show the answer, the columns that are shown, and what encloses them in the text.
-ANSWER = {"answer": "With clearance", "answer-ideal": "On ideal joints"}
-COLUMNS = 7
-FIGURES = {
-    "answer": "Error of the slider's position against run time with clearance: each engine's best settings",
-    "agreement-slider-position": "The same error against the step on ideal joints",
-    "clearance-slider-position": "The same error against the step with clearance, by each engine's own law",
-    "energy-gain-by-step": "Energy that nothing accounts for, against the step",
-    "stability-contact-stiffness": "Where runs stop being trustworthy, over step and contact stiffness",
-    "motions-mechanism": "The mechanism",
-}
+#: The column of the table that is not shown, the figures that are, and what encloses them in the text.
+COMMAND = "command"
+FIGURES = (
+    "answer",
+    "agreement-steps",
+    "clearance-steps",
+    "energy-error-by-step",
+    "stability-maps",
+    "motions-mechanism",
+)
 BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"
 
 
@@ -75,8 +75,11 @@ def publish(folder: Path, results: Path | None = None) -> None:
         shutil.copy(made / FINDINGS, folder)
         _renew(folder / "tables", sorted((made / "tables").glob("*.csv")))
         if readme.exists():
-            _renew(folder / "figures", [made / f"figures/{name}.svg" for name in FIGURES])
-            tell_answer(readme, report.answer)
+            first = {name: min((made / "figures").glob(f"{name}*.svg")) for name in FIGURES}
+            _renew(folder / "figures", first.values())
+            for name, path in first.items():
+                (folder / "figures" / path.name).rename(folder / f"figures/{name}.svg")
+            tell_answer(readme, report)
 
 
 def write_study(study: Path, folder: Path) -> None:
@@ -121,13 +124,14 @@ def rounded(value: float, digits: int) -> float:
 
 
 def _same(folder: Path, content: bytes, sidecar: Mapping[str, Any]) -> bool:
-    """Return whether a folder has these rows, of any commit of the same code, versions and machine."""
+    """Return whether a folder has these rows, of any day and commit of the same code and machine."""
     try:
         before = json.loads((folder / "sidecar.json").read_text(encoding="utf-8"))
         rows = (folder / PUBLISHED_ROWS).read_bytes()
     except OSError:
         return False
-    return rows == content and {**before, "commit": ""} == {**sidecar, "commit": ""}
+    same = all(before.get(name) == value for name, value in sidecar.items() if name not in ("commit", "date"))
+    return rows == content and same and before.keys() == sidecar.keys()
 
 
 def _write_times(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -145,7 +149,7 @@ def _write_times(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
                 table.writerow([n, *times])
 
 
-def _renew(folder: Path, files: Sequence[Path]) -> None:
+def _renew(folder: Path, files: Iterable[Path]) -> None:
     """Have these files in a folder and no others."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -153,25 +157,20 @@ def _renew(folder: Path, files: Sequence[Path]) -> None:
         shutil.copy(file, folder)
 
 
-def tell_answer(readme: Path, answer: Sequence[str]) -> None:
-    """Write the answer into its place in a README."""
-    tables = [
-        f"**{title}** ([with commands](tables/{name}.csv)):\n\n{_first_columns(readme.parent, name)}"
-        for name, title in ANSWER.items()
-    ]
-    sentences = "\n".join(f"* {sentence}" for sentence in answer)
-    figures = "\n".join(f"{shown}:\n\n![{shown}](figures/{name}.svg)\n" for name, shown in FIGURES.items())
+def tell_answer(readme: Path, report: Report) -> None:
+    """Write the answer into its place in a README: the table, the limits of what it says, and figures."""
+    with (readme.parent / "tables/answer.csv").open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    kept = [place for place, name in enumerate(head) if name != COMMAND]
+    shown = [tuple(line[place] for place in kept) for line in (head, *rows)]
+    limits = "\n".join(f"* {finding}" for finding in report.answer if finding.name in LIMITS)
+    titles = {name: report.titles[name] for name in FIGURES}
+    figures = "\n".join(f"{title}\n\n![{title}](figures/{name}.svg)\n" for name, title in titles.items())
     before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
     after = rest.partition(END)[2]
-    told = "\n".join([*tables, sentences, "", figures])
+    table = markdown(Table("answer", "", "", "", shown[0], tuple(shown[1:])))
+    told = f"{table}\n{limits}\n\n{figures}"
     readme.write_text(f"{before}{BEGIN}\n\n{told}\n{END}{after}", encoding="utf-8")
-
-
-def _first_columns(folder: Path, name: str) -> str:
-    """Return the first columns of a table as Markdown, without its caption."""
-    with (folder / f"tables/{name}.csv").open(encoding="utf-8", newline="") as file:
-        head, *rows = (tuple(line[:COLUMNS]) for line in csv.reader(file))
-    return markdown(Table(name, "", "", head, tuple(rows))).partition("\n\n")[2]
 
 
 def write_seals(folder: Path) -> None:

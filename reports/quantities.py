@@ -1,4 +1,4 @@
-"""What is compared: the columns of measured errors, each with the truth's uncertainty of it."""
+"""What is compared: the columns of measured errors, each with the reference solution's uncertainty of it."""
 
 import math
 
@@ -6,13 +6,27 @@ import pandas as pd
 
 from reports.results import with_columns
 
+#: The error of the slider's position.
+SLIDER = "slider_position_error_m"
 #: The largest error of an impact's peak force in percent of that peak: one that is missed counts as 100.
 PEAK = "peak_force_error_percent"
+#: The largest error of the force in any joint.
+FORCE = "largest_joint_force_error_N"
+#: The column of why the check after every run fails one that finished; empty where it does not.
+QUALITY = "quality_failure"
+#: How the columns begin that only scenes with clearance have.
+LOOSE = "^clearance_"
 
 
 def finished(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of runs that the engine finished."""
     return rows[rows["status"] == "ok"]
+
+
+def recorded(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of runs whose errors are measured, without those that measure times."""
+    of_times = ("round", "compiled_anew", "other_start")
+    return rows[with_columns(rows, *of_times)[[*of_times]].isna().all(axis=1)]
 
 
 def own_scenes(rows: pd.DataFrame) -> pd.Series:
@@ -24,13 +38,19 @@ def own_scenes(rows: pd.DataFrame) -> pd.Series:
     return content.isna()
 
 
+def has_clearance(rows: pd.DataFrame) -> pd.Series:
+    """Return of each row whether its scene has a joint with clearance, by the columns of any run on it."""
+    loose = rows.filter(regex=LOOSE).notna().any(axis=1)
+    return loose.groupby(rows["scene"]).transform("any")
+
+
 def value(rows: pd.DataFrame, column: str) -> pd.Series:
     """Return a column, NaN where the run failed or the scene has no such thing."""
     return _numbers(rows, column).where(rows["status"] == "ok")
 
 
 def uncertainty(rows: pd.DataFrame, column: str) -> pd.Series:
-    """Return the truth's uncertainty of a column, NaN where there is none."""
+    """Return the reference solution's uncertainty of a column, NaN where there is none."""
     return _numbers(rows, column.replace("_error_", "_uncertainty_") if "_error_" in column else "")
 
 
@@ -40,9 +60,15 @@ def scale(rows: pd.DataFrame, column: str) -> pd.Series:
 
 
 def floor(rows: pd.DataFrame, column: str) -> float:
-    """Return the truth's largest uncertainty of a column, 0 where there is none."""
+    """Return the reference solution's largest uncertainty of a column, 0 where there is none."""
     largest = uncertainty(rows, column).max()
     return 0.0 if math.isnan(largest) else float(largest)
+
+
+def quality_failures(rows: pd.DataFrame) -> pd.Series:
+    """Return why the check after every run fails each run, empty where it does not or was not made."""
+    found = with_columns(rows, QUALITY)[QUALITY].astype(object)
+    return found.where(found.notna(), "")
 
 
 def tolerances(rows: pd.DataFrame) -> pd.Series:
@@ -65,6 +91,15 @@ def signal_errors(rows: pd.DataFrame) -> list[str]:
     return [name for name in errors if rows[name].notna().any()]
 
 
+def motion_error(rows: pd.DataFrame) -> str:
+    """Return the column of errors of the motion: the slider's, without a slider that of the first body."""
+    others = ("clearance_", "local_")
+    found = [
+        name for name in signal_errors(rows) if name.endswith(("_m", "_rad")) and not name.startswith(others)
+    ]
+    return SLIDER if SLIDER in found or not found else found[0]
+
+
 def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
     """Return the rows with a column ``name``: the largest of the signal errors whose columns match a pattern.
 
@@ -75,11 +110,12 @@ def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
     return rows.assign(**{new: rows.filter(regex=f"^{of}$").max(axis=1) for new, of in columns.items()})
 
 
-def with_peak(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with ``PEAK`` and its uncertainty, NaN where no impact is judged by its force."""
+def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with ``FORCE``, and ``PEAK`` with its uncertainty, NaN where no impact has a force."""
     doubt = PEAK.replace("error", "uncertainty")
     percent = {PEAK: "impact_force_relative_error", doubt: "impact_force_relative_uncertainty"}
-    return rows.assign(**{name: 100 * _numbers(rows, part) for name, part in percent.items()})
+    rows = rows.assign(**{name: 100 * _numbers(rows, part) for name, part in percent.items()})
+    return with_largest(rows, FORCE, r"joint_\w+_force_error_N")
 
 
 def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:

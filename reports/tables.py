@@ -12,7 +12,6 @@ from reports.parts import Table
 #: What stands for a number that a scene or an engine does not have.
 ABSENT = "–"
 
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _NUMBER = re.compile(r"(< )?(\d(?:\.\d+)?)e([+-]\d+)")
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -44,14 +43,18 @@ def plain(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def in_text(value: float) -> str:
-    """Return a number with two significant digits as it is written in a sentence: 1.2×10⁻³."""
-    digits, power = f"{value:.1e}".split("e")
-    return f"{digits}×10{str(int(power)).translate(_RAISED)}"
+def span(values: Iterable[float], form: str = "") -> str:
+    """Return the least and the largest of some numbers, as one number if they read the same; NaN is left out.
+
+    They are ``plain``, or by a format.
+    """
+    known = sorted(value for value in values if not math.isnan(value))
+    texts = [f"{end:{form}}" if form else plain(end) for end in (*known[:1], *known[-1:])]
+    return " to ".join(dict.fromkeys(texts)) or ABSENT
 
 
 def error(value: float, uncertainty: float = math.nan) -> str:
-    """Return an error with two significant digits, never with digits below the truth's uncertainty.
+    """Return an error with two significant digits, never with digits below the reference's uncertainty.
 
     An error below the uncertainty u is shown as ``< u``; NaN as a dash.
     """
@@ -72,10 +75,10 @@ def on_scenes(count: int, whole: int | None = None) -> str:
 
 
 def markdown(table: Table) -> str:
-    """Return the table as Markdown, its caption above."""
+    """Return the table as Markdown, without its caption."""
     rows = [table.head, ("---",) * len(table.head), *table.rows]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-    return f"{table.title}. {table.reading}\n\n" + "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def latex(table: Table) -> str:
@@ -109,15 +112,10 @@ SCREEN = {"csv": comma_separated}
 FORMATS = {**SCREEN, "tex": latex}
 
 
-def formats(paper: bool) -> list[str]:
-    """Return the ends of the names of a table's files."""
-    return list(FORMATS if paper else SCREEN)
-
-
 def write_table(table: Table, folder: Path, paper: bool) -> None:
     """Write a table as CSV, and for a ``paper`` as LaTeX too."""
-    for end in formats(paper):
-        (folder / f"{table.name}.{end}").write_text(FORMATS[end](table), encoding="utf-8")
+    for end, form in (FORMATS if paper else SCREEN).items():
+        (folder / f"{table.name}.{end}").write_text(form(table), encoding="utf-8")
 
 
 def _latex_cell(cell: str) -> str:

@@ -1,1 +1,1 @@
-"""The page's chapters, one folder a study."""
+"""The chapters of the page: each declares its findings, figures and tables (see `reports.parts.Chapter`)."""

@@ -1,6 +1,8 @@
-"""Draws a figure: an SVG with the values on it for the page, and files for papers, SVG, PNG and PDF."""
+"""Draws a figure: an SVG of each view for the page, a CSV of its points, and files for papers."""
 
+import csv
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,16 +14,17 @@ from matplotlib.lines import Line2D
 
 from reports.page.formats import as_svg, write_pdf, write_png
 from reports.page.svg import NAMED, Inline, inline
-from reports.parts import Figure
+from reports.parts import Figure, View
 from reports.plots.axes import set_plainly
 from reports.plots.series import Series, marked
+from reports.results import FloatArray
 from reports.style import COLUMN_IN, RC, legend_entries
 
 #: Text stays text, which is found, read aloud and quick to draw; in PDF it is embedded, as publishers ask.
 TEXT: Any = {"svg.fonttype": "none", "pdf.fonttype": 42}
-#: What a figure is for papers, by the ends of its files' names.
+#: What a view is for papers, by the ends of its files' names.
 FILES = (".svg", ".png", ".pdf")
-#: The same figure for one column of a paper, and with how many panels it still is a figure there.
+#: The same for one column of a paper, and with how many panels it still is a figure there.
 COLUMN, MOST_PANELS = "-column.pdf", 4
 #: Of a curve no more points than these tell their values.
 MOST_POINTS = 30
@@ -29,45 +32,78 @@ MOST_POINTS = 30
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure in the page: ``svg``, ``data`` of its points as JSON, and the ends of its files' names."""
+    """A view in the page: its ``choice``, its ``svg``, and ``data`` of its points as JSON."""
 
+    choice: tuple[str, ...]
     svg: Inline
     data: str
-    files: tuple[str, ...]
 
 
-def draw(figure: Figure, folder: Path | None = None) -> Picture:
-    """Return a figure as it stands in the page, and into a ``folder`` write its files for papers.
+@dataclass(frozen=True)
+class Drawn:
+    """A figure as the page shows it: its views, whether its points are in a file, and its other files."""
 
-    It is laid out once, and for papers once more for one column.
+    views: tuple[Picture, ...]
+    has_data: bool = False
+    files: tuple[str, ...] = ()
+
+
+def draw(figure: Figure, folder: Path | None = None, paper: bool = False) -> Drawn:
+    """Return a figure as the page shows it; write its points into a ``folder``, and files for a ``paper``.
+
+    Each view is laid out once, and for papers once more for one column.
     """
-    drawing, series = figure.drawing, marked(figure.drawing)
-    for place, each in enumerate(series):
-        each.artist.set_gid(f"series-{place}")
-    set_plainly(drawing)
-    with mpl.rc_context({**RC, **TEXT}):
-        _lay_out(drawing)
-        svg = as_svg(drawing)
-        values = json.dumps(_values(drawing, series), separators=(",", ":")).replace("<", "\\u003c")
-        files = () if folder is None else _write(figure, svg, folder)
-    return Picture(inline(svg, f"alt-{figure.name}", recoloured=not figure.dense), values, files)
+    pictures, points, files = [], list[list[Any]](), list[str]()
+    for place, view in enumerate(figure.views):
+        series = marked(view.drawing)
+        for k, each in enumerate(series):
+            each.artist.set_gid(f"series-{k}")
+        set_plainly(view.drawing)
+        with mpl.rc_context({**RC, **TEXT}):
+            lay_out(view.drawing)
+            svg = as_svg(view.drawing)
+            told = json.dumps(_values(view.drawing, series), separators=(",", ":")).replace("<", "\\u003c")
+            points += [[*view.choice, *point] for point in _points_in_full(series)]
+            if folder and paper:
+                name = f"{figure.name}-{place}" if len(figure.views) > 1 else figure.name
+                files += [
+                    f"{name}{end}" for end in _write(name, view.drawing, svg, folder / "figures", figure)
+                ]
+        alt = describe(figure, view, series)
+        pictures.append(Picture(view.choice, inline(svg, alt, recoloured=not figure.dense), told))
+    has_data = bool(folder and points and not figure.data)
+    if folder and has_data:
+        _write_points(folder / "data" / f"{figure.name}.csv", figure, points)
+    return Drawn(tuple(pictures), has_data, tuple(files))
 
 
-def _write(figure: Figure, svg: str, folder: Path) -> tuple[str, ...]:
-    """Write a figure in every format and return the ends of the names of its files."""
-    drawing = figure.drawing
-    (folder / f"{figure.name}.svg").write_text(svg, encoding="utf-8")
-    write_png(drawing, folder / f"{figure.name}.png")
-    write_pdf(drawing, folder / f"{figure.name}.pdf")
+def describe(figure: Figure, view: View, series: list[Series]) -> str:
+    """Return in words what a view shows, for those who do not see it: panels, axes and series."""
+    axes: list[Any] = list({id(each.artist.axes): each.artist.axes for each in series}.values())
+    panels = ", ".join(ax.get_title() for ax in axes if ax and ax.get_title())
+    labels = ", ".join(dict.fromkeys(each.label for each in series if each.label))
+    parts = [
+        ": ".join([figure.title, ", ".join(view.choice)]) if view.choice else figure.title,
+        panels and f"Panels: {panels}.",
+        labels and f"Series: {labels}.",
+    ]
+    return " ".join(filter(None, parts))
+
+
+def _write(name: str, drawing: Drawing, svg: str, folder: Path, figure: Figure) -> tuple[str, ...]:
+    """Write a view in every format and return the ends of the names of its files."""
+    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    write_png(drawing, folder / f"{name}.png")
+    write_pdf(drawing, folder / f"{name}.pdf")
     if figure.dense or len(drawing.axes) > MOST_PANELS:
         return FILES
     _reflow(drawing)
-    write_pdf(drawing, folder / f"{figure.name}{COLUMN}")
+    write_pdf(drawing, folder / f"{name}{COLUMN}")
     return (*FILES, COLUMN)
 
 
-def _lay_out(drawing: Drawing) -> None:
-    """Place the panels once for all formats."""
+def lay_out(drawing: Drawing) -> None:
+    """Place the panels of a drawing once for all formats."""
     if engine := drawing.get_layout_engine():
         engine.execute(drawing)
     drawing.set_layout_engine("none")
@@ -94,7 +130,7 @@ def _reflow(drawing: Drawing) -> None:
         legend.remove()
         drawing.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=2.4)
     drawing.set_layout_engine("constrained")
-    _lay_out(drawing)
+    lay_out(drawing)
 
 
 def _values(drawing: Drawing, series: list[Series]) -> dict[str, Any]:
@@ -118,10 +154,7 @@ def colour(series: Series) -> str:
 
 def _points(series: Series, drawing: Drawing) -> list[list[Any]]:
     """Return a line's points: place on the SVG, value across and up, and the note if there is one."""
-    line = series.artist
-    if not isinstance(line, Line2D):
-        return []
-    data = np.asarray(line.get_xydata(), dtype=float)
+    line, data = series.artist, _data(series)
     high = drawing.get_figheight() * 72
     with np.errstate(all="ignore"):  # what is not positive has no place on a logarithmic axis
         places = line.get_transform().transform(data) / drawing.dpi * 72
@@ -135,6 +168,28 @@ def _points(series: Series, drawing: Drawing) -> list[list[Any]]:
         ]
         for k in there[:: -(-len(there) // MOST_POINTS) or 1]
     ]
+
+
+def _data(series: Series) -> FloatArray:
+    """Return the points of a series, (n, 2); none of what is no line."""
+    line = series.artist
+    return np.asarray(line.get_xydata() if isinstance(line, Line2D) else np.empty((0, 2)), dtype=float)
+
+
+def _points_in_full(series: list[Series]) -> Iterator[list[Any]]:
+    """Yield every point of every line with its panel, axes, series and note."""
+    for each in series:
+        ax: Any = each.artist.axes
+        texts = [_flat(ax.get_title()), each.label, _flat(ax.get_xlabel()), _flat(ax.get_ylabel())]
+        for k, (x, y) in enumerate(_data(each)):
+            yield [*texts, f"{x:.6g}", f"{y:.6g}", *(each.notes[k : k + 1] or [""])]
+
+
+def _write_points(path: Path, figure: Figure, points: list[list[Any]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([*figure.pickers, "panel", "series", "x is", "y is", "x", "y", "setting"])
+        table.writerows(points)
 
 
 def _flat(text: str) -> str:

@@ -1,8 +1,7 @@
-// What the page can do beyond being read: series on and off, values, zoom, sorting, filtering, light and dark.
+// What the page can do beyond being read: series on and off, values, zoom, pickers, sorting, light and dark.
 "use strict";
 
 const SVG_REACH = 14; // points on a figure within which a value is shown
-const FEW_ROWS = 12; // rows that are seen at once and need no filter
 const make = (name, attributes = {}, ...children) => {
   const element = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
@@ -22,13 +21,13 @@ function themed() {
   document.querySelector("header").append(button);
 }
 
-function toggles(figure, lines, tools) {
+function toggles(view, lines, tools) {
   const series = new Map();
   for (const [label, colour, place] of lines) {
     if (!series.has(label)) series.set(label, { colour: "", parts: [] });
     const one = series.get(label);
     one.colour ||= colour;
-    one.parts.push(document.getElementById(`${figure.dataset.prefix}series-${place}`));
+    one.parts.push(document.getElementById(`${view.dataset.prefix}series-${place}`));
   }
   for (const [label, { colour, parts }] of series.size > 1 ? series : []) {
     const swatch = make("span", { class: "swatch" });
@@ -43,10 +42,10 @@ function toggles(figure, lines, tools) {
   }
 }
 
-function values(figure, svg, { panels, lines }) {
+function values(view, svg, { panels, lines }) {
   const box = make("div", { class: "value", role: "status", hidden: "" });
-  figure.append(box);
-  const seen = place => !document.getElementById(`${figure.dataset.prefix}series-${place}`)?.classList.contains("off");
+  view.append(box);
+  const seen = place => !document.getElementById(`${view.dataset.prefix}series-${place}`)?.classList.contains("off");
   const nearest = at => {
     let best = null, least = SVG_REACH;
     for (const [label, , place, panel, points] of lines) {
@@ -66,7 +65,7 @@ function values(figure, svg, { panels, lines }) {
     const [title, across, up] = found.panel, [, , x, y, note] = found.point;
     const said = [found.label, title, up && `${up}: ${y}`, across && `${across}: ${x}`, note].filter(Boolean);
     box.replaceChildren(...said.map(text => make("div", {}, text)));
-    const frame = figure.getBoundingClientRect();
+    const frame = view.getBoundingClientRect();
     const left = Math.min(event.clientX - frame.left + 12, frame.width - box.offsetWidth);
     box.style.left = `${Math.max(0, left)}px`;
     box.style.top = `${event.clientY - frame.top + 14}px`;
@@ -137,27 +136,37 @@ function sortable(table) {
         ? (one, other) => (measured(one.text) ?? Infinity) - (measured(other.text) ?? Infinity)
         : (one, other) => one.text.localeCompare(other.text, undefined, { numeric: true });
       rows.sort((one, other) => (down ? -1 : 1) * order(one, other));
-      for (const { row } of rows) row.classList.remove("new");
       body.append(...rows.map(({ row }) => row));
     });
   });
 }
 
-function filterable(figure, table) {
-  const rows = [...table.tBodies[0].rows];
-  if (rows.length < FEW_ROWS) return;
-  const field = make("input", { type: "search", placeholder: "only rows with …", "aria-label": "Only rows with these words" });
-  field.addEventListener("input", () => {
-    const words = field.value.toLowerCase().split(/\s+/);
-    for (const row of rows) row.hidden = !words.every(word => row.textContent.toLowerCase().includes(word));
+// A picker for each dimension of a figure's views; what is not there with the others moves them along.
+function pickers(figure) {
+  const place = figure.querySelector(".pickers");
+  if (!place) return;
+  const names = JSON.parse(place.dataset.pickers);
+  const views = [...figure.querySelectorAll(".view")].map(view => ({ view, choice: JSON.parse(view.dataset.choice) }));
+  const fields = names.map((name, k) => {
+    const options = [...new Set(views.map(({ choice }) => choice[k]))].map(value => make("option", { value }, value));
+    const field = make("select", {}, ...options);
+    place.append(make("label", {}, `${name} `, field));
+    return field;
   });
-  table.parentElement.before(make("div", { class: "tools" }, field));
+  const show = changed => {
+    const score = ({ choice }) => choice.reduce((sum, value, k) =>
+      sum + (value === fields[k].value) * (k === changed ? names.length : 1), 0);
+    const best = views.reduce((one, other) => score(other) > score(one) ? other : one);
+    for (const { view } of views) view.hidden = view !== best.view;
+    best.choice.forEach((value, k) => { fields[k].value = value; });
+  };
+  fields.forEach((field, k) => field.addEventListener("change", () => show(k)));
 }
 
 function unfolded() {
   const opened = [];
   addEventListener("beforeprint", () => {
-    for (const part of document.querySelectorAll("details:not([open], .long)")) { part.open = true; opened.push(part); }
+    for (const part of document.querySelectorAll("details:not([open])")) { part.open = true; opened.push(part); }
   });
   addEventListener("afterprint", () => { for (const part of opened.splice(0)) part.open = false; });
   const reveal = () => {
@@ -171,16 +180,15 @@ function unfolded() {
 
 themed();
 for (const figure of document.querySelectorAll("figure.drawing")) {
-  const svg = figure.querySelector("svg"), data = JSON.parse(figure.querySelector("script").textContent);
-  const tools = make("div", { class: "tools" });
-  zoom(svg, tools);
-  toggles(figure, data.lines, tools);
-  values(figure, svg, data);
-  figure.querySelector(".wide").before(tools);
+  for (const view of figure.querySelectorAll(".view")) {
+    const svg = view.querySelector("svg"), data = JSON.parse(view.querySelector("script").textContent);
+    const tools = make("div", { class: "tools" });
+    zoom(svg, tools);
+    toggles(view, data.lines, tools);
+    values(view, svg, data);
+    view.prepend(tools);
+  }
+  pickers(figure);
 }
-for (const figure of document.querySelectorAll("figure.table")) {
-  const table = figure.querySelector("table");
-  sortable(table);
-  filterable(figure, table);
-}
+for (const table of document.querySelectorAll("figure.table table")) sortable(table);
 unfolded();

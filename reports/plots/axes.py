@@ -1,15 +1,77 @@
-"""Labels of logarithmic axes, set once for all: in plain letters, and so few that none lie on each other."""
+"""Axes: the unit in which a column is drawn, and labels of logarithmic axes in plain letters."""
 
 import math
 import re
+from dataclasses import dataclass
 
+import numpy as np
+import pandas as pd
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import FixedLocator, LogFormatterSciNotation, MaxNLocator, NullFormatter
 
-#: What stands at an axis that has less than two powers of ten, the fewest labels first.
+from reports.results import FloatArray
+from reports.style import words
+
+#: The digits that are labelled on an axis of less than two powers of ten, the fewest labels first.
 DIGITS = ((1, 3), (1, 2, 5))
+#: The ratio of the largest to the smallest number from which on an axis is logarithmic.
+DECADES = 30.0
+#: How the fields begin that are the start of single bodies.
+BODIES = ("start.crank.", "start.rod.", "start.slider.")
+#: Labels of columns whose names say too little.
+NAMES = {
+    "strobe_m": "slider's deviation once a turn",
+    "slider_deviation_m": "largest deviation of the slider",
+    "impact_phase_rad": "crank angle at impact",
+    "flight_part": "part of time in flight",
+    "exponent_1_s": "finite-time exponent",
+    "exponent_per_revolution": "exponent in a revolution",
+}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How the numbers of a column are drawn: times ``factor``, under ``label``, logarithmic or not."""
+
+    factor: float
+    label: str
+    log: bool
+
+    def apply(self, values: pd.Series) -> FloatArray:
+        """Return the numbers as they are drawn, (n,)."""
+        return np.asarray(values, dtype=float) * self.factor
+
+    @property
+    def kind(self) -> str:
+        """The kind of axis, as Matplotlib calls it."""
+        return "log" if self.log else "linear"
+
+
+def scale_of(column: str, values: pd.Series) -> Scale:
+    """Return how the numbers of a column, or of a scene's field by its path, are drawn."""
+    numbers = np.asarray(values, dtype=float)
+    sizes = np.abs(numbers[np.isfinite(numbers)])
+    largest = float(sizes.max()) if len(sizes) else 1.0
+    name, unit = words(column.rpartition(".")[2])
+    name = NAMES.get(column, name)
+    if column.startswith("clearance."):
+        name = f"{name} at {column.split('.')[1]}"
+    if column.startswith(BODIES):
+        name = f"{column.split('.')[1]}'s {name} at the start"
+    factor, unit = _handy(unit, largest)
+    log = bool((numbers > 0).all()) and largest >= DECADES * sizes.min()
+    return Scale(factor, f"{name} [{unit}]" if unit else name, log)
+
+
+def _handy(unit: str, largest: float) -> tuple[float, str]:
+    """Return a unit in which numbers up to ``largest`` have few digits, and the factor to it."""
+    if unit == "m" and largest < 1:
+        return (1e6, "µm") if largest < 1e-3 else (1e3, "mm")
+    if unit == "N" and largest >= 1e4:
+        return 1e-3, "kN"
+    return (180 / np.pi, "°") if unit == "rad" else (1.0, unit)
 
 
 class Powers(LogFormatterSciNotation):
@@ -26,7 +88,7 @@ class Powers(LogFormatterSciNotation):
 
 
 def set_plainly(drawing: Drawing) -> None:
-    """Label all logarithmic axes of a drawing whose labels nobody has set, once their ends are known."""
+    """Label the logarithmic axes of a drawing that have Matplotlib's labels, once their ends are known."""
     for axis in (axis for ax in drawing.axes for axis in (ax.xaxis, ax.yaxis)):
         if type(axis.get_major_formatter()) is LogFormatterSciNotation:
             _label(axis)

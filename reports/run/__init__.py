@@ -1,1 +1,1 @@
-"""Pictures of one run from its table of samples: curves over time, orbits of pins, films of the mechanism."""
+"""What is shown of one run: figures, an animation, and the command that repeats it."""

@@ -5,7 +5,7 @@ import numpy as np
 from engine_models.engine import Engine, RunSettings, UnsupportedScene
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from reports.convergence import observed_order
+from reports.analysis.convergence import observed_order
 from studies.conformance.claims import SAMPLES, Finding
 from studies.judges.ideal_truth import exact
 

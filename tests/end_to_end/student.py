@@ -1,4 +1,4 @@
-"""Student's and Fisher's distributions by quadrature, which knows nothing of the library that reports use."""
+"""Student's distribution by quadrature, which knows nothing of the library that reports use."""
 
 import math
 from collections.abc import Callable
@@ -12,23 +12,6 @@ def student_tail(t: float, freedom: float) -> float:
     scale = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) / math.sqrt(math.pi)
     return scale * _integral(
         lambda x: math.cos(x) ** (freedom - 1), math.atan(t / math.sqrt(freedom)), math.pi / 2
-    )
-
-
-def fisher_tail(f: float, above: float, below: float) -> float:
-    """Return the chance of more than f, of the ratio of mean squares of so many degrees of freedom.
-
-    By f = below / above tan² x; there are two above at least.
-    """
-    log_beta = math.lgamma(above / 2) + math.lgamma(below / 2) - math.lgamma((above + below) / 2)
-    return (
-        2
-        * math.exp(-log_beta)
-        * _integral(
-            lambda x: math.sin(x) ** (above - 1) * math.cos(x) ** (below - 1),
-            math.atan(math.sqrt(f * above / below)),
-            math.pi / 2,
-        )
     )
 
 

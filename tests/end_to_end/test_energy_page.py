@@ -1,20 +1,22 @@
-"""The energy chapter on rows with round numbers: every cell, sentence and axis worked out here."""
+"""The energy chapter on rows with round numbers: every cell, finding and axis worked out here."""
 
-from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from reports.chapters import energy
-from reports.parts import Section, Table
+from reports.chapters.answer import advice
+from reports.chapters.energy import CHAPTER, STUDY
+from reports.parts import Figure, Studies, Table
 from tests.end_to_end.written_rows import mixed, results_of, row
 
 SCENES = ("clearance-x", "ideal-x")
-#: Arms with their order and hidden power in W at the longest of three steps.
+#: Configurations with their order and power gained in W at the longest of three steps.
 ARMS = {("reference", "projection"): (4, -1.6e-6), ("pymunk", "tuned"): (2, 3e-2)}
 STEPS_S, END_S, LARGEST_J = (2e-3, 1e-3, 5e-4), 2.0, 50.0
-#: Ledger lines at the end in J; those below are of contact alone. They dissipate 1.875 J in 2 s.
+#: Terms of the energy balance at the end in J; those below are of contact, which dissipates 1.875 J in 2 s.
 STORED = {"kinetic change [J]": 5.0, "gravitational change [J]": 0.25}
 OF_CONTACT = {
     "elastic change [J]": 0.75,
@@ -40,7 +42,7 @@ def lines(scene: str) -> dict[str, float]:
 
 
 @pytest.fixture(scope="module")
-def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
+def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
     rows: list[dict[str, Any]] = []
     curves = {}
     for scene in SCENES:
@@ -74,72 +76,121 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
                 }
                 curve |= {column(name): [0.0, end / 2, end] for name, end in lines(scene).items()}
                 curves[rows[-1]["case"]] = curve
-    results = results_of(tmp_path_factory.mktemp("results") / "energy", rows, curves)
-    return {section.name: section for section in energy.sections(results)}
+    return {STUDY: results_of(tmp_path_factory.mktemp("results") / STUDY, rows, curves)}
 
 
-def table(sections: dict[str, Section], name: str) -> Table:
-    return next(one for section in sections.values() for one in section.tables if one.name == name)
+def table(studies: Studies, name: str) -> Table:
+    return next(one for one in CHAPTER.tables(studies) if one and one.name == name)
 
 
-def test_hidden_power_is_that_of_the_middle_step(sections: dict[str, Section]) -> None:
-    shown = table(sections, "energy-hidden-power")
+def figure(studies: Studies, name: str) -> Figure:
+    return next(one for one in CHAPTER.figures(studies) if one and one.name == name)
+
+
+def test_numerical_dissipation_is_that_of_the_middle_step(studies: Studies) -> None:
+    shown = table(studies, "energy-numerical-dissipation")
+    assert not shown.shown
     assert shown.head == (
         "scene",
         "mean step [s]",
         "engine",
-        "arm",
-        "hidden power [W]",
+        "configuration",
+        "numerical dissipation [W]",
         "± [W]",
         "± as a part",
-        "order of the power",
+        "order of the dissipation",
         "mean over the run [W]",
         "of it stabilisation [W]",
-        "largest gain, of the energy in play",
-        "order of the largest gain",
+        "largest error, of the energy in play",
+        "order of the largest error",
     )
     expected = []
     for scene in SCENES:
         for engine, arm in ARMS:
             power, order = power_W(engine, arm), f"{ARMS[engine, arm][0]}.00"
             half = abs(1.2 * power - 0.9 * power) / 2
-            numbers = (f"{x:.1e}" for x in (power, half, half * END_S / LARGEST_J))
-            stabilisation = "-5.0e-08" if engine == "reference" else "–"
-            mean, gain = f"{1.1 * power:.1e}", f"{abs(3 * power) / LARGEST_J:.1e}"
+            numbers = (f"{x:.1e}" for x in (-power, half, half * END_S / LARGEST_J))
+            stabilisation = "5.0e-08" if engine == "reference" else "–"
+            mean, error = f"{-1.1 * power:.1e}", f"{abs(3 * power) / LARGEST_J:.1e}"
             where = (scene, "1.0e-03", engine, arm)
-            expected.append((*where, *numbers, order, mean, stabilisation, gain, order))
+            expected.append((*where, *numbers, order, mean, stabilisation, error, order))
     assert list(shown.rows) == expected
-    assert sections["hidden-power"].text == (
-        "Runs take 20 revolutions on ideal joints and 20 revolutions with contact.",
-        *(
-            f"On {scene} the hidden power is −1.0×10⁻⁷ W with reference (projection) and +7.5×10⁻³ W with "
-            "pymunk (tuned)."
-            for scene in SCENES
-        ),
+
+
+def test_the_page_has_the_dissipation_by_configuration_and_scene(studies: Studies) -> None:
+    shown = table(studies, "energy-dissipation-by-scene")
+    assert shown.shown
+    assert shown.head == ("configuration", *SCENES)
+    # A gain of 7.5e-3 W with an interval from 0.9 to 1.2 times that, and a loss of 1e-7 W.
+    assert shown.rows == (
+        ("reference (projection)", *["1.0e-07 ± 1.5e-08"] * 2),
+        ("pymunk (tuned)", *["-7.5e-03 ± 1.1e-03"] * 2),
     )
+
+
+def test_what_did_not_finish_or_is_not_resolved_says_so_on_the_page(studies: Studies) -> None:
+    """A power of 7.5e-3 W whose interval is 17e-3 W wide is below 1.6e-2 W."""
+    rows = studies[STUDY].rows
+    pymunk, reference = rows["engine"] == "pymunk", rows["engine"] == "reference"
+    wide = rows["hidden_power_low_W"].mask(pymunk, -1e-3), rows["hidden_power_high_W"].mask(pymunk, 16e-3)
+    changed = rows.assign(
+        hidden_power_low_W=wide[0],
+        hidden_power_high_W=wide[1],
+        status=rows["status"].mask(reference & (rows["scene"] == "ideal-x"), "failed"),
+    )
+    shown = table({STUDY: replace(studies[STUDY], rows=changed)}, "energy-dissipation-by-scene")
+    assert shown.rows == (
+        ("reference (projection)", "1.0e-07 ± 1.5e-08", "failed"),
+        ("pymunk (tuned)", *["< 1.6e-02"] * 2),
+    )
+
+
+def test_the_findings_tell_who_keeps_the_energy_balance(studies: Studies) -> None:
+    """The largest errors are 3 s of powers of 1e-7 and 7.5e-3 W, in parts of 50 J: 6e-7 % and 0.045 %."""
+    found = {finding.name: finding for finding in CHAPTER.findings(studies)}
+    assert list(found) == ["energy-kept", "energy-worst", "drift-bounded", "reliability"]
+    assert found["energy-kept"] == (
+        "Energy-balance error of at most 0.01 % of the energy in play, at the middle setting, on every scene "
+        "with contact that the configuration finished: reference (projection). Each finished at least 1 of 1 "
+        "such scenes. Their runs take 20 revolutions. The largest of these errors is 6.0×10⁻⁷ %."
+    )
+    assert found["energy-worst"] == (
+        "The largest energy-balance error is, of the energy in play, 0.045 % with contact (pymunk (tuned), "
+        "clearance-x) and 0.045 % on ideal joints (pymunk (tuned), ideal-x)."
+    )
+    assert found["drift-bounded"] == (
+        "Stabilisation bounds the drift: with projection gaps are round-off, at most 40 nm."
+    )
+    assert [number.value for number in found["energy-kept"].numbers] == pytest.approx([1, 1, 20, 20, 6e-7])
+
+
+def test_the_first_screen_recommends_who_keeps_the_energy_balance(studies: Studies) -> None:
+    """The reference is off by 3e-7 J of 50 J; Pymunk by 4.5e-4 of the energy in play, more than 0.01 %."""
+    ((need, use, _, *others),) = (each.cells for each in advice(studies))
+    assert (need, use) == (
+        "energy balance within 0.01 % over 20 revolutions",
+        "reference (projection), step 0.001 s",
+    )
+    assert others == ["not timed", "no other engine", "–"]
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_every_line_of_the_ledger_has_its_column(sections: dict[str, Section], scene: str) -> None:
-    shown = table(sections, f"energy-ledger-{scene}")
-    assert shown.head == ("engine", "arm", *lines(scene), "stabilisation loss [J]", "residual [J]")
-    cells = [f"{value:.5f}" for value in lines(scene).values()]
+def test_every_term_of_the_energy_balance_has_its_column(studies: Studies, scene: str) -> None:
+    shown = table(studies, f"energy-ledger-{scene}")
+    head = ("engine", "configuration", *lines(scene), "stabilisation loss [J]", "residual [J]")
+    assert shown.head == head
+    cells = [f"{value:g}" for value in lines(scene).values()]
     assert shown.rows == (
-        ("reference", "projection", *cells, "1.0e-07", "-2.0e-07"),
+        ("reference", "projection", *cells, "1e-07", "-2.0e-07"),
         ("pymunk", "tuned", *cells, "–", "1.5e-02"),
     )
-    # 3 s of the hidden powers of 1e-7 and 7.5e-3 W, in parts of 50 J.
-    assert sections["ledger"].text == (
-        "On the one scene with contact, in parts of the energy in play: the ledger lacks or has too much at "
-        "most 6.0×10⁻⁹ with reference (projection) and 4.5×10⁻⁴ with pymunk (tuned).",
-    )
 
 
-def test_drift_tells_gap_and_speed_with_their_powers_of_time(sections: dict[str, Section]) -> None:
-    shown = table(sections, "energy-drift")
-    gap = ("largest gap [m]", "exponent of time", "order in the step")
-    speed = ("largest gap speed [m/s]", "exponent of time", "order in the step")
-    assert shown.head == ("scene", "mean step [s]", "engine", "arm", *gap, *speed)
+def test_drift_tells_gap_and_speed_with_their_powers_of_time(studies: Studies) -> None:
+    shown = table(studies, "energy-drift")
+    gap = ("largest gap [m]", "gap, exponent of time", "gap, order in the step")
+    speed = ("largest gap speed [m/s]", "gap speed, exponent of time", "gap speed, order in the step")
+    assert shown.head == ("scene", "mean step [s]", "engine", "configuration", *gap, *speed)
     none = ("4.0e-08", "–", "–", "6.0e-06", "–", "–")
     drifting = ("4.0e-08", "1.00", "flat", "6.0e-06", "0.50", "flat")
     assert shown.rows == tuple(
@@ -147,68 +198,53 @@ def test_drift_tells_gap_and_speed_with_their_powers_of_time(sections: dict[str,
         for scene in SCENES
         for engine, arm in ARMS
     )
-    assert sections["drift"].text == (
-        "Projection leaves round-off alone on the one scene: gaps of at most 4.0×10⁻⁸ m.",
-    )
 
 
-@pytest.mark.parametrize(
-    ("name", "axes", "abscissae", "factors"),
-    [
-        ("energy-gain-over-time", ("time [s]", "energy gained or lost\nso far [J]"), [1.0, 2.0], [1, 3]),
-        ("energy-gain-by-step", ("mean step [s]", "largest energy\ngained or lost [J]"), STEPS_S[::-1], None),
-    ],
-)
-def test_gains_are_drawn_over_time_and_against_the_step(
-    sections: dict[str, Section],
-    name: str,
-    axes: tuple[str, str],
-    abscissae: Sequence[float],
-    factors: list[float] | None,
-) -> None:
-    figures = {one.name: one for section in sections.values() for one in section.figures}
-    for panel, scene in zip(figures[name].drawing.axes, SCENES, strict=False):
+def test_the_error_is_drawn_against_the_mean_step(studies: Studies) -> None:
+    (view,) = figure(studies, "energy-error-by-step").views
+    for panel, scene in zip(view.drawing.axes, SCENES, strict=True):
+        axes = "mean step [s]", "largest error of the\nenergy balance [J]"
         assert (panel.get_title(), panel.get_xlabel(), panel.get_ylabel()) == (scene, *axes)
         for line, (engine, arm) in zip(panel.lines, ARMS, strict=False):
-            if factors is None:
-                expected = [3 * abs(power_W(engine, arm, k)) for k in (2, 1, 0)]
-            else:
-                expected = [factor * abs(power_W(engine, arm)) for factor in factors]
-            points = np.asarray(line.get_xydata())[-len(abscissae) :]
-            assert points[:, 0] == pytest.approx(abscissae)
-            assert points[:, 1] == pytest.approx(expected)
+            points = np.asarray(line.get_xydata())
+            assert points[:, 0] == pytest.approx(STEPS_S[::-1])
+            assert points[:, 1] == pytest.approx([3 * abs(power_W(engine, arm, k)) for k in (2, 1, 0)])
 
 
-def test_hidden_power_against_the_step_is_that_of_scenes_without_clearance(
-    sections: dict[str, Section],
-) -> None:
-    figures = {one.name: one for section in sections.values() for one in section.figures}
-    (panel,) = figures["energy-hidden-power-by-step"].drawing.axes
-    assert (panel.get_title(), panel.get_ylabel()) == ("ideal-x", "hidden power, size [W]")
-    for line, (engine, arm) in zip(panel.lines, ARMS, strict=False):
-        assert np.asarray(line.get_ydata()) == pytest.approx(
-            [abs(power_W(engine, arm, k)) for k in (2, 1, 0)]
-        )
+def test_losses_are_stacked_below_the_work_that_is_not_stored(studies: Studies) -> None:
+    """Of 8 J, 6 are stored and 1.875 lost; the line is at the end of the run, 2 s."""
+    (view,) = figure(studies, "energy-balance").views
+    assert view.choice == ("clearance-x",)
+    assert [ax.get_title() for ax in view.drawing.axes] == [f"{engine} ({arm})" for engine, arm in ARMS]
+    for panel in view.drawing.axes:
+        (work,) = (line for line in panel.lines if line.get_color() == "#000000")
+        assert np.asarray(work.get_xydata())[-1] == pytest.approx([END_S, 2.0])
+        tops = [
+            np.asarray(path.vertices)[:, 1].max() for patch in panel.collections for path in patch.get_paths()
+        ]
+        assert tops == pytest.approx([1.25, 1.75, 1.875])
 
 
-@pytest.mark.parametrize(
-    ("name", "axis", "largest"),
-    [
-        ("energy-gaps-over-time", "largest gap so far [m]", [2e-8, 4e-8]),
-        ("energy-gap-speeds-over-time", "largest gap speed so far [m/s]", [3e-6, 6e-6]),
-    ],
-)
-def test_gaps_and_their_speeds_have_a_figure_each(
-    sections: dict[str, Section], name: str, axis: str, largest: list[float]
-) -> None:
-    figures = {one.name: one for section in sections.values() for one in section.figures}
-    (panel,) = figures[name].drawing.axes
-    assert (panel.get_title(), panel.get_xlabel(), panel.get_ylabel()) == ("ideal-x", "time [s]", axis)
-    for line in panel.lines:
-        assert np.asarray(line.get_xydata()) == pytest.approx(
-            np.array([[1.0, largest[0]], [2.0, largest[1]]])
-        )
+def test_gaps_and_their_speeds_are_views_of_one_figure(studies: Studies) -> None:
+    shown = figure(studies, "energy-gaps")
+    assert shown.more
+    assert shown.pickers == ("signal",)
+    axes = {"gap": ("largest gap so far [m]", [2e-8, 4e-8])}
+    axes["gap speed"] = ("largest gap speed so far [m/s]", [3e-6, 6e-6])
+    assert [view.choice[0] for view in shown.views] == list(axes)
+    for view, (axis, largest) in zip(shown.views, axes.values(), strict=True):
+        (panel,) = view.drawing.axes
+        assert (panel.get_title(), panel.get_xlabel(), panel.get_ylabel()) == ("ideal-x", "time [s]", axis)
+        (line,) = panel.lines
+        points = np.array([[1.0, largest[0]], [2.0, largest[1]]])
+        assert np.asarray(line.get_xydata()) == pytest.approx(points)
 
 
-def test_a_figure_has_one_quantity(sections: dict[str, Section]) -> None:
-    assert mixed(sections) == []
+def test_figures_over_time_need_curves(studies: Studies) -> None:
+    published = replace(studies[STUDY], folder=Path("nowhere"))
+    names = [one.name for one in CHAPTER.figures({STUDY: published}) if one]
+    assert names == ["energy-error-by-step"]
+
+
+def test_a_figure_has_one_quantity(studies: Studies) -> None:
+    assert mixed(one for one in CHAPTER.figures(studies) if one) == []

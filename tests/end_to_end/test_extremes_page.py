@@ -1,4 +1,4 @@
-"""The gallery of extremes on rows with round numbers: every verdict, cell and sentence worked out here."""
+"""The extreme cases on rows with round numbers: every verdict, cell and finding worked out here."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,12 +9,10 @@ from matplotlib.colors import to_hex, to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from reports.chapters import extremes
-from reports.chapters.answer.trust import breaks
-from reports.chapters.headlines import hard
-from reports.parts import Section, Table
+from reports.analysis.verdicts import answers, wrong_results
+from reports.chapters.limits import CHAPTER, EXTREMES
+from reports.parts import Figure, Studies, Table
 from reports.plots.series import marked
-from reports.results import Results
 from tests.end_to_end.written_rows import results_of, row
 
 #: Cases in their places: group, what theory says and asks for, and when the motion ends in s.
@@ -82,28 +80,28 @@ BARE = {
 #: Verdicts, case by case in the arms' order, and whether that is what theory asks for.
 VERDICTS = {
     "easy": ("right", "inaccurate", "inaccurate"),
-    "no motion": ("failed clearly", "wrong", "refused"),
-    "ending": ("failed clearly", "failed clearly", "failed clearly"),
-    "absurd": ("right", "failed obscurely", "wrong, noticed"),
+    "no motion": ("clear error", "wrong, no error", "refused"),
+    "ending": ("clear error", "clear error", "clear error"),
+    "absurd": ("right", "unclear error", "wrong, found by a check"),
     "endless": ("timed out", "crashed", "out of memory"),
 }
 WANTED = {"easy": "+--", "no motion": "+-+", "ending": "+-+", "absurd": "+-+", "endless": "---"}
 LOOKS = {
     "right": ("✓", "#f4f8fb"),
     "refused": ("⊘", "#cfe3f1"),
-    "failed clearly": ("F", "#a2c8e4"),
-    "wrong, noticed": ("N", "#7fb2d6"),
+    "clear error": ("F", "#a2c8e4"),
+    "wrong, found by a check": ("N", "#7fb2d6"),
     "inaccurate": ("≈", "#d98d2b"),
-    "failed obscurely": ("f", "#d27328"),
+    "unclear error": ("f", "#d27328"),
     "timed out": ("T", "#b0502a"),
     "out of memory": ("M", "#8f2f26"),
     "crashed": ("C", "#631a2b"),
-    "wrong": ("✗", "#20122e"),
+    "wrong, no error": ("✗", "#20122e"),
 }
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
+def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
     rows: list[dict[str, Any]] = []
     for place, (case, (group, theory, wanted, stop_s)) in enumerate(CASES.items()):
         head = {"place": place, "group": group, "theory": theory, "wanted": wanted, "stop_s": stop_s}
@@ -114,43 +112,53 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
             rows.append(
                 row(len(rows), case, "pymunk", "tuned", 1e-3, guarded=False, **{**head, **BARE[case]})
             )
-    return results_of(tmp_path_factory.mktemp("results") / "extremes", rows[::-1], {})
+    return {EXTREMES: results_of(tmp_path_factory.mktemp("results") / EXTREMES, rows[::-1], {})}
+
+
+def table(studies: Studies, name: str) -> Table:
+    return next(one for one in CHAPTER.tables(studies) if one and one.name == f"extremes-{name}")
 
 
 @pytest.fixture(scope="module")
-def sections(results: Results) -> dict[str, Section]:
-    return {section.name: section for section in extremes.sections(results)}
+def matrix(studies: Studies) -> Figure:
+    (figure,) = CHAPTER.figures(studies)
+    assert figure
+    return figure
 
 
-def test_an_arm_breaks_where_it_goes_wrong_without_guards_and_not_where_its_model_refuses(
-    results: Results,
-) -> None:
-    """Pymunk does what theory asks in 3 cases, in 1 without guards; then a run of Exudyn is its model's."""
-    studies = {"extremes": results}
-    assert breaks(studies, "reference", "reference (default)") == "against theory in 1 of 5 hard cases"
-    assert breaks(studies, "pymunk", "pymunk (tuned)") == "against theory in 4 of 5 hard cases"
-    assert breaks(studies, "exudyn", "exudyn (DOPRI5)") == "against theory in 5 of 5 hard cases"
-    rows = results.rows.assign(spoken_by=None)
+def test_what_our_model_does_not_express_is_no_case_of_the_engine(studies: Studies) -> None:
+    """Exudyn returns a motion where there is none; Pymunk goes on past the end and loses half its energy."""
+    rows = studies[EXTREMES].rows
+    counts = wrong_results(answers(rows))
+    assert list(counts.index) == ["pymunk (tuned)", "exudyn (DOPRI5)", "reference (default)"]
+    assert counts.to_numpy().tolist() == [[2, 5], [1, 5], [0, 5]]
+    rows = rows.assign(spoken_by=None)
     rows.loc[rows["reason"] == "something broke", "spoken_by"] = "adapter"
-    altered = replace(results, rows=rows)
-    assert breaks({"extremes": altered}, "exudyn", "exudyn (DOPRI5)") == "against theory in 4 of 4 hard cases"
-    text = next(section for section in extremes.sections(altered) if section.name == "gallery").text
-    assert "exudyn (DOPRI5) does what theory asks in 0 of 4 cases." in text
-    assert "Cases that our model of exudyn (DOPRI5) does not express: 1." in text
-    assert any("does what theory asks in 0 of 4 hard cases" in told for told in hard(altered))
+    altered = {EXTREMES: replace(studies[EXTREMES], rows=rows)}
+    assert wrong_results(answers(rows)).loc["exudyn (DOPRI5)"].tolist() == [1, 4]
+    (exudyn,) = (cells for cells in table(altered, "counts").rows if cells[0] == "exudyn (DOPRI5)")
+    assert exudyn[table(altered, "counts").head.index("not modelled")] == "1"
 
 
-def table(sections: dict[str, Section], name: str) -> Table:
-    found = (one for section in sections.values() for one in section.tables)
-    return next(one for one in found if one.name == f"extremes-{name}")
+def test_the_findings_tell_who_is_wrong_without_an_error_and_what_checks_change(studies: Studies) -> None:
+    wrong, checks = CHAPTER.findings(studies)
+    assert wrong == (
+        "Results wrong by over 10 times a bound, or given where no motion exists, without an error (our "
+        "checks off): pymunk (tuned) in 2 of 5, exudyn (DOPRI5) in 1 of 5 and reference (default) in 0 of 5 "
+        "extreme cases."
+    )
+    assert checks == (
+        "Our checks end 1 runs with which the engine would go on, and reject 1 that it finished. With checks "
+        "off 2 of these report success. With checks on 1 wrong results have no error: exudyn (DOPRI5) 1."
+    )
 
 
-def test_every_run_has_its_verdict_with_the_numbers_it_rests_on(sections: dict[str, Section]) -> None:
-    shown = table(sections, "verdicts")
+def test_every_run_has_its_verdict_with_the_numbers_it_rests_on(studies: Studies) -> None:
+    shown = table(studies, "verdicts")
     head = (
         "case",
         "engine",
-        "arm",
+        "configuration",
         "longest step [s]",
         "verdict",
         "error",
@@ -159,10 +167,10 @@ def test_every_run_has_its_verdict_with_the_numbers_it_rests_on(sections: dict[s
         "constraints",
     )
     assert shown.head == (*head, "told by", "reason")
-    assert "right is below 0.001." in shown.reading
-    assert "right below 0.01;" in shown.reading
-    assert "right below 0.002." in shown.reading
-    assert "Beyond 10 times one of these" in shown.reading
+    assert shown.reading == (
+        "Right: error up to 0.001 of the motion, energy 0.01 of that in play, gaps 0.002 of the crank's "
+        "length. Wrong: beyond 10 times one of these."
+    )
     none = ("–", "–", "–", "–")
     cells = {
         "easy": (
@@ -198,67 +206,54 @@ def test_every_run_has_its_verdict_with_the_numbers_it_rests_on(sections: dict[s
     ]
 
 
-def test_verdicts_are_counted_by_engine(sections: dict[str, Section]) -> None:
-    shown = table(sections, "counts")
-    asked = ("by our model", "as theory asks", "by guards", "as theory asks without them")
-    assert shown.head == ("engine", "arm", "cases", *LOOKS, *asked)
-    # Without guards Pymunk goes on past the end, and returns half of its energy unnoticed.
-    by_guards = {"reference": ("4", "0", "4"), "exudyn": ("0", "0", "0"), "pymunk": ("3", "2", "1")}
+def test_verdicts_are_counted_by_engine(studies: Studies) -> None:
+    shown = table(studies, "counts")
+    asked = ("not modelled", "as theory asks", "by our checks", "as theory asks without our checks")
+    assert shown.shown
+    assert shown.head == ("configuration", "cases", *LOOKS, *asked)
+    # Without our checks Pymunk goes on past the end, and returns half of its energy without an error.
+    by_checks = {"reference": ("4", "0", "4"), "exudyn": ("0", "0", "0"), "pymunk": ("3", "2", "1")}
     expected = []
     for k, (engine, arm) in enumerate(ARMS):
         own = [verdicts[k] for verdicts in VERDICTS.values()]
         counts = [str(own.count(name)) for name in LOOKS]
-        expected.append((engine, arm, "5", *counts, "0", *by_guards[engine]))
+        expected.append((f"{engine} ({arm})", "5", *counts, "0", *by_checks[engine]))
     assert list(shown.rows) == expected
 
 
-def test_the_sentences_tell_who_does_what_theory_asks(sections: dict[str, Section]) -> None:
-    assert sections["gallery"].text == (
-        "15 runs of 5 cases all ended in a verdict. None that counts as right or inaccurate leaves more than "
-        "5.0×10⁻² of the energy in play unaccounted for, or opens a joint by more than 3.0×10⁻³ of the "
-        "crank's length.",
-        "Contained: reference (default) timed out on endless; exudyn (DOPRI5) crashed on endless; pymunk "
-        "(tuned) out "
-        "of memory on endless.",
-        "reference (default) does what theory asks in 4 of 5 cases.",
-        "exudyn (DOPRI5) does what theory asks in 0 of 5 cases.",
-        "exudyn (DOPRI5) returns a wrong result as a success in: no motion.",
-        "pymunk (tuned) does what theory asks in 3 of 5 cases.",
-        "Without our guards pymunk (tuned) would in 1.",
-        "pymunk (tuned) returns a wrong result that the check notices in: absurd.",
-        "The reference stops with a reason in: no motion; ending.",
-    )
-
-
-def test_guards_stand_beside_what_comes_without_them(sections: dict[str, Section]) -> None:
-    shown = table(sections, "guards")
-    assert shown.head == ("case", "engine", "arm", "the guard", "verdict", "what came")
-    apart, off = "a joint or the guide 12 mm apart", "energy off by 5.0×10⁻¹ of that in play"
+def test_guards_stand_beside_what_comes_without_them(studies: Studies) -> None:
+    shown = table(studies, "guards")
+    assert shown.head == ("case", "engine", "configuration", "the check", "verdict without it", "what came")
+    apart, off = "a joint or the guide 12 mm apart", "energy off by 0.5 of that in play"
     assert shown.rows == (
-        ("ending", "pymunk", "tuned", "joint apart at t = 0.0105 s", "wrong", f"success, with {apart}"),
-        ("absurd", "pymunk", "tuned", "energy is off by half", "wrong", f"success, with {off}"),
-    )
-    assert sections["guards"].text == (
-        "Of the runs of pymunk (tuned) guards end or fail 2. Without them it reports success in 2.",
+        (
+            "ending",
+            "pymunk",
+            "tuned",
+            "joint apart at t = 0.0105 s",
+            "wrong, no error",
+            f"success, with {apart}",
+        ),
+        ("absurd", "pymunk", "tuned", "energy is off by half", "wrong, no error", f"success, with {off}"),
     )
 
 
-def test_what_theory_expects_is_told_of_every_case(sections: dict[str, Section]) -> None:
-    shown = table(sections, "expectations")
+def test_what_theory_expects_is_told_of_every_case(studies: Studies) -> None:
+    shown = table(studies, "expectations")
     assert shown.head == ("group", "case", "asked for", "theory")
-    words = {"answer": "the motion", "refusal": "a refusal", "stop": "a stop in time, or the smooth branch"}
-    words["answer or word"] = "the motion, or word that step or numbers are none to run with"
+    words = {"answer": "the motion", "refusal": "a refusal"}
+    words["stop"] = "an error at the right time, or the smooth branch"
+    words["answer or word"] = "the motion, or an error that names step or numbers"
     assert list(shown.rows) == [
         (group, case, words[wanted], theory) for case, (group, theory, wanted, _) in CASES.items()
     ]
 
 
 def test_the_matrix_has_every_verdict_in_its_cell_and_a_frame_where_theory_asks_for_it(
-    sections: dict[str, Section],
+    matrix: Figure,
 ) -> None:
-    (figure,) = sections["gallery"].figures
-    assert figure.name == "extremes-matrix"
-    (panel,) = figure.drawing.axes
+    assert (matrix.name, matrix.dense) == ("extremes-matrix", True)
+    (panel,) = matrix.views[0].drawing.axes
     boxes = [patch for patch in panel.patches if isinstance(patch, Rectangle)]
     cells = iter(boxes)
     columns: dict[int, set[float]] = {0: set(), 1: set(), 2: set()}
@@ -277,7 +272,7 @@ def test_the_matrix_has_every_verdict_in_its_cell_and_a_frame_where_theory_asks_
                 and cell.get_x() < text.get_position()[0] < cell.get_x() + cell.get_width()
             ]
             of_what = {("easy", 1): ["5e-03"], ("easy", 2): ["E 5e-02"]}.get((case, column), [])
-            bare = {("ending", 2): "wrong", ("absurd", 2): "wrong"}.get((case, column))
+            bare = {("ending", 2): "wrong, no error", ("absurd", 2): "wrong, no error"}.get((case, column))
             if bare:
                 assert to_hex(next(cells).get_facecolor()) == LOOKS[bare][1]
             assert inside == [LOOKS[verdict][0], *of_what, *([LOOKS[bare][0]] if bare else [])], (
@@ -294,14 +289,14 @@ def test_the_matrix_has_every_verdict_in_its_cell_and_a_frame_where_theory_asks_
 
 
 def test_a_cell_of_the_matrix_tells_whose_run_it_is_and_why_its_verdict_fell(
-    sections: dict[str, Section],
+    matrix: Figure,
 ) -> None:
-    (figure,) = sections["gallery"].figures
-    boxes = [patch for patch in figure.drawing.axes[0].patches if isinstance(patch, Rectangle)]
-    lines = dict(zip(VERDICTS, marked(figure.drawing), strict=True))
-    assert lines["easy"].notes[1] == "easy, exudyn (DOPRI5): inaccurate"
-    assert lines["ending"].notes[2].endswith("failed clearly (guard: joint apart at t = 0.0105 s)")
-    assert lines["endless"].notes[0] == "endless, reference (default): timed out (after 120 s)"
+    drawing = matrix.views[0].drawing
+    boxes = [patch for patch in drawing.axes[0].patches if isinstance(patch, Rectangle)]
+    lines = dict(zip(VERDICTS, marked(drawing), strict=True))
+    assert lines["easy"].notes[1] == "easy, exudyn (DOPRI5): inaccurate. Theory: Ordinary numbers."
+    assert "clear error (guard: joint apart at t = 0.0105 s). Theory: " in lines["ending"].notes[2]
+    assert lines["endless"].notes[0].startswith("endless, reference (default): timed out (after 120 s).")
     for place, cell in enumerate(boxes[:3]):
         line = lines["easy"].artist
         assert isinstance(line, Line2D)

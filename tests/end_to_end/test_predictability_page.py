@@ -1,15 +1,22 @@
 """The predictability chapter on rows with round numbers: every cell, sentence and point worked out here."""
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from reports.chapters import predictability
-from reports.parts import Figure, Section, Table
+from reports.analysis import sweeps
+from reports.chapters import answer
+from reports.chapters.predictability import CHAPTER, horizon_turns
+from reports.parts import Contradiction, Figure, Finding, Studies, Table
+from reports.results import Results
 from tests.end_to_end.student import student_quantile
 from tests.end_to_end.written_rows import results_of, row
 
@@ -23,13 +30,17 @@ def horizons(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     of_scene: dict[str, dict[str, Any]] = {
         "scene-a": {"revolutions": 3.0, "horizon_1nm_s": 0.004, "horizon_1nm_least_s": 0.003},
         "scene-b": {"revolutions": 2.0, "largest_distance_perturbed_m": 2e-12},
-        "scene-c": {"revolutions": 0.0, "horizon_halved_1nm_s": 0.25},
+        "scene-c": {"revolutions": 0.0, "horizon_halved_1nm_s": 1.25},
     }
     of_scene["scene-a"] |= {"horizon_1nm_largest_s": 0.0052, "horizon_halved_1nm_s": 0.006}
     of_scene["scene-a"] |= {
         "horizon_1um_s": 0.012,
         "horizon_1um_least_s": 0.01,
         "horizon_halved_1um_s": 0.015,
+        "horizon_100um_s": 0.02,
+        "horizon_100um_least_s": 0.018,
+        "horizon_100um_largest_s": 0.024,
+        "horizon_halved_100um_s": 0.021,
     }
     rows: list[dict[str, Any]] = []
     curves = {}
@@ -122,11 +133,13 @@ def exponents_map(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     for k, odd in enumerate((-2.0, 30.0, 30.0)):
         speed_rad_s = 200 * math.pi * (1 + k)  # a turn in 10 ms, 5 ms, ...
         columns: dict[str, Any] = {"part": "map of exponents", "crank_speed_rad_s": speed_rad_s}
-        columns |= {"exponent_revolutions": 24.0, "end_time_s": 0.1}
+        columns |= {"columns": 100, "in_case": 100, "first": 0, "revolutions": 2, "end_time_s": 0.1}
         rows.append(row(first + k, "set R", "reference", "DOP853", 1e-5, **columns))
         per_s = [100 * (1 + k) * exponent for exponent in (odd, *99 * (1.0,))]
         clearances = np.geomspace(1e-5, 1e-3, 100).tolist()
         curves[rows[-1]["case"]] = {
+            "value": clearances,
+            "strobe_m": [1e-6] * 200,
             "largest_contact_force_N": [FORCE_N * (1 + k) ** 3 * (1 + (c > 9.9e-4)) for c in clearances],
             "exponent_value": clearances,
             "exponent_1_s": per_s,
@@ -135,120 +148,128 @@ def exponents_map(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     return rows, curves
 
 
+def written(folder: Path, part: Callable[[int], tuple[list[dict[str, Any]], dict[str, Any]]]) -> Results:
+    rows, curves = part(0)
+    return results_of(folder / "predictability", rows, curves)
+
+
 @pytest.fixture(scope="module")
-def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Section]:
+def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
     rows: list[dict[str, Any]] = []
     curves: dict[str, Any] = {}
     for part in (horizons, exponents, diagram, exponents_map):
         more, of_more = part(len(rows))
         rows, curves = rows + more, curves | of_more
-    results = results_of(tmp_path_factory.mktemp("results") / "predictability", rows, curves)
-    return {section.name: section for section in predictability.sections(results)}
+    return {"predictability": results_of(tmp_path_factory.mktemp("results") / "predictability", rows, curves)}
 
 
-def table(sections: dict[str, Section], name: str) -> Table:
-    found = (one for section in sections.values() for one in section.tables)
-    return next(one for one in found if one.name == f"predictability-{name}")
+def table(studies: Studies, name: str) -> Table:
+    return next(each for each in CHAPTER.tables(studies) if each and each.name == f"predictability-{name}")
 
 
-def figure(sections: dict[str, Section], name: str) -> Figure:
-    found = (one for section in sections.values() for one in section.figures)
-    return next(one for one in found if one.name == f"predictability-{name}")
+def figure(studies: Studies, name: str) -> Figure:
+    return next(each for each in CHAPTER.figures(studies) if each and each.name == f"predictability-{name}")
 
 
-def test_horizons_are_told_in_ms_of_the_longest_run(sections: dict[str, Section]) -> None:
-    shown = table(sections, "horizons")
+def finding(studies: Studies, name: str) -> Finding:
+    return next(each for each in CHAPTER.findings(studies) if each.name == name)
+
+
+def test_horizons_are_told_in_ms_of_the_longest_run(studies: Studies) -> None:
+    shown = table(studies, "horizons")
     columns = [
         f"{at}: {how} [ms]" for at in ("1 nm", "1 µm", "100 µm") for how in ("perturbed", "step halved")
     ]
-    assert shown.head == ("scene", "followed for", *columns)
+    assert shown.head == ("scene", "length of the run", *columns)
     assert shown.rows == (
-        ("scene-a", "3 revolutions", "4 (3 to 5.2)", "6", "12 (10 to later)", "15", "–", "–"),
+        ("scene-a", "3 revolutions", "4 (3 to 5.2)", "6", "12 (10 to later)", "15", "20 (18 to 24)", "21"),
         ("scene-b", "2 revolutions", "–", "–", "–", "–", "–", "–"),
-        ("scene-c", "0.5 s", "–", "250", "–", "–", "–", "–"),
-    )
-    # 12 of 30 ms, in three revolutions.
-    assert sections["horizons"].text == (
-        "Nothing parts on scene-b: all twins stay within 2.0×10⁻¹² m of the reference.",
-        "Elsewhere runs part whose start is moved by 2.0×10⁻¹⁰ rad, or whose step is halved.",
-        "On scene-a the slider is off by 1 µm after 1.2 revolutions.",
-        "On scene-c the slider is off by 1 nm after 0.25 s.",
+        ("scene-c", "0.5 s", "–", "1250", "–", "–", "–", "–"),
     )
 
 
-def test_distances_of_twins_are_drawn_as_the_largest_so_far(sections: dict[str, Section]) -> None:
-    panels = figure(sections, "growth").drawing.axes
-    ends = {
-        "scene-a": (3.0, "crank revolutions"),
-        "scene-b": (2.0, "crank revolutions"),
-        "scene-c": (0.5, "time [s]"),
-    }
-    for panel, (scene, (end, label)) in zip(panels, ends.items(), strict=True):
-        assert (panel.get_title(), panel.get_xlabel(), panel.get_ylabel()) == (
-            scene,
-            label,
-            "distance so far [m]",
-        )
-        median, halved = (np.asarray(line.get_xydata()) for line in panel.lines[:2])
+def test_the_horizon_is_told_in_revolutions_with_its_ends(studies: Studies) -> None:
+    # 18, 20 and 24 of 30 ms, in three revolutions.
+    told = finding(studies, "horizon")
+    assert told == (
+        "A 2.0×10⁻¹⁰ rad change of the initial crank angle grows to 100 µm in 2 revolutions on scene-a, in "
+        "the median of the changes; beyond that compare statistics only. No distance exceeds 2 pm on scene-b."
+    )
+    _, turns, largest = told.numbers
+    assert (turns.value, turns.low, turns.high) == pytest.approx((2.0, 1.8, 2.4))
+    assert (largest.value, largest.unit) == (2e-12, "m")
+    assert horizon_turns(studies["predictability"].rows) == pytest.approx({"scene-a": 2.0})
+
+
+def test_the_first_screen_warns_of_the_shortest_horizon(studies: Studies) -> None:
+    """On scene-b 15 of 20 ms are 1.5 of 2 revolutions; on scene-a it is two."""
+    (results,) = studies.values()
+    rows = results.rows.copy()
+    rows.loc[(rows["scene"] == "scene-b") & (rows["part"] == "horizon"), "horizon_100um_s"] = 0.015
+    horizon, *_ = answer.limits({name: replace(results, rows=rows) for name in studies})
+    assert (
+        "on scene-b a 2.0×10⁻¹⁰ rad change of the initial crank angle grows to 100 µm in 1.5 rev" in horizon
+    )
+
+
+def test_runs_that_part_where_no_horizon_is_seen_contradict_the_chapter(tmp_path: Path) -> None:
+    results = written(tmp_path, horizons)
+    rows = results.rows.assign(largest_distance_halved_m=2e-9)
+    with pytest.raises(Contradiction, match="No distance exceeds 2 nm"):
+        finding({"predictability": replace(results, rows=rows)}, "horizon")
+
+
+def test_distances_of_perturbed_runs_are_drawn_as_the_largest_so_far(studies: Studies) -> None:
+    ((_, drawing),) = figure(studies, "growth").views
+    ends = {"scene-a": (3.0, "crank revolutions"), "scene-b": (2.0, "crank revolutions")}
+    ends["scene-c"] = (0.5, "time [s]")
+    for panel, (scene, (end, label)) in zip(drawing.axes, ends.items(), strict=True):
+        assert (panel.get_title(), panel.get_xlabel()) == (scene, label)
+        assert panel.get_ylabel() == "largest distance so far [m]"
+        median, least, most, halved = (np.asarray(line.get_xydata()) for line in panel.lines[:4])
         assert median[:, 0] == pytest.approx([0.0, end / 3, end])
         assert median[1:, 1] == pytest.approx([2e-9, 3e-8])
+        assert (least[-1, 1], most[-1, 1]) == pytest.approx((4e-9, 1e-7))
         assert halved[1:, 1] == pytest.approx([5e-10, 6e-10])
-    marks = [
-        np.asarray(line.get_xydata()).tolist() for line in panels[0].lines if line.get_color() == "#D55E00"
-    ]
+    marks = [np.asarray(line.get_xydata()) for line in drawing.axes[0].lines if line.get_color() == "#D55E00"]
     # 3, 4 and 5.2 of 30 ms are 0.3, 0.4 and 0.52 of three revolutions; a last one that is open ends the run.
-    bars = ([[0.3, 1e-9], [0.52, 1e-9]], [[0.4, 1e-9]], [[1.0, 1e-6], [3.0, 1e-6]], [[1.2, 1e-6]])
-    assert [np.array(each) for each in marks] == [pytest.approx(np.array(each)) for each in bars]
+    expected = [
+        *([[0.3, 1e-9], [0.52, 1e-9]], [[0.4, 1e-9]], [[1.0, 1e-6], [3.0, 1e-6]], [[1.2, 1e-6]]),
+        *([[1.8, 1e-4], [2.4, 1e-4]], [[2.0, 1e-4]]),
+    ]
+    assert marks == [pytest.approx(np.array(each)) for each in expected]
 
 
-def test_exponents_have_students_interval_over_starts(sections: dict[str, Section]) -> None:
+def test_exponents_have_students_interval_over_starts(studies: Studies) -> None:
     mean = sum(EXPONENTS) / 4
     scatter = math.sqrt(sum((x - mean) ** 2 for x in EXPONENTS) / 3)
     half = student_quantile(0.025, 3) * scatter / 2
-    shown = table(sections, "exponents")
-    parts = ("from a quarter", "from half", "from all")
-    assert shown.head == ("scene", "starts", "settled", "with an exponent", "revolutions", *parts)
+    shown = table(studies, "exponents")
+    parts = ("exponent from the first quarter", "exponent from the first half", "exponent from all")
+    assert shown.head == ("scene", "starts", "settled", "revolutions", *parts, "motion")
     cells = [f"{times * mean:.3g} ± {times * half:.1g}" for times in (QUARTER, HALF, 1.0)]
-    assert shown.rows[0] == ("scene-a", "4", "0", "4", "9", *cells)
-    assert shown.rows[1] == ("scene-b", "4", "4", "0", "9", "–", "–", "–")
-    assert [line[:5] for line in shown.rows[2:]] == [
-        ("scene-c", "4", "1", "3", "9"),
-        ("scene-d", "4", "0", "3", "9"),
+    assert shown.rows[0] == ("scene-a", "4", "0", "9", *cells, "chaotic")
+    settles = "settles to continuous contact"
+    assert shown.rows[1] == ("scene-b", "4", "4", "9", "–", "–", "–", settles)
+    assert [(*line[:4], line[-1]) for line in shown.rows[2:]] == [
+        ("scene-c", "4", "1", "9", "not decided, because some starts settle"),
+        ("scene-d", "4", "0", "9", "not decided, because starts were not followed to the end"),
     ]
-    assert sections["exponents"].text[1:] == (
-        f"On scene-a neighbouring motions part with an exponent of {mean:.2f} ± {half:.2f} per "
-        "revolution, which is "
-        "chaos.",
-        f"From half of each run it is {HALF * mean:.2f} ± {HALF * half:.2f}.",
-        "On scene-c 1 of 4 starts settle to continuous contact: what is chaotic there may all be "
-        "transient, and "
-        "nothing is claimed.",
-        "On scene-d only 3 of 4 starts could be followed for half of the run, and nothing is claimed.",
-        "No exponent is given where every start settles to continuous contact: scene-b (within 9 "
-        "revolutions).",
+    told = finding(studies, "lyapunov-exponents")
+    assert told == (
+        "The motion is chaotic, by a converged positive Lyapunov exponent per revolution, on scene-a "
+        f"({mean:.2g}). Settles to continuous contact: scene-b. Not decided, because some starts settle: "
+        "scene-c. Not decided, because starts were not followed to the end: scene-d."
     )
-    (panel,) = figure(sections, "exponents").drawing.axes
-    labels = (panel.get_title(), panel.get_xlabel(), panel.get_ylabel())
-    assert labels == ("scene-a", "revolutions used", "exponent per revolution")
-    *starts, middle, _ = (np.asarray(line.get_xydata()) for line in panel.lines)
-    assert [start[-1].tolist() for start in starts] == [pytest.approx([8.0, x]) for x in EXPONENTS]
-    assert middle[:, 1] == pytest.approx([mean] * 8)
+    (number,) = told.numbers
+    assert (number.value, number.low, number.high) == pytest.approx((mean, mean - half, mean + half))
 
 
-def test_the_diagram_tells_what_settles_repeats_and_is_chaotic(sections: dict[str, Section]) -> None:
-    assert sections["diagrams"].text == (
-        "Over the clearance, the pin stays at the wall at all values up to 0.01 mm.",
-        "With impacts, the motion repeats every turn: at 0.1 mm.",
-        "With impacts, the motion repeats after 2 turns: at 0.2 mm.",
-        "The motion is chaotic at all values from 0.5 mm on.",
-        "There the exponent is more than 1 in a revolution, and half of the revolutions give it within 20 %. "
-        "It was measured at 2 values.",
-        "Of 300 members over clearance and speed the hardest contact has 108 kN. "
-        "It is found with 1 mm at 1885 rad/s.",
-        "At four of five clearances the largest force grows as the speed to the power of 3.0 to 3.0; in "
-        "ideal joints it would be 2.",
-    )
-    above, below = figure(sections, "diagram-over-clearance").drawing.axes
+def test_the_diagram_shows_strobe_and_exponents_over_the_clearance(studies: Studies) -> None:
+    shown = figure(studies, "diagram")
+    ((choice, drawing),) = shown.views
+    assert (shown.pickers, choice) == (("varied",), ("clearance",))
+    above, below = drawing.axes
     assert above.get_ylabel() == "slider's deviation once a turn / clearance"
     assert below.get_ylabel() == "exponent in a revolution"
     assert (below.get_xlabel(), below.get_xscale()) == ("radial clearance at B [µm]", "log")
@@ -259,30 +280,53 @@ def test_the_diagram_tells_what_settles_repeats_and_is_chaotic(sections: dict[st
     whole, _, half = (np.asarray(line.get_xydata()) for line in below.lines)
     assert whole == pytest.approx(np.array([[100.0, -0.5], [500.0, 2.5]]))
     assert half == pytest.approx(np.array([[100.0, -0.4], [500.0, 2.4]]))
-    (legend,) = figure(sections, "diagram-over-clearance").drawing.legends
+    (legend,) = drawing.legends
     colours = [to_hex(handle.get_color()) for handle in legend.legend_handles if isinstance(handle, Line2D)]
     names = [text.get_text() for text in legend.get_texts()]
     assert dict(zip(names, colours, strict=True)) == {
         "exponent from all revolutions": "#000000",
         "from half of them": "#0072b2",
     }
+    assert finding(studies, "diagrams") == (
+        "The Lyapunov exponent has converged and is above 1 per revolution over clearance at 1 of 2 values, "
+        "from 500 µm to 500 µm."
+    )
 
 
-def test_the_map_of_forces_shows_them_in_kN(sections: dict[str, Section]) -> None:
-    drawing = figure(sections, "map-of-forces").drawing
+@pytest.mark.parametrize(
+    ("whole", "half", "chaotic"),
+    [(1.1, 1.3, True), (1.1, 1.4, False), (0.9, 0.9, False), (-2.0, -2.0, False)],
+)
+def test_chaos_is_claimed_of_a_large_exponent_that_half_of_the_revolutions_give_as_well(
+    whole: float, half: float, chaotic: bool
+) -> None:
+    members = pd.DataFrame({sweeps.EXPONENT: [whole, np.nan], sweeps.HALF: [half, np.nan]})
+    assert sweeps.chaotic(members).tolist() == [chaotic]
+
+
+def test_the_map_of_forces_shows_them_in_kN(studies: Studies) -> None:
+    shown = figure(studies, "maps")
+    assert shown.more
+    views = {choice: drawing for (choice,), drawing in shown.views}
+    assert [*views] == ["Lyapunov exponent", "largest contact force"]
+    drawing = views["largest contact force"]
     (cells,) = drawing.axes[0].collections
-    shown = np.asarray(cells.get_array(), dtype=float)
-    assert shown[:, 0] == pytest.approx([2.0, 16.0, 54.0])
-    assert shown[:, -1] == pytest.approx([4.0, 32.0, 108.0])
+    forces = np.asarray(cells.get_array(), dtype=float)
+    assert forces[:, 0] == pytest.approx([2.0, 16.0, 54.0])
+    assert forces[:, -1] == pytest.approx([4.0, 32.0, 108.0])
     assert [axes.get_ylabel() for axes in drawing.axes] == [
         "crank speed [rad/s]",
         "largest contact force [kN]",
     ]
+    (cells,) = views["Lyapunov exponent"].axes[0].collections
+    exponents = np.asarray(cells.get_array(), dtype=float)
+    assert exponents[:, 0] == pytest.approx([-2.0, 30.0, 30.0])
+    assert exponents[:, 1:] == pytest.approx(np.ones((3, 99)))
 
 
-def test_the_caption_of_the_map_says_where_colours_end_and_what_lies_beyond(
-    sections: dict[str, Section],
-) -> None:
-    reading = figure(sections, "map-of-exponents").reading
-    # Of 300 sizes all but one in a hundred are within the third largest, which is that of the -2.
-    assert reading.endswith("after a transient. Colours end at -2 and 2; 2 members lie beyond.")
+def test_without_curves_the_figures_of_curves_are_left_out(studies: Studies, tmp_path: Path) -> None:
+    bare = replace(studies["predictability"], folder=tmp_path)
+    assert not bare.has_curves
+    assert list(CHAPTER.figures({"predictability": bare})) == []
+    names = [each.name for each in CHAPTER.findings({"predictability": bare})]
+    assert names == ["horizon", "lyapunov-exponents", "reliability"]

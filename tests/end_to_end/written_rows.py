@@ -1,12 +1,12 @@
 """Rows of results as a study would write them, with round numbers, and what holds of every chapter."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from reports.parts import Section
+from reports.parts import Figure
 from reports.results import Results, read_study
 from tests.helpers.row_files import write_rows
 
@@ -39,9 +39,13 @@ def results_of(
     return read_study(folder)
 
 
-def mixed(sections: Mapping[str, Section]) -> list[str]:
-    """Return the names of figures whose panels have several labels upwards; cards have what a scene has."""
-    figures = [one for section in sections.values() for one in section.figures if not one.card]
-    assert figures
-    labels = {one.name: {ax.get_ylabel() for ax in one.drawing.axes} - {""} for one in figures}
-    return [name for name, of in labels.items() if len(of) > 1]
+def mixed(figures: Iterable[Figure | None]) -> list[str]:
+    """Return the names of figures of which a view has panels with several labels upwards."""
+    labels = [
+        (figure.name, {ax.get_ylabel() for ax in view.drawing.axes} - {""})
+        for figure in figures
+        if figure
+        for view in figure.views
+    ]
+    assert labels
+    return [name for name, of in labels if len(of) > 1]

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import crankslider as cs
-from reports.run.mechanism import Mechanism, places
-from reports.run.stage import LONGEST_ARROW, Stage
+from reports.run.film import LONGEST_ARROW, Mechanism, Stage, places
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.
 ROUND_OFF_M = 1e-12

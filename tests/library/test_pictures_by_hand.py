@@ -8,11 +8,9 @@ import pytest
 from matplotlib.patches import Circle
 from matplotlib.text import Annotation, Text
 
-from reports.run.mechanism import Mechanism
-from reports.run.orbit_plot import orbit_plot
-from reports.run.picture import Picture
-from reports.run.stage import Stage
-from reports.run.time_plot import time_plot
+from reports.plots.picture import Picture
+from reports.run.figures import orbit_plot, time_plot
+from reports.run.film import Mechanism, Stage
 
 #: Three samples, each column with numbers that no other has.
 FRAME = pd.DataFrame(

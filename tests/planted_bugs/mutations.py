@@ -19,21 +19,21 @@ JUDGES = "tests/studies/judges"
 BY_HAND = "tests/reports/test_by_hand.py"
 #: Functions by their files, and the tests that are to see what is altered in them.
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "reports/convergence.py": (
+    "reports/analysis/convergence.py": (
         ("observed_order", "local_orders", "_falling_stretch", "_bends"),
         ("tests/reports/test_convergence.py",),
     ),
-    "reports/equal_error.py": (
-        ("decided", "front", "_ways", "ratio", "levels"),
-        ("tests/reports/test_equal_error.py", BY_HAND),
+    "reports/analysis/equal_error.py": (
+        ("decided", "front", "_ways", "ratio", "levels", "candidates"),
+        ("tests/reports/test_equal_error.py",),
     ),
     "reports/quantities.py": (("finished", "value", "scale", "floor", "with_largest"), (BY_HAND,)),
     "reports/tables.py": (
         ("number", "plain", "error", "listed"),
         ("tests/reports/test_page.py::test_errors_have_two_digits_and_none_below_the_uncertainty",),
     ),
-    "reports/chapters/predictability/statistics.py": (
-        ("above", "below", "sizes", "equivalence_p", "joint_p", "holm"),
+    "reports/analysis/statistics.py": (
+        ("student_interval", "difference", "_ratio", "verdict"),
         ("tests/reports/test_statistics.py", "tests/end_to_end/test_ensembles_page.py"),
     ),
     "studies/judges/metrics.py": (
@@ -53,36 +53,43 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 #: Why nobody sees what survives, by its name.
 EXPLAINED: dict[str, str] = {
-    "reports/convergence.py observed_order: < to <= at 16 of 'if np.all(e < ABOVE_FLOOR * floor):'": (
+    "reports/analysis/convergence.py observed_order: < to <= at 16 of "
+    "'if np.all(e < ABOVE_FLOOR * floor):'": (
         "an error is that many times the floor to the last bit nowhere"
     ),
-    "reports/convergence.py observed_order: - to + at 11 of 'if end - begin < 2:'": (
+    "reports/analysis/convergence.py observed_order: - to + at 11 of 'if end - begin < 2:'": (
         "a stretch is (0, 0), or has two points and more: difference and sum are below two together"
     ),
-    "reports/convergence.py observed_order: > to >= at 14 of 'if spread > STRAIGHT:'": (
+    "reports/analysis/convergence.py observed_order: > to >= at 14 of 'if spread > STRAIGHT:'": (
         "orders differ by the limit to the last bit nowhere"
     ),
-    "reports/convergence.py _falling_stretch: 0 to 1 at 25 of 'best, drop, begin = (0, 0), 0.0, 0'": (
-        "a stretch of one point is as short as one of none"
-    ),
-    "reports/convergence.py _falling_stretch: 0 to 1 at 28 of 'best, drop, begin = (0, 0), 0.0, 0'": (
-        "a stretch of one point is as short as one of none"
-    ),
-    "reports/convergence.py _falling_stretch: < to <= at 39 of 'if k == len(local) or local[k] < FALLING:'": (
-        "a local order is the limit to the last bit nowhere"
-    ),
-    "reports/convergence.py _falling_stretch: > to >= at 36 of 'if local[begin:k].sum() > drop:'": (
+    "reports/analysis/convergence.py _falling_stretch: 0 to 1 at 25 of "
+    "'best, drop, begin = (0, 0), 0.0, 0'": ("a stretch of one point is as short as one of none"),
+    "reports/analysis/convergence.py _falling_stretch: 0 to 1 at 28 of "
+    "'best, drop, begin = (0, 0), 0.0, 0'": ("a stretch of one point is as short as one of none"),
+    "reports/analysis/convergence.py _falling_stretch: < to <= at 39 of "
+    "'if k == len(local) or local[k] < FALLING:'": ("a local order is the limit to the last bit nowhere"),
+    "reports/analysis/convergence.py _falling_stretch: > to >= at 36 of 'if local[begin:k].sum() > drop:'": (
         "two stretches fall by as much to the last bit nowhere, and one of none is as good as none"
     ),
-    "reports/convergence.py _bends: < to <= at 26 of 'return bool(local[-1] < BEND * local[-2])'": (
+    "reports/analysis/convergence.py _bends: < to <= at 26 of 'return bool(local[-1] < BEND * local[-2])'": (
         "a local order is that part of the one before to the last bit nowhere"
     ),
-    "reports/equal_error.py _ways: < to <= at 60 of 'between = ((errors[:-1] - error) * (errors[1:] - error) "
-    "< 0) & (np.diff(places) == 1)'": "interpolated to a rung itself, a time is the rung's, which is first",
-    "reports/equal_error.py ratio: 0 to 1 at 34 of 'drawn = np.random.default_rng(0).integers(len(ratios), "
+    "reports/analysis/equal_error.py _ways: > to >= at 27 of "
+    "'between = (errors[:-1] > error) & (error > errors[1:]) & np.isfinite(errors[:-1])'": (
+        "at a setting itself the time is the setting's, which is first"
+    ),
+    "reports/analysis/equal_error.py _ways: > to >= at 45 of "
+    "'between = (errors[:-1] > error) & (error > errors[1:]) & np.isfinite(errors[:-1])'": (
+        "at a setting itself the time is the setting's, which is first"
+    ),
+    "reports/analysis/equal_error.py ratio: 0 to 1 at 34 of "
+    "'drawn = np.random.default_rng(0).integers(len(ratios), "
     "size=(DRAWS, len(ratios)))'": "other draws of the same rounds",
-    "reports/equal_error.py levels: < to <= at 19 of 'if len(errors) < 2:'": "two rungs have none between",
-    "reports/equal_error.py levels: 2 to 3 at 21 of 'if len(errors) < 2:'": "two rungs have none between",
+    "reports/analysis/equal_error.py levels: < to <= at 19 of "
+    "'if len(errors) < 2:'": "two settings have none between",
+    "reports/analysis/equal_error.py levels: 2 to 3 at 21 of "
+    "'if len(errors) < 2:'": "two settings have none between",
     "studies/judges/energy_rates.py blocks_of: < to <= at 13 of 'if whole < fewest:'": (
         "as many periods as the fewest blocks make as many blocks either way"
     ),

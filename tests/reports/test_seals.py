@@ -8,24 +8,18 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import pytest
 
-from reports.chapters.answer import answer
-from reports.chapters.headlines import HEADLINES
-from reports.page import FINDINGS, claims_of, write_report
-from reports.page.questions import QUESTIONS, StudyReport
-from reports.parts import Section, Table
+from reports.chapters import answer
+from reports.page import FINDINGS, Report, claims_of, write_report
+from reports.page.contents import CHAPTERS
+from reports.parts import Chapter, Table
 from reports.publication import FIGURES, broken_seals, certain, publish, tell_answer, write_seals, write_study
 from reports.results import Results, published_rows, read_study
-from reports.style import RC
 from reports.tables import comma_separated
 from tests.helpers.row_files import write_rows
 
 PUBLISHED = Path(__file__).parents[2] / "reports/published"
-STUDIES = [study for question in QUESTIONS for study in question.studies]
-#: Its intervals are resampled ten thousand times, half a minute in all.
-SLOW = "work-precision"
 #: The most that may be published: what is in a clone for good.
 MOST_BYTES = 5_000_000
 #: One file of each kind.
@@ -33,7 +27,7 @@ KINDS = {
     "readme": "README.md",
     "table": "tables/agreement-errors.csv",
     "findings": "findings.json",
-    "figure": "figures/agreement-slider-position.svg",
+    "figure": "figures/agreement-steps.svg",
     "rows": "results/agreement/rows.jsonl.xz",
     "times": "results/work-precision/times.csv",
     "sidecar": "results/energy/sidecar.json",
@@ -77,26 +71,10 @@ def test_a_file_that_is_lost_or_added_breaks_the_seal(copy: Path) -> None:
         (copy / "other.json").rename(copy / KINDS["findings"])
 
 
-def published(study: StudyReport) -> Results:
-    """Return the published rows of a study, without curves."""
-    return read_study(PUBLISHED / "results" / study.STUDY)
-
-
-def sections(study: StudyReport) -> list[Section]:
-    """Return a chapter made anew from the published rows, without what curves are for."""
-    with mpl.rc_context(RC):
-        return study.sections(published(study))
-
-
-def marked(study: StudyReport) -> Any:
-    marks = [pytest.mark.accuracy] if study.STUDY == SLOW else []
-    return pytest.param(study, id=study.STUDY, marks=marks)
-
-
-def require_published(tables: Iterable[Table]) -> None:
-    for table in tables:
-        path = PUBLISHED / f"tables/{table.name}.csv"
-        assert path.read_text(encoding="utf-8") == comma_separated(table), path.name
+@pytest.fixture(scope="module")
+def studies() -> dict[str, Results]:
+    """The published rows of all studies, without curves."""
+    return {path.name: read_study(path) for path in sorted((PUBLISHED / "results").iterdir())}
 
 
 @pytest.fixture(scope="module")
@@ -105,32 +83,32 @@ def said() -> set[str]:
     return {claim.text for claim in claims_of(PUBLISHED)}
 
 
-@pytest.mark.parametrize("study", [marked(study) for study in STUDIES])
-def test_published_tables_and_sentences_follow_from_the_published_rows(
-    study: StudyReport, said: set[str]
+def require_published(tables: Iterable[Table | None]) -> None:
+    for table in tables:
+        if table and table.rows:
+            path = PUBLISHED / f"tables/{table.name}.csv"
+            assert path.read_text(encoding="utf-8") == comma_separated(table), path.name
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda chapter: chapter.name)
+def test_published_tables_and_findings_follow_from_the_published_rows(
+    chapter: Chapter, studies: dict[str, Results], said: set[str]
 ) -> None:
-    for section in sections(study):
-        require_published(section.tables)
-        assert {str(sentence) for sentence in section.text} <= said
+    require_published(chapter.tables(studies))
+    assert {str(finding) for finding in chapter.findings(studies)} <= said
 
 
-@pytest.mark.parametrize("study", [marked(study) for study in STUDIES if study.STUDY in HEADLINES])
-def test_what_a_published_chapter_opens_with_follows_from_its_rows(
-    study: StudyReport, said: set[str]
+def test_the_published_answer_follows_from_the_published_rows(
+    studies: dict[str, Results], said: set[str], tmp_path: Path
 ) -> None:
-    assert {str(sentence) for sentence in HEADLINES[study.STUDY](published(study))} <= said
-
-
-@pytest.mark.accuracy
-def test_the_published_answer_follows_from_the_published_rows(said: set[str], tmp_path: Path) -> None:
-    with mpl.rc_context(RC):
-        found = answer({study.STUDY: published(study) for study in STUDIES})
-    assert found.text
-    assert found.doubts
-    assert {str(sentence) for sentence in (*found.text, *found.doubts)} <= said
-    require_published(found.tables)
+    advice, limits = answer.advice(studies), [*answer.limits(studies)]
+    findings = (*(each.finding for each in advice), *limits)
+    assert {str(finding) for finding in findings} <= said
+    require_published([answer.table(advice)])
     copy = shutil.copytree(PUBLISHED, tmp_path / "copy")
-    tell_answer(copy / "README.md", (*found.text, *found.doubts))
+    readme = (copy / "README.md").read_text(encoding="utf-8")
+    titles = {name: title for title, name in re.findall(r"!\[(.*)\]\(figures/(.*)\.svg\)", readme)}
+    tell_answer(copy / "README.md", Report(findings, (), (), titles))
     assert (copy / "README.md").read_bytes() == (PUBLISHED / "README.md").read_bytes()
 
 
@@ -212,5 +190,5 @@ def test_published_rows_of_an_older_commit_are_shown_where_their_columns_allow_i
     report = write_report(tmp_path / "old", tmp_path / "report")
     assert "rows of extremes are of an older commit, with other columns: left out" in report.notes
     page = (tmp_path / "report/index.html").read_text(encoding="utf-8")
-    assert 'id="agreement"' in page
-    assert 'id="extremes"' not in page
+    assert 'id="accuracy-ideal"' in page
+    assert 'id="limits"' not in page

@@ -7,8 +7,9 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from reports.plots.sweeps.motions import motions
-from reports.plots.sweeps.picture import NoPicture, sweep_picture
+from reports.plots.axes import scale_of
+from reports.plots.motions import motions
+from reports.plots.sweeps import NoPicture, sweep_picture
 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
 
@@ -81,6 +82,23 @@ def test_over_two_fields_draws_are_dots_each_where_it_was_drawn(grid: pd.DataFra
     np.testing.assert_allclose(np.asarray(dots.get_offsets())[:, 1], draws[SPEED])
 
 
+@pytest.mark.parametrize(
+    ("column", "numbers", "drawn", "label"),
+    [
+        ("slider_deviation_m", [-5e-5, 2e-4], [-50, 200], "largest deviation of the slider [µm]"),
+        ("slider_deviation_m", [5e-3], [5], "largest deviation of the slider [mm]"),
+        ("largest_contact_force_N", [2e4], [20], "largest contact force [kN]"),
+        ("impact_phase_rad", [np.pi], [180], "crank angle at impact [°]"),
+    ],
+)
+def test_numbers_are_drawn_in_a_unit_in_which_they_have_few_digits(
+    column: str, numbers: list[float], drawn: list[float], label: str
+) -> None:
+    scale = scale_of(column, pd.Series(numbers))
+    assert scale.apply(pd.Series(numbers)) == pytest.approx(drawn)
+    assert (scale.label, scale.log) == (label, False)
+
+
 def test_over_a_clearance_lengths_are_parts_of_it_a_point_for_each_turn(grid: pd.DataFrame) -> None:
     picture = sweep_picture(grid.assign(exponent_1_s=np.nan), [CLEARANCE], "scene")
     (ax,) = picture.axes
@@ -146,6 +164,20 @@ def test_over_the_start_basins_are_drawn_with_the_number_of_members_in_each() ->
     assert legend.get_texts()[1].get_text().endswith(": 1 member")
     assert len(legend.get_texts()) == 5
     assert picture.axes[0].get_xlabel() == "slider's x at the start [m]"
+
+
+def test_motions_beyond_the_seven_most_frequent_share_a_colour() -> None:
+    """The k-th of nine motions is that of k members."""
+    members = [k for k in range(1, 10) for _ in range(k)]
+    places = {"start.slider.x_m": [*range(len(members))], "start.rod.x_m": [0.0] * len(members)}
+    rows = pd.DataFrame([ended(2.0, [0.1 * k]) for k in members]).assign(**places, status="ok")
+    picture = sweep_picture(rows.assign(exponent_1_s=np.nan), [*places], "scene")
+    (mesh,) = (each for each in picture.axes[0].collections if isinstance(each, QuadMesh))
+    numbers = np.ma.getdata(mesh.get_array()).ravel()  # type: ignore[arg-type]
+    np.testing.assert_array_equal(numbers, [min(9 - k, 7) for k in members])
+    texts = [text.get_text() for text in picture.legends[0].get_texts()]
+    assert texts[0] == "impacts, every turn, i: 9 members"
+    assert texts[7:] == ["2 other motions: 3 members"]
 
 
 def test_chains_up_and_down_have_a_colour_each(grid: pd.DataFrame) -> None:

@@ -6,8 +6,7 @@ import pytest
 
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from reports.chapters.energy import drift
-from reports.chapters.energy.rungs import prepared
+from reports.chapters.energy import drift, prepared
 from reports.parts import Contradiction
 from reports.results import frame
 from studies import agreement

@@ -1,6 +1,5 @@
 """Horizons, exponents and ensembles: known exponents, PHYSICS's horizons, and what the chapter says."""
 
-import html
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -16,16 +15,11 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import clearance, clearance_driven_002, clearance_driven_05
 from engine_models.scene.scene import Clearances, Scene
-from reports import page
-from reports.chapters.predictability import basins as reported_basins
-from reports.chapters.predictability import comparison, data, findings
-from reports.chapters.predictability.chains import findings as chain_findings
-from reports.chapters.predictability.data import PER_REVOLUTION
-from reports.chapters.predictability.diagrams import EXPONENT as PER_TURN
-from reports.chapters.predictability.diagrams import HALF, Diagram
-from reports.chapters.predictability.diagrams import findings as diagram_findings
-from reports.parts import Contradiction
-from reports.results import with_columns
+from reports.analysis.ensembles import OWN, PLANTED, QUANTITIES, Ensembles, pairs
+from reports.chapters.predictability import CHAPTER, PER_REVOLUTION, motion
+from reports.parts import Contradiction, Finding, Studies
+from reports.plots.motions import motions
+from reports.results import read_study, with_columns
 from studies.extremes.scenes import GRAVITY_M_S2, wheel
 from studies.judges.horizon import apart, first_beyond_s, moved
 from studies.judges.ideal_truth import slider_position_m
@@ -241,66 +235,30 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def built(results: Path, out: Path) -> str:
-    page.write_report(results, out)
-    return (out / "index.html").read_text("utf-8")
+def studies_of(results: Path) -> Studies:
+    return {"predictability": read_study(results / "predictability")}
 
 
-def test_the_chapter_says_what_the_rows_say(results: Path, tmp_path: Path) -> None:
-    text = built(results, tmp_path / "report")
-    assert "Nothing parts on clearance-driven-0.02mm" in text
-    assert "No exponent is given where every start settles" in text
+def finding(results: Path, name: str) -> Finding:
+    return next(each for each in CHAPTER.findings(studies_of(results)) if each.name == name)
+
+
+def test_the_chapter_says_what_the_rows_say(results: Path) -> None:
+    studies = studies_of(results)
+    said = {each.name: each for each in CHAPTER.findings(studies)}
+    assert [*said] == ["horizon", "lyapunov-exponents", "ensembles", "diagrams", "reliability"]
+    assert "on clearance-driven-0.02mm" in said["horizon"]
+    assert "Settles to continuous contact: clearance-driven-0.02mm" in said["lyapunov-exponents"]
     # Two starts: their interval, and so what it says, hangs on round-off.
-    assert "On clearance-driven-A neighbouring motions part" in text
-    assert "Over the clearance, the pin stays at the wall at all values up to 0.0464 mm." in text
-    assert "on clearance-driven-0.5mm: 60 and 120 members are too few to decide." in text
-    assert "pymunk (as the scene) and" not in text, "four members are too few to compare"
-    assert text.count('<figure id="figure-predictability') == 7
-    assert "Chains up and down the crank's speed have 3 speeds in common" in html.unescape(text)
-    assert "From 4 starts of its slider" in text or "From all 4 starts of the slider" in text
-    table = (tmp_path / "report/tables/predictability-horizons.csv").read_text("utf-8")
-    assert "clearance-driven-0.02mm,6 revolutions,–,–,–,–,–,–" in table
-
-
-def known_diagram() -> Diagram:
-    """Eight columns: two that settle, of periods 1 and 3, and four that never repeat."""
-    turns, rng = np.arange(12), np.random.default_rng(8)
-    strobe = np.array([0 * turns + 1.0] * 3 + [1.0 + turns % 3] + [*rng.uniform(1, 2, (4, 12))])
-    exponents = {"value": np.arange(1, 9) * 1e-4, PER_TURN: [0.0] * 4 + [0.2, 2.0, 2.0, 3.0]}
-    half = [0.0] * 4 + [0.2, 2.1, 3.0, 2.9]
-    frame = pd.DataFrame({**exponents, HALF: half})
-    return Diagram(
-        np.arange(1.0, 9.0) * 1e-4, strobe.astype(np.float64), np.array([0.0, 0, 2, 2, 5, 5, 5, 5]), frame
-    )
-
-
-def test_a_diagram_says_what_settles_what_repeats_and_what_is_chaotic_by_converged_exponents() -> None:
-    assert known_diagram().periods.tolist() == [1, 1, 1, 3, 0, 0, 0, 0]
-    assert list(diagram_findings(diagrams.CLEARANCES, known_diagram())) == [
-        "Over the clearance, the pin stays at the wall at all values up to 0.2 mm.",
-        "With impacts, the motion repeats every turn: at 0.3 mm.",
-        "With impacts, the motion repeats after 3 turns: at 0.4 mm.",
-        "The motion is chaotic at all values from 0.8 mm on.",
-        "The motion is chaotic at 0.6 mm.",
-        "There the exponent is more than 1 in a revolution, and half of the revolutions give it within 20 %. "
-        "It was measured at 8 values.",
-        "At 1 the exponent is as large and has not converged: nothing is claimed.",
-    ]
-
-
-def test_chains_differ_where_exponents_do_or_where_motions_that_repeat_are_elsewhere() -> None:
-    ways = {"up": (5.0, 5.0, -1.0, -1.0), "down": (5.0, -1.0, -1.0, -1.0)}
-    places = {"up": (1e-4, 1e-4, 1e-4, 1e-4), "down": (9e-5, 9e-5, 9e-5, 1e-4)}
-    members = pd.DataFrame(
-        {diagrams.SPEED: speed, "direction": way, "strobe_m": [place, 0.0], PER_TURN: exponent}
-        for way, of in ways.items()
-        for speed, exponent, place in zip((100.0, 200.0, 300.0, 400.0), of, places[way], strict=True)
-    )
-    said = list(chain_findings(members))
-    assert "4 speeds in common" in said[0]
-    assert "both ways at 1 of them" in said[0]
-    assert said[1] == "It is so one way only at 1 of them, at 200 rad/s."
-    assert said[2].endswith("elsewhere once a turn, at 1 of them, at 300 rad/s.")
+    assert "clearance-driven-A" in said["lyapunov-exponents"]
+    assert said["ensembles"].endswith("too few members: pymunk (as the scene)).")
+    names = [f"predictability-{name}" for name in ("growth", "diagram", "ensembles", "maps")]
+    figures = [each for each in CHAPTER.figures(studies) if each]
+    assert [figure.name for figure in figures] == names
+    assert [view.choice[0] for view in figures[1].views] == ["clearance", "crank speed, up and down"]
+    tables = {each.name: each for each in CHAPTER.tables(studies) if each}
+    alone = ("clearance-driven-0.02mm", "6 revolutions", *["–"] * 6)
+    assert alone in tables["predictability-horizons"].rows
 
 
 def starting(*motions: str) -> pd.DataFrame:
@@ -309,35 +267,17 @@ def starting(*motions: str) -> pd.DataFrame:
     strobe = {"W": 0 * turns + 1.0, "K": np.random.default_rng(3).uniform(1, 2, 8)}
     return pd.DataFrame(
         {
-            reported_basins.PLACE: 0.17 + 1e-5 * x,
-            reported_basins.RATE: 0.1 * v,
             "strobe_m": strobe[motions[x][v]],
             "impacts_per_revolution": 0.0 if motions[x][v] == "W" else 5.0,
-            "turns": 8.0,
-            "status": "ok",
         }
         for x in range(size)
         for v in range(size)
     )
 
 
-def test_basins_have_a_shape_where_neighbours_differ_less_than_starts_drawn_at_random() -> None:
-    strip, board = starting("WKKK", "WKKK", "WKKK", "WKKK"), starting("WKWK", "KWKW", "WKWK", "KWKW")
-    for members, at_wall, beside, drawn, last in (
-        (strip, 25, 17, 38, "So neighbours mostly share their motion, and basins have a shape."),  # 4 of 24
-        (board, 50, 100, 50, "So no basin has a shape at this fineness: the start decides as chance would."),
-    ):
-        said = list(reported_basins.findings(members))
-        assert said[0] == "From 16 starts of its slider set R ends in 2 kinds of motion."
-        assert f"Of these starts {at_wall} % end in this one: at the wall." in said[1:3]
-        assert f"Of these starts {100 - at_wall} % end in this one: impacts, not repeating." in said[1:3]
-        assert said[3:] == [
-            f"Starts beside each other end in different motions in {beside} % of all pairs, starts "
-            f"drawn at random in {drawn} %.",
-            last,
-        ]
-    (alone,) = reported_basins.findings(starting("WW", "WW"))
-    assert alone == "From all 4 starts of the slider set R ends in one motion: at the wall."
+def test_starts_end_at_the_wall_or_in_impacts_that_do_not_repeat() -> None:
+    found = motions(starting("WK", "KW"))
+    assert found.tolist() == ["at the wall", *["impacts, not repeating"] * 2, "at the wall"]
 
 
 def test_a_start_in_a_basin_is_the_run_that_a_user_makes_of_it() -> None:
@@ -368,23 +308,22 @@ def test_the_columns_of_all_stretches_are_those_of_the_diagram_in_order() -> Non
 @pytest.mark.parametrize(
     ("whole", "half", "said"),
     [
-        ((2.0, 2.1, 2.2), (2.1, 2.0, 1.9), "which is chaos"),
-        ((-1.0, 0.5, 2.0), (-1.0, 0.5, 2.0), "which these starts do not tell from zero"),
-        ((2.0, 2.1, 2.2), (3.0, 3.1, 3.2), "which has not converged"),
-        ((2.0, 2.1, np.nan), (2.0, 2.1, 2.2), "only 2 of 3 starts could be followed for half of the run"),
+        ((2.0, 2.1, 2.2), (2.1, 2.0, 1.9), "chaotic"),
+        ((-1.0, 0.5, 2.0), (-1.0, 0.5, 2.0), "exponent not told from zero"),
+        ((2.0, 2.1, 2.2), (3.0, 3.1, 3.2), "exponent not converged"),
+        ((2.0, 2.1, np.nan), (2.0, 2.1, 2.2), "not decided, because starts were not followed to the end"),
     ],
 )
 def test_chaos_is_a_converged_exponent_whose_interval_is_above_zero(
     whole: tuple[float, ...], half: tuple[float, ...], said: str
 ) -> None:
     starts = pd.DataFrame({PER_REVOLUTION: whole, f"{PER_REVOLUTION}_half": half, "settled": False})
-    assert said in next(findings.exponents({"a scene": starts}))
+    assert motion(starts) == said
 
 
 def test_nothing_is_claimed_where_some_starts_settle() -> None:
     starts = pd.DataFrame({PER_REVOLUTION: (2.0, np.nan), "settled": (False, True)})
-    (sentence,) = findings.exponents({"a scene": starts})
-    assert "1 of 2 starts settle" in sentence
+    assert motion(starts) == "not decided, because some starts settle"
 
 
 def ensemble(shift: float, size: int, seed: int) -> pd.DataFrame:
@@ -393,78 +332,47 @@ def ensemble(shift: float, size: int, seed: int) -> pd.DataFrame:
     values = 1 + np.array([[0.1], [0.28]]) * values
     speed, impacts = 10 * values[0], 20 * (values[1] + shift)
     table = pd.DataFrame({"impact_speed_m_s": speed, "impacts_per_revolution": impacts})
-    return with_columns(table, *data.QUANTITIES)
+    return with_columns(table, *QUANTITIES)
 
 
-OWN, OTHERS = data.OWN
-
-
-def ensembles_with(shift: float, size: int, planted: float = 0.3) -> data.Ensembles:
+def ensembles_with(shift: float, size: int) -> Ensembles:
     """Both ensembles of the reference, one of another mechanism, and that of an engine, of which size is."""
-    made = {OWN: (0.0, 200), OTHERS: (0.0, 200), data.PLANTED: (planted, 200), "an engine": (shift, size)}
+    made = {OWN[0]: (0.0, 200), OWN[1]: (0.0, 200), PLANTED: (0.3, 200), "an engine": (shift, size)}
     return {label: ensemble(*of, seed) for seed, (label, of) in enumerate(made.items(), 1)}
 
 
 @pytest.mark.parametrize(
     ("shift", "size", "said"),
     [
-        (0.0, 800, f"an engine and {OWN} on x are equivalent in all 2 quantities, and not told apart."),
-        (
-            0.06,
-            800,
-            f"an engine and {OWN} on x are equivalent in all 2 quantities, though they are told apart.",
-        ),
-        (0.3, 200, f"an engine and {OWN} on x differ in impacts per revolution."),
-        (0.06, 200, f"Whether an engine and {OWN} on x are equivalent is open in impacts per revolution."),
-        (0.3, 24, f"Nothing is said of an engine and {OWN} on x: 24 and 400 members are too few to decide."),
+        (0.0, 800, "equivalent"),
+        (0.06, 800, "equivalent"),
+        (0.3, 200, "different"),
+        (0.06, 200, "open"),
+        (0.3, 19, "too few members"),
     ],
 )
 def test_an_engine_is_equivalent_or_different_or_the_members_are_too_few(
     shift: float, size: int, said: str
 ) -> None:
-    *_, verdict = comparison.verdicts(ensembles_with(shift, size))
-    (sentence,) = [each for each in findings.ensembles("x", [verdict]) if "an engine" in each]
-    assert sentence == said
+    *_, pair = pairs(ensembles_with(shift, size))
+    assert (pair.label, pair.verdict) == ("an engine", said)
 
 
 def test_all_members_of_the_control_are_compared_with_and_the_halves_with_each_other() -> None:
-    sizes = {pair.label: (pair.twin, pair.sizes) for pair in data.pairs(ensembles_with(0.0, 60))}
+    sizes = {pair.label: (pair.twin, pair.sizes) for pair in pairs(ensembles_with(0.0, 60))}
     assert sizes == {
-        OTHERS: (OWN, (200, 200)),
-        data.PLANTED: (OWN, (200, 400)),
-        "an engine": (OWN, (60, 400)),
+        OWN[1]: (OWN[0], (200, 200)),
+        PLANTED: (OWN[0], (200, 400)),
+        "an engine": (OWN[0], (60, 400)),
     }
 
 
 def test_a_verdict_does_not_hang_on_which_half_of_the_control_is_the_first() -> None:
     by_label = ensembles_with(0.05, 200)
-    swapped = by_label | {OWN: by_label[OTHERS], OTHERS: by_label[OWN]}
-    *_, one = comparison.verdicts(by_label)
-    *_, other = comparison.verdicts(swapped)
-    assert one.alone == pytest.approx(other.alone)
-    assert one.joint == pytest.approx(other.joint)
-    assert one.equivalent == pytest.approx(other.equivalent)
-
-
-def test_p_of_differences_are_raised_by_the_number_of_pairs() -> None:
-    by_label = ensembles_with(0.06, 200)
-    few = {label: of for label, of in by_label.items() if label != OTHERS}
-    halves = pd.concat([by_label[OWN], by_label[OTHERS]])
-    *_, three = comparison.verdicts(by_label)
-    *_, two = comparison.verdicts(few | {OWN: halves})
-    assert three.alone.min() == pytest.approx(1.5 * two.alone.min())
-
-
-def test_without_another_mechanism_to_see_nothing_is_compared() -> None:
-    by_label = ensembles_with(0.0, 200)
-    del by_label[data.PLANTED]
-    assert comparison.verdicts(by_label) == []
-
-
-def test_tests_that_do_not_see_what_is_planted_contradict_the_chapter() -> None:
-    verdicts = comparison.verdicts(ensembles_with(0.0, 200, planted=0.0))
-    with pytest.raises(Contradiction, match="a tenth less clearance"):
-        list(findings.ensembles("a scene", verdicts))
+    swapped = by_label | {OWN[0]: by_label[OWN[1]], OWN[1]: by_label[OWN[0]]}
+    *_, one = pairs(by_label)
+    *_, other = pairs(swapped)
+    assert np.array(one.differences) == pytest.approx(np.array(other.differences))
 
 
 def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(results: Path, tmp_path: Path) -> None:
@@ -475,8 +383,8 @@ def test_a_periodic_scene_whose_repeats_part_contradicts_the_chapter(results: Pa
         if row["part"] == HORIZON and row["scene"] == "clearance-driven-0.02mm":
             row["largest_distance_halved_m"] = 1e-3
     write_rows(path, rows)
-    with pytest.raises(Contradiction, match="Nothing parts"):
-        built(broken, tmp_path / "report")
+    with pytest.raises(Contradiction, match="No distance exceeds"):
+        finding(broken, "horizon")
 
 
 def test_members_have_parted_when_their_averages_begin() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from reports.results import frame
-from reports.shared_tables import failures_section
+from reports.shared_tables import reliability, runs_tables
 from studies.running.case import Case
 from studies.running.outcome import load_study, run_case
 from studies.running.registry import STUDIES
@@ -43,11 +43,9 @@ def test_a_run_that_the_check_fails_keeps_its_row_and_is_on_the_page() -> None:
     assert failure.startswith(f"energy off by {100 * part:.3g} % of that in play, past 10 % at t = ")
     good = bad | {"label": "good", "quality_failure": ""}
     rows = frame([{**row, "case": str(k)} for k, row in enumerate((good, bad))])
-    section = failures_section(rows, "agreement")
-    (table,) = section.tables
-    assert "1 finished and fail the check" in section.text[1]
+    assert "1 of those that finished fail the check" in reliability(rows)
+    (table,) = (each for each in runs_tables(rows, "agreement") if each.name == "agreement-quality")
     assert [row[-1] for row in table.rows] == [failure]
-    assert not failures_section(rows[:0], "agreement").tables
     of_good = frame([{**good, "case": "0"}])
     for sound in (of_good, of_good.drop(columns="quality_failure")):  # rows from before there was a check
-        assert not failures_section(sound, "agreement").tables
+        assert [each.name for each in runs_tables(sound, "agreement")] == ["agreement-settings"]

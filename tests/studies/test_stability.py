@@ -13,9 +13,9 @@ import pytest
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
-from reports.chapters import stability as chapter
-from reports.chapters.stability.map_cells import VERDICTS as SHOWN
-from reports.chapters.stability.map_cells import cells, map_rows, prepared
+from reports.analysis.map_cells import VERDICTS as SHOWN
+from reports.analysis.map_cells import cells, map_rows, prepared
+from reports.chapters.limits import CHAPTER
 from reports.parts import Contradiction
 from reports.results import read_results, read_study
 from studies.judges.converged_truth import converged
@@ -299,24 +299,22 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_chapter_has_a_map_of_what_was_run_and_its_tables(results: Path) -> None:
-    sections = chapter.sections(read_study(results / "stability"))
-    figures = [figure for section in sections for figure in section.figures]
-    tables = {table.name: table for section in sections for table in section.tables}
-    assert [figure.name for figure in figures] == ["stability-crank-speed"]
-    assert set(tables) == {
-        f"stability-{name}"
-        for name in ("scalar-limits", "scalar-damping", "boundaries", "settings", "bounds")
-    }
+    studies = {"stability": read_study(results / "stability")}
+    (figure,) = CHAPTER.figures(studies)
+    assert figure
+    tables = {table.name: table for table in CHAPTER.tables(studies) if table}
+    assert [view.choice for view in figure.views] == [("crank speed",)]
+    names = ("undamped-limits", "scalar-limits", "scalar-damping", "boundaries", "settings", "bounds")
+    assert {f"stability-{name}" for name in names} < set(tables)
     assert all(len(row) == len(table.head) for table in tables.values() for row in table.rows)
-    panels = figures[0].drawing.axes
+    panels = figure.views[0].drawing.axes
     letters = [{text.get_text() for text in panel.texts} for panel in panels]
     assert len(panels) == 3
     assert "T" in letters[0], "a run that was cut off is on the map"
     assert "D" in letters[1]
     titles = [panel.get_title() for panel in panels]
-    assert ["a cap; " in title for title in titles] == [True, False, False]
-    assert "reference (located) the axis is a cap" in figures[0].reading
-    lines = [len(panel.lines) for panel in panels]
+    assert [" in contact" in title for title in titles] == [True, False, False]
+    lines = [sum(line.get_linestyle() != "None" for line in panel.lines) for panel in panels]
     assert lines == [0, 1, 1], "theory's line is where there is a limit"
 
 
@@ -338,7 +336,7 @@ def test_a_cell_called_accurate_beyond_its_bounds_breaks_the_chapter(results: Pa
     (tmp_path / "stability").mkdir()
     write_rows(tmp_path / "stability/rows.jsonl", rows)
     with pytest.raises(Contradiction, match="are called accurate"):
-        chapter.sections(read_study(tmp_path / "stability"))
+        list(CHAPTER.findings({"stability": read_study(tmp_path / "stability")}))
 
 
 def test_what_is_said_of_the_bounds_follows_the_rows(results: Path, tmp_path: Path) -> None:
@@ -348,11 +346,12 @@ def test_what_is_said_of_the_bounds_follows_the_rows(results: Path, tmp_path: Pa
         row["severity_if_position_halved"] = 1
     (tmp_path / "stability").mkdir()
     write_rows(tmp_path / "stability/rows.jsonl", rows)
-    sections = chapter.sections(read_study(tmp_path / "stability"))
-    (said,) = [section for section in sections if section.name == "bounds"]
-    assert any(
-        f"verdicts {len(accurate)} change where the bound on position is halved" in text for text in said.text
-    ), said.text
+    found = {
+        finding.name: finding
+        for finding in CHAPTER.findings({"stability": read_study(tmp_path / "stability")})
+    }
+    said = f"The most verdicts change with the bound on position halved: {len(accurate)}."
+    assert said in found["accurate"], found["accurate"]
 
 
 def test_study_and_report_name_the_same_verdicts() -> None:

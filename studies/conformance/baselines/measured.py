@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from engine_models.engine import RunSettings
-from reports.convergence import observed_order
+from reports.analysis.convergence import observed_order
 from studies.conformance.baselines.subjects import Subject
 from studies.judges.metrics import UNITS
 from studies.running.case import Case, Row, Value

@@ -1,7 +1,7 @@
-"""The study's ladders beside scripts of engines on their own: ``python -m tests.benchmarks.rivals.race``.
+"""The study's settings beside scripts of engines alone: ``python -m tests.benchmarks.rivals.race``.
 
-All take turns in one process, in a new order every round. A ratio is what a ladder takes, at the error that
-a script has, in times of the script's: below 1 the ladder is ahead.
+All take turns in one process, in a new order every round. A ratio is the run time of the study's fastest
+setting over the script's, at the error of the script.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ from engine_models.arms import Arm
 from engine_models.exudyn.fast_build import load_build
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from reports.equal_error import Judged, arrival, at_rung, ratio
+from reports.analysis.equal_error import SLIDER, choice_at, fastest, ratio, settings_by_scene
 from reports.results import with_columns
 from studies import clearance
 from studies.judges.converged_truth import converged
@@ -34,12 +34,10 @@ from tests.benchmarks.rivals.problem import Answer, FloatArray
 ROUNDS = 10
 #: How often a script runs in a turn; the least counts, as of short runs.
 REPEATS = 3
-#: A ladder that surely takes more than so many times of a script's is beaten.
+#: A configuration that surely takes more than so many times of a script's is beaten.
 BEATEN = 1.25
-POSITION, TORQUE = "slider_position_error_m", "driver_torque_error_N_m"
-
-
-#: How the names of scripts' arms begin.
+TORQUE = "driver_torque_error_N_m"
+#: How the names of the scripts' configurations begin.
 SCRIPT = "script"
 
 
@@ -59,7 +57,7 @@ class Rival:
 
     @property
     def arm(self) -> Arm:
-        """What it is called beside the ladders' arms."""
+        """What it is called beside the study's configurations."""
         return Arm(self.engine, f"{SCRIPT} {self.module}")
 
     def solve(self, setting: float, samples: int) -> Answer:
@@ -80,17 +78,17 @@ WALL_TOLERANCES = (1e-7, 1e-9, 1e-11)
 #: How long scenes are followed that the study does not follow as long, in s.
 END_S = dict(zip(RIGID, (problem.RIGID_END_S, problem.RIGID_DRIVEN_END_S), strict=True))
 RIVALS = (
-    Rival("exudyn_alone", IDEAL, POSITION, (24 * 42, 24 * 168)),
+    Rival("exudyn_alone", IDEAL, SLIDER, (24 * 42, 24 * 168)),
     Rival("exudyn_alone", DRIVEN, TORQUE, (24 * 20, 24 * 80)),
-    Rival("exudyn_alone", LOOSE, POSITION, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)),
-    Rival("exudyn_wide", LOOSE, POSITION, (1e-5, 1e-7, 1e-8)),
-    Rival("pymunk_alone", IDEAL, POSITION, (24 * 168, 24 * 672)),
-    Rival("pymunk_alone", DRIVEN, POSITION, (24 * 10, 24 * 40)),
-    Rival("scipy_minimal", IDEAL, POSITION, TOLERANCES),
-    Rival("scipy_ode", IDEAL, POSITION, TOLERANCES),
-    Rival("scipy_minimal", LOOSE, POSITION, LOOSE_TOLERANCES),
-    Rival("heyoka_minimal", IDEAL, POSITION, TOLERANCES),
-    *(Rival("heyoka_minimal", scene, POSITION, WALL_TOLERANCES) for scene in (LOOSE, LOOSE_DRIVEN, *RIGID)),
+    Rival("exudyn_alone", LOOSE, SLIDER, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)),
+    Rival("exudyn_wide", LOOSE, SLIDER, (1e-5, 1e-7, 1e-8)),
+    Rival("pymunk_alone", IDEAL, SLIDER, (24 * 168, 24 * 672)),
+    Rival("pymunk_alone", DRIVEN, SLIDER, (24 * 10, 24 * 40)),
+    Rival("scipy_minimal", IDEAL, SLIDER, TOLERANCES),
+    Rival("scipy_ode", IDEAL, SLIDER, TOLERANCES),
+    Rival("scipy_minimal", LOOSE, SLIDER, LOOSE_TOLERANCES),
+    Rival("heyoka_minimal", IDEAL, SLIDER, TOLERANCES),
+    *(Rival("heyoka_minimal", scene, SLIDER, WALL_TOLERANCES) for scene in (LOOSE, LOOSE_DRIVEN, *RIGID)),
 )
 
 
@@ -106,7 +104,7 @@ def physics(scene: str) -> Scene:
 def true(scene: str, column: str) -> FloatArray:
     """Return the true values at the samples of what a column has the errors of."""
     truth, _ = converged(physics(scene), SAMPLES)
-    values = truth.slider_position_m if column == POSITION else truth.driver_torque_N_m
+    values = truth.slider_position_m if column == SLIDER else truth.driver_torque_N_m
     assert values is not None
     return values
 
@@ -134,8 +132,8 @@ def scripts(rival: Rival) -> Iterator[tuple[Row, Turn]]:
         yield {**row, rival.column: rival.error(setting)}, turn
 
 
-def ladders(rival: Rival) -> Iterator[tuple[Row, Turn]]:
-    """Yield the recorded row of each rung that the study has of the engine, and what times it."""
+def of_study(rival: Rival) -> Iterator[tuple[Row, Turn]]:
+    """Yield the recorded row of each setting that the study has of the engine, and what times it."""
     scene = physics(rival.scene)
     for rung in ladder(scene, full=False):
         if rung.arm.engine == rival.engine:
@@ -151,8 +149,8 @@ def ladders(rival: Rival) -> Iterator[tuple[Row, Turn]]:
 
 
 def raced(rivals: Sequence[Rival], rounds: int) -> pd.DataFrame:
-    """Return the recorded rows of scripts and ladders, and those of rounds in which all are timed."""
-    entries = [(rival, *entry) for rival in rivals for entry in (*scripts(rival), *ladders(rival))]
+    """Return the recorded rows of scripts and of the study's settings, and those of the timed rounds."""
+    entries = [(rival, *entry) for rival in rivals for entry in (*scripts(rival), *of_study(rival))]
     rows = [row for _, row, _ in entries]
     for k in track(range(rounds), "rounds"):
         rows += [{**turn(), "round": k} for _, _, turn in Random(k).sample(entries, len(entries))]
@@ -160,14 +158,14 @@ def raced(rivals: Sequence[Rival], rounds: int) -> pd.DataFrame:
 
 
 def verdicts(rival: Rival, rows: pd.DataFrame) -> Iterator[tuple[str, ...]]:
-    """Yield for each setting of a script its error, the ladder's way there, and the ratio of times."""
+    """Yield for each setting of a script its error, the study's fastest choice, and the ratio of times."""
     own = rows[(rows["scene"] == rival.scene) & (rows["engine"] == rival.engine)]
-    for rungs, _ in Judged("race", with_columns(own, "compiled_anew"), rival.column).ladders.values():
-        of_ladders = rungs[~rungs["label"].astype(str).str.startswith(f"{rival.engine} ({SCRIPT} ")]
-        for script in rungs[rungs["label"] == rival.arm.label].itertuples():
-            ours, theirs = arrival(of_ladders, script.error), at_rung(script)
+    for ran, _ in settings_by_scene(with_columns(own, "compiled_anew"), rival.column).values():
+        studied = ran[~ran["label"].astype(str).str.startswith(f"{rival.engine} ({SCRIPT} ")]
+        for script in ran[ran["label"] == rival.arm.label].itertuples():
+            ours, theirs = fastest(studied, script.error), choice_at(script)
             share = ratio(ours, theirs) if ours else None
-            way = f"{ours.label}, {ours.setting}" if ours else "does not arrive"
+            way = f"{ours.label}, {ours.setting}" if ours else "error not reached"
             beaten = "BEATEN" if share and share.low > BEATEN else ""
             yield rival.scene, theirs.label, f"{script.error:.1e}", way, str(share or ""), beaten
 
@@ -177,7 +175,7 @@ def main() -> None:
     load_build(fast=True)
     rivals = [rival for rival in RIVALS if rival.engine != "heyoka" or find_spec("heyoka")]
     rows = raced(rivals, ROUNDS)
-    table = Table("scene", "script", "error", "ladder", "its time in times of the script's", "")
+    table = Table("scene", "script", "error", "study", "its time over the script's", "")
     for rival in rivals:
         for line in verdicts(rival, rows):
             table.add_row(*line)

@@ -1,11 +1,12 @@
-"""The scripts that stand beside the ladders solve the problem: small errors that fall, in steps as asked."""
+"""The scripts beside the study solve the problem: small errors that fall, in steps as asked."""
 
 import numpy as np
 import pytest
 
+from reports.analysis.equal_error import SLIDER
 from tests.benchmarks.rivals import exudyn_alone, scipy_minimal
 from tests.benchmarks.rivals.problem import ROD_M
-from tests.benchmarks.rivals.race import IDEAL, LOOSE, LOOSE_DRIVEN, POSITION, RIGID, RIVALS, Rival, true
+from tests.benchmarks.rivals.race import IDEAL, LOOSE, LOOSE_DRIVEN, RIGID, RIVALS, Rival, true
 
 #: The largest error of a script's finest setting, in parts of its signal's largest value: twice what was
 #: measured of the coarsest of them, Pymunk's of order 1.
@@ -32,7 +33,7 @@ def _skip_without(rival: Rival) -> None:
 )
 def test_a_script_solves_the_ideal_crank_slider(rival: Rival) -> None:
     _skip_without(rival)
-    size = ROD_M if rival.column == POSITION else np.abs(true(rival.scene, rival.column)).max()
+    size = ROD_M if rival.column == SLIDER else np.abs(true(rival.scene, rival.column)).max()
     assert rival.error(rival.settings[-1]) < ACCURATE * size
 
 

@@ -1,5 +1,6 @@
 """The page as a browser shows it: quiet, alone, no wider than the screen, and at work."""
 
+import json
 import re
 
 import pytest
@@ -10,11 +11,11 @@ pytestmark = pytest.mark.system
 
 #: A phone's width, and that of a desk's screen.
 WIDTHS = (390, 1440)
-#: The table in which what is tested of all tables is tried: long enough for a filter, with numbers and names.
-TABLE, FIGURE = "#table-work-precision-clearance-slider-position", "#figure-answer"
-#: Rows of the longest folded table that is printed.
-LONG = 24
+#: The table and figures in which what is tested of all is tried; the second figure has pickers.
+TABLE, FIGURE, PICKED = "#table-clearance-impact-errors", "#figure-answer", "#figure-cost-error"
 #: Which of axe's checks are of what people can use, and not of taste.
+#: Screens of 900 pixels.
+MOST_SCREENS = 25
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 
 
@@ -54,7 +55,7 @@ def test_letters_on_a_figure_are_legible_on_a_phone(page: Page) -> None:
     page.set_viewport_size({"width": WIDTHS[0], "height": 800})
     unfold(page)
     heights = page.evaluate(
-        """[...document.querySelectorAll("figure.drawing:not(.dense) svg")].map(svg => Math.min(
+        """[...document.querySelectorAll(".drawing:not(.dense) .view:not([hidden]) svg")].map(svg => Math.min(
             ...[...svg.querySelectorAll("text")].map(text => parseFloat(getComputedStyle(text).fontSize)
                 * svg.getBoundingClientRect().width / svg.viewBox.baseVal.width)))"""
     )
@@ -107,29 +108,36 @@ def test_a_figure_zooms_in_and_back(page: Page) -> None:
     )
 
 
+def seen(page: Page) -> list[list[str]]:
+    """Return the choices of the views of the figure with pickers that are seen."""
+    views = page.locator(f"{PICKED} .view:not([hidden])").all()
+    return [json.loads(view.get_attribute("data-choice") or "") for view in views]
+
+
+def test_a_picker_shows_another_view_and_moves_the_others_where_it_must(page: Page) -> None:
+    pickers = page.locator(PICKED).get_by_role("combobox")
+    joints, signal, cost = (pickers.nth(place) for place in range(3))
+    assert seen(page) == [["ideal joints", "slider position", "run time"]]
+    cost.select_option("steps")
+    assert seen(page) == [["ideal joints", "slider position", "steps"]]
+    signal.select_option("peak force")  # which ideal joints have none of, and which is over run time alone
+    assert seen(page) == [["clearance", "peak force", "run time"]]
+    assert [picker.input_value() for picker in (joints, signal, cost)] == seen(page)[0]
+
+
 def column(page: Page, number: int) -> list[str]:
-    cells = page.locator(f"{TABLE} tbody tr:not([hidden]) td:nth-child({number})")
+    cells = page.locator(f"{TABLE} tbody td:nth-child({number})")
     return [text.strip() for text in cells.all_text_contents()]
 
 
 def test_a_table_is_sorted_by_number_and_back(page: Page) -> None:
-    unfold(page)
-    head = page.locator(f"{TABLE} thead th").nth(4)
+    head = page.locator(f"{TABLE} thead th").nth(3)
     assert "time" in head.inner_text()
     for order in ("ascending", "descending"):
         head.get_by_role("button").click()
         assert head.get_attribute("aria-sort") == order
-        times = [float(text) for text in column(page, 5)]
+        times = [float(text) for text in column(page, 4)]
         assert times == sorted(times, reverse=order == "descending")
-
-
-def test_a_table_is_filtered_by_words(page: Page) -> None:
-    unfold(page)
-    everything = len(column(page, 3))
-    page.locator(TABLE).get_by_role("searchbox").fill("exudyn DOPRI5")
-    left = column(page, 3)
-    assert 0 < len(left) < everything
-    assert all(label.startswith("exudyn (DOPRI5") for label in left), left
 
 
 def test_dark_is_dark_and_a_button_makes_it_light(page: Page) -> None:
@@ -149,17 +157,25 @@ def test_letters_and_black_lines_of_figures_are_light_in_the_dark(page: Page) ->
     assert set(fills) == {"rgb(232, 232, 232)"}
 
 
-def test_print_shows_what_is_folded_but_long_tables_which_it_names(page: Page) -> None:
+def test_print_shows_the_first_view_of_each_figure_and_what_is_folded(page: Page) -> None:
     page.emulate_media(media="print")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
-    closed = page.locator("details:not([open])")
-    assert closed.count() > 0
-    for place in range(closed.count()):
-        assert closed.nth(place).locator("tbody tr").count() > LONG
-        assert closed.nth(place).locator("summary").is_visible()
-    folded = page.locator("figure.table details:not(.long) table")
-    assert folded.count() > 0
-    assert all(table.is_visible() for table in folded.all())
+    assert page.locator("details:not([open])").count() == 0
+    figures = page.locator("figure.drawing").all()
+    assert [figure.locator("svg").filter(visible=True).count() for figure in figures] == [1] * len(figures)
+    assert not page.locator("nav").is_visible()
+
+
+def test_the_first_screen_has_the_table_and_the_figure(page: Page) -> None:
+    bottom = page.evaluate("document.querySelector('#answer table').getBoundingClientRect().bottom")
+    assert bottom < 700
+    top = page.evaluate("document.querySelector('#figure-answer svg').getBoundingClientRect().top")
+    assert top < 800
+
+
+def test_the_page_is_as_long_as_a_reader_has_time_for(page: Page) -> None:
+    high = page.evaluate("document.documentElement.scrollHeight")
+    assert high < MOST_SCREENS * 900
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -1,0 +1,118 @@
+"""Method: the mechanism with its symbols and the contact laws; text and equations are pages of their own."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+
+from reports.parts import Chapter, Figure, Finding, Studies, Table
+from reports.plots.mechanism import Scene, draw_mechanism
+from reports.plots.panels import Line, Panel, draw
+from reports.quantities import finished
+from reports.results import Results
+from reports.shared_tables import runs_tables
+from reports.style import BLUE, GREY, RC, VERMILLION
+
+STUDY = "motions"
+#: The chapter is of all studies.
+STUDIES = (
+    *(STUDY, "agreement", "clearance", "work-precision", "energy"),
+    *("predictability", "stability", "extremes"),
+)
+#: The law without loss, which is drawn behind the others.
+LOSSLESS = "hertz"
+DEPTH, FORCE = "contact_B_penetration_m", "contact_B_normal_force_N"
+UM, KN = 1e6, 1e-3
+
+
+def crank_slider(rows: pd.DataFrame) -> Scene | None:
+    """Return the first crank-slider with clearance among the scenes that were run as a whole."""
+    whole = finished(rows[rows["view"] == "whole"])
+    scenes = (json.loads(text) for text in whole["scene_json"] if isinstance(text, str))
+    return next((scene for scene in scenes if scene.get("clearance") and "rod" in scene), None)
+
+
+def _laws(results: Results) -> Figure | None:
+    """Return force over penetration in the first impact under each contact law, by the energy lost."""
+    rows = finished(results.rows[results.rows["view"] == "law"])
+    if rows.empty:
+        return None
+    rows = rows.sort_values("dissipated_energy_J")
+    lossless = [
+        replace(line, label="without loss", style={"color": GREY, "linewidth": 0.8})
+        for line in _ways(results, rows[rows["law"] == LOSSLESS])
+    ]
+    panels = []
+    for law, of_law in rows.groupby("law", sort=False):
+        behind = lossless if law != LOSSLESS else []
+        lines = [*behind, *_ways(results, of_law)]
+        panels.append(Panel(str(law), "penetration [µm]", "contact force [kN]", lines, log=""))
+    restitution = rows["restitution"].dropna()
+    at = f" at restitution {restitution.iloc[0]:g}" if len(restitution) else ""
+    return Figure.of(
+        "motions-laws",
+        "How do contact laws differ?",
+        f"The first impact under each law{at}, by the reference implementation. The area of a loop is the "
+        "energy lost, which grows from panel to panel.",
+        STUDY,
+        draw(panels, height_in=1.9),
+    )
+
+
+def _ways(results: Results, rows: pd.DataFrame) -> list[Line]:
+    """Return the loading and the unloading of the first run among rows, up to and from the deepest point."""
+    if rows.empty:
+        return []
+    case = rows["case"].iloc[0]
+    depth, force = results.curve(case, DEPTH) * UM, results.curve(case, FORCE) * KN
+    touching = np.flatnonzero(depth >= 0)
+    deepest = int(depth.argmax())
+    ways: dict[str, tuple[Any, dict[str, Any]]] = {
+        "loading": (touching[touching <= deepest], {"color": VERMILLION}),
+        "unloading": (touching[touching >= deepest], {"color": BLUE, "linestyle": "--"}),
+    }
+    return [Line(way, depth[places], force[places], style) for way, (places, style) in ways.items()]
+
+
+def findings(_: Studies) -> Iterator[Finding]:
+    """Yield nothing: the method is not found in rows."""
+    yield from ()
+
+
+def figures(studies: Studies) -> Iterator[Figure | None]:
+    """Yield the mechanism, and the contact laws where the study has curves."""
+    results = studies.get(STUDY)
+    if results is None:
+        return
+    with mpl.rc_context(RC):
+        if (scene := crank_slider(results.rows)) is not None:
+            yield Figure.of(
+                "motions-mechanism",
+                "What is the mechanism, and what do the symbols mean?",
+                "The crank-slider in proportion, and a joint, its clearance not to scale. Numbers "
+                f"are those of {scene['name']}.",
+                STUDY,
+                draw_mechanism(scene),
+            )
+        yield _laws(results) if results.has_curves else None
+
+
+def tables(studies: Studies) -> Iterator[Table | None]:
+    """Yield the settings of the runs that are drawn, and those that did not finish."""
+    if STUDY in studies:
+        yield from runs_tables(studies[STUDY].rows, STUDY)
+
+
+CHAPTER = Chapter(
+    "method",
+    "Method",
+    STUDIES,
+    "How the mechanism is modelled, what results are compared with, and how errors and run times are taken.",
+    findings,
+    figures,
+    tables,
+)
