@@ -159,7 +159,7 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
             "extremes-matrix",
             "Does an engine say so where it cannot give the right motion?",
             "A frame marks what theory asks for. In a divided cell a check of ours speaks on the left; the "
-            "right is what comes without it. The CSV has each case's theory.",
+            "right is what comes without it. Blank: not run. The CSV has the theory of each case.",
             EXTREMES,
             (View((), verdict_matrix(answers(studies[EXTREMES].rows))),),
             dense=True,
