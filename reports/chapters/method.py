@@ -13,7 +13,7 @@ from reports.parts import Chapter, Figure, Finding, Studies, Table
 from reports.plots.mechanism import Scene, draw_mechanism
 from reports.plots.panels import Line, Panel, draw
 from reports.quantities import finished
-from reports.results import Results
+from reports.results import Results, with_columns
 from reports.shared_tables import runs_tables
 from reports.style import BLUE, GREY, RC, VERMILLION
 
@@ -31,7 +31,7 @@ UM, KN = 1e6, 1e-3
 
 def crank_slider(rows: pd.DataFrame) -> Scene | None:
     """Return the first crank-slider with clearance among the scenes that were run as a whole."""
-    whole = finished(rows[rows["view"] == "whole"])
+    whole = finished(with_columns(rows[rows["view"] == "whole"], "scene_json"))
     scenes = (json.loads(text) for text in whole["scene_json"] if isinstance(text, str))
     return next((scene for scene in scenes if scene.get("clearance") and "rod" in scene), None)
 

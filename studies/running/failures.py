@@ -87,8 +87,11 @@ class Listener:
 
     def flush(self) -> None:
         """Write what is held back."""
-        with suppress(OSError):
+        try:
             self._stream.flush()
+        except OSError:
+            # What the stream holds back cannot be written; Python would report that again at exit.
+            sys.stderr = self._stream = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

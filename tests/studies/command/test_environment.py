@@ -21,6 +21,7 @@ SWEEP = "sweep clearance-driven-0.5mm --vary crank.mass_kg=0.1,0.2 --revolutions
 def in_shell(words: str, folder: Path, **variables: str) -> tuple[int, str, str]:
     """Run ``crankslider`` in a shell with more in its environment; return exit code, stdout and stderr."""
     environment = {**os.environ, **variables}
+    environment.pop("PYTHONUNBUFFERED", None)  # with which streams hold nothing back
     line = f"exec '{COMMAND}' {words}"
     done = subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, check=False)
     return done.returncode, done.stdout.decode(), done.stderr.decode()
