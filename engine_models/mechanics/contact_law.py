@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from engine_models.scene.scene import Clearance, ContactLaw
+from engine_models.scene.scene import HERTZ_EXPONENT, LINEAR_LAWS, Clearance, ContactLaw
 
 #: a(e) of each law that has one, e the nominal restitution.
 DAMPING_FACTORS: dict[ContactLaw, Callable[[float], float]] = {
@@ -27,7 +27,7 @@ def exponent_of(clearance: Clearance) -> float:
     """Return the exponent n of F = K delta^n: as given, else 1 for the linear laws and 3/2 for the others."""
     if clearance.exponent is not None:
         return clearance.exponent
-    return 1.0 if clearance.law in ("linear", "kelvin-voigt") else 1.5
+    return 1.0 if clearance.law in LINEAR_LAWS else HERTZ_EXPONENT
 
 
 def stiffness_of(clearance: Clearance) -> float:

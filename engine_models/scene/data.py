@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.bad_input import BadInput
 from engine_models.scene.plain_words import refusals
+from engine_models.scene.units import in_own_units
 
 Part = TypeVar("Part", bound="SceneData")
 
@@ -33,9 +34,17 @@ class SceneError(BadInput):
 
 
 class SceneData(BaseModel):
-    """Base of all parts of a scene: immutable, strict about types, unknown keys and non-finite numbers."""
+    """Base of all parts of a scene: immutable, strict about types, unknown keys and non-finite numbers.
+
+    A number whose field's name has a unit may be text with another one: ``"50 mm"``.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_numbers_in_own_units(cls, data: object) -> object:
+        return in_own_units(data) if isinstance(data, Mapping) else data
 
     @classmethod
     def checked(cls: type[Part], data: Mapping[str, object]) -> Part:

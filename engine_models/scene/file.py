@@ -1,15 +1,13 @@
-"""Scenes as TOML files: written from a scene, and read with every refusal in one plain line."""
+"""Scenes from TOML files, with every refusal in one plain line."""
 
+import re
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-import tomli_w
-
 from engine_models.scene.data import SceneError as SceneError
 from engine_models.scene.data import with_fields
-from engine_models.scene.lines import line_of
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene
 from engine_models.scene.tables import COLUMNS, BadTable, files_of, with_tables
@@ -23,12 +21,9 @@ else:
 #: Values of fields by their paths, as ``Scene.replace`` takes them.
 Fields = Mapping[str, object]
 NONE: Fields = MappingProxyType({})
-
-
-def to_toml(scene: Scene) -> str:
-    """Return the scene as a TOML file that reads back to an equal scene; what is not there is left out."""
-    data = scene.model_dump(exclude_none=True)
-    return tomli_w.dumps({name: part for name, part in data.items() if part != {}})
+#: A section's head, and a key before its value; a path of names with dots between them.
+PATH = r"[\w\"'-]+(?:\s*\.\s*[\w\"'-]+)*"
+HEAD, KEY = re.compile(rf"\s*\[\s*({PATH})\s*\]"), re.compile(rf"\s*({PATH})\s*=")
 
 
 def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
@@ -106,3 +101,25 @@ def sources(path: Path, changes: Fields = NONE) -> list[Path]:
 def folder_of(path: Path) -> Path:
     """Return where the tables of a scene's file are looked for: beside it, or where we are."""
     return Path() if {path, path.parent} & set(OPENED) else path.parent
+
+
+def line_of(text: str, field: str) -> int | None:
+    """Return the number of the line, from 1, of a field such as ``rod.mass_kg``.
+
+    Of one that is not there it is the line of what it would stand in, None if there is no such thing either.
+    """
+    lines, section = dict[str, int](), ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if head := HEAD.match(line):
+            section = _plain(head[1])
+            lines.setdefault(section, number)
+        elif key := KEY.match(line):
+            lines.setdefault(f"{section}.{_plain(key[1])}".removeprefix("."), number)
+    while field and field not in lines:
+        field = field.rpartition(".")[0]
+    return lines.get(field)
+
+
+def _plain(path: str) -> str:
+    """Return a path without quotes and blanks."""
+    return re.sub(r"[\s\"']", "", path)

@@ -5,13 +5,14 @@ a ``ValueError`` of the same form, its field counted from that part; the part's 
 """
 
 import json
-import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
+
+from engine_models.scene.units import NUMBER, unit_of
 
 JsonSchema = dict[str, Any]
 
@@ -27,8 +28,6 @@ UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
 NO_TAG = ("union_tag_invalid", "union_tag_not_found")
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
 LONGEST, MOST_REASONS = 60, 3
-#: A number as it is typed: int() and float() also take 1_0, the digits of all scripts and blanks around.
-NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 def expect(words: str) -> Any:
@@ -143,7 +142,14 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
     path, field = _follow(error["loc"], root)
     given = error["input"]
     came = "nothing" if error["type"] == "missing" else f"{shown(given)}{meant(given, field.get('enum', ()))}"
-    return f"{'.'.join(path)}: expected {expectation(field)}, got {came}"
+    return f"{'.'.join(path)}: expected {expectation(field)}{_or_quantity(error, path)}, got {came}"
+
+
+def _or_quantity(error: ErrorDetails, path: list[str]) -> str:
+    """Return what else is taken where text stands for a number that has a unit."""
+    names = [name for name in path if not name.isdigit()]
+    unit = unit_of(names[-1]) if names and error["type"] == "float_type" else None
+    return f", or text with a unit such as '1 {unit}'" if unit and isinstance(error["input"], str) else ""
 
 
 def _key(key: int | str) -> str:

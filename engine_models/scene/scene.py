@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Literal
 
+import tomli_w
 from pydantic import Field, model_validator
 
 from engine_models.scene.arguments import check_arguments
@@ -29,6 +30,7 @@ from engine_models.scene.data import (
 from engine_models.scene.drives import PRESCRIBED, Drive, TableDrive
 from engine_models.scene.loads import Loads
 from engine_models.scene.plain_words import expect
+from engine_models.scene.units import in_own_units
 
 ContactLaw = Literal[
     "linear",
@@ -45,6 +47,8 @@ ContactLaw = Literal[
 ]
 FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
 
+#: Laws whose exponent is 1 unless another is given, and the exponent of the others.
+LINEAR_LAWS, HERTZ_EXPONENT = ("linear", "kelvin-voigt"), 1.5
 #: Laws that know no restitution, and laws whose damping factor divides by it.
 LAWS_WITHOUT_RESTITUTION: tuple[ContactLaw, ...] = ("linear", "kelvin-voigt", "hertz")
 LAWS_DIVIDING_BY_RESTITUTION: tuple[ContactLaw, ...] = ("gonthier", "flores", "hu-guo")
@@ -145,6 +149,14 @@ class Clearance(SceneData):
     minimum_impact_speed_m_s: Positive | None = None
     may_pull: bool = False
     friction: Friction | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_stiffness_in_its_unit(cls, data: object) -> object:
+        if not isinstance(data, Mapping):
+            return data
+        exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
+        return in_own_units(data, stiffness=f"N/m^{exponent}")
 
     @model_validator(mode="after")
     def _hangs_together(self) -> "Clearance":
@@ -253,6 +265,11 @@ class Scene(SceneData):
         """
         fields = {field: value} if isinstance(field, str) else field
         return self.checked(with_fields(self.model_dump(exclude_none=True), fields))
+
+    def to_toml(self) -> str:
+        """Return the scene as a TOML file that reads back to an equal scene."""
+        data = self.model_dump(exclude_none=True)
+        return tomli_w.dumps({name: part for name, part in data.items() if part != {}})
 
     @property
     def is_crank_slider(self) -> bool:

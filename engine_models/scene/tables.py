@@ -1,7 +1,8 @@
 """Tables in CSV files beside a scene's own: their columns, put where the scene would have lists.
 
 ``file = "drive.csv"`` stands for the lists of the part that it is in. The first line of the file names its
-columns, in any order and among others.
+columns, in any order and among others. Where semicolons are between the columns, numbers may have decimal
+commas.
 """
 
 import csv
@@ -11,8 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from engine_models.scene.plain_words import NUMBER, shown
+from engine_models.scene.plain_words import shown
 from engine_models.scene.text_files import UnreadableFile, read_text
+from engine_models.scene.units import NUMBER
 
 #: The parts of a scene that have a table, with its columns; the drive only if it is one.
 TABLES = {("drive",): ("time_s", "angle_rad"), ("load", "slider", "gas"): ("crank_angle_rad", "force_N")}
@@ -74,7 +76,10 @@ def _with_lists(part: Any, columns: tuple[str, ...], name: str, folder: Path) ->
 def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list[float]]:
     """Return columns of a CSV file by name."""
     try:
-        reader = csv.reader(io.StringIO(read_text(path, "a table"), newline=""), skipinitialspace=True)
+        content = read_text(path, "a table")
+        first = content.partition("\n")[0]
+        separator = ";" if first.count(";") > first.count(",") else ","
+        reader = csv.reader(io.StringIO(content, newline=""), delimiter=separator, skipinitialspace=True)
         lines = [(reader.line_num, line) for line in reader if any(cell.strip() for cell in line)]
     except UnreadableFile as reason:
         raise BadTable(f"{field}: {reason}") from None
@@ -87,13 +92,14 @@ def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list
             expected = f"{field}: {path}: expected the columns {', '.join(columns)} in its first line"
             raise BadTable(f"{expected}, got {came}")
     out: dict[str, list[float]] = {column: [] for column in columns}
-    for number, line in lines[1:]:
+    for line_number, line in lines[1:]:
         for column in columns:
             place = head.index(column)
-            text = line[place].strip() if place < len(line) else ""
-            if not (NUMBER.fullmatch(text) and math.isfinite(float(text))):
-                came = shown(text) if text else "nothing"
-                expected = f"{field}: {path} line {number}: expected a finite number for {column}"
+            typed = line[place].strip() if place < len(line) else ""
+            number = typed.replace(",", ".") if separator == ";" else typed
+            if not (NUMBER.fullmatch(number) and math.isfinite(float(number))):
+                came = shown(typed) if typed else "nothing"
+                expected = f"{field}: {path} line {line_number}: expected a finite number for {column}"
                 raise BadTable(f"{expected}, got {came}")
-            out[column].append(float(text))
+            out[column].append(float(number))
     return out

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.arguments import Place, check_arguments
-from engine_models.scene.file import to_toml
 from engine_models.scene.scene import Scene
 from reports.comparison.page import page
 from reports.comparison.sentences import not_run, sentences
@@ -90,7 +89,7 @@ class Comparison:
             pictures["What does the recommended run look like?"] = self.run.plot()
             for joint in self.scene.joints_with_clearance:
                 pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
-        text = page(self.results, pictures, to_toml(self.scene), self.given)
+        text = page(self.results, pictures, self.scene.to_toml(), self.given)
         with writing("folder", place):
             place.mkdir(parents=True, exist_ok=True)
             write_whole(place / "index.html", text.encode("utf-8"))

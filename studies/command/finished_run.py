@@ -14,7 +14,6 @@ from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.progress import tell
 from engine_models.scene.arguments import Place, check_arguments
 from engine_models.scene.data import Positive
-from engine_models.scene.file import to_toml
 from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.endings import film_ending
@@ -158,7 +157,7 @@ class Run:
             "samples": len(self.trajectory.time_s) - 1,
             "quality": self.quality.parts(),
             "warnings": list(self.warnings),
-            "scene": to_toml(self.scene),
+            "scene": self.scene.to_toml(),
         }
 
     def notes(self) -> list[str]:

@@ -1,5 +1,6 @@
 """The command ``crankslider``: exit code 0, 2 for bad input, 1 for failed work, 130 after Ctrl-C."""
 
+import json
 import logging
 import os
 import sys
@@ -102,10 +103,17 @@ def engines(
 @app.command()
 def show(scene: SceneName) -> None:
     """Print a scene as TOML, as a template for a file of your own."""
-    from engine_models.scene.file import to_toml
     from studies.command.options import read_scene
 
-    print(to_toml(read_scene(scene)), end="")
+    print(read_scene(scene).to_toml(), end="")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of scene files, with which editors complete and check them."""
+    from engine_models.scene.schema import scene_schema
+
+    print(json.dumps(scene_schema(), indent=2, ensure_ascii=False))
 
 
 @app.command()

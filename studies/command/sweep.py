@@ -20,7 +20,6 @@ from engine_models.reference.kernels import KernelsRefused, writable_folder
 from engine_models.reference.members import LISTS, NUMBERS
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import NonNegative, Positive, SceneError
-from engine_models.scene.file import to_toml
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.endings import PICTURES, ending_of
@@ -186,7 +185,7 @@ def swept(
         "settings": dict(task.settings),
         "watch": vars(task.watch),
         "seed": options.seed,
-        "scene": to_toml(task.scene),
+        "scene": task.scene.to_toml(),
     }
     try:
         with writing("--out", path), writable_folder(), terminated_as_interrupted():

@@ -18,7 +18,7 @@ from engine_models.engine import (
 )
 from engine_models.engines import make_engine
 from engine_models.guards import unguarded
-from engine_models.scene.file import SceneError, from_toml, to_toml
+from engine_models.scene.file import SceneError, from_toml
 from engine_models.scene.scene import Scene
 from studies.extremes import contacts, dead_centres, loose_joints, mechanisms, wheels
 from studies.extremes.case import Extreme
@@ -193,6 +193,6 @@ def _apart(scene: Scene, run: Trajectory) -> Row:
 def _valid(scene: Scene) -> Scene:
     """Return the scene as its file reads back: what is refused there no engine gets to see."""
     try:
-        return from_toml(to_toml(scene))
+        return from_toml(scene.to_toml())
     except SceneError as error:
         raise ImpossibleScene(f"no such scene: {error}") from None

@@ -99,9 +99,9 @@ def _cases_on(
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
     out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
-    if not any(scene.start.states for scene in scenes):
-        once = {(scene.name, rung.arm.label): (scene, rung) for scene, rung in rungs}
-        out += [case_of(NAME, scene, rung, 1, timed=True, other_start=1) for scene, rung in once.values()]
+    told = [(scene, rung) for scene, rung in reversed(rungs) if not scene.start.states]
+    once = {(scene.name, rung.arm.label): (scene, rung) for scene, rung in told}  # the coarsest
+    out += [case_of(NAME, scene, rung, 1, timed=True, other_start=1) for scene, rung in once.values()]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 

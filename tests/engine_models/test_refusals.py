@@ -14,7 +14,7 @@ from engine_models.engines import engine_class, engine_module, make_engine
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.data import SceneError
 from engine_models.scene.drives import TableDrive
-from engine_models.scene.file import from_toml, load, to_toml
+from engine_models.scene.file import from_toml, load
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene, Start
 from tests.helpers.command import crankslider
@@ -108,7 +108,7 @@ def test_a_copy_is_refused_in_the_words_of_the_file_and_of_the_command(tmp_path:
     with pytest.raises(SceneError) as copy:
         copied(end_time_s=-1.0)
     file = tmp_path / "mine.toml"
-    file.write_text(to_toml(LOOSE).replace("end_time_s = 0.08", "end_time_s = -1.0"))
+    file.write_text(LOOSE.to_toml().replace("end_time_s = 0.08", "end_time_s = -1.0"))
     with pytest.raises(SceneError) as read:
         load(file)
     assert str(read.value) == f"{file}: line 2: {copy.value}"

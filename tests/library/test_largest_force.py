@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import crankslider as cs
-from engine_models.scene.file import to_toml
 from tests.helpers.command import crankslider
 
 SCENE = "clearance-driven-0.5mm"
@@ -124,7 +123,7 @@ def test_beside_a_rigid_wall_the_other_joint_has_a_largest_force(tmp_path: Path)
     run = cs.simulate(mixed, end=0.002, samples=20)
     assert run.largest_contact_force is not None
     assert run.largest_contact_force.joint == "B"
-    (tmp_path / "mixed.toml").write_text(to_toml(mixed))
+    (tmp_path / "mixed.toml").write_text(mixed.to_toml())
     written = ("simulate", tmp_path / "mixed.toml", "--samples", 20, "--impacts", tmp_path / "i.json")
     assert crankslider(*written, "--end", 0.002).code == 0
     columns = json.loads((tmp_path / "i.json").read_text())["columns"]

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
-from engine_models.scene.file import to_toml
 from tests.helpers.command import crankslider, table_of
 
 ROOT = Path(__file__).parents[2]
@@ -35,7 +34,7 @@ def test_a_frame_is_the_table_of_the_command_line_over_time(scene: str) -> None:
 
 def test_a_scene_may_be_given_by_name_by_file_or_itself(tmp_path: Path, loose_run: cs.Run) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(to_toml(LOOSE))
+    file.write_text(LOOSE.to_toml())
     assert cs.load(file) == cs.load(str(file)) == LOOSE
     for scene in (LOOSE.name, file, str(file)):
         pd.testing.assert_frame_equal(short_run(scene).frame, loose_run.frame)

@@ -347,7 +347,7 @@ def ensembles_with(shift: float, size: int) -> Ensembles:
         (0.0, 800, "equivalent"),
         (0.06, 800, "equivalent"),
         (0.3, 200, "different"),
-        (0.06, 200, "open"),
+        (0.06, 200, "undecided"),
         (0.3, 19, "too few members"),
     ],
 )

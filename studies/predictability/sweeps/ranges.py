@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.scene.plain_words import NUMBER, shortened, shown
+from engine_models.scene.plain_words import shortened, shown
+from engine_models.scene.units import NUMBER
 from studies.running.failures import BadInput
 
 #: The most members of one sweep.

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from engine_models.scene.file import SceneError, load, to_toml
+from engine_models.scene.file import SceneError, load
 from engine_models.scene.library import ideal_free
 from engine_models.scene.text_files import LARGEST_BYTES
 from tests.helpers.command import crankslider
 
-TEXT = to_toml(ideal_free())
+TEXT = ideal_free().to_toml()
 
 
 def refusal(path: Path) -> str:

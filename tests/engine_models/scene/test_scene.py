@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from engine_models.scene.drives import ConstantSpeedDrive, FreeDrive, TorqueDrive
-from engine_models.scene.file import SceneError, from_toml, load, to_toml
+from engine_models.scene.file import SceneError, from_toml, load
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import (
     LAWS_DIVIDING_BY_RESTITUTION,
@@ -99,7 +99,7 @@ def scenes(draw: st.DrawFn) -> Scene:
 def test_a_library_scene_has_its_own_name_and_survives_a_file(name: str, tmp_path: Path) -> None:
     scene = SCENES[name]()
     file = tmp_path / "scene.toml"
-    file.write_text(to_toml(scene), encoding="utf-8")
+    file.write_text(scene.to_toml(), encoding="utf-8")
     assert scene.name == name
     assert load(file) == scene
 
@@ -107,26 +107,26 @@ def test_a_library_scene_has_its_own_name_and_survives_a_file(name: str, tmp_pat
 @given(scenes())
 @settings(max_examples=200, deadline=None)
 def test_every_valid_scene_survives_a_file(scene: Scene) -> None:
-    assert from_toml(to_toml(scene)) == scene
+    assert from_toml(scene.to_toml()) == scene
 
 
 @given(scenes())
 @settings(max_examples=50, deadline=None)
 def test_a_file_names_nothing_that_the_scene_lacks(scene: Scene) -> None:
-    lines = to_toml(scene).splitlines()
+    lines = scene.to_toml().splitlines()
     for joint in "OAB":
         assert (f"[clearance.{joint}]" in lines) == (joint in scene.joints_with_clearance)
     assert any(line.startswith("[clearance") for line in lines) == bool(scene.joints_with_clearance)
 
 
 def test_integers_stand_for_numbers() -> None:
-    text = to_toml(SCENES["ideal-torque"]()).replace("torque_N_m = 0.3", "torque_N_m = 3")
+    text = SCENES["ideal-torque"]().to_toml().replace("torque_N_m = 0.3", "torque_N_m = 3")
     assert from_toml(text).drive == TorqueDrive(kind="torque", torque_N_m=3.0)
 
 
 def test_windows_line_ends_are_read() -> None:
     scene = SCENES["ideal-free"]()
-    assert from_toml(to_toml(scene).replace("\n", "\r\n")) == scene
+    assert from_toml(scene.to_toml().replace("\n", "\r\n")) == scene
 
 
 def test_a_scene_cannot_be_changed() -> None:
@@ -135,7 +135,7 @@ def test_a_scene_cannot_be_changed() -> None:
 
 
 def test_every_refusal_of_a_file_is_reported_at_once() -> None:
-    text = to_toml(SCENES["ideal-free"]()).replace("length_m = 0.05", "lenght_m = 0.05")
+    text = SCENES["ideal-free"]().to_toml().replace("length_m = 0.05", "lenght_m = 0.05")
     with pytest.raises(SceneError) as refused:
         from_toml(text)
     assert str(refused.value) == (
@@ -199,7 +199,7 @@ FRICTION = "[clearance.B.friction]\ncoefficient = 0.1\nregularisation_speed_m_s 
 )
 def test_a_contact_law_takes_its_own_parameters_alone(section: str, message: str) -> None:
     with pytest.raises(SceneError) as refused:
-        from_toml(to_toml(SCENES["ideal-free"]()) + CONTACT + section)
+        from_toml(SCENES["ideal-free"]().to_toml() + CONTACT + section)
     assert message in str(refused.value)
     assert str(refused.value).startswith("clearance.B.")
 
@@ -215,7 +215,7 @@ def test_a_contact_law_takes_its_own_parameters_alone(section: str, message: str
 def test_the_dead_band_belongs_to_ambrosio(section: str, message: str) -> None:
     contact = CONTACT + "law = 'hertz'\nstiffness = 1e9\n" + FRICTION
     with pytest.raises(SceneError) as refused:
-        from_toml(to_toml(SCENES["ideal-free"]()) + contact + section)
+        from_toml(SCENES["ideal-free"]().to_toml() + contact + section)
     assert message in str(refused.value)
     assert str(refused.value).startswith("clearance.B.friction.dead_band_speed_m_s: ")
 

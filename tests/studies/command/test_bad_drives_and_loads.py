@@ -290,7 +290,12 @@ BAD_FILES = {
     "nan": ("time_s,angle_rad\n0,0\n0.01,nan\n", "line 3", "a finite number for angle_rad", '"nan"'),
     "overflow": ("time_s,angle_rad\n0,0\n0.01,1e999\n", "line 3", "a finite number for angle_rad", '"1e999"'),
     "a short line": ("time_s,angle_rad\n0,0\n0.01\n", "line 3", "a finite number for angle_rad", "nothing"),
-    "a comma for a point": ("time_s;angle_rad\n0;0\n", "table.csv", "the columns", '"time_s;angle_rad"'),
+    "commas of thousands": (
+        "time_s;angle_rad\n0;0\n1;1,000,000\n",
+        "line 3",
+        "a finite number for angle_rad",
+        '"1,000,000"',
+    ),
     "not text": (b"\xff\xfe\x00", "UTF-8 text", "byte 0xff"),
     "too short": ("time_s,angle_rad\n0,0\n1,100\n", "drive.time_s", "at least 4", "2"),
 }
@@ -318,6 +323,16 @@ def test_a_later_end_than_the_tables_is_refused(tmp_path: Path) -> None:
     file.write_text(SCENE + drive("table", time_s=TIME, angle_rad=[100 * t for t in TIME]))
     assert crankslider("simulate", file, "--samples", 2).code == 0
     refused("simulate", file, "--end", 0.03, pieces=["drive.time_s.3", "at least 0.03", "0.02"])
+
+
+@pytest.mark.parametrize("point", [".", ","])
+def test_a_table_may_have_semicolons_and_then_decimal_commas(point: str, tmp_path: Path) -> None:
+    lines = [f"{t!r}; {100 * t!r}".replace(".", point) for t in TIME]
+    (tmp_path / "turn.csv").write_text("\n".join(["time_s; angle_rad", *lines]))
+    by_file, by_list = tmp_path / "file.toml", tmp_path / "list.toml"
+    by_file.write_text(SCENE + drive("table", file='"turn.csv"'))
+    by_list.write_text(SCENE + drive("table", time_s=TIME, angle_rad=[100 * t for t in TIME]))
+    assert crankslider("show", by_file).stdout == crankslider("show", by_list).stdout
 
 
 def test_a_table_in_a_file_is_the_table_in_the_scene(tmp_path: Path) -> None:

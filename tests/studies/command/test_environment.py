@@ -8,7 +8,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from engine_models.scene.file import to_toml
 from engine_models.scene.library import ideal_free
 from tests.helpers.command import crankslider
 
@@ -58,7 +57,7 @@ def test_workers_do_not_inherit_what_their_command_ignores(tmp_path: Path) -> No
 
 
 def test_a_picture_needs_no_backend_and_no_glyph(tmp_path: Path) -> None:
-    (tmp_path / "named.toml").write_text(to_toml(ideal_free().replace("name", "曲柄")), encoding="utf-8")
+    (tmp_path / "named.toml").write_text(ideal_free().replace("name", "曲柄").to_toml(), encoding="utf-8")
     words = f"simulate named.toml {IDEAL.partition('free ')[2]} --out a.csv --plot a.png --quiet"
     odd = {"MPLBACKEND": "nonsense", "PYTHONWARNINGS": "error"}
     assert in_shell(words, tmp_path, **odd) == (0, "", "")
@@ -66,7 +65,7 @@ def test_a_picture_needs_no_backend_and_no_glyph(tmp_path: Path) -> None:
 
 
 def test_what_is_shown_is_utf_8_in_every_locale(tmp_path: Path) -> None:
-    scene = to_toml(ideal_free().replace("name", "Kürbel"))
+    scene = ideal_free().replace("name", "Kürbel").to_toml()
     (tmp_path / "named.toml").write_text(scene, encoding="utf-8")
     for odd in (
         {"PYTHONIOENCODING": "ascii"},

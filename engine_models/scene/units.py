@@ -1,0 +1,115 @@
+"""Quantities as text with a unit: ``"50 mm"`` is 0.05 in a field whose name ends with ``_m``.
+
+A plain number is in the unit that the field's name ends with.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from decimal import Decimal
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+
+#: Units of fields by what their names end with; the longest that fits counts.
+UNITS = {
+    "m": "m",
+    "kg": "kg",
+    "kg_m2": "kg m^2",
+    "s": "s",
+    "m_s": "m/s",
+    "m_s2": "m/s^2",
+    "rad": "rad",
+    "rad_s": "rad/s",
+    "Hz": "Hz",
+    "N": "N",
+    "N_m": "N m",
+    "spring_N_m": "N/m",
+    "N_s_m": "N s/m",
+    "Pa": "Pa",
+    "end_slopes": "rad/s",  # of a table
+    "stiffness": "N/m^exponent",
+}
+#: What may be typed: the definitions that pint reads. An angle is a quantity of its own, so that a frequency
+#: is no speed of rotation: 10 Hz are not 10 rad/s.
+DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = µ- = μ- = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+deci- = 1e-1 = d-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+giga- = 1e9 = G-
+meter = [length] = m = metre
+gram = [mass] = g
+second = [time] = s
+radian = [angle] = rad
+minute = 60 second = min
+hour = 60 minute = h
+degree = 0.0174532925199432957692369076848861 radian = deg = °
+turn = 360 degree = rev = revolution
+rpm = turn / minute
+hertz = 1 / second = Hz
+newton = kilogram * meter / second ** 2 = N
+newton_meter = newton * meter = Nm
+pascal = newton / meter ** 2 = Pa
+bar = 1e5 pascal
+joule = newton * meter = J
+tonne = 1000 kilogram = t
+inch = 0.0254 meter = in
+foot = 12 inch = ft
+pound = 0.45359237 kilogram = lb
+standard_gravity = 9.80665 meter / second ** 2 = g_0
+pound_force = pound * standard_gravity = lbf
+psi = pound_force / inch ** 2
+"""
+#: A number as it is typed: int() and float() also take 1_0, the digits of all scripts and blanks around.
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+#: A unit as it is typed, of a few characters, and a quantity: a number, then its unit.
+UNIT = r"(?:1/)?[A-Za-zµμ°][\w°²³·*/^(). -]{0,29}"
+QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER.pattern})\s*(?P<unit>{UNIT})")
+
+
+def unit_of(name: str) -> str | None:
+    """Return the unit in which a field of this name has its numbers, None if it has none."""
+    ends = [end for end in UNITS if f"_{name}".endswith(f"_{end}")]
+    return UNITS[max(ends, key=len)] if ends else None
+
+
+def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:
+    """Return fields with numbers in place of text with a unit, in lists too.
+
+    ``units`` are those of fields whose names have none. Text that is no quantity of the field's kind stays
+    text, and is refused later.
+    """
+    fields = ((name, value, units.get(name) or unit_of(name)) for name, value in data.items())
+    return {name: _number(value, unit) if unit else value for name, value, unit in fields}
+
+
+def _number(value: Any, unit: str) -> Any:
+    """Return a value with every quantity in it as a number in a unit."""
+    if isinstance(value, list | tuple):
+        return [_number(each, unit) for each in value]
+    typed = QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if typed is None:
+        return value
+    registry = _registry()
+    try:
+        quantity = registry.Quantity(Decimal(typed["number"]), registry.parse_units(typed["unit"].strip()))
+        number = float(quantity.to(registry.parse_units(unit)).magnitude)
+    except Exception:  # pint raises errors of many kinds for what is no unit, AssertionError among them
+        return value
+    return number if math.isfinite(number) else value
+
+
+@cache
+def _registry() -> "UnitRegistry[Decimal]":
+    """Return the units that may be typed; converted in decimal numbers, so that 50 mm are 0.05 m."""
+    import pint  # which takes a moment, and most scenes have plain numbers
+
+    registry: UnitRegistry[Decimal] = pint.UnitRegistry(None, non_int_type=Decimal)
+    registry.load_definitions(DEFINITIONS.strip().splitlines())
+    return registry
