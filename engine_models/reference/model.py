@@ -26,7 +26,7 @@ def mechanism_of(scene: Scene) -> mechanism.Mechanism:
         bodies=tuple(mechanism.Body(part.mass_kg, part.inertia_kg_m2) for part in scene.bodies),
         constraints=(
             *(joint for joint, clearance in joints if clearance is None),
-            *([mechanism.StraightGuide(SLIDER, (0.0, 0.0), 0.0)] if scene.is_crank_slider else []),
+            *(_guide() if scene.is_crank_slider else ()),
             *_driver(scene),
         ),
         loads=tuple(loads_of(scene).values()),
@@ -54,6 +54,12 @@ def loads_of(scene: Scene) -> dict[str, mechanism.Load]:
     if load.gas:
         loads["gas"] = mechanism.GasForce(*along, CRANK, _pieces(load.gas.spline(), 2 * math.pi))
     return loads
+
+
+def _guide() -> tuple[mechanism.Constraint, ...]:
+    """Return the slider's guide, on the x axis: it does not turn."""
+    slot = mechanism.Slot(mechanism.GROUND, (0.0, 0.0), SLIDER, (0.0, 0.0), 0.0)
+    return slot, mechanism.SameAngle(mechanism.GROUND, SLIDER)
 
 
 def _driver(scene: Scene) -> tuple[mechanism.Constraint, ...]:

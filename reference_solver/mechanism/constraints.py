@@ -14,15 +14,17 @@ from types import MappingProxyType
 from typing import Any
 
 from reference_solver.mechanism.mechanism import (
+    GROUND,
     MasslessLink,
     PrescribedMotion,
     PrescribedSpeed,
     RevoluteJoint,
-    StraightGuide,
+    SameAngle,
+    Slot,
 )
 from reference_solver.mechanism.motions import MOTIONS
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.tape import Array, Scalar, array, cos, sin
+from reference_solver.tape import Array, Scalar, array
 
 
 @dataclass(frozen=True)
@@ -51,17 +53,30 @@ def revolute_joint(joint: RevoluteJoint, state: State, t: Scalar, start: Array) 
     return Rows(blocks, array([0.0, 0.0]), j.centripetal - i.centripetal, j.place - i.place)
 
 
-# g = (n.((x, y) - p), phi - phi(0)) = 0, n the guide's normal and p a point of it
-# g' = (n.(x', y'), phi') = 0, so [B] is (n_x, n_y, 0; 0, 0, 1)
+# g = n.d = 0, d = p_j - p_i, with u along the line and n across it: u' = phi_i' n and n' = -phi_i' u
+# g' = n.d' - phi_i' u.d = 0, so [B] is n times the rows of a revolute joint, with -u.d more for phi_i'
+# [B]{q''} = n.(phi_j'^2 a_j - phi_i'^2 a_i) + 2 phi_i' u.d' + phi_i'^2 n.d
+def slot(joint: Slot, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
+    """Return the row of a point that stays on a line of another body."""
+    i, j = ends_of(joint, state)
+    along = state.direction(joint.body_i, joint.angle_rad)
+    across = array([-along[1], along[0]])
+    d, d_dot = j.place - i.place, j.rate - i.rate
+    of_i = -(across @ i.jacobian) - array([0.0, 0.0, along @ d])
+    blocks = {joint.body_i: of_i[None], joint.body_j: (across @ j.jacobian)[None]}
+    turning = 2.0 * (along @ d_dot) + i.spin * (across @ d)
+    B_dot_v = across @ (j.centripetal - i.centripetal) - i.spin * turning
+    return Rows(blocks, array([0.0]), array([B_dot_v]), array([across @ d]))
+
+
+# g = phi_j - phi_j(0) - (phi_i - phi_i(0)) = 0
+# g' = phi_j' - phi_i' = 0, so [B] is (0, 0, -1) of body i and (0, 0, 1) of body j
 # [B]{q''} = 0
-def straight_guide(guide: StraightGuide, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
-    """Return the rows of a body that moves along a line and keeps the angle it has at the start."""
-    normal = array([-sin(guide.angle_rad), cos(guide.angle_rad)])
-    position = state.position(guide.body)
-    block = array([[normal[0], normal[1], 0.0], [0.0, 0.0, 1.0]])
-    offset = normal @ array(guide.point)
-    g = array([normal @ position[:2] - offset, position[2] - start[3 * guide.body + 2]])
-    return Rows({guide.body: block}, array([0.0, 0.0]), array([0.0, 0.0]), g)
+def same_angle(joint: SameAngle, state: State, t: Scalar, start: Array) -> Rows:  # noqa: ARG001
+    """Return the row of two bodies that turn together."""
+    turned_i, turned_j = (turned_by(body, state, start) for body in (joint.body_i, joint.body_j))
+    blocks = {joint.body_i: array([[0.0, 0.0, -1.0]]), joint.body_j: array([[0.0, 0.0, 1.0]])}
+    return Rows(blocks, array([0.0]), array([0.0]), array([turned_j - turned_i]))
 
 
 # g = phi - phi(0) - omega t = 0
@@ -69,7 +84,7 @@ def straight_guide(guide: StraightGuide, state: State, t: Scalar, start: Array) 
 # [B]{q''} = 0
 def prescribed_speed(driver: PrescribedSpeed, state: State, t: Scalar, start: Array) -> Rows:
     """Return the row of a body that turns at a speed of its own."""
-    angle = state.position(driver.body)[2] - start[3 * driver.body + 2] - driver.speed_rad_s * t
+    angle = turned_by(driver.body, state, start) - driver.speed_rad_s * t
     return Rows(
         {driver.body: array([[0.0, 0.0, 1.0]])}, array([driver.speed_rad_s]), array([0.0]), array([angle])
     )
@@ -81,9 +96,14 @@ def prescribed_speed(driver: PrescribedSpeed, state: State, t: Scalar, start: Ar
 def prescribed_motion(driver: PrescribedMotion, state: State, t: Scalar, start: Array) -> Rows:
     """Return the row of a body that turns as a function of time says."""
     turned, speed, acceleration = MOTIONS[type(driver.motion)](driver.motion, t)
-    angle = state.position(driver.body)[2] - start[3 * driver.body + 2] - turned
+    angle = turned_by(driver.body, state, start) - turned
     block, zero = array([[0.0, 0.0, 1.0]]), array([0.0])
     return Rows({driver.body: block}, array([speed]), zero, array([angle]), array([acceleration]))
+
+
+def turned_by(body: int, state: State, start: Array) -> Scalar:
+    """Return the angle that a body has turned since the start."""
+    return 0.0 if body == GROUND else state.position(body)[2] - start[3 * body + 2]
 
 
 # g = (d.d - length^2)/2 = 0, d = p_j - p_i
@@ -103,7 +123,8 @@ def massless_link(link: MasslessLink, state: State, t: Scalar, start: Array) -> 
 CONSTRAINTS: Mapping[type, Callable[[Any, State, Scalar, Array], Rows]] = MappingProxyType(
     {
         RevoluteJoint: revolute_joint,
-        StraightGuide: straight_guide,
+        Slot: slot,
+        SameAngle: same_angle,
         PrescribedSpeed: prescribed_speed,
         PrescribedMotion: prescribed_motion,
         MasslessLink: massless_link,

@@ -1,4 +1,4 @@
-"""A planar mechanism as data: bodies, revolute joints, straight guides, drivers and loads.
+"""A planar mechanism as data: bodies, revolute joints, guides, drivers and loads.
 
 Coordinates q stack (x, y, phi) of every body's centre of mass. Points are given in the frame of their body,
 whose origin is the centre of mass; points on GROUND are in the global frame. A body is named by its index.
@@ -49,17 +49,25 @@ class RevoluteJoint(Ends):
 
 
 @dataclass(frozen=True)
-class StraightGuide:
-    """Two rows of [B]: a body's centre of mass stays on a fixed line, and the body does not turn.
+class Slot(Ends):
+    """One row of [B]: a point of body j stays on a line of body i, its guide.
 
-    The line passes through ``point`` at ``angle_rad`` from the x axis. g = (n.((x, y) - point), phi - phi(0))
-    in m and rad, with n 90 degrees counter-clockwise of the line. The multipliers are the guide's force in N
-    on the body along n, and its moment in N m.
+    The line passes through the point of body i at ``angle_rad`` from the body's x axis. g = n.(p_j - p_i) in
+    m, with n 90 degrees counter-clockwise of the line. The multiplier is the force in N on body j along n.
     """
 
-    body: int
-    point: Point
     angle_rad: float
+
+
+@dataclass(frozen=True)
+class SameAngle:
+    """One row of [B]: body j turns as body i does, as a slider does on a straight guide of body i.
+
+    g = phi_j - phi_j(0) - (phi_i - phi_i(0)) in rad. The multiplier is the moment in N m on body j.
+    """
+
+    body_i: int
+    body_j: int
 
 
 @dataclass(frozen=True)
@@ -210,7 +218,7 @@ class ClearanceJoint(Ends):
         return self.law
 
 
-Constraint = RevoluteJoint | StraightGuide | PrescribedSpeed | PrescribedMotion | MasslessLink
+Constraint = RevoluteJoint | Slot | SameAngle | PrescribedSpeed | PrescribedMotion | MasslessLink
 Load = Torque | MotorTorque | SpringDamper | ConstantForce | LineSpring | LineDamper | GasForce
 
 

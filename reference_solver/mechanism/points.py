@@ -54,14 +54,22 @@ class State:
 
     def point(self, body: int, place: Place) -> Point:
         """Return a point given in the frame of its body."""
-        at, rate = self.position(body), self.velocity(body)
-        if body not in self._turns:
-            self._turns[body] = cos(at[2]), sin(at[2])
-        (c, s), (x, y) = self._turns[body], place
-        lever = array([c * x - s * y, s * x + c * y])
+        at, rate, lever = self.position(body), self.velocity(body), self._turned(body, place)
         spin = rate[2]
         turning = array([-spin * lever[1], spin * lever[0]])
         return Point(body, lever, at[:2] + lever, rate[:2] + turning, spin)
+
+    def direction(self, body: int, angle_rad: float) -> Array:
+        """Return the unit vector (2,) at an angle from the x axis of a body, in the global frame."""
+        return self._turned(body, (cos(angle_rad), sin(angle_rad)))
+
+    def _turned(self, body: int, vector: Place) -> Array:
+        """Return a vector (2,) in the frame of its body in the directions of the global one."""
+        if body not in self._turns:
+            angle = self.position(body)[2]
+            self._turns[body] = cos(angle), sin(angle)
+        (c, s), (x, y) = self._turns[body], vector
+        return array([c * x - s * y, s * x + c * y])
 
 
 def ends_of(part: Ends, state: State) -> tuple[Point, Point]:

@@ -30,7 +30,7 @@ class CLoop:
         self._loop.restype = ctypes.c_long
         self._h = h
         crank, rod, slider = mechanism.bodies
-        O, A, B, _, drive = mechanism.constraints  # noqa: E741  the joint's name in the field
+        O, A, B, _, _, drive = mechanism.constraints  # noqa: E741  the joint's name in the field
         assert isinstance(O, RevoluteJoint)
         assert isinstance(A, RevoluteJoint)
         assert isinstance(B, RevoluteJoint)
@@ -72,7 +72,7 @@ class ClearanceCLoop:
     def __init__(self, mechanism: Mechanism, q: FloatArray, choice: StepChoice, folder: Path) -> None:
         self._loop = _compiled(CLEARANCE, folder).run
         self._loop.restype = ctypes.c_long
-        O, A, _, drive = mechanism.constraints  # noqa: E741  the joint's name in the field
+        O, A, _, _, drive = mechanism.constraints  # noqa: E741  the joint's name in the field
         (B,) = mechanism.contacts
         assert isinstance(O, RevoluteJoint)
         assert isinstance(A, RevoluteJoint)

@@ -56,7 +56,10 @@ BAD: list[tuple[Callable[[], object], str]] = [
         "end_time_s: expected a finite number > 0 and >= 1e-100, got -1",
     ),
     (lambda: copied(end_time_s=-1.0), "end_time_s: expected a finite number > 0 and >= 1e-100, got -1.0"),
-    (lambda: copied(end_time_s="1"), 'end_time_s: expected a finite number > 0 and >= 1e-100, got "1"'),
+    (
+        lambda: copied(end_time_s="1"),
+        "end_time_s: expected a finite number > 0 and >= 1e-100, or text with a unit such as '1 s', got \"1",
+    ),
     (lambda: copied(gravity_m_s2=nan), "gravity_m_s2: expected a finite number >= 0, got nan"),
     (lambda: copied(speed=1.0), "speed: expected the key name, end_time_s"),
     (lambda: copied(rod=None), "rod: expected a section beside slider, got nothing"),

@@ -21,9 +21,9 @@ from reference_solver.mechanism.mechanism import (
     Mechanism,
     PrescribedSpeed,
     RevoluteJoint,
-    StraightGuide,
 )
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice
+from tests.helpers.kernels import straight_guide
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.81
@@ -97,7 +97,7 @@ def equal_links(driven: bool) -> Passing:
         RevoluteJoint(GROUND, (0.0, 0.0), 0, (-l / 2, 0.0)),
         RevoluteJoint(0, (l / 2, 0.0), 1, (-l / 2, 0.0)),
         RevoluteJoint(1, (l / 2, 0.0), 2, (0.0, 0.0)),
-        StraightGuide(2, (0.0, 0.0), 0.0),
+        *straight_guide(2, (0.0, 0.0), 0.0),
     )
     bodies = tuple(Body(m, m * l * l / 12) for m in (m1, m2, m3))
     drivers = (PrescribedSpeed(0, speed),) if driven else ()

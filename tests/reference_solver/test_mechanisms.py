@@ -14,11 +14,12 @@ from reference_solver.mechanism.mechanism import (
     Mechanism,
     PrescribedSpeed,
     RevoluteJoint,
+    SameAngle,
     SpringDamper,
-    StraightGuide,
     Torque,
 )
 from reference_solver.solver import solve
+from tests.helpers.kernels import straight_guide
 from tests.helpers.orders import ORDER_TOLERANCE, slope
 from tests.studies.independent.mechanisms import GRAVITY, FourBar, Rod, TriplePendulum
 
@@ -108,7 +109,7 @@ def oscillator(damping: float) -> Mechanism:
     end = (np.cos(np.pi / 6), np.sin(np.pi / 6))
     return Mechanism(
         (Body(2.0, 1.0),),
-        (StraightGuide(0, (0.0, 0.0), np.pi / 6),),
+        straight_guide(0, (0.0, 0.0), np.pi / 6),
         (SpringDamper(GROUND, end, 0, (0.0, 0.0), 200.0, damping, 0.4),),
     )
 
@@ -198,8 +199,7 @@ def test_an_overflow_is_found_in_its_step_where_each_constraint_has_a_coordinate
         (lambda: Mechanism((), ()), "bodies"),
         (lambda: Mechanism((Body(-1.0, 1.0),), ()), "Body.mass_kg"),
         (lambda: Mechanism((Body(1.0, float("nan")),), ()), "Body.inertia_kg_m2"),
-        (lambda: Mechanism((Body(1.0, 1.0),), (StraightGuide(1, (0, 0), 0),)), "StraightGuide.body"),
-        (lambda: Mechanism((Body(1.0, 1.0),), (StraightGuide(GROUND, (0, 0), 0),)), "StraightGuide.body"),
+        (lambda: Mechanism((Body(1.0, 1.0),), (SameAngle(0, 1),)), "SameAngle.body_j"),
         (
             lambda: Mechanism((Body(1.0, 1.0),), (RevoluteJoint(0, (0, 0), 7, (0, 0)),)),
             "RevoluteJoint.body_j",

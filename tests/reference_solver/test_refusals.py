@@ -21,8 +21,9 @@ from reference_solver.mechanism.mechanism import (
     PrescribedMotion,
     PrescribedSpeed,
     RevoluteJoint,
+    SameAngle,
+    Slot,
     SpringDamper,
-    StraightGuide,
     Torque,
 )
 from reference_solver.mechanism.motions import Fluctuation, Ramp
@@ -114,12 +115,12 @@ BAD: list[tuple[Callable[[], object], str]] = [
         "RevoluteJoint.body_j: expected a body index from -1 to 0, got 1",
     ),
     (
-        lambda: Mechanism((BODY,), (StraightGuide(GROUND, AT, 0.0),)),
-        "StraightGuide.body: expected a body index from 0 to 0, got -1",
+        lambda: Mechanism((BODY,), (SameAngle(GROUND, 1),)),
+        "SameAngle.body_j: expected a body index from -1 to 0, got 1",
     ),
     (
-        lambda: Mechanism((BODY,), (StraightGuide(0, AT, nan),)),
-        f"StraightGuide.angle_rad: expected {FINITE}, got nan",
+        lambda: Mechanism((BODY,), (Slot(GROUND, AT, 0, AT, nan),)),
+        f"Slot.angle_rad: expected {FINITE}, got nan",
     ),
     (
         lambda: Mechanism((BODY,), (PrescribedSpeed(0, inf),)),

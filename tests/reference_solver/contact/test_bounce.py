@@ -15,10 +15,10 @@ from reference_solver.mechanism.mechanism import (
     ClearanceJoint,
     Mechanism,
     SpringDamper,
-    StraightGuide,
 )
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice, solve
+from tests.helpers.kernels import straight_guide
 
 FloatArray = NDArray[np.float64]
 
@@ -260,7 +260,7 @@ def test_a_law_that_would_pull_is_clipped_on_a_line_of_its_own_or_pulls(may_pull
     start = np.array([0.0, -CLEARANCE + 1e-9, 0.0, 0.0, -CLEARANCE + free_length - 1e-3, 0.0])
     mechanism = Mechanism(
         (Body(MASS, INERTIA), Body(carriage, 1.0)),
-        (StraightGuide(1, (0.0, 0.0), np.pi / 2),),
+        straight_guide(1, (0.0, 0.0), np.pi / 2),
         (SpringDamper(0, (0.0, 0.0), 1, (0.0, 0.0), spring, 0.0, free_length),),
         contacts=(ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), CLEARANCE, BEARING, law),),
     )

@@ -14,10 +14,10 @@ from reference_solver.mechanism.mechanism import (
     Mechanism,
     PrescribedSpeed,
     RevoluteJoint,
-    StraightGuide,
 )
 from reference_solver.solution import Solution
 from reference_solver.solver import solve
+from tests.helpers.kernels import straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J
 
 FloatArray = NDArray[np.float64]
@@ -41,7 +41,7 @@ def mechanism(*loose: ClearanceJoint) -> Mechanism:
     constraints = (
         RevoluteJoint(GROUND, (0.0, 0.0), 0, (-CRANK / 2, 0.0)),
         RevoluteJoint(0, (CRANK / 2, 0.0), 1, (-ROD / 2, 0.0)),
-        StraightGuide(2, (0.0, 0.0), 0.0),
+        *straight_guide(2, (0.0, 0.0), 0.0),
         PrescribedSpeed(0, SPEED),
         RevoluteJoint(1, (ROD / 2, 0.0), 2, (0.0, 0.0)),
     )

@@ -18,12 +18,12 @@ from reference_solver.mechanism.mechanism import (
     ClearanceJoint,
     Mechanism,
     RevoluteJoint,
-    StraightGuide,
 )
 from reference_solver.mechanism.points import State
 from reference_solver.rigid.complementarity import complementary
 from reference_solver.rigid.complementarity import solve as solve_small
 from reference_solver.solver import LOWEST_FLIGHT, solve
+from tests.helpers.kernels import straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J
 
 FloatArray = NDArray[np.float64]
@@ -191,7 +191,7 @@ def test_without_friction_the_loss_is_the_closed_form_of_the_mass_that_the_ideal
 
 
 def test_an_impact_against_driven_motion_is_refused() -> None:
-    guided = Mechanism((Body(1.0, 1.0),), (StraightGuide(0, (0.0, 0.0), 0.0),))
+    guided = Mechanism((Body(1.0, 1.0),), straight_guide(0, (0.0, 0.0), 0.0))
     held = Mechanism((Body(1.0, 1.0),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),))
     below = ClearanceJoint(GROUND, (0.0, CLEARANCE), 0, (0.0, 0.0), CLEARANCE, RADIUS, RigidWall(0.5))
     for rigid in (held, guided):

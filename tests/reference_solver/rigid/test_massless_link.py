@@ -13,10 +13,9 @@ from reference_solver.mechanism.mechanism import (
     PrescribedSpeed,
     RevoluteJoint,
     SpringDamper,
-    StraightGuide,
 )
 from reference_solver.solver import solve
-from tests.helpers.kernels import VARIANTS, check_faces
+from tests.helpers.kernels import VARIANTS, check_faces, straight_guide
 from tests.helpers.orders import ORDER_TOLERANCE, slope
 from tests.studies.independent.mechanisms import GRAVITY, Rod, TriplePendulum
 
@@ -41,7 +40,7 @@ def linked() -> tuple[Mechanism, FloatArray, FloatArray]:
     links = tuple(MasslessLink(*end, float(length)) for end, length in zip(ends, lengths, strict=True))
     mechanism = Mechanism(
         bodies,
-        (StraightGuide(0, (0.1, 0.2), 0.4), links[0], PrescribedSpeed(1, 4.0), *links[1:]),
+        (*straight_guide(0, (0.1, 0.2), 0.4), links[0], PrescribedSpeed(1, 4.0), *links[1:]),
         (SpringDamper(1, (0.2, 0.0), 2, (0.0, 0.3), 100.0, 1.0, 0.5),),
         gravity_m_s2=9.81,
     )
