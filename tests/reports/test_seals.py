@@ -136,7 +136,7 @@ def test_what_is_published_is_small() -> None:
 def one_run(number: int, solve_time_s: float) -> dict[str, Any]:
     """Return a row as a run writes it."""
     head = {"scene": "x", "engine": "e", "arm": "a", "label": "e (a)", "step_s": 1 / 3, "round": number}
-    measured = {"error_m": 2 / 3, "solve_time_s": solve_time_s}
+    measured = {"error_m": 2 / 3, "solve_time_s": solve_time_s, "other_start_time_s": solve_time_s}
     return {
         "case": f"c{number}",
         "fingerprint": "f",
@@ -162,7 +162,7 @@ def test_published_twice_no_byte_is_changed_and_new_times_change_only_theirs(tmp
     first = written(rows, "1")
     assert written(rows[::-1], "2") == first, "the order in which runs finished does not count"
     slower = written(
-        [row | {"case": f"b{row['round']}", "fingerprint": "g", "solve_time_s": 1.0} for row in rows], "3"
+        [one_run(number, 1.0) | {"case": f"b{number}", "fingerprint": "g"} for number in range(3)], "3"
     )
     assert {name for name in first if first[name] != slower[name]} == {"times.csv"}
     other = written([row | {"error_m": 0.5} for row in rows], "4")
