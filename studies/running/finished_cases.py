@@ -209,11 +209,14 @@ def _write(path: Path, rows: Mapping[str, Row]) -> None:
 
 
 def _append(path: Path, line: bytes) -> None:
-    """Append a line for good, or nothing of it: what follows a torn line could not be read."""
+    """Append a line for good, or nothing of it where the disk fails: a line after a torn one is lost.
+
+    An interruption ends the run, and leaves what a kill would: a whole line, or one that the next run drops.
+    """
     with path.open("ab", buffering=0) as file:
         end = file.seek(0, os.SEEK_END)
         try:
             write_through(file, line)
-        except BaseException:
+        except OSError:
             file.truncate(end)
             raise
