@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from reference_solver.mechanism.contact_laws import stored_J
 from reference_solver.mechanism.mechanism import (
     GROUND,
     AlongLine,
@@ -31,12 +32,14 @@ def potentials_J(run: Solution) -> FloatArray:
     mechanism, q = run.mechanism, run.q
     heights = q[:, 1::3] @ np.array([body.mass_kg for body in mechanism.bodies])
     rows = [mechanism.gravity_m_s2 * heights]
+    if mechanism.gravity_x_m_s2:
+        ways = q[:, 0::3] @ np.array([body.mass_kg for body in mechanism.bodies])
+        rows.append(-mechanism.gravity_x_m_s2 * ways)
     rows += [POTENTIALS[type(load)](load, q) for load in mechanism.loads if type(load) in POTENTIALS]
     for k, joint in enumerate(mechanism.contacts):
         if not joint.rigid:
             law, depth = joint.compliance, distance_m(joint, q) - joint.radial_clearance_m
-            power = law.exponent + 1
-            rows.append(run.closed[:, k] * law.stiffness * np.maximum(depth, 0.0) ** power / power)
+            rows.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
     return np.array(rows)
 
 
@@ -56,9 +59,10 @@ def place_m(q: FloatArray, body: int, point: Point) -> FloatArray:
 
 
 def along_m(load: AlongLine, q: FloatArray) -> FloatArray:
-    """Return the coordinate (s,) of a load's body along its line."""
-    x, y = q[:, 3 * load.body : 3 * load.body + 2].T
-    return np.asarray(np.cos(load.angle_rad) * x + np.sin(load.angle_rad) * y)
+    """Return s (s,) of a load along a line."""
+    x, y = (place_m(q, load.body_j, load.point_j) - place_m(q, load.body_i, load.point_i)).T
+    angle = load.angle_rad + (0.0 if load.body_i == GROUND else q[:, 3 * load.body_i + 2])
+    return np.asarray(np.cos(angle) * x + np.sin(angle) * y)
 
 
 #: The potential energy (s,) of loads that have one, at coordinates (s, n): the integral of ``loads.LOADS``.
@@ -77,7 +81,7 @@ POTENTIALS: Mapping[type, Callable[[Any, FloatArray], FloatArray]] = MappingProx
 def ledger_J(run: Solution) -> FloatArray:
     """Return the ledger of a run (r, s): kinetic and potential energies gained, works taken, and losses.
 
-    Its sum over the rows is zero, but for the run's error, and for what dampers of ``SpringDamper`` lose.
+    Its sum over the rows is zero, but for the run's error.
     """
     works = [value for name, value in run.sums.items() if name == "drivers" or name.startswith("load")]
     stored = [kinetic_J(run.mechanism, run.v), *potentials_J(run)]
@@ -86,10 +90,8 @@ def ledger_J(run: Solution) -> FloatArray:
 
 
 def created_J(run: Solution) -> FloatArray:
-    """Return the size of the ledger's sum (s,); with a damper whose loss has no line, what it has gained."""
-    rest = ledger_J(run).sum(axis=0)
-    damped = any(isinstance(load, SpringDamper) and load.damping_N_s_m for load in run.mechanism.loads)
-    return np.asarray(np.maximum(rest, 0.0) if damped else np.abs(rest))
+    """Return the size of the ledger's sum (s,)."""
+    return np.asarray(np.abs(ledger_J(run).sum(axis=0)))
 
 
 def in_play_J(run: Solution) -> float:

@@ -11,9 +11,9 @@ The same text is both faces of the algorithm: of numbers it is the readable one,
 import math
 from dataclasses import dataclass
 from functools import reduce
-from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reference_solver.checks import require_not_negative
 from reference_solver.contact.force import contact_force, elastic_force, rates_of
@@ -22,8 +22,8 @@ from reference_solver.contact.wall_friction import Rubbing, rubbed
 from reference_solver.contact.walls import sliding_row, wall_link
 from reference_solver.factorisation import Factors
 from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
-from reference_solver.mechanism.constraints import CONSTRAINTS
-from reference_solver.mechanism.loads import INTEGRATED, LOADS, Forces, power_of
+from reference_solver.mechanism.constraints import System, row_slices, system_of
+from reference_solver.mechanism.loads import LOADS, Forces, integrated, power_of
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
@@ -34,6 +34,8 @@ Phases = Array | None
 
 #: A pivot that is mere round-off, relative to its diagonal entry: the row depends on others.
 PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
+#: Share of a constraint in a dependence of rows, a square, from which on it takes part.
+INVOLVED = 1e-6
 #: Part of the largest mass, and of the largest inertia, from which down a body is light.
 LIGHT = 1e-4
 
@@ -47,17 +49,6 @@ class Baumgarte:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "alpha_s", "beta_s")
-
-
-@dataclass(frozen=True)
-class System:
-    """The rows of all constraints at a state: [B] (m, n), and {C}, {C'}, [B']{q'} and {g}, each (m,)."""
-
-    B: Array
-    C: Array
-    C_dot: Array
-    B_dot_v: Array
-    g: Array
 
 
 @dataclass(frozen=True)
@@ -89,14 +80,6 @@ class Answer:
 def spread_of(numbers: Array) -> Scalar:
     """Return the largest of positive numbers over the least."""
     return reduce(larger, numbers) / reduce(smaller, numbers)
-
-
-def row_slices(mechanism: Mechanism) -> list[slice]:
-    """Return the rows of [B], and so the multipliers, of each constraint in order."""
-    still = np.zeros(3 * len(mechanism.bodies))
-    sizes = [len(CONSTRAINTS[type(c)](c, State(still, still), 0.0, still).C) for c in mechanism.constraints]
-    ends = np.cumsum([0, *sizes])
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 class Equations:
@@ -142,25 +125,11 @@ class Equations:
         """Names of what is integrated: the drivers' power {lambda}^T{C}, contacts' rates, loads' powers."""
         contacts, loads = enumerate(self.mechanism.contacts), enumerate(self.mechanism.loads)
         rates = (name for k, joint in contacts for name in rates_of(joint, k))
-        return ["drivers", *rates, *(f"load{k}" for k, load in loads if isinstance(load, INTEGRATED))]
+        return ["drivers", *rates, *(f"load{k}" for k, load in loads if integrated(load))]
 
     def system(self, t: Scalar, q: Array, v: Array) -> System:
         """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}."""
-        state = State(q, v)
-        parts = [CONSTRAINTS[type(c)](c, state, t, self._q_start) for c in self._constraints]
-        rows: list[list[Scalar]] = []
-        for part in parts:
-            for k in range(len(part.C)):
-                row: list[Scalar] = [0.0] * self.n
-                for body, block in part.blocks.items():
-                    if body != GROUND:
-                        row[3 * body : 3 * body + 3] = block[k]
-                rows.append(row)
-        C, B_dot_v, g = (
-            array([x for part in parts for x in getattr(part, of)]) for of in ("C", "B_dot_v", "g")
-        )
-        C_dot = array([x for part in parts for x in (0.0 * part.C if part.C_dot is None else part.C_dot)])
-        return System(array(rows).reshape(-1, self.n), C, C_dot, B_dot_v, g)
+        return system_of(self._constraints, State(q, v, t), t, self._q_start)
 
     def speeds(self, t: float) -> FloatArray:
         """Return {C} (m,) at a time."""
@@ -179,9 +148,9 @@ class Equations:
         """Return {g} (m,): gaps in m, angles in rad, links' in m^2; its time derivative is [B]{q'} - {C}."""
         return np.asarray(self.system(t, q, np.zeros(self.n)).g)
 
-    def applied_force(self, q: Array, v: Array, phases: Phases = None) -> Array:
-        """Return {F(q, q')} (n,) of (2): gravity, loads, compliant contacts."""
-        return self.forces(q, v, phases)[0]
+    def applied_force(self, t: Scalar, q: Array, v: Array, phases: Phases = None) -> Array:
+        """Return {F(q, q', t)} (n,) of (2): gravity, loads, compliant contacts."""
+        return self.forces(t, q, v, phases)[0]
 
     def _compliant(self, phases: Phases) -> list[tuple[int, ClearanceJoint, Scalar, Scalar]]:
         """Return number, joint, phase and memory of every compliant contact."""
@@ -189,14 +158,16 @@ class Equations:
         phases = np.full((len(joints), 2), FLIGHT) if phases is None else phases
         return [(k, joint, *phases[k]) for k, joint in enumerate(joints) if not joint.rigid]
 
-    def forces(self, q: Array, v: Array, phases: Phases) -> tuple[Array, dict[str, Scalar], list[Scalar]]:
+    def forces(
+        self, t: Scalar, q: Array, v: Array, phases: Phases
+    ) -> tuple[Array, dict[str, Scalar], list[Scalar]]:
         """Return {F} (n,), the contacts' rates by name, and their friction forces."""
-        state, rates = State(q, v), dict.fromkeys(self.power_names, 0.0)
+        state, rates = State(q, v, t), dict.fromkeys(self.power_names, 0.0)
         friction: list[Scalar] = [0.0] * len(self.mechanism.contacts)
         forces = [LOADS[type(load)](load, state, False) for load in self.mechanism.loads]
         for k, load in enumerate(self.mechanism.loads):
-            if isinstance(load, INTEGRATED):
-                rates[f"load{k}"] = power_of(forces[k], state)
+            if integrated(load):
+                rates[f"load{k}"] = power_of(load, forces[k], state)
         for k, joint, phase, memory in self._compliant(phases):
             force, own_rates, friction[k] = contact_force(joint, phase, memory, state)
             forces.append(force)
@@ -216,7 +187,8 @@ class Equations:
     def _sum(self, forces: list[Forces]) -> Array:
         """Return gravity and the forces on all bodies, (n,)."""
         weights = [-self.mechanism.gravity_m_s2 * body.mass_kg for body in self.mechanism.bodies]
-        F: list[Scalar] = [x for weight in weights for x in (0.0, weight, 0.0)]
+        sideways = [self.mechanism.gravity_x_m_s2 * body.mass_kg for body in self.mechanism.bodies]
+        F: list[Scalar] = [x for pull in zip(sideways, weights, strict=True) for x in (*pull, 0.0)]
         for force in forces:
             for body, parts in force.items():
                 if body != GROUND:
@@ -234,7 +206,7 @@ class Equations:
     def answer(self, t: Scalar, q: Array, v: Array, phases: Phases = None) -> Answer:
         """Return {q''} = {A}, {lambda} and powers, equations (3)-(10)."""
         system = self.system(t, q, v)
-        F, powers, friction = self.forces(q, v, phases)
+        F, powers, friction = self.forces(t, q, v, phases)
         factors = self.factors(named("B", system.B, "(1) [B]"))
         right, removed = system.C_dot - system.B_dot_v, 0.0
         if self._baumgarte is not None:
@@ -340,8 +312,19 @@ class Equations:
         if not np.isfinite(size).all():
             raise NonFiniteState(t)
         scaled = np.divide(scaled, size, out=np.zeros_like(scaled), where=size > 0)
+        left, values, _ = np.linalg.svd(scaled)
+        values = np.append(values, np.zeros(len(left) - len(values)))
         tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
-        raise SingularConfiguration(int(np.linalg.matrix_rank(scaled, tol=tolerance)), len(scaled), t, q)
+        depend = left[:, values <= max(tolerance, values[-1])]
+        names = self._names_of((depend**2).sum(axis=1) > INVOLVED)
+        raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, q, names)
+
+    def _names_of(self, rows: NDArray[np.bool_]) -> tuple[str, ...]:
+        """Return the names of the constraints that have some of these rows, (m,)."""
+        own = enumerate(row_slices(self.mechanism))
+        found = [self.mechanism.name_of(k) for k, part in own if rows[part].any()]
+        walls = zip(self.following, rows[self.own_rows :], strict=True)
+        return *dict.fromkeys(found), *(f"the wall of contact {k}" for k, there in walls if there)
 
     def project(
         self, t: Scalar, q: Array, v: Array, phases: Phases = None

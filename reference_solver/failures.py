@@ -1,7 +1,18 @@
 """How the solver fails: each error says when and why."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+
+#: Names that a message has at the most.
+MOST_NAMES = 8
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names with commas between them, the first of many."""
+    more = len(names) - MOST_NAMES
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"
 
 
 class SolverError(Exception):
@@ -9,14 +20,19 @@ class SolverError(Exception):
 
 
 class SingularConfiguration(SolverError):
-    """[B] has lost full row rank: redundant constraints, or a configuration such as a locked dead centre."""
+    """[B] has lost full row rank: redundant constraints, or a configuration such as a locked dead centre.
 
-    def __init__(self, rank: int, rows: int, time_s: float, q: NDArray[np.float64]) -> None:
-        self.rank, self.rows, self.time_s, self.q = rank, rows, time_s, q
+    ``joints`` are the names of the constraints whose rows depend on each other.
+    """
+
+    def __init__(
+        self, rank: int, rows: int, time_s: float, q: NDArray[np.float64], joints: tuple[str, ...]
+    ) -> None:
+        self.rank, self.rows, self.time_s, self.q, self.joints = rank, rows, time_s, q, joints
         super().__init__(
-            f"the constraint matrix has rank {rank} of {rows} rows at t = {time_s:.6g} s, "
-            f"q = {np.array2string(q, precision=4, max_line_width=10**6)}: remove redundant constraints "
-            "or stop before the singular configuration"
+            f"the joints' rows have rank {rank} of {rows} at t = {time_s:.6g} s, those of "
+            f"{listed(joints)} depend on each other: take one of them away, give it clearance, or stop "
+            "before the singular position"
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from reference_solver.energy import created_J, in_play_J
 from reference_solver.equations import Equations
 from reference_solver.failures import DriftAmplified, EnergyNotConserved
-from reference_solver.mechanism.mechanism import GROUND, AlongLine, Load, Mechanism, SpringDamper
+from reference_solver.mechanism.mechanism import GROUND, Ends, Load, Mechanism, TurningDamper
 from reference_solver.mechanism.scales import Scales, rate_of
 from reference_solver.methods import RK4
 from reference_solver.solution import Solution
@@ -51,10 +51,10 @@ class Guard:
     def _error(self) -> float:
         """What is to be expected of a step, but for a factor: (rate h)^4 or the tolerance.
 
-        Motions with knots are at least cut into sixteen steps from one to the next.
+        Motions and loads with knots are at least cut into sixteen steps from one to the next.
         """
         turn = float(self._rates_s.max() * self.step_s)
-        if any(motion.has_knots for motion in self.run.mechanism.prescribed):
+        if self.run.mechanism.has_knots:
             turn = max(turn, 1 / 16)
         return self.tolerance or turn**RK4.order
 
@@ -95,10 +95,15 @@ class Guard:
 
 
 def swing_s(load: Load, mechanism: Mechanism) -> float:
-    """Return the rate in 1/s at which a spring's bodies swing, or a damper slows them; 0 of other loads."""
-    ends = [(load.body, (0.0, 0.0))] if isinstance(load, AlongLine) else []
-    if isinstance(load, SpringDamper):
-        ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
+    """Return the rate in 1/s at which a spring's bodies swing, or a damper slows them; 0 of other loads.
+
+    A line's lever is no longer than that of its point.
+    """
+    if isinstance(load, TurningDamper):
+        return load.damping_N_m_s / mechanism.bodies[load.body].inertia_kg_m2
+    if not isinstance(load, Ends):
+        return 0.0
+    ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
     bodies = [(mechanism.bodies[body], point) for body, point in ends if body != GROUND]
     mobility = sum(1 / body.mass_kg + (x * x + y * y) / body.inertia_kg_m2 for body, (x, y) in bodies)
     stiffness, damping = getattr(load, "stiffness_N_m", 0.0), getattr(load, "damping_N_s_m", 0.0)

@@ -40,8 +40,9 @@ Tell = Callable[[float], None]
 
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
 START_TOLERANCE = 1e-9
-#: Bodies up to which straight-line code is compiled, for ten seconds; beyond them the readable face runs.
-LARGEST_COMPILED = 16
+#: Bodies up to which straight-line code is compiled, for a quarter of a minute (six seconds of 41); beyond
+#: them the readable face runs.
+LARGEST_COMPILED = 81
 #: Fewer steps do not follow a contact.
 FEWEST_STEPS_PER_CONTACT = 10.0
 #: Events per call of a face.

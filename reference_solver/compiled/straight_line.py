@@ -11,15 +11,21 @@ import inspect
 import math
 import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
+import numba
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
+from reference_solver.contact.linked import InnerCompiler
+
 FLOAT, CONDITION, INDEX = types.float64, types.boolean, types.intp
+NUMBERS = types.CPointer(FLOAT)
 ARITHMETIC = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 COMPARISONS = {ast.Gt: ">", ast.Eq: "=="}
 
@@ -53,6 +59,68 @@ def straight_line(function: Callable[..., Any]) -> Callable[..., Any]:
     return made  # type: ignore[no-any-return]
 
 
+def called(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return what makes a function that functions of ``straight_line`` call, outside of branches.
+
+    Compiled with these options, it is in the code of all who call it, once in each. It takes p, an array, and
+    numbers, and returns several numbers and conditions: all but p through memory on the stack.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        if config.DISABLE_JIT:  # type: ignore[attr-defined]
+            return function
+        text = cache(partial(Text, function))
+
+        def definition(_: Any, p: Any, numbers: Any) -> Any:
+            def emit(context: Any, builder: Any, own: Any, values: Sequence[Any]) -> Any:
+                array, memory = values
+                places = places_in(builder, memory, len(text().arguments) - 1 + len(text().results))
+                given = [(FLOAT, builder.load(places.pop(0))) for _ in text().arguments[1:]]
+                results = Emitter(context, builder, text(), [(own.args[0], array), *given]).run()
+                for kind, result, at in zip(text().results, results, places, strict=True):
+                    builder.store(context.cast(builder, result, kind, FLOAT), at)
+                return context.get_dummy_value()
+
+            return signature(types.none, p, numbers), emit
+
+        body: Any = intrinsic(definition)
+
+        def whole(p: Any, numbers: Any) -> Any:
+            return body(p, numbers)
+
+        # What is kept on disk of several processes finds it by its name in machine code, which has these two.
+        whole.__module__, whole.__qualname__ = function.__module__, function.__qualname__
+        made: Any = numba.njit(**options, pipeline_class=InnerCompiler)(whole)
+        made.through_memory = text
+        return made  # type: ignore[no-any-return]
+
+    return decorate
+
+
+def zeros_on_stack(_: Any, size: Any) -> Any:
+    """Return so many zeros, a literal number, in memory on the stack."""
+
+    def emit(_: Any, builder: Any, *__: Any) -> Any:
+        memory = numbers_on_stack(builder, size.literal_value)
+        cgutils.memset(builder, memory, ir.Constant(ir.IntType(64), 8 * size.literal_value), 0)
+        return memory
+
+    return (NUMBERS(size), emit) if isinstance(size, types.IntegerLiteral) else None
+
+
+zeros: Any = np.zeros if config.DISABLE_JIT else intrinsic(zeros_on_stack)  # type: ignore[attr-defined]
+
+
+def numbers_on_stack(builder: Any, size: int) -> Any:
+    """Return the address of so many numbers on the stack."""
+    return cgutils.alloca_once(builder, ir.DoubleType(), size)
+
+
+def places_in(builder: Any, memory: Any, count: int) -> list[Any]:
+    """Return the addresses of so many numbers in memory."""
+    return [cgutils.gep_inbounds(builder, memory, k) for k in range(count)]
+
+
 class Text:
     """A function's statements, the names of its arguments, and the types of its ``results``.
 
@@ -73,7 +141,8 @@ class Text:
 
     def results_of(self, call: Any, count: int) -> list[types.Type]:
         """Return the types of so many results of a call; those of a function of Numba are numbers."""
-        text = getattr(self.functions[call.func.id], "text", None)
+        function = self.functions[call.func.id]
+        text = getattr(function, "text", None) or getattr(function, "through_memory", None)
         return [FLOAT] * count if text is None else text().results
 
     def _note(self, target: Any, value: Any) -> None:
@@ -93,6 +162,13 @@ class Text:
             isinstance(value, ast.BinOp) and isinstance(value.op, ast.BitAnd)
         )
         return CONDITION if is_bool or is_condition else FLOAT
+
+
+@dataclass(frozen=True)
+class InMemory:
+    """A number that is read where it is used: LLVM would read it at once, and save it over calls."""
+
+    address: Any
 
 
 class Emitter:
@@ -177,24 +253,54 @@ class Emitter:
             first, second = map(self._value, node.args)
             sign = ">" if name == "max" else "<"
             return [builder.select(builder.fcmp_ordered(sign, second, first), second, first)]
+        function = self.text.functions.get(name) or getattr(builtins, name)
+        if hasattr(function, "through_memory"):
+            return self._called(function, node)
         arguments = [self._argument(argument) for argument in node.args]
         kinds, values = zip(*arguments, strict=True)
-        function = self.text.functions.get(name) or getattr(builtins, name)
         if hasattr(function, "text"):
             return Emitter(context, builder, function.text(), arguments).run()
+        kind, result = self._compiled(function, kinds, values)
+        return list(cgutils.unpack_tuple(builder, result)) if isinstance(kind, types.BaseTuple) else [result]
+
+    def _called(self, function: Any, call: ast.Call) -> list[Any]:
+        """Return what a function returns that is ``called``, and keep names that it is given, in memory."""
+        builder, results = self.builder, function.through_memory().results
+        (kind, p), *numbers = [self._argument(node) for node in call.args]
+        size = len(numbers) + len(results)
+        memory = numbers_on_stack(builder, size)
+        places = places_in(builder, memory, size)
+        for (_, number), at in zip(numbers, places, strict=False):
+            builder.store(number, at)
+        self._compiled(function, (kind, NUMBERS), (p, memory))
+        for node, at in zip(call.args[1:], places, strict=False):
+            if isinstance(node, ast.Name):
+                self.named[node.id] = FLOAT, InMemory(at)
+        zero = ir.Constant(ir.DoubleType(), 0.0)
+        return [
+            builder.fcmp_ordered("!=", builder.load(at), zero) if own == CONDITION else InMemory(at)
+            for own, at in zip(results, places[len(numbers) :], strict=True)
+        ]
+
+    def _compiled(self, function: Any, kinds: Sequence[Any], values: Sequence[Any]) -> tuple[Any, Any]:
+        """Return type and value of what a function returns that Numba compiles."""
+        context = self.context
         callee = context.typing_context.resolve_value_type(function)
         own = context.typing_context.resolve_function_type(callee, kinds, {})
         implementation = context.get_function(callee, own)
         context.add_linking_libs(getattr(implementation, "libs", ()))
-        result = implementation(builder, values)
-        is_tuple = isinstance(own.return_type, types.BaseTuple)
-        return list(cgutils.unpack_tuple(builder, result)) if is_tuple else [result]
+        return own.return_type, implementation(self.builder, values)
 
     def _argument(self, node: Any) -> tuple[Any, Any]:
         """Return type and value of an argument, which may be an array."""
         if isinstance(node, ast.Name) and node.id in self.named:
-            return self.named[node.id]
+            return self._named(node.id)
         return self._typed(node)
+
+    def _named(self, name: str) -> tuple[Any, Any]:
+        """Return type and value of a name."""
+        kind, value = self.named[name]
+        return kind, self.builder.load(value.address) if isinstance(value, InMemory) else value
 
     def _got(self, node: Any) -> Any:
         """Return the number or condition that a name or a place holds."""
@@ -208,7 +314,7 @@ class Emitter:
         context, builder = self.context, self.builder
         match node:
             case ast.Name(id=name):
-                return self.named[name]
+                return self._named(name)
             case ast.Attribute(value=of, attr=field):
                 kind, value = self._place(of)
                 if isinstance(kind, types.Record):
@@ -220,6 +326,8 @@ class Emitter:
             case ast.Subscript(value=of, slice=where):
                 kind, value = self._place(of)
                 at = [self._index(index) for index in getattr(where, "elts", [where])]
+                if kind == NUMBERS:
+                    return FLOAT, builder.gep(value, at)
                 array = context.make_array(kind)(context, builder, value)
                 return kind.dtype, cgutils.get_item_pointer(context, builder, kind, array, at, True)
         raise AssertionError(f"no place: {ast.unparse(node)}")

@@ -64,8 +64,9 @@ def contact_force(
         return (*force, twist_i, twist_j, normal, loss, clip, slide, tangential)
 
     results = when(phase > FLIGHT, closed, len(OF_CONTACT))
+    body = max(joint.body_i, joint.body_j)  # the bearing or the pin may be the ground's
     for name, value in zip(OF_CONTACT, results, strict=True):
-        named(f"{name}_{joint.body_j}", value, "contact of a pin in its bearing")
+        named(f"{name}_{body}", value, "contact of a pin in its bearing")
     x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = results
     rates = [normal, loss] + law.clipped * [clip] + (joint.friction is not None) * [slide]
     return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential

@@ -8,15 +8,21 @@ p' = (x', y') + phi' (-a_y, a_x) and p'' = (x'', y'') + phi'' (-a_y, a_x) - phi'
 ``CONSTRAINTS`` names the function of each kind: a new joint is one function and one line there.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from reference_solver.mechanism.mechanism import (
     GROUND,
+    Constraint,
     MasslessLink,
+    Mechanism,
     PrescribedMotion,
+    PrescribedSlide,
     PrescribedSpeed,
     RevoluteJoint,
     SameAngle,
@@ -101,6 +107,26 @@ def prescribed_motion(driver: PrescribedMotion, state: State, t: Scalar, start: 
     return Rows({driver.body: block}, array([speed]), zero, array([angle]), array([acceleration]))
 
 
+# g = u.d - (u.d)(0) - moved(t) = 0, d = p_j - p_i, with u along the line and n across it: u' = phi_i' n
+# g' = u.d' + phi_i' n.d - C(t) = 0, so [B] is u times the rows of a revolute joint, with n.d more for phi_i'
+# [B]{q''} = C'(t) + u.(phi_j'^2 a_j - phi_i'^2 a_i) - 2 phi_i' n.d' + phi_i'^2 u.d
+def prescribed_slide(driver: PrescribedSlide, state: State, t: Scalar, start: Array) -> Rows:
+    """Return the row of a point that moves along a line of another body as a function of time says."""
+    moved, speed, acceleration = MOTIONS[type(driver.motion)](driver.motion, t)
+    i, j = ends_of(driver, state)
+    along = state.direction(driver.body_i, driver.angle_rad)
+    across = array([-along[1], along[0]])
+    d, d_dot = j.place - i.place, j.rate - i.rate
+    of_i = array([0.0, 0.0, across @ d]) - along @ i.jacobian
+    blocks = {driver.body_i: of_i[None], driver.body_j: (along @ j.jacobian)[None]}
+    turning = 2.0 * (across @ d_dot) - i.spin * (along @ d)
+    B_dot_v = along @ (j.centripetal - i.centripetal) + i.spin * turning
+    first_i, first_j = ends_of(driver, first := State(start, start))
+    began = first.direction(driver.body_i, driver.angle_rad) @ (first_j.place - first_i.place)
+    g = along @ d - began - moved
+    return Rows(blocks, array([speed]), array([B_dot_v]), array([g]), array([acceleration]))
+
+
 def turned_by(body: int, state: State, start: Array) -> Scalar:
     """Return the angle that a body has turned since the start."""
     return 0.0 if body == GROUND else state.position(body)[2] - start[3 * body + 2]
@@ -127,6 +153,42 @@ CONSTRAINTS: Mapping[type, Callable[[Any, State, Scalar, Array], Rows]] = Mappin
         SameAngle: same_angle,
         PrescribedSpeed: prescribed_speed,
         PrescribedMotion: prescribed_motion,
+        PrescribedSlide: prescribed_slide,
         MasslessLink: massless_link,
     }
 )
+
+
+@dataclass(frozen=True)
+class System:
+    """The rows of all constraints at a state: [B] (m, n), and {C}, {C'}, [B']{q'} and {g}, each (m,)."""
+
+    B: Array
+    C: Array
+    C_dot: Array
+    B_dot_v: Array
+    g: Array
+
+
+def system_of(constraints: Sequence[Constraint], state: State, t: Scalar, start: Array) -> System:
+    """Return the rows of constraints at a state and a time, with the coordinates at the start."""
+    parts = [CONSTRAINTS[type(c)](c, state, t, start) for c in constraints]
+    n, rows = len(state.q), list[list[Scalar]]()
+    for part in parts:
+        for k in range(len(part.C)):
+            row: list[Scalar] = [0.0] * n
+            for body, block in part.blocks.items():
+                if body != GROUND:
+                    row[3 * body : 3 * body + 3] = block[k]
+            rows.append(row)
+    C, B_dot_v, g = (array([x for part in parts for x in getattr(part, of)]) for of in ("C", "B_dot_v", "g"))
+    C_dot = array([x for part in parts for x in (0.0 * part.C if part.C_dot is None else part.C_dot)])
+    return System(array(rows).reshape(-1, n), C, C_dot, B_dot_v, g)
+
+
+def row_slices(mechanism: Mechanism) -> list[slice]:
+    """Return the rows of [B], and so the multipliers, of each constraint in order."""
+    still = np.zeros(3 * len(mechanism.bodies))
+    sizes = [len(CONSTRAINTS[type(c)](c, State(still, still), 0.0, still).C) for c in mechanism.constraints]
+    ends = np.cumsum([0, *sizes])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]

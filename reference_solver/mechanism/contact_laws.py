@@ -9,7 +9,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, Protocol
+
+import numpy as np
 
 from reference_solver.checks import (
     is_number,
@@ -18,9 +20,12 @@ from reference_solver.checks import (
     require_not_negative,
     require_positive,
 )
-from reference_solver.lifting import WRITTEN_OUT
-from reference_solver.tape import Scalar, larger, power, signed, size, smaller, sqrt, tanh
+from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS
+from reference_solver.mechanism.lifting import WRITTEN_OUT
+from reference_solver.tape import Array, FloatArray, Scalar, larger, power, signed, size, smaller, sqrt, tanh
 
+#: Floor of the approach speed in laws that divide by it, where no other is given.
+MINIMUM_IMPACT_SPEED_M_S = 1e-6
 #: Damping factor a(e) by law, e the nominal restitution.
 DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
     {
@@ -33,6 +38,79 @@ DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
         "carvalho-martins": lambda e: 3 / 2 * (1 - e) * (11 - e) / (1 + 9 * e),
     }
 )
+
+
+def hertz_stiffness(E_Pa: float, poisson_ratio: float, bearing_m: float, clearance_m: float) -> float:
+    """Return K in N/m^1.5 of a pin in a hole of the same material, by the hole's radius and the clearance.
+
+    K = 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j)) with s = (1 - nu^2)/E (Goldsmith 1960).
+    """
+    s = (1 - poisson_ratio**2) / E_Pa
+    return 4 / (6 * s) * math.sqrt(bearing_m * (bearing_m - clearance_m) / clearance_m)
+
+
+def stored_J(stiffness: Array, exponent: Array, depth_m: Array) -> FloatArray:
+    """Return what the elastic force K delta^n stores, K delta^(n+1)/(n+1), at depths; 0 at negative ones."""
+    power = exponent + 1
+    return np.asarray(stiffness * np.maximum(depth_m, 0.0) ** power / power)
+
+
+class Room(Protocol):
+    """A clearance's law as a file has it: see ``data.ClearanceData``."""
+
+    @property
+    def law(self) -> str: ...  # noqa: D102
+    @property
+    def radial_clearance_m(self) -> float: ...  # noqa: D102
+    @property
+    def bearing_radius_m(self) -> float: ...  # noqa: D102
+    @property
+    def stiffness(self) -> float | None: ...  # noqa: D102
+    @property
+    def young_modulus_Pa(self) -> float | None: ...  # noqa: D102
+    @property
+    def poisson_ratio(self) -> float | None: ...  # noqa: D102
+    @property
+    def exponent(self) -> float | None: ...  # noqa: D102
+    @property
+    def restitution(self) -> float | None: ...  # noqa: D102
+    @property
+    def minimum_impact_speed_m_s(self) -> float | None: ...  # noqa: D102
+    @property
+    def may_pull(self) -> bool: ...  # noqa: D102
+
+
+def exponent_of(room: Room) -> float:
+    """Return the exponent n of F = K delta^n: as given, else 1 for the linear laws and 3/2 for the others."""
+    if room.exponent is not None:
+        return room.exponent
+    return 1.0 if room.law in LINEAR_LAWS else HERTZ_EXPONENT
+
+
+def stiffness_of(room: Room) -> float:
+    """Return K in N/m^n: as given, else Hertz's value for a pin in a hole of the same material."""
+    if room.stiffness is not None:
+        return room.stiffness
+    assert room.young_modulus_Pa is not None
+    assert room.poisson_ratio is not None
+    material = room.young_modulus_Pa, room.poisson_ratio
+    return hertz_stiffness(*material, room.bearing_radius_m, room.radial_clearance_m)
+
+
+def damping_factor_of(room: Room) -> float:
+    """Return a(e); 0 for the laws that know no restitution."""
+    factor = DAMPING_FACTORS.get(room.law)
+    return 0.0 if factor is None or room.restitution is None else factor(room.restitution)
+
+
+def minimum_impact_speed_of(room: Room) -> float:
+    """Return the floor of v0 in m/s."""
+    return room.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S
+
+
+def clips(room: Room) -> bool:
+    """Return whether the force is ever zero where the law would pull; Kelvin-Voigt's is left as it is."""
+    return damping_factor_of(room) != 0 and not room.may_pull
 
 
 @dataclass(frozen=True)
@@ -48,7 +126,7 @@ class ContactLaw:
     exponent: float = field(default=1.5, metadata={WRITTEN_OUT: (1.0, 1.5)})
     damping_factor: float = 0.0
     damping_N_s_m: float = 0.0
-    minimum_impact_speed_m_s: float = 1e-6
+    minimum_impact_speed_m_s: float = MINIMUM_IMPACT_SPEED_M_S
     may_pull: bool = False
     kind: str = "dissipative"
 

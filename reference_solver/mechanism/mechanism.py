@@ -4,19 +4,15 @@ Coordinates q stack (x, y, phi) of every body's centre of mass. Points are given
 whose origin is the centre of mass; points on GROUND are in the global frame. A body is named by its index.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Integral
-from typing import Final
 
 from reference_solver.checks import POSITIVE, require, require_below, require_finite, require_positive
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
+from reference_solver.mechanism.data import GROUND as GROUND
+from reference_solver.mechanism.data import Point as Point
 from reference_solver.mechanism.motions import Motion
 from reference_solver.mechanism.tables import PiecewiseCubic
-
-Point = tuple[float, float]
-
-#: Stands for the frame wherever a body is asked for.
-GROUND: Final = -1
 
 
 @dataclass(frozen=True)
@@ -93,6 +89,18 @@ class PrescribedMotion:
 
 
 @dataclass(frozen=True)
+class PrescribedSlide(Ends):
+    """One row of [B]: a point of body j moves along a line of body i as a function of time says.
+
+    The line is that of ``AlongLine``, and so is s: g = s - s(0) - (the way since t = 0) in m. Nothing keeps
+    the point on the line. The multiplier is the driver's force in N on body j along the line.
+    """
+
+    angle_rad: float
+    motion: Motion
+
+
+@dataclass(frozen=True)
 class MasslessLink(Ends):
     """One row of [B]: two points keep their distance, as a pin that follows the wall of its bearing.
 
@@ -129,13 +137,46 @@ class MotorTorque:
 
 
 @dataclass(frozen=True)
-class AlongLine:
-    """What acts on a body's centre of mass along a fixed direction, at ``angle_rad`` from the x axis.
+class TurningDamper:
+    """A damper of a body's turning: a torque of -c phi'."""
 
-    s is the centre's coordinate along it, from the origin; forces are positive along it.
+    body: int
+    damping_N_m_s: float
+
+
+@dataclass(frozen=True)
+class TorqueByTime:
+    """A torque on a body by the time in s since the run's start, of a function without jumps."""
+
+    body: int
+    torque_N_m: PiecewiseCubic
+
+    def __post_init__(self) -> None:
+        require_once("TorqueByTime.torque_N_m", self.torque_N_m)
+
+
+@dataclass(frozen=True)
+class TorqueBySpeed:
+    """A torque on a body by its speed in rad/s, as a motor's table has it.
+
+    No step is cut where the function has a kink: there RK4 and error control lose their order for a step.
     """
 
     body: int
+    torque_N_m: PiecewiseCubic
+
+    def __post_init__(self) -> None:
+        require_once("TorqueBySpeed.torque_N_m", self.torque_N_m)
+
+
+@dataclass(frozen=True)
+class AlongLine(Ends):
+    """What acts on a point of body j along a line of body i, a guide's, and turns with it.
+
+    The line passes through the point of body i at ``angle_rad`` from the body's x axis, with u along it:
+    s = u.(p_j - p_i). A force F is F u on body j at p_j, and on body i, at the place of p_j, -F u.
+    """
+
     angle_rad: float
 
 
@@ -147,8 +188,18 @@ class ConstantForce(AlongLine):
 
 
 @dataclass(frozen=True)
+class ForceByTime(AlongLine):
+    """A force by the time in s since the run's start, of a function without jumps."""
+
+    force_N: PiecewiseCubic
+
+    def __post_init__(self) -> None:
+        require_once("ForceByTime.force_N", self.force_N)
+
+
+@dataclass(frozen=True)
 class LineSpring(AlongLine):
-    """A spring that pulls the centre to s = ``free_position_m``."""
+    """A spring that pulls the point to s = ``free_position_m``."""
 
     stiffness_N_m: float
     free_position_m: float
@@ -156,7 +207,7 @@ class LineSpring(AlongLine):
 
 @dataclass(frozen=True)
 class LineDamper(AlongLine):
-    """A damper of the centre's speed along the line: viscous friction of a guide."""
+    """A damper of s: viscous friction of a guide."""
 
     damping_N_s_m: float
 
@@ -218,45 +269,93 @@ class ClearanceJoint(Ends):
         return self.law
 
 
-Constraint = RevoluteJoint | Slot | SameAngle | PrescribedSpeed | PrescribedMotion | MasslessLink
-Load = Torque | MotorTorque | SpringDamper | ConstantForce | LineSpring | LineDamper | GasForce
+def require_once(name: str, table: PiecewiseCubic) -> None:
+    """Raise ValueError for a table that repeats: where it begins anew no step would end."""
+    require(f"{name}.period", table.period, table.period == 0, "0")
+
+
+Constraint = (
+    RevoluteJoint | Slot | SameAngle | PrescribedSpeed | PrescribedMotion | PrescribedSlide | MasslessLink
+)
+Load = (
+    Torque
+    | MotorTorque
+    | TurningDamper
+    | TorqueByTime
+    | TorqueBySpeed
+    | SpringDamper
+    | ConstantForce
+    | ForceByTime
+    | LineSpring
+    | LineDamper
+    | GasForce
+)
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Bodies, constraints in the order of their rows in [B], loads, gravity along -y, and contacts."""
+    """Bodies, constraints in the order of their rows in [B], loads, gravity along -y and x, and contacts.
+
+    ``names``, those of all constraints in order or none, are for messages.
+    """
 
     bodies: tuple[Body, ...]
     constraints: tuple[Constraint, ...]
     loads: tuple[Load, ...] = ()
     gravity_m_s2: float = 0.0
     contacts: tuple[ClearanceJoint, ...] = ()
+    gravity_x_m_s2: float = 0.0
+    names: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         if not self.bodies:
             raise ValueError("bodies: expected at least one body, got none")
         require_finite("gravity_m_s2", self.gravity_m_s2)
+        require_finite("gravity_x_m_s2", self.gravity_x_m_s2)
+        named, rows = len(self.names), len(self.constraints)
+        require("names", named, named in (0, rows), f"as many as there are constraints ({rows}) or none")
         for part in (*self.constraints, *self.loads, *self.contacts):
             require_finite(type(part).__name__, part)
-            for field, value in vars(part).items():
+            for name, value in vars(part).items():
                 valid, wanted = True, "two finite numbers"
-                if field.startswith("point"):
+                if name.startswith("point"):
                     valid = len(value) == 2
-                elif field in ("body", "crank", "body_i", "body_j"):
-                    lowest = GROUND if field.startswith("body_") else 0
+                elif name in ("body", "crank", "body_i", "body_j"):
+                    lowest = GROUND if name.startswith("body_") else 0
                     valid = isinstance(value, Integral) and value in range(lowest, len(self.bodies))
                     wanted = f"a body index from {lowest} to {len(self.bodies) - 1}"
                 if not valid:
-                    require(f"{type(part).__name__}.{field}", value, False, wanted)
+                    require(f"{type(part).__name__}.{name}", value, False, wanted)
 
     @property
     def prescribed(self) -> tuple[Motion, ...]:
         """The prescribed motions that are functions of time."""
-        return tuple(c.motion for c in self.constraints if isinstance(c, PrescribedMotion))
+        return tuple(c.motion for c in self.constraints if isinstance(c, PrescribedMotion | PrescribedSlide))
+
+    @property
+    def by_time(self) -> tuple[PiecewiseCubic, ...]:
+        """The functions of loads that go by the time."""
+        return tuple(
+            load.force_N if isinstance(load, ForceByTime) else load.torque_N_m
+            for load in self.loads
+            if isinstance(load, ForceByTime | TorqueByTime)
+        )
+
+    @property
+    def has_knots(self) -> bool:
+        """Whether motions or loads may have times for steps to land on."""
+        return bool(self.by_time) or any(motion.has_knots for motion in self.prescribed)
 
     def knots_s(self, longest_step_s: float) -> tuple[float, ...]:
-        """Return times, rising, for steps to land on: where prescribed motions are not smooth, or quick."""
-        return tuple(sorted({t for motion in self.prescribed for t in motion.knots_s(longest_step_s)}))
+        """Return times, rising, for steps to land on: where motions and loads are not smooth, or quick."""
+        motions = {t for motion in self.prescribed for t in motion.knots_s(longest_step_s)}
+        loads = {t for table in self.by_time for t in table.knots}
+        return tuple(sorted(motions | loads))
+
+    def name_of(self, constraint: int) -> str:
+        """Return the name of a constraint, or its kind with its number."""
+        kind = type(self.constraints[constraint]).__name__
+        return self.names[constraint] if self.names else f"{kind} {constraint}"
 
     @property
     def gas(self) -> tuple[GasForce, ...]:

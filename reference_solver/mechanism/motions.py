@@ -1,6 +1,7 @@
-"""Prescribed motions: how a driven body turns, as functions of time, {C(t)} with its integral and {C'}.
+"""Prescribed motions: how a driven body turns or slides, as functions of time, {C(t)}, its integral and {C'}.
 
-A new motion is a function and a line in ``MOTIONS``. One that ``has_knots`` is not smooth at ``knots_s``.
+Of turning they are in rad and rad/s, of sliding in m and m/s. A new motion is a function and a line in
+``MOTIONS``. One that ``has_knots`` is not smooth at ``knots_s``.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,19 +17,37 @@ from reference_solver.tape import Scalar, cos, larger, sin, smaller
 
 #: A ramp takes so many steps at least: its work is an integral of a polynomial of degree 9.
 FEWEST_STEPS = 16
-#: The angle turned since t = 0 in rad, the speed, which is C, and the acceleration, which is C'.
-Turn = tuple[Scalar, Scalar, Scalar]
+#: The angle or way since t = 0, the speed, which is C, and the acceleration, which is C'.
+Moved = tuple[Scalar, Scalar, Scalar]
+
+
+@dataclass(frozen=True)
+class Steady:
+    """A constant speed, in rad/s or m/s."""
+
+    speed: float
+    has_knots: ClassVar[bool] = False
+
+    def knots_s(self, longest_step_s: float) -> tuple[float, ...]:  # noqa: ARG002
+        """Return no times."""
+        return ()
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed."""
+        return abs(self.speed)
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """A speed that goes from one to another within ``duration_s`` from ``start_s`` on, and stays there.
+    """A speed, in rad/s or m/s, that goes from one to another within ``duration_s`` from ``start_s`` on.
 
-    w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2), x the part of the duration that has passed: C'' is continuous.
+    It stays there: w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2), x the part of the duration that has passed, so
+    that C'' is continuous.
     """
 
-    first_rad_s: float
-    last_rad_s: float
+    first: float
+    last: float
     duration_s: float
     start_s: float = 0.0
     has_knots: ClassVar[bool] = True
@@ -42,17 +61,17 @@ class Ramp:
         return tuple(self.start_s + k * self.duration_s / parts for k in range(parts + 1))
 
     @property
-    def fastest_rad_s(self) -> float:
+    def fastest(self) -> float:
         """The largest speed."""
-        return max(abs(self.first_rad_s), abs(self.last_rad_s))
+        return max(abs(self.first), abs(self.last))
 
 
 @dataclass(frozen=True)
 class Fluctuation:
-    """A speed of mean + amplitude sin(frequency t + phase), frequency in rad/s."""
+    """A speed of mean + amplitude sin(frequency t + phase), in rad/s or m/s; the frequency is in rad/s."""
 
-    mean_rad_s: float
-    amplitude_rad_s: float
+    mean: float
+    amplitude: float
     frequency_rad_s: float
     phase_rad: float = 0.0
     has_knots: ClassVar[bool] = False
@@ -65,34 +84,39 @@ class Fluctuation:
         return ()
 
     @property
-    def fastest_rad_s(self) -> float:
+    def fastest(self) -> float:
         """The largest speed."""
-        return abs(self.mean_rad_s) + abs(self.amplitude_rad_s)
+        return abs(self.mean) + abs(self.amplitude)
 
 
 @dataclass(frozen=True)
 class Course:
-    """An angle turned by a piecewise cubic function of time, which is 0 at t = 0."""
+    """An angle in rad or a way in m by a piecewise cubic function of time, which is 0 at t = 0."""
 
-    turned: PiecewiseCubic
+    moved: PiecewiseCubic
     has_knots: ClassVar[bool] = True
 
     def knots_s(self, longest_step_s: float) -> tuple[float, ...]:  # noqa: ARG002
         """Return times in s."""
-        return tuple(self.turned.knots)
+        return tuple(self.moved.knots)
 
     @property
-    def fastest_rad_s(self) -> float:
+    def fastest(self) -> float:
         """The largest speed at a knot."""
-        return float(np.abs(self.turned.rows[2::ROW]).max())
+        return float(np.abs(self.moved.rows[2::ROW]).max())
 
 
-Motion = Ramp | Fluctuation | Course
+Motion = Steady | Ramp | Fluctuation | Course
 
 
-def ramp(motion: Ramp, t: Scalar) -> Turn:
-    """Return the turn of a ramp: a sextic in time within it, straight lines outside."""
-    T, gain = motion.duration_s, motion.last_rad_s - motion.first_rad_s
+def steady(motion: Steady, t: Scalar) -> Moved:
+    """Return what a constant speed makes."""
+    return motion.speed * t, motion.speed, 0.0
+
+
+def ramp(motion: Ramp, t: Scalar) -> Moved:
+    """Return the way of a ramp: a sextic in time within it, straight lines outside."""
+    T, gain = motion.duration_s, motion.last - motion.first
 
     def gained(t: Scalar) -> tuple[Scalar, Scalar]:
         x = larger(0.0, smaller(1.0, (t - motion.start_s) / T))
@@ -100,26 +124,26 @@ def ramp(motion: Ramp, t: Scalar) -> Turn:
         return x, T * (x * x * x * x * (2.5 + x * (x - 3.0))) + past
 
     x, angle = gained(t)
-    angle = motion.first_rad_s * t + gain * (angle - gained(0.0)[1])
-    speed = motion.first_rad_s + gain * (x * x * x * (10.0 + x * (6.0 * x - 15.0)))
+    angle = motion.first * t + gain * (angle - gained(0.0)[1])
+    speed = motion.first + gain * (x * x * x * (10.0 + x * (6.0 * x - 15.0)))
     return angle, speed, 30.0 * (gain / T) * (x * x * (1.0 - x) * (1.0 - x))
 
 
-def fluctuation(motion: Fluctuation, t: Scalar) -> Turn:
-    """Return the turn of a fluctuating speed."""
-    amplitude, rate, phase = motion.amplitude_rad_s, motion.frequency_rad_s, motion.phase_rad
+def fluctuation(motion: Fluctuation, t: Scalar) -> Moved:
+    """Return the way of a fluctuating speed."""
+    amplitude, rate, phase = motion.amplitude, motion.frequency_rad_s, motion.phase_rad
     half, now = 0.5 * (rate * t), rate * t + phase
     # Equal to cos(phase) - cos(now), without their difference.
-    angle = motion.mean_rad_s * t + 2.0 * (amplitude / rate) * (sin(half) * sin(half + phase))
-    return angle, motion.mean_rad_s + amplitude * sin(now), amplitude * rate * cos(now)
+    angle = motion.mean * t + 2.0 * (amplitude / rate) * (sin(half) * sin(half + phase))
+    return angle, motion.mean + amplitude * sin(now), amplitude * rate * cos(now)
 
 
-def course(motion: Course, t: Scalar) -> Turn:
-    """Return the turn by a table."""
-    return motion.turned.at(t)
+def course(motion: Course, t: Scalar) -> Moved:
+    """Return the way by a table."""
+    return motion.moved.at(t)
 
 
 #: The function of each kind of motion, of it and the time.
-MOTIONS: Mapping[type, Callable[[Any, Scalar], Turn]] = MappingProxyType(
-    {Ramp: ramp, Fluctuation: fluctuation, Course: course}
+MOTIONS: Mapping[type, Callable[[Any, Scalar], Moved]] = MappingProxyType(
+    {Steady: steady, Ramp: ramp, Fluctuation: fluctuation, Course: course}
 )

@@ -34,10 +34,10 @@ class Point:
 
 
 class State:
-    """Coordinates q and velocities v of all bodies, (3b,) each; GROUND rests at the origin."""
+    """Coordinates q and velocities v of all bodies, (3b,) each, at a time; GROUND rests at the origin."""
 
-    def __init__(self, q: Array, v: Array) -> None:
-        self.q, self.v = q, v
+    def __init__(self, q: Array, v: Array, t: Scalar = 0.0) -> None:
+        self.q, self.v, self.t = q, v, t
         self._turns: dict[int, tuple[Scalar, Scalar]] = {GROUND: (1.0, 0.0)}
 
     @cached_property

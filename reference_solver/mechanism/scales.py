@@ -5,8 +5,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from reference_solver.mechanism.mechanism import GROUND, ConstantForce, GasForce, Load, Mechanism
-from reference_solver.mechanism.tables import ROW
+from reference_solver.mechanism.mechanism import (
+    GROUND,
+    AlongLine,
+    ForceByTime,
+    Load,
+    Mechanism,
+    PrescribedMotion,
+    PrescribedSlide,
+    TorqueByTime,
+)
+from reference_solver.mechanism.tables import ROW, PiecewiseCubic
 from reference_solver.tape import FloatArray
 
 
@@ -30,10 +39,13 @@ def scales_of(
     """
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
     length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
-    swing = np.sqrt(abs(mechanism.gravity_m_s2) / length)
-    pushed = max((_push(load, mechanism) for load in mechanism.loads), default=0.0)
-    swing = max(swing, np.sqrt(pushed / length))
-    driven = max((motion.fastest_rad_s for motion in mechanism.prescribed), default=0.0)
+    swing = np.sqrt(np.hypot(mechanism.gravity_m_s2, mechanism.gravity_x_m_s2) / length)
+    pushed = max((_push(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
+    turned = max((_turn(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
+    swing = max(swing, np.sqrt(pushed / length), np.sqrt(turned))
+    turns = (c.motion.fastest for c in mechanism.constraints if isinstance(c, PrescribedMotion))
+    slides = (c.motion.fastest / length for c in mechanism.constraints if isinstance(c, PrescribedSlide))
+    driven = max([0.0, *turns, *slides])
     rate = max(rate_of(v, length), np.sqrt(rate_of(acceleration, length)), swing, driven)
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
@@ -54,11 +66,28 @@ def _arm(x: float, y: float) -> float:
     return float(np.hypot(x, y))
 
 
-def _push(load: Load, mechanism: Mechanism) -> float:
-    """Return the largest acceleration that a force along a line gives its body alone, in m/s^2."""
-    if isinstance(load, GasForce):
-        return float(np.abs(load.force_N.rows[1::ROW]).max()) / mechanism.bodies[load.body].mass_kg
-    return abs(load.force_N) / mechanism.bodies[load.body].mass_kg if isinstance(load, ConstantForce) else 0.0
+def _push(load: Load, mechanism: Mechanism, end_time_s: float) -> float:
+    """Return the largest acceleration that a force along a line gives one of its bodies alone, in m/s^2."""
+    force = getattr(load, "force_N", 0.0)
+    if not isinstance(load, AlongLine) or not force:
+        return 0.0
+    if isinstance(force, PiecewiseCubic):
+        force = _largest(force, end_time_s if isinstance(load, ForceByTime) else None)
+    ends = (load.body_i, load.body_j)
+    return float(abs(force)) / min((mechanism.bodies[k].mass_kg for k in ends if k != GROUND), default=np.inf)
+
+
+def _turn(load: Load, mechanism: Mechanism, end_time_s: float) -> float:
+    """Return the largest angular acceleration that a torque by the time gives its body alone, in 1/s^2."""
+    if not isinstance(load, TorqueByTime):
+        return 0.0
+    return _largest(load.torque_N_m, end_time_s) / mechanism.bodies[load.body].inertia_kg_m2
+
+
+def _largest(table: PiecewiseCubic, end: float | None) -> float:
+    """Return the largest size of a function where pieces begin, and at an end that is none of its own."""
+    last = 0.0 if end is None else table.at(end)[0]
+    return max(float(np.abs(table.rows[1::ROW]).max()), abs(float(last)))
 
 
 def rate_of(change: FloatArray, length_m: float) -> float:

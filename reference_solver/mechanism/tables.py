@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from reference_solver.checks import require, require_finite, require_not_negative
-from reference_solver.lifting import Table
+from reference_solver.mechanism.lifting import Table
 from reference_solver.tape import FloatArray, Scalar
 
 #: What a piece has in a table: where it begins, and coefficients of 1, s, s^2, s^3, s counted from there.

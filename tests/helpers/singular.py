@@ -65,7 +65,7 @@ def turning(
     return lambda times: np.asarray(run.sol(times)[0])
 
 
-def parallelograms(loops: int) -> Passing:
+def parallelograms(loops: int, end_time_s: float = 10.0) -> Passing:
     """Return benchmark A02 of the IFToMM library: N parallelograms of rods of 1 m and 1 kg, at 1 m/s.
 
     The N + 1 cranks are pendulums, J phi'' = -M g cos phi, to whose ends the N couplers add their mass.
@@ -80,9 +80,10 @@ def parallelograms(loops: int) -> Passing:
     rates = [(0.5, 0.0, -1.0) for _ in cranks] + [(1.0, 0.0, 0.0)] * loops
     inertia, moment = len(cranks) / 3 + loops, len(cranks) / 2 + loops
     pull = GRAVITY * moment / inertia
-    angle = turning(lambda phi, _: -pull * np.cos(phi), np.pi / 2, -1.0, 10.0)
+    angle = turning(lambda phi, _: -pull * np.cos(phi), np.pi / 2, -1.0, end_time_s)
     mechanism = Mechanism((rod,) * (2 * loops + 1), tuple(joints), gravity_m_s2=GRAVITY)
-    return Passing(mechanism, np.ravel(centres), np.ravel(rates), 10.0, np.sqrt(1 + 4 * pull), angle)
+    start, rate_s = (np.ravel(centres), np.ravel(rates)), np.sqrt(1 + 4 * pull)
+    return Passing(mechanism, *start, end_time_s, rate_s, angle)
 
 
 def equal_links(driven: bool) -> Passing:

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-from engine_models.mechanics.contact_law import MINIMUM_IMPACT_SPEED_M_S, exponent_of
+from engine_models.mechanics.contact_law import exponent_of
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.contact_laws import MINIMUM_IMPACT_SPEED_M_S
 
 
 @dataclass(frozen=True)

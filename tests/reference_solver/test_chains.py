@@ -41,7 +41,7 @@ def test_a_mechanism_too_large_for_straight_line_code_is_stepped_by_the_readable
         asked.clear()
         run = solve(chain(links), q, v, end_time_s=1e-3, samples=1, step=1e-3, stabilisation="none")
         assert set(asked) == {expected}
-        B, F = np.zeros((2 * links, 3 * links)), Equations(chain(links), q).applied_force(q, v)
+        B, F = np.zeros((2 * links, 3 * links)), Equations(chain(links), q).applied_force(0.0, q, v)
         B[:] = Equations(chain(links), q).constraint_matrix(q)
         weight = Equations(chain(links), q).inverse_mass
         right = -Equations(chain(links), q).centripetal(q, v) - B @ (weight * F)

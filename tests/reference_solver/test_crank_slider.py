@@ -168,7 +168,7 @@ def test_accelerations_and_multipliers_solve_their_equations_to_the_last_digits(
     for _ in range(10):
         q = q_start + random.normal(size=9) * np.tile([1e-3, 1e-3, 0.3], 3)
         v = random.normal(size=9) * np.tile([5.0, 5.0, 50.0], 3)
-        B, F = equations.constraint_matrix(q), np.asarray(equations.applied_force(q, v), dtype=float)
+        B, F = equations.constraint_matrix(q), np.asarray(equations.applied_force(0.0, q, v), dtype=float)
         matrix = np.block([[np.diag(equations.mass.astype(float)), -B.T], [B, np.zeros((8, 8))]])
         true = exactly_solved(matrix, np.concatenate([F, -equations.centripetal(q, v)]))
         for found, part in zip(equations.accelerations(0.0, q, v), (true[:9], true[9:]), strict=True):

@@ -17,8 +17,9 @@ from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Clearances, Scene
 from reference_solver import guard
 from reference_solver.compiled.kernel import Topology, source_of
-from reference_solver.equations import Equations, System
-from reference_solver.mechanism.motions import Course, Fluctuation, Ramp
+from reference_solver.equations import Equations
+from reference_solver.mechanism.constraints import System
+from reference_solver.mechanism.motions import Course, Fluctuation, Ramp, Steady
 from reference_solver.mechanism.tables import PiecewiseCubic, piece
 from reference_solver.solver import Stabilisation, StepChoice
 from reference_solver.tape import Array, Scalar
@@ -304,7 +305,7 @@ def test_error_control_takes_a_slow_crank_under_gas_in_few_steps() -> None:
 def test_a_table_is_its_spline_at_any_place_and_repeats() -> None:
     from scipy.interpolate import CubicSpline
 
-    from engine_models.reference.model import _pieces
+    from reference_solver.mechanism.building import pieces_of
 
     x = np.array([0.3, 0.5, 1.1, 1.6, 2.4])
     for kind, y, period in (
@@ -312,7 +313,7 @@ def test_a_table_is_its_spline_at_any_place_and_repeats() -> None:
         ("periodic", [1.0, -2.0, 0.5, 3.0, 1.0], 2.1),
     ):
         spline = CubicSpline(x, y, bc_type=kind)
-        table = _pieces(spline, period)
+        table = pieces_of(spline, period)
         for at in (0.3, 0.31, 0.5, 1.0999, 1.6, 2.3999, 2.4, -1.0, 4.0, 17.3):
             assert table.at(at) == pytest.approx([float(spline(at, k)) for k in range(3)], rel=1e-9, abs=1e-9)
         # Of two tables in one array, each is found from the end.
@@ -328,6 +329,7 @@ def test_motions_are_integral_and_derivative_of_their_speeds() -> None:
 
     rows = (0.0, 0.0, 2.0, 0.5, -1.0, 0.7, 0.7 * (2.0 + 0.7 * (0.5 - 0.7)), 1.0, -1.0, 2.0)
     motions = [
+        Steady(3.0),
         Ramp(3.0, -5.0, 0.4),
         Ramp(0.0, 5.0, 0.4, -0.1),
         Fluctuation(3.0, 2.0, 7.0, 0.4),

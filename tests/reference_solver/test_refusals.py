@@ -25,6 +25,7 @@ from reference_solver.mechanism.mechanism import (
     Slot,
     SpringDamper,
     Torque,
+    TorqueByTime,
 )
 from reference_solver.mechanism.motions import Fluctuation, Ramp
 from reference_solver.mechanism.tables import PiecewiseCubic
@@ -128,7 +129,7 @@ BAD: list[tuple[Callable[[], object], str]] = [
     ),
     (
         lambda: Mechanism((BODY,), (PrescribedMotion(0, Ramp(nan, 1.0, 1.0)),)),
-        f"PrescribedMotion.motion.first_rad_s: expected {FINITE}, got nan",
+        f"PrescribedMotion.motion.first: expected {FINITE}, got nan",
     ),
     (lambda: Ramp(0.0, 1.0, 0.0), f"Ramp.duration_s: expected {POSITIVE}, got 0.0"),
     (lambda: Fluctuation(0.0, 1.0, 0.0), f"Fluctuation.frequency_rad_s: expected {POSITIVE}, got 0.0"),
@@ -142,7 +143,7 @@ BAD: list[tuple[Callable[[], object], str]] = [
         "MotorTorque.no_load_speed_rad_s: expected a finite number other than 0, got 0.0",
     ),
     (
-        lambda: with_part(ConstantForce(0, 0.0, -inf)),
+        lambda: with_part(ConstantForce(GROUND, AT, 0, AT, 0.0, -inf)),
         f"ConstantForce.force_N: expected {FINITE}, got -inf",
     ),
     (
@@ -150,8 +151,18 @@ BAD: list[tuple[Callable[[], object], str]] = [
         f"SpringDamper.stiffness_N_m: expected {FINITE}, got nan",
     ),
     (
-        lambda: with_part(GasForce(0, 0.0, 3, PiecewiseCubic((0.0, 1.0, 0.0, 0.0, 0.0), 1.0))),
+        lambda: with_part(
+            GasForce(GROUND, AT, 0, AT, 0.0, 3, PiecewiseCubic((0.0, 1.0, 0.0, 0.0, 0.0), 1.0))
+        ),
         "GasForce.crank: expected a body index from 0 to 0, got 3",
+    ),
+    (
+        lambda: TorqueByTime(0, PiecewiseCubic((0.0, 1.0, 0.0, 0.0, 0.0), 1.0)),
+        "TorqueByTime.torque_N_m.period: expected 0, got 1.0",
+    ),
+    (
+        lambda: Mechanism((BODY,), (SameAngle(GROUND, 0),), names=("O", "A")),
+        "names: expected as many as there are constraints (1) or none, got 2",
     ),
     (lambda: PiecewiseCubic(()), "PiecewiseCubic.rows: expected 5 numbers for each piece, got 0"),
     (lambda: PiecewiseCubic((0.0, 1.0)), "PiecewiseCubic.rows: expected 5 numbers for each piece, got 2"),

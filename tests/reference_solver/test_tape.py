@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference_solver.factorisation import Factors, eliminated
-from reference_solver.lifting import lifted
+from reference_solver.mechanism.lifting import lifted
 from reference_solver.mechanism.mechanism import Body, Mechanism, PrescribedSpeed
 from reference_solver.tape import (
     Parameters,

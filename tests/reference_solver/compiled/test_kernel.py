@@ -5,7 +5,7 @@ import pytest
 
 from reference_solver.compiled.kernel import Topology
 from reference_solver.compiled.kernel import source_of as source_of_marked
-from reference_solver.equations import row_slices
+from reference_solver.mechanism.constraints import row_slices
 from reference_solver.mechanism.mechanism import Body, Mechanism
 from tests.helpers.kernels import CASES, VARIANTS, check_faces
 

@@ -125,3 +125,43 @@ def test_arrays_records_branches_and_calls_are_those_of_python(row: int, phase: 
         answer = outer(*(arguments if compiled else [with_fields(argument) for argument in arguments]))
         results.append([answer, *state.y, *state.gaps["g"], *contacts["steps"], *out.ravel()])
     assert results[0] == results[1]
+
+
+HEAD_OF_CALLS = HEAD.replace("import straight_line\n", "import called, straight_line, zeros\n")
+CALLS = """
+@called(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
+def inner(p, x, y):
+    p1 = p[1]
+    product = x*p1
+    return product, product > y, x - y
+
+@straight_line
+def outer_(p, x, y, memory):
+    first, more, rest = inner(p, x, y)
+    second, less, _ = inner(p, first, -x)
+    memory[1] = x + rest
+    memory[2] = second if more & less else first
+    return memory[0] + memory[1]*memory[2] + y
+
+@njit()
+def outer(p, x, y):
+    return outer_(p, x, y, zeros(3))
+"""
+
+
+def test_functions_that_are_called_do_what_they_do_in_python() -> None:
+    python = "straight_line = njit = called = lambda *x, **_: x[0] if x else lambda f: f\n"
+    python += "zeros = lambda size: [0.0]*size\n"
+    modules = [load_kernel(f"{HEAD_OF_CALLS}{text}{CALLS}") for text in ("", python)]
+    p = np.array([9.0, -2.5])
+    for x, y in product(NUMBERS, NUMBERS):
+        one, other = (module.outer(p, x, y) for module in modules)
+        assert same(one, float(other))
+
+
+def test_a_function_that_is_called_has_its_module_s_name_in_machine_code() -> None:
+    """Machine code kept by several processes would call what another module has by the same name."""
+    module = load_kernel(HEAD_OF_CALLS + CALLS)
+    module.outer(np.array([9.0, -2.5]), 1.0, 2.0)
+    (overload,) = module.inner.overloads.values()
+    assert f"{module.__name__}5inner" in overload.fndesc.mangled_name

@@ -86,10 +86,13 @@ def tables_in(data: object) -> list[Table]:
 
 
 def _fields_of(kind: type) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """Return the names of a dataclass's fields with the numbers written out in them; nothing of others."""
+    """Return the names of a dataclass's fields with the numbers written out in them; nothing of others.
+
+    Fields that do not count where two are compared are none.
+    """
     if not is_dataclass(kind):
         return ()
-    return tuple((field.name, field.metadata.get(WRITTEN_OUT, ())) for field in fields(kind))
+    return tuple((field.name, field.metadata.get(WRITTEN_OUT, ())) for field in fields(kind) if field.compare)
 
 
 _fields: Callable[[type], tuple[tuple[str, tuple[float, ...]], ...]] = cache(_fields_of)
