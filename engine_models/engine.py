@@ -4,15 +4,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import ClassVar, Literal, NamedTuple, Protocol
+from typing import ClassVar, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from engine_models.guards import guarded
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
+
+T = TypeVar("T", bound=AnyScene)
 
 FloatArray = NDArray[np.float64]
 
@@ -75,6 +78,20 @@ class ImpossibleStart(SimulationFailed):
     spoken_by = "scene"
 
 
+def plain(scene: AnyScene, engine: str) -> Scene:
+    """Return a plain crank-slider or pendulum as it is.
+
+    Raises:
+        UnsupportedScene: it is another mechanism.
+    """
+    if isinstance(scene, Scene) and scene.is_plain:
+        return scene
+    raise UnsupportedScene(
+        f"{engine} runs crank-sliders on a guide along +x through O and pendulums so far; the reference and "
+        f"scipy run other mechanisms (this is one by {scene.general_by})"
+    )
+
+
 def require_samples(samples: object) -> None:
     """Raise ValueError for what is no number of samples, or too large a one."""
     whole = isinstance(samples, Integral) and not isinstance(samples, bool)
@@ -107,7 +124,7 @@ class RunSettings:
             raise ValueError(f"step_s: expected a finite number > 0, got {shown(step)}")
         require_samples(self.samples)
 
-    def times_s(self, scene: Scene) -> FloatArray:
+    def times_s(self, scene: AnyScene) -> FloatArray:
         """Return the times of all samples, in order: equally spaced, and with clearance those of ``at_s``."""
         equal = np.linspace(0.0, scene.end_time_s, self.samples + 1)
         if not (self.at_s and scene.joints_with_clearance):
@@ -258,7 +275,8 @@ class Engine(Protocol):
     Two more methods of ``(scene, settings)`` are for engines that have a use for them: ``bare_run`` returns
     a ``BareRun`` where ``Trajectory.solve_time_s`` cannot leave the read-out out, and ``compile_time_s`` the
     wall time in s of what is compiled for a scene on a machine that has nothing yet.
-    Where ``controls_error`` is true, the step is but a limit; ``controlling_error()`` returns such an engine.
+    Where ``any_mechanism`` is true it runs scenes in the general form too. Where ``controls_error`` is true,
+    the step is but a limit; ``controlling_error()`` returns such an engine.
 
     An attribute ``order`` states at which order the error of smooth motion falls with the step, None where a
     tolerance of the engine's own chooses the steps; one ``accuracy_m``, if there is one, the error of the
@@ -266,11 +284,11 @@ class Engine(Protocol):
     ``crankslider conform`` holds the engine to both.
     """
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene, with the reason, if the engine at its settings cannot express the scene."""
         ...
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         """Return the scene that the engine really solves: the same, or with its own law in the contacts.
 
         The converged solution of it is the engine's model twin: what differs between the two
@@ -285,7 +303,7 @@ class Engine(Protocol):
         """Return the engine to take with half the step: its own tolerance, if it has one, a tenth."""
         ...
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
         ...
 

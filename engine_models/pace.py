@@ -6,8 +6,11 @@ import sys
 import numpy as np
 
 from engine_models.engine import SimulationFailed
+from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.states import lever_m
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
 #: A run that needs more steps than this would take hours or more.
@@ -19,7 +22,7 @@ RESOLVED = 1e6
 class Pace:
     """Judges every so many steps, enough to outlast any one contact, whether a run comes to its end."""
 
-    def __init__(self, scene: Scene, outlasting: int, most_steps: float = MOST_STEPS) -> None:
+    def __init__(self, scene: AnyScene, outlasting: int, most_steps: float = MOST_STEPS) -> None:
         self._scene, self._outlasting, self._most_steps = scene, outlasting, most_steps
         self._judged, self._judged_s = 0, 0.0
 
@@ -38,7 +41,7 @@ class Pace:
         self._judged, self._judged_s = steps, reached_s
 
 
-def too_slow(scene: Scene, step_s: float, when: str = "") -> SimulationFailed:
+def too_slow(scene: AnyScene, step_s: float, when: str = "") -> SimulationFailed:
     """Return the failure of a run whose steps are too short to come to its end.
 
     A field of the scene is to blame only if its own time is not much longer than the steps.
@@ -52,18 +55,18 @@ def too_slow(scene: Scene, step_s: float, when: str = "") -> SimulationFailed:
     )
 
 
-def forcing_field(scene: Scene) -> tuple[tuple[str, float], float]:
+def forcing_field(scene: AnyScene) -> tuple[tuple[str, float], float]:
     """Return name and value of the field that makes the shortest time in the scene, and that time in s.
 
     The times are those of an impact on the lightest body, at the speed of the crank's pin or of a body at the
     start, of a fall from the crank's height, or of one that crosses a clearance within the scene.
     """
-    r, rooms = scene.crank.length_m, clearances(scene).values()
-    told = (math.hypot(body.velocity_x_m_s, body.velocity_y_m_s) for body in scene.start.states)
+    r, rooms = lever_m(scene), clearances(scene).values()
+    told, turning_rad_s = _start_speeds(scene)
     crossing = (room.radial_clearance_m / scene.end_time_s for room in rooms)
-    pin_m_s = math.hypot(r * scene.start.crank_speed_rad_s, math.sqrt(2 * scene.gravity_m_s2 * r))
+    pin_m_s = math.hypot(r * turning_rad_s, math.sqrt(2 * math.hypot(*scene.gravity) * r))
     speed = np.float64(max([pin_m_s, sys.float_info.min, *told, *crossing]))
-    mass = min(body.mass_kg for body in scene.bodies)
+    mass = min(body.mass_kg for body in scene.mechanism.bodies)
     times = {("end_time_s", scene.end_time_s): scene.end_time_s}
     with np.errstate(all="ignore"):
         for joint, clearance in clearances(scene).items():
@@ -84,3 +87,13 @@ def forcing_field(scene: Scene) -> tuple[tuple[str, float], float]:
                 name = f"{field}.friction.regularisation_speed_m_s"
                 times[name, full] = float(mass * full / (friction.coefficient * force))
     return min(times.items(), key=lambda entry: entry[1])
+
+
+def _start_speeds(scene: AnyScene) -> tuple[list[float], float]:
+    """Return speeds in m/s of bodies at the start that are told, and the crank's or the fastest in rad/s."""
+    if isinstance(scene, Scene):
+        states = scene.start.states
+        told = [math.hypot(body.velocity_x_m_s, body.velocity_y_m_s) for body in states]
+        return told, scene.start.crank_speed_rad_s
+    _, velocity = start_state(scene)
+    return np.hypot(velocity[:, 0], velocity[:, 1]).tolist(), float(np.abs(velocity[:, 2]).max())

@@ -15,11 +15,9 @@ DOOR = "crankslider.py"
 #: What a file may import of the other packages: the longest entry that its path begins with decides.
 ALLOWED = {
     "reference_solver": set(),
-    "engine_models": set(),
-    "engine_models/reference": {"reference_solver"},  # runs it
-    "engine_models/mechanics/minimal": {"reference_solver"},  # writes its kernels, with its forces
-    "engine_models/heyoka": {"reference_solver"},  # writes its expressions, with its forces
-    "engine_models/scipy_ivp": {"reference_solver"},  # integrates its equations
+    "engine_models": {"reference_solver"},  # its formulas of laws and drives, its equations, its runs
+    "engine_models/engine.py": set(),
+    "engine_models/scene": {"reference_solver"},  # a mechanism's data, curves of tables, and assembled starts
     "studies": {"engine_models"},
     "studies/command": {"engine_models", "reports"},
     "studies/conformance": {"engine_models", "reports"},  # the rule by which an order is one

@@ -3,29 +3,83 @@
 And what its scene is: splines that leave the values of their tables.
 """
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from engine_models.convergence.own_uncertainty import DOUBTFUL_PART, doubtful_from_s
 from engine_models.engine import Engine, SimulationFailed, Trajectory
 from engine_models.mechanics.quality import quality_of
+from engine_models.mechanics.states import observed_in_words
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.curves import OVERSHOOT, overshoot
-from engine_models.scene.drives import TableDrive
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.curves import curve_of
+from reference_solver.mechanism.data import Course, Motor, Table, Torque
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+#: A spline is warned of where it leaves its table's values by more than this part of their range.
+OVERSHOOT = 0.03
 
 
-def doubts_of_tables(scene: Scene) -> list[str]:
+@dataclass(frozen=True)
+class Overshoot:
+    """A curve's own range, ``low`` to ``high``, and where it is furthest outside of its table's values.
+
+    There it is outside by a ``part`` of their range.
+    """
+
+    low: float
+    high: float
+    at: float
+    part: float
+
+
+def overshoot(of: "PPoly", y: Sequence[float]) -> Overshoot | None:
+    """Return how a curve leaves its table's values, None up to ``OVERSHOOT`` of their range."""
+    with np.errstate(all="ignore"):
+        at = of.derivative().roots(extrapolate=False)
+        values = of(at := at[np.isfinite(at)])
+    low, high = min(y), max(y)
+    beyond = np.maximum(values - high, low - values)
+    if not len(at) or beyond.max() <= OVERSHOOT * (high - low):
+        return None
+    k, least, most = int(beyond.argmax()), min(low, values.min()), max(high, values.max())
+    part = beyond[k] / (high - low) if high > low else math.inf
+    return Overshoot(float(least), float(most), float(at[k]), float(part))
+
+
+def doubts_of_tables(scene: AnyScene) -> list[str]:
     """Return a line for each table of a scene whose spline leaves the range of its values."""
-    tables, gas = [], scene.load.slider.gas if scene.load.slider else None
-    if gas is not None and gas.interpolation == "spline":
-        advice = 'interpolation = "linear" keeps to them'
-        tables.append(("load.slider.gas", gas.spline(), gas.force_N, "N", "rad", advice))
-    if isinstance(scene.drive, TableDrive) and scene.drive.interpolation == "spline":
-        advice = 'more points keep nearer to them (interpolation = "linear" takes a constant speed alone)'
-        tables.append(("drive", scene.drive.spline(), scene.drive.angle_rad, "rad", "s", advice))
+    of, tables = scene.mechanism, list[tuple[str, Table, str, str, str]]()
+    keeps = 'interpolation = "linear" keeps to them'
+    for load in of.loads:
+        path = f"load.{of.bodies[load.body].name}"
+        if load.gas is not None:
+            tables.append((f"{path}.gas", load.gas.table, "N", "rad", keeps))
+        for by_time, unit in ((load.force_by_time, "N"), (load.torque_by_time, "N m")):
+            if by_time is not None:
+                tables.append((f"{path}.by_time", by_time, unit, "s", keeps))
+    match of.drive.law:
+        case Course(table):
+            advice = 'more points keep nearer to them (interpolation = "linear" takes a constant speed alone)'
+            tables.append(("drive", table, "rad" if of.drive.guide is None else "m", "s", advice))
+        case Torque(Table() as table):
+            tables.append(("drive", table, "N m", "s", keeps))
+        case Motor(table=Table() as table):
+            tables.append(("drive", table, "N m", "rad/s", keeps))
     lines = []
-    for name, spline, values, unit, of, advice in tables:
+    splines = (entry for entry in tables if entry[1].interpolation == "spline")
+    for name, table, unit, by, advice in splines:
+        spline, values = curve_of(table), table.y
         if (beyond := overshoot(spline, values)) is not None:
             spans = f"from {beyond.low:.6g} to {beyond.high:.6g} {unit}"
-            most = f"{100 * beyond.part:.3g} % of that range beyond at {beyond.at:.4g} {of}"
+            most = f"{100 * beyond.part:.3g} % of that range beyond at {beyond.at:.4g} {by}"
             own = f"the table's values from {min(values):.6g} to {max(values):.6g} {unit}, {most}"
             lines.append(
                 f"{name}: the spline goes {spans}, {own} ({100 * OVERSHOOT:g} % goes unsaid): {advice}"
@@ -33,7 +87,7 @@ def doubts_of_tables(scene: Scene) -> list[str]:
     return lines
 
 
-def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) -> list[str]:
+def doubts(engine: Engine, scene: AnyScene, run: Trajectory, to_tolerance: bool) -> list[str]:
     """Return a line for each doubt about a run; one to a tolerance has been held against more already.
 
     Raises:
@@ -52,8 +106,10 @@ def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) ->
         except SimulationFailed as failure:
             return [*lines, f"not tested by shorter steps: {failure}"]
         if when is not None:
-            measure = "smallest clearance" if scene.joints_with_clearance else "crank"
-            doubtful = f"slider position in doubt by {100 * DOUBTFUL_PART:g} % of the {measure} or more"
+            lever = "crank" if isinstance(scene, Scene) else "longest lever"
+            measure = "smallest clearance" if scene.joints_with_clearance else lever
+            share = f"{100 * DOUBTFUL_PART:g} % of the {measure} or more"
+            doubtful = f"{observed_in_words(scene)} in doubt by {share}"
             advice = "use --tolerance, or end the run before"
             lines.append(f"{doubtful} from t = {when:.6g} s on, by a run at shorter steps: {advice}")
     return lines

@@ -4,9 +4,10 @@ import numpy as np
 
 from engine_models.engine import Engine, FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.two_methods import sharp_solution
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 
 #: What the sharper solution itself may be off by beside these.
 MARGIN = 1.1
@@ -17,7 +18,7 @@ DOUBTFUL_PART = 0.01
 
 
 def simulate_with_uncertainty(
-    engine: Engine, scene: Scene, settings: RunSettings
+    engine: Engine, scene: AnyScene, settings: RunSettings
 ) -> tuple[Trajectory, dict[str, FloatArray]]:
     """Return a run, and bounds on the largest error over time of each of its signals.
 
@@ -44,7 +45,7 @@ def simulate_with_uncertainty(
     }
 
 
-def doubtful_from_s(engine: ReferenceEngine, scene: Scene, run: Trajectory) -> float | None:
+def doubtful_from_s(engine: ReferenceEngine, scene: AnyScene, run: Trajectory) -> float | None:
     """Return from when on the slider of the reference's run may be off by 1 % of the smallest clearance.
 
     Without clearance it is 1 % of the crank. That is where a run at half the step, and twice the steps per
@@ -55,14 +56,14 @@ def doubtful_from_s(engine: ReferenceEngine, scene: Scene, run: Trajectory) -> f
     """
     settings = RunSettings(run.step_s if engine.controls_error else run.step_s / 2, len(run.time_s) - 1)
     finer = engine.finer().simulate(scene, settings)
-    far = np.abs(run.slider_position_m - finer.slider_position_m) > DOUBTFUL_PART * measure_m(scene) / 2
+    far = np.abs(observed_m(scene, run) - observed_m(scene, finer)) > DOUBTFUL_PART * measure_m(scene) / 2
     return float(run.time_s[np.argmax(far)]) if far.any() else None
 
 
-def measure_m(scene: Scene) -> float:
-    """Return the smallest radial clearance, or without any the crank's length."""
+def measure_m(scene: AnyScene) -> float:
+    """Return the smallest radial clearance, or without any the longest lever, the crank of a crank-slider."""
     radial = (clearance.radial_clearance_m for clearance in clearances(scene).values())
-    return min(radial, default=scene.crank.length_m)
+    return min(radial, default=lever_m(scene))
 
 
 def _apart(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -13,8 +13,9 @@ import numpy as np
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import observed_in_words, observed_m
 from engine_models.reference.two_methods import agreed_solution
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 
 #: Runs are compared at no fewer samples than this: at a few times they may agree by chance.
 FEWEST_SAMPLES = 100
@@ -26,7 +27,7 @@ MOST_STEPS = 2_000_000
 STALLED_HALVINGS = 4
 
 
-def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samples: int) -> Trajectory:
+def simulate_to_tolerance(engine: Engine, scene: AnyScene, tolerance_m: float, samples: int) -> Trajectory:
     """Return the run at the longest step tried whose slider position is within the tolerance at all samples.
 
     A run that fails at a coarse step counts as one that is not.
@@ -41,14 +42,17 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
     try:
         solution = agreed_solution(twin, to_agree_m, compared)
     except SimulationFailed as failure:
-        raise SimulationFailed(f"slider position not known to {tolerance_m:g} m: {failure}") from None
+        raise SimulationFailed(
+            f"{observed_in_words(scene)} not known to {tolerance_m:g} m: {failure}"
+        ) from None
     for present, step in _ever_sharper(engine, scene, compared):
         try:
             run = require_quality(scene, present.simulate(scene, RunSettings(step, compared)))
         except SimulationFailed as failure:
             trouble = str(failure)
             continue
-        errors.append(float(np.abs(run.slider_position_m - solution.run.slider_position_m).max()))
+        off_m = np.abs(observed_m(scene, run) - observed_m(twin, solution.run))
+        errors.append(float(off_m.max()))
         if errors[-1] + solution.apart_m[-1] <= tolerance_m:
             return selected(run, slice(None, None, every))
         sharpening = "a tenth of the engine's tolerance"
@@ -57,10 +61,10 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
         trouble = f"{sharpening} leaves an error of {errors[-1]:.3g} m"
         if step < scene.end_time_s and _stalled(errors):
             break
-    raise SimulationFailed(f"slider position not converged to {tolerance_m:g} m: {trouble}")
+    raise SimulationFailed(f"{observed_in_words(scene)} not converged to {tolerance_m:g} m: {trouble}")
 
 
-def _ever_sharper(engine: Engine, scene: Scene, compared: int) -> Iterator[tuple[Engine, float]]:
+def _ever_sharper(engine: Engine, scene: AnyScene, compared: int) -> Iterator[tuple[Engine, float]]:
     """Return the engine at ever shorter steps, or with ever smaller tolerances in steps that it chooses."""
     if getattr(engine, "controls_error", False):
         while True:

@@ -23,7 +23,6 @@ from engine_models.mechanics.contact_law import (
 )
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.joints import (
-    JointGap,
     clearances,
     cross,
     directions,
@@ -33,6 +32,7 @@ from engine_models.mechanics.joints import (
     penetration_m,
 )
 from engine_models.mechanics.reactions import ContactForces
+from engine_models.mechanics.states import JointGap
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.scene.scene import Clearance, Scene
 

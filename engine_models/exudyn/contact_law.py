@@ -11,10 +11,9 @@ saturated linear. It follows the sign of the normal force: where that pulls, fri
 import math
 from dataclasses import dataclass
 
-from engine_models.engine import UnsupportedScene
+from engine_models.engine import T, UnsupportedScene
 from engine_models.mechanics.contact_law import damping_factor_of, minimum_impact_speed_of
-from engine_models.mechanics.joints import clearances
-from engine_models.scene.scene import Clearance, Clearances, Scene
+from engine_models.scene.scene import Clearance
 
 #: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.
 LARGEST_OF_MODEL_1, LARGEST_OF_CARVALHO_MARTINS = 1.5, 8 / 3
@@ -42,14 +41,14 @@ def native_law(clearance: Clearance) -> NativeLaw:
     return NativeLaw(2, 2 / (a + math.sqrt(a * a + 4)), 0.0)  # e'^2 + a e' - 1 = 0
 
 
-def native_twin(scene: Scene) -> Scene:
+def native_twin(scene: T) -> T:
     """Return the scene with the contact laws as Exudyn has them.
 
     Raises:
         UnsupportedScene: a law has no counterpart in Exudyn.
     """
-    native = {name: _native_twin(name, clearance) for name, clearance in clearances(scene).items()}
-    return scene.model_copy(update={"clearance": Clearances(**native)})
+    rooms = scene.clearances.items()
+    return scene.with_clearances({name: _native_twin(name, clearance) for name, clearance in rooms})
 
 
 def _native_twin(name: str, clearance: Clearance) -> Clearance:

@@ -69,10 +69,10 @@ def speed(scene: Scene, t: Any) -> Any:
     drive, clock, own = scene.drive, t + (scene.start.time_s or 0.0), scene.start.crank_speed_rad_s
     if isinstance(drive, RampDrive):
         x = _share(drive, clock)
-        return own + (drive.final_speed_rad_s - own) * (x * x * x * (10 + x * (6 * x - 15)))
+        return own + (drive.final_speed - own) * (x * x * x * (10 + x * (6 * x - 15)))
     assert isinstance(drive, FluctuatingDrive)
     phase = 2 * math.pi * drive.frequency_Hz * clock + drive.phase_rad
-    return own + drive.amplitude_rad_s * symbolic.sin(phase)
+    return own + drive.amplitude * symbolic.sin(phase)
 
 
 def acceleration(scene: Scene, t: Any) -> Any:
@@ -80,11 +80,11 @@ def acceleration(scene: Scene, t: Any) -> Any:
     drive, clock, own = scene.drive, t + (scene.start.time_s or 0.0), scene.start.crank_speed_rad_s
     if isinstance(drive, RampDrive):
         x = _share(drive, clock)
-        steepness = 30 * (drive.final_speed_rad_s - own) / drive.ramp_time_s
+        steepness = 30 * (drive.final_speed - own) / drive.ramp_time_s
         return steepness * (x * x * (1 - x) * (1 - x))
     if isinstance(drive, FluctuatingDrive):
         rate = 2 * math.pi * drive.frequency_Hz
-        return drive.amplitude_rad_s * rate * symbolic.cos(rate * clock + drive.phase_rad)
+        return drive.amplitude * rate * symbolic.cos(rate * clock + drive.phase_rad)
     assert isinstance(drive, TableDrive)
     return piecewise(clock, drive.spline().derivative(2))
 

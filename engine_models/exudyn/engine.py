@@ -8,8 +8,10 @@ from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
     RunSettings,
+    T,
     Trajectory,
     UnsupportedScene,
+    plain,
     require_finite,
 )
 from engine_models.exudyn.contact_law import native_twin
@@ -18,6 +20,7 @@ from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ORDERS, ExudynSett
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
 #: What a recorded step takes, with what is made of it after the run (measured).
@@ -33,8 +36,9 @@ class ExudynEngine(ExudynSettings):
     See ``ExudynSettings``.
     """
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
+        scene = plain(scene, "exudyn")
         native_twin(scene)
         if self.solver_of(scene) not in IMPLICIT:
             reason = no_tree(scene)
@@ -42,7 +46,7 @@ class ExudynEngine(ExudynSettings):
                 raise UnsupportedScene(f"exudyn's solver {self.solver} cannot run this scene: {reason}")
         require_build(self.fast)
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         """Return the scene with the contacts as Exudyn has them: they may pull, friction saturates linearly.
 
         A friction law that is a hyperbolic tangent becomes linear up to the same speed.
@@ -59,19 +63,20 @@ class ExudynEngine(ExudynSettings):
         """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
-    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
         """Return the solve with nothing recorded but its ends.
 
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
+        scene = plain(scene, "exudyn")
         self.check(scene)
         load_build(self.fast)
         from engine_models.exudyn.run import bare_run  # which imports Exudyn, in the build of the first run
 
         return bare_run(self, wound(scene), settings)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run a scene.
 
         Raises:
@@ -79,6 +84,7 @@ class ExudynEngine(ExudynSettings):
             SimulationFailed: Exudyn gave up, stopped short, ran out of time or returned non-finite numbers;
                 or the driver's speed changes within a step.
         """
+        scene = plain(scene, "exudyn")
         self.check(scene)
         require_memory(scene, settings, *self._recorded(scene, settings))
         if self.solver_of(scene) not in ADAPTIVE:

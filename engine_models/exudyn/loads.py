@@ -17,9 +17,10 @@ from engine_models.exudyn.drive import FLYWHEEL_KG_M2, acceleration
 from engine_models.exudyn.motion import Part
 from engine_models.exudyn.symbolic import piecewise, symbolic, user_function
 from engine_models.mechanics.joints import CRANK, SLIDER
-from engine_models.mechanics.slider_load import parts_of
+from engine_models.mechanics.loads import parts_of
 from engine_models.scene.loads import Gas, SliderLoad
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.motor import motor_damping, motor_torque
 
 items: Any = itemInterface  # its constructors carry no types
 
@@ -45,9 +46,8 @@ def add_loads(
     constant = ((load.force_N or 0.0) - stiffness * (start[-1, 0] - free)) * slider
     damping = (load.viscous_N_s_m or 0.0) * np.outer(slider, slider)
     if scene.drive.kind == "motor":
-        stall = scene.drive.stall_torque_N_m
-        constant += stall * crank
-        damping += stall / scene.drive.no_load_speed_rad_s * np.outer(crank, crank)
+        constant += motor_torque(scene.drive.line, 0.0) * crank
+        damping += motor_damping(scene.drive.line) * np.outer(crank, crank)
     t, number = symbolic.Real("t", 0.0), symbolic.Real("itemNumber", 0)
     q, rates = (symbolic.Vector(name, [0.0] * len(crank)) for name in ("q", "q_t"))
     forces = [symbolic.Real(0.0)] * len(crank)

@@ -101,7 +101,7 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
     if scene.speed_is_prescribed and not tree:
         driver = _force_sensor(mbs, add_speed(mbs, scene, bodies.parts[CRANK]))
     if scene.drive.kind == "torque":
-        torque = [0.0, 0.0, scene.drive.torque_N_m]
+        torque = [0.0, 0.0, scene.drive.constant_N_m]
         mbs.AddLoad(items.LoadTorqueVector(markerNumber=bodies.marker(CRANK), loadVector=torque))
     mbs.Assemble()
     return Model(container, mbs, position, bodies.parts, forces, driver, histories, tree)
@@ -157,9 +157,9 @@ def _add_bodies(
 
 def _add_weight(mbs: exu.MainSystem, scene: Scene, body: Any, mass_kg: float, place_m: float) -> None:
     """Add a body's weight, which acts at a place along its x axis."""
-    if scene.gravity_m_s2 != 0:
+    if scene.weight_m_s2 != 0:
         at = mbs.AddMarker(items.MarkerBodyPosition(bodyNumber=body, localPosition=[place_m, 0.0, 0.0]))
-        weight = [0.0, -mass_kg * scene.gravity_m_s2, 0.0]
+        weight = [0.0, -mass_kg * scene.weight_m_s2, 0.0]
         mbs.AddLoad(items.LoadForceVector(markerNumber=at, loadVector=weight))
 
 
@@ -195,7 +195,7 @@ def _add_tree(
         linkMasses=masses,
         linkInertiasCOM=matrices([np.diag([0.0, 0.0, inertia]) for inertia in about_z]),
         linkCOMs=vectors([[link.centre_m, 0.0, 0.0] for link in links]),
-        gravity=[0.0, -scene.gravity_m_s2, 0.0],
+        gravity=[0.0, -scene.weight_m_s2, 0.0],
     )
     return node, mbs.AddObject(tree)
 

@@ -13,12 +13,13 @@ from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, inte
 from engine_models.exudyn.settings import IMPLICIT, ExudynSettings
 from engine_models.exudyn.solver import evaluations, record_every, silence, simulation_settings, solve
 from engine_models.guards import guarded
-from engine_models.mechanics.crank_motion import crank_motion, motor_torque
+from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, SLIDER, clearances
+from engine_models.mechanics.loads import integrated_parts, slider_forces
 from engine_models.mechanics.reactions import contact_force, guide_force, reactions
-from engine_models.mechanics.slider_load import integrated_parts, slider_forces
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.motor import motor_torque
 
 #: A recorded time may differ from its place on the grid by rounding, never by this part of an interval.
 TIME_TOLERANCE = 1e-6
@@ -100,7 +101,7 @@ def _pivot_force(scene: Scene, acceleration: FloatArray, at_A_N: FloatArray | No
 
     ``acceleration`` (n, bodies, 3) is all bodies', ``at_A_N`` (n, 2) acts on the rod, None without one.
     """
-    gravity = np.array([0.0, scene.gravity_m_s2])
+    gravity = np.array([0.0, scene.weight_m_s2])
     force = scene.crank.mass_kg * (acceleration[:, CRANK, :2] + gravity)
     return np.asarray(force if at_A_N is None else force + at_A_N)
 
@@ -115,7 +116,7 @@ def _powers(scene: Scene, position: FloatArray, velocity: FloatArray) -> dict[st
     powers = {part: forces[part] * velocity[:, SLIDER, 0] for part in integrated_parts(scene)}
     if scene.drive.kind == "motor":
         speed = velocity[:, CRANK, 2]
-        powers["driver"] = motor_torque(scene, speed) * speed
+        powers["driver"] = motor_torque(scene.drive.line, speed) * speed
     return powers
 
 

@@ -6,7 +6,7 @@ import pydantic
 from pydantic import Field
 
 from engine_models.engine import SETTINGS_CONFIG
-from engine_models.mechanics.slider_load import integrated_parts
+from engine_models.mechanics.loads import integrated_parts
 from engine_models.scene.scene import Scene
 
 #: Fixed-step solvers by their orders.

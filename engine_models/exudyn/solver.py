@@ -100,7 +100,7 @@ def newton_bound(scene: Scene, solver: str, step_s: float) -> float:
     """
     speed = float(np.abs(expected_speeds_rad_s(scene)).max())
     if scene.drive.kind in ("free", "torque"):  # whatever it starts with, it swings
-        speed = max(speed, math.sqrt(scene.gravity_m_s2 / scene.crank.length_m))
+        speed = max(speed, math.sqrt(scene.weight_m_s2 / scene.crank.length_m))
     turned = min(speed * step_s, LARGEST_TURN_RAD)
     rod = scene.rod  # the norm of what it moves and turns by, for a crank that turns by 1 rad
     size = 1.0 if rod is None else scene.crank.length_m * math.hypot(1.0, 1 / rod.length_m)

@@ -13,8 +13,10 @@ from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
     RunSettings,
+    T,
     Trajectory,
     UnsupportedScene,
+    plain,
     require_finite,
 )
 from engine_models.mechanics.contact_law import exponent_of
@@ -23,6 +25,7 @@ from engine_models.mechanics.minimal.scope import require_coordinates
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.trajectory import trajectory_of_solution
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Clearance, Scene
 
 if TYPE_CHECKING:
@@ -55,8 +58,9 @@ class HeyokaEngine:
     step_tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-12
     max_steps: Annotated[int, Field(gt=0)] = 20_000_000
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series of a contact."""
+        scene = plain(scene, "heyoka")
         if find_spec("heyoka") is None:
             raise UnsupportedScene(
                 "heyoka is not installed: pip install heyoka (Linux, Python 3.11 or later), "
@@ -67,7 +71,7 @@ class HeyokaEngine:
             if (reason := _without_series(clearance)) is not None:
                 raise UnsupportedScene(f"heyoka's model has no contact like that at {joint}: {reason}")
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         """Return the scene itself: what is supported is solved as it is.
 
         Raises:
@@ -84,13 +88,14 @@ class HeyokaEngine:
         """Return the engine with a tenth of its tolerance."""
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene.
 
         Raises:
             UnsupportedScene: see ``check``.
             SimulationFailed: a state that is not finite, or too many steps.
         """
+        scene = plain(scene, "heyoka")
         self.check(scene)
         require_memory(scene, settings)
         from engine_models.heyoka.reading import HeldDerivative, Reading
@@ -106,12 +111,13 @@ class HeyokaEngine:
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))
 
-    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
         """Return the same steps with no series kept.
 
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
+        scene = plain(scene, "heyoka")
         self.check(scene)
         systems, flight = _systems(self, wound(scene)), self._flight(scene, settings)
         compiled, started = systems.compiled_s, time.perf_counter()
@@ -119,8 +125,9 @@ class HeyokaEngine:
         solve_time = time.perf_counter() - started - (systems.compiled_s - compiled)
         return BareRun(solve_time, flight.position())
 
-    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
         """Return what heyoka takes to compile the integrators of a run, in s; it keeps none on disk."""
+        scene = plain(scene, "heyoka")
         self.check(scene)
         import heyoka
 

@@ -74,7 +74,7 @@ class Motion:
             for load in mechanism.loads
         ]
         equations = Equations(replace(mechanism, loads=tuple(loads)), np.zeros(len(self.q)))
-        self._applied, self.powers, _ = equations.forces(self.q, self.v, None)
+        self._applied, self.powers, _ = equations.forces(time, self.q, self.v, None)
         self.crank_angle, self.crank_speed = z[THETA], u[THETA]
         self.touching = [k for k, phase in enumerate(phases) if phase != FLIGHT and not self.joints[k].rigid]
         self.held = [k for k, phase in enumerate(phases) if phase != FLIGHT and self.joints[k].rigid]

@@ -57,7 +57,7 @@ def drive_of(mechanism: Mechanism) -> Polynomials | None:
     """Return the angle turned since t = 0 by pieces of time, None where it is smooth."""
     for motion in mechanism.prescribed:
         if isinstance(motion, Course):
-            return Polynomials(np.reshape(motion.turned.rows, (-1, ROW)))
+            return Polynomials(np.reshape(motion.moved.rows, (-1, ROW)))
         if isinstance(motion, Ramp):
             return Polynomials(_ramp(motion))
     return None
@@ -72,10 +72,10 @@ def gas_of(mechanism: Mechanism) -> Polynomials | None:
 
 def _ramp(motion: Ramp) -> FloatArray:
     """Return what is before, within and after a ramp, (3, 8)."""
-    start, T, gain = motion.start_s, motion.duration_s, motion.last_rad_s - motion.first_rad_s
+    start, T, gain = motion.start_s, motion.duration_s, motion.last - motion.first
     rows = np.zeros((3, 8))
     rows[:, 0] = start - T, start, start + T
-    for row, speed in zip(rows, (motion.first_rad_s, motion.first_rad_s, motion.last_rad_s), strict=True):
+    for row, speed in zip(rows, (motion.first, motion.first, motion.last), strict=True):
         row[1:3] = MOTIONS[Ramp](motion, row[0])[0], speed
     rows[1, 5:8] = gain * T * np.array([2.5, -3.0, 1.0]) / T ** np.arange(4, 7)
     return rows

@@ -156,7 +156,7 @@ class Systems:
         names = [f"{of}{place}" for of in "zu" for place in tree.coordinates]
         self._start = dict(zip(names, tree.start(q.ravel(), v.ravel()).tolist(), strict=True))
         self._past_m = PAST * sum(link.length_m for link in (scene.crank, scene.rod) if link)
-        falling = np.sqrt(scene.gravity_m_s2 / scene.crank.length_m)
+        falling = np.sqrt(scene.weight_m_s2 / scene.crank.length_m)
         quickest = max(float(np.abs(expected_speeds_rad_s(scene)).max()), falling)
         self._shortest_s = SHORTEST / quickest if quickest else 0.0
         self._drive, self._gas = drive_of(self.mechanism), gas_of(self.mechanism)

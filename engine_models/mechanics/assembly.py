@@ -7,17 +7,34 @@ import numpy as np
 from engine_models.engine import BODIES, FloatArray
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER
+from engine_models.scene.general import placed_start
+from engine_models.scene.mechanism import state_of
+from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.scene import BodyState, Scene
 
 
-def start_state(scene: Scene) -> tuple[FloatArray, FloatArray]:
-    """Return the positions and velocities at t = 0, as ``assembled`` does: those given, or the assembly's."""
+def start_state(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
+    """Return the positions and velocities at t = 0, (bodies, 3) each: those given, or the assembly's."""
+    if isinstance(scene, GeneralParts):
+        return _placed(scene)
+    assert isinstance(scene, Scene)
+    if not (scene.is_plain or scene.start.states):
+        return _placed(scene.general)
     if not scene.start.states:
         motion = crank_motion(scene)
         speed = scene.start.crank_speed_rad_s if motion is None else motion.start_speed_rad_s
         return assembled(scene, scene.start.crank_angle_rad, speed)
     values = np.array([list(state.model_dump().values()) for state in scene.start.states])
     return values[:, :3], values[:, 3:]
+
+
+def _placed(scene: GeneralParts) -> tuple[FloatArray, FloatArray]:
+    """Return the start of a scene in the general form."""
+    start = placed_start(scene)
+    if start is not None:
+        return np.array(start.q).reshape(-1, 3), np.array(start.v).reshape(-1, 3)
+    q, v = state_of(scene)
+    return q.reshape(-1, 3), v.reshape(-1, 3)
 
 
 def started_from(

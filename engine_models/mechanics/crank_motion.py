@@ -9,6 +9,7 @@ import numpy as np
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.guards import guarded
 from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
 #: Times at which a speed that changes is looked at.
@@ -64,35 +65,30 @@ def expected_speeds_rad_s(scene: Scene) -> FloatArray:
     return motion.speed_rad_s(np.linspace(0.0, scene.end_time_s, SPEEDS))
 
 
-def quickest_s(scene: Scene) -> float:
+def quickest_s(scene: AnyScene) -> float:
     """Return how long a ramp or a period of a fluctuation takes in s, infinite without one."""
-    if isinstance(scene.drive, RampDrive):
-        return scene.drive.ramp_time_s
-    return 1.0 / scene.drive.frequency_Hz if isinstance(scene.drive, FluctuatingDrive) else math.inf
+    drive = scene.driven_by
+    if isinstance(drive, RampDrive):
+        return drive.ramp_time_s
+    return 1.0 / drive.frequency_Hz if isinstance(drive, FluctuatingDrive) else math.inf
 
 
-def require_followed(scene: Scene, step_s: float) -> None:
+def require_followed(scene: AnyScene, step_s: float) -> None:
     """Refuse a run whose steps of one length are too long for what the driver does.
 
     Raises:
         SimulationFailed: a ramp, or a period of a fluctuation, has fewer than ``FEWEST_STEPS`` of them.
     """
     if guarded() and quickest_s(scene) < FEWEST_STEPS * step_s:
-        field = "ramp_time_s" if scene.drive.kind == "ramp" else "frequency_Hz"
+        field = "ramp_time_s" if scene.driven_by.kind == "ramp" else "frequency_Hz"
         raise SimulationFailed(
             f"drive.{field}: expected at least {FEWEST_STEPS} steps in {quickest_s(scene):.3g} s, "
             f"got steps of {step_s:.3g} s: shorten the step"
         )
 
 
-def motor_torque(scene: Scene, speed_rad_s: FloatArray) -> FloatArray:
-    """Return the torque in N m of a scene's motor on the crank at speeds (n,)."""
-    assert scene.drive.kind == "motor"
-    return np.asarray(scene.drive.stall_torque_N_m * (1 - speed_rad_s / scene.drive.no_load_speed_rad_s))
-
-
 def _ramp(drive: RampDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
-    gain, duration = drive.final_speed_rad_s - speed, drive.ramp_time_s
+    gain, duration = drive.final_speed - speed, drive.ramp_time_s
 
     def part(t: FloatArray) -> FloatArray:
         return np.clip(t / duration, 0.0, 1.0)
@@ -109,7 +105,7 @@ def _ramp(drive: RampDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
 
 
 def _fluctuating(drive: FluctuatingDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
-    a, rate, phase = drive.amplitude_rad_s, 2 * math.pi * drive.frequency_Hz, drive.phase_rad
+    a, rate, phase = drive.amplitude, 2 * math.pi * drive.frequency_Hz, drive.phase_rad
     return (
         # Equal to -cos(rate t + phase) + cos(phase), without their difference.
         lambda t: speed * t + 2 * a / rate * np.sin(rate * t / 2) * np.sin(rate * t / 2 + phase),

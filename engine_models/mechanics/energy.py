@@ -1,12 +1,16 @@
 """Energies: what a contact stores, a torque's work, and the ledger of a trajectory from it and its scene."""
 
+import math
+
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
-from engine_models.mechanics.joints import CRANK
-from engine_models.mechanics.slider_load import slider_forces
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.mechanics.loads import load_forces
+from engine_models.mechanics.states import lever_m, point_motion
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Clearance
+from reference_solver.mechanism.contact_laws import stored_J
 
 #: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9
@@ -16,30 +20,31 @@ def elastic_energy_J(clearance: Clearance, penetration: FloatArray) -> FloatArra
     """Return K delta^(n+1)/(n+1) where delta is positive, else 0, in its shape; 0 between rigid walls."""
     if clearance.law == "rigid":
         return np.zeros_like(penetration)
-    n = exponent_of(clearance)
-    return np.asarray(stiffness_of(clearance) * np.maximum(penetration, 0.0) ** (n + 1) / (n + 1))
+    return stored_J(stiffness_of(clearance), exponent_of(clearance), penetration)
 
 
-def work_of_torque_J(torque_N_m: float, position: FloatArray) -> FloatArray:
-    """Return the work of a constant torque on the crank since the first of positions (n, bodies, 3), (n,)."""
-    angle = position[:, CRANK, 2]
-    return np.asarray(torque_N_m * (angle - angle[0]))
-
-
-def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+def kinetic_energy_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     """Return the kinetic energy of the bodies, (n,)."""
-    inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
+    bodies = scene.mechanism.bodies
+    inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in bodies])
     return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
 
 
-def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the gravitational energy, zero at the guide's height, and the contacts' elastic one, (n,)."""
-    masses = np.array([body.mass_kg for body in scene.bodies])
-    gravitational = scene.gravity_m_s2 * (trajectory.position[:, :, 1] @ masses)
-    return np.asarray(gravitational + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
+def potential_energy_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+    """Return the energy of gravity, zero at the origin's height, of springs and of contacts, (n,)."""
+    of, x = scene.mechanism, trajectory.position
+    masses, (gx, gy) = np.array([body.mass_kg for body in of.bodies]), of.gravity_m_s2
+    energy = -gy * (x[:, :, 1] @ masses)
+    if gx:
+        energy = energy - gx * (x[:, :, 0] @ masses)
+    for spring in of.springs:
+        ends = (spring.body_i, spring.point_i), (spring.body_j, spring.point_j)
+        i, j = (point_motion(*end, x, np.zeros_like(x)).place_m for end in ends)
+        energy = energy + spring.stiffness_N_m / 2 * (np.hypot(*(j - i).T) - spring.free_length_m) ** 2
+    return np.asarray(energy + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
 
 
-def numerical_gain_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+def numerical_gain_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     """Return the energy since t = 0 that no physics accounts for, (n,): positive if made, negative if lost.
 
     Unlike the energy balance residual it holds what stabilisation removed, which is not physics either and
@@ -50,13 +55,13 @@ def numerical_gain_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     return np.asarray(energy - energy[0] - trajectory.work_J + (0.0 if lost is None else lost))
 
 
-def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
+def energy_balance_residual_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
     gain, removed = numerical_gain_J(scene, trajectory), trajectory.stabilisation_loss_J
     return gain if removed is None else gain + removed
 
 
-def unaccounted_part(scene: Scene, trajectory: Trajectory) -> FloatArray:
+def unaccounted_part(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     """Return the size of the energy that no physics accounts for, in parts of that in play, (n,).
 
     Wherever an energy is told in percent it is this.
@@ -64,7 +69,7 @@ def unaccounted_part(scene: Scene, trajectory: Trajectory) -> FloatArray:
     return np.abs(numerical_gain_J(scene, trajectory)) / energy_in_play_J(scene, trajectory)
 
 
-def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> float:
+def energy_in_play_J(scene: AnyScene, trajectory: Trajectory) -> float:
     """Return the largest energy in a run as far as it is finite, with a little more for round-off, > 0.
 
     It is the largest of kinetic energy, potential energy gained or spent, and the works of driver and loads.
@@ -78,11 +83,13 @@ def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> float:
     return float(np.max(parts, initial=0.0, where=np.isfinite(parts)) + rounding)
 
 
-def _of_forces_J(scene: Scene, trajectory: Trajectory) -> float:
+def _of_forces_J(scene: AnyScene, trajectory: Trajectory) -> float:
     """Return what weight, load and driver do in a radian of the crank at most, at their medians over time."""
-    weight = scene.gravity_m_s2 * sum(body.mass_kg for body in scene.bodies)
-    loads = slider_forces(scene, trajectory.position, trajectory.velocity).values()
+    of = scene.mechanism
+    weight = math.hypot(*of.gravity_m_s2) * sum(body.mass_kg for body in of.bodies)
+    states = trajectory.time_s, trajectory.position, trajectory.velocity
+    loads = load_forces(of, *states).values()
     forces_N = weight + sum(float(np.median(np.abs(load_N))) for load_N in loads)
     torque = trajectory.driver_torque_N_m
     torque_N_m = 0.0 if torque is None else float(np.median(np.abs(torque)))
-    return forces_N * scene.crank.length_m + torque_N_m
+    return forces_N * lever_m(scene) + torque_N_m

@@ -4,27 +4,17 @@ A pin is on the body further from the crank pivot, its bearing on the nearer one
 axis of their bodies. The surfaces of pin and bearing with clearance meet in the middle of the penetration.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from engine_models.engine import FloatArray
+from engine_models.mechanics.states import JointGap, pin_gap
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Clearance, Scene
 
 CRANK, ROD, SLIDER = range(3)
 
 #: A body, None for the ground, and a place on it along its axis from its centre of mass.
 End = tuple[int | None, float]
-
-
-@dataclass(frozen=True)
-class JointGap:
-    """``gap_m`` (n, 2) is from the bearing's centre to the pin's; spins (n,) are those of the two bodies."""
-
-    gap_m: FloatArray
-    rate_m_s: FloatArray
-    pin_spin_rad_s: FloatArray
-    bearing_spin_rad_s: FloatArray
 
 
 def ends(scene: Scene) -> dict[str, tuple[End, End]]:
@@ -42,23 +32,21 @@ def ends(scene: Scene) -> dict[str, tuple[End, End]]:
     }
 
 
-def clearances(scene: Scene) -> dict[str, Clearance]:
-    """Return the clearances of the joints that have one, in the order O, A, B."""
-    return {name: getattr(scene.clearance, name) for name in scene.joints_with_clearance}
+def clearances(scene: AnyScene) -> dict[str, Clearance]:
+    """Return the clearances of the joints that have one, in the order of the joints."""
+    return scene.clearances
 
 
-def joint_gap(scene: Scene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
+def joint_gap(scene: AnyScene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
     """Return a joint's gap in states (n, bodies, 3)."""
-    (pin, pin_rate, pin_spin), (bearing, bearing_rate, bearing_spin) = (
-        _point(end, position, velocity) for end in ends(scene)[joint]
-    )
-    return JointGap(pin - bearing, pin_rate - bearing_rate, pin_spin, bearing_spin)
+    pin = next(pin for pin in scene.mechanism.pins if pin.name == joint)
+    return pin_gap(pin, position, velocity)
 
 
-def gaps(scene: Scene, position: FloatArray) -> dict[str, FloatArray]:
+def gaps(scene: AnyScene, position: FloatArray) -> dict[str, FloatArray]:
     """Return the vector (n, 2) in m from the bearing to the pin of each joint in positions (n, bodies, 3)."""
     at_rest = np.zeros_like(position)
-    return {joint: joint_gap(scene, joint, position, at_rest).gap_m for joint in scene.joints}
+    return {pin.name: pin_gap(pin, position, at_rest).gap_m for pin in scene.mechanism.pins}
 
 
 def penetration_m(clearance: Clearance, gap_m: FloatArray) -> FloatArray:
@@ -87,14 +75,3 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def axis(angle_rad: FloatArray) -> FloatArray:
     """Return the unit vectors (n, 2) along the x axis of a body at angles (n,)."""
     return np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1)
-
-
-def _point(end: End, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return position and velocity (n, 2) of an end of a joint, and its body's spin (n,)."""
-    body, place_m = end
-    if body is None:
-        ground = np.zeros((len(position), 2))
-        return ground, ground, ground[:, 0]
-    reach, spin = place_m * axis(position[:, body, 2]), velocity[:, body, 2]
-    turned = np.stack([-reach[:, 1], reach[:, 0]], axis=-1)
-    return position[:, body, :2] + reach, velocity[:, body, :2] + spin[:, None] * turned, spin

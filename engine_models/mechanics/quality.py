@@ -10,7 +10,9 @@ import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
 from engine_models.mechanics.energy import unaccounted_part
-from engine_models.mechanics.joints import clearances, gaps
+from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.states import off_line, pin_gap, shortest_m, turned_apart
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
 
@@ -107,13 +109,13 @@ class Quality:
         ]
 
 
-def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
+def quality_of(scene: AnyScene, trajectory: Trajectory) -> Quality:
     """Return the quality of an engine's run of a scene, as far as its samples show it."""
     with np.errstate(all="ignore"):  # an overflow is a finding
         found = {ENERGY: unaccounted_part(scene, trajectory)}
-        if scene.is_crank_slider or not scene.joints_with_clearance:
-            lengths = [scene.crank.length_m, *([scene.rod.length_m] if scene.rod else [])]
-            found[GAP] = constraint_violation_m(scene, trajectory) / min(lengths)
+        of = scene.mechanism
+        if of.ideal or of.guides:
+            found[GAP] = constraint_violation_m(scene, trajectory) / shortest_m(scene)
         if trajectory.contacts:
             radius = {name: clearance.bearing_radius_m for name, clearance in clearances(scene).items()}
             depths = [contact.penetration_m / radius[name] for name, contact in trajectory.contacts.items()]
@@ -122,20 +124,27 @@ def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
     return Quality(findings, trajectory.step_s)
 
 
-def require_quality(scene: Scene, trajectory: Trajectory) -> Trajectory:
+def require_quality(scene: AnyScene, trajectory: Trajectory) -> Trajectory:
     """Return the trajectory, or raise SimulationFailed where its quality makes it none."""
     if (reason := quality_of(scene, trajectory).failure()) is not None:
         raise SimulationFailed(reason)
     return trajectory
 
 
-def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
-    """Return the largest gap of the ideal joints and of the slider from its guide, (n,)."""
-    gap, loose = gaps(scene, trajectory.position), scene.joints_with_clearance
+def constraint_violation_m(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+    """Return the largest gap of the ideal joints and of bodies from their guides, (n,).
+
+    A body that has turned on its guide is off by its angle times the shortest distance of two joints. The
+    slider of a crank-slider is not looked at for that.
+    """
+    of, x, still = scene.mechanism, trajectory.position, np.zeros_like(trajectory.velocity)
     violations = [np.zeros(len(trajectory.time_s))]
-    violations += [np.hypot(*gap[joint].T) for joint in scene.joints if joint not in loose]
-    if scene.is_crank_slider:
-        violations.append(np.abs(trajectory.position[:, -1, 1]))
+    violations += [np.hypot(*pin_gap(pin, x, still).gap_m.T) for pin in of.ideal]
+    for guide in of.guides:
+        violations.append(np.abs(off_line(guide, x, still)[0]))
+        if not guide.turns and not isinstance(scene, Scene):
+            turned = turned_apart(guide, x)
+            violations.append(shortest_m(scene) * np.abs(turned - turned[0]))
     return np.asarray(np.max(violations, axis=0))
 
 

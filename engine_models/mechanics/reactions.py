@@ -11,7 +11,7 @@ import numpy as np
 
 from engine_models.engine import JOINTS, Contact, FloatArray
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, cross, directions, levers
-from engine_models.mechanics.slider_load import slider_forces
+from engine_models.mechanics.loads import slider_forces
 from engine_models.scene.scene import Scene
 
 
@@ -44,7 +44,7 @@ def reactions(
     """
     masses = np.array([body.mass_kg for body in scene.bodies])
     # All forces on each body but its weight and its load.
-    force = masses[:, None] * (acceleration[:, :, :2] + np.array([0.0, scene.gravity_m_s2]))
+    force = masses[:, None] * (acceleration[:, :, :2] + np.array([0.0, scene.weight_m_s2]))
     for load in slider_forces(scene, position, velocity).values():
         force[:, SLIDER, 0] -= load
     known = {joint: contact_force(contact) for joint, contact in contacts.items()}
@@ -74,7 +74,7 @@ def guide_force(
     """
     if not scene.is_crank_slider:
         return None
-    slider = scene.bodies[SLIDER].mass_kg * (slider_acceleration + scene.gravity_m_s2)
+    slider = scene.bodies[SLIDER].mass_kg * (slider_acceleration + scene.weight_m_s2)
     return np.asarray(slider - joint_force_N[:, JOINTS.index("B"), 1])
 
 

@@ -6,15 +6,17 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
 from engine_models.mechanics.contact_law import clips
-from engine_models.mechanics.crank_motion import motor_torque
-from engine_models.mechanics.energy import elastic_energy_J, work_of_torque_J
-from engine_models.mechanics.joints import CRANK, penetration_m
-from engine_models.mechanics.slider_load import load_works_J
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.joints import penetration_m
+from engine_models.mechanics.loads import load_works_J
+from engine_models.scene.parts import AnyScene, Clearance
+from reference_solver.mechanism.curves import curve_of
+from reference_solver.mechanism.data import DriveData, Motor, Torque
+from reference_solver.mechanism.motor import motor_torque
 
 
 def trajectory_of(
-    scene: Scene,
+    scene: AnyScene,
     *,
     time_s: FloatArray,
     position: FloatArray,
@@ -36,13 +38,14 @@ def trajectory_of(
     work and those of the load that are integrals; the others are the scene's, and what there is not, is None.
     """
     torque, work = driver_torque_N_m, driver_work_J
-    if scene.drive.kind == "torque":
-        torque = np.full(len(position), scene.drive.torque_N_m)
-        work = work_of_torque_J(scene.drive.torque_N_m, position)
-    elif scene.drive.kind == "motor":
-        torque = motor_torque(scene, velocity[:, CRANK, 2])
-    elif scene.drive.kind == "free":
-        torque = work = None
+    drive = scene.mechanism.drive
+    if not drive.prescribes:
+        torque = drive_torque(drive, time_s, velocity)
+        if torque is None:
+            work = None
+        elif isinstance(drive.law, Torque) and isinstance(drive.law.torque_N_m, float):
+            angle = position[:, drive.body, 2]
+            work = drive.law.torque_N_m * (angle - angle[0])
     return Trajectory(
         time_s=time_s,
         position=position,
@@ -58,6 +61,20 @@ def trajectory_of(
         stabilisation_loss_J=stabilisation_loss_J,
         load_work_J=load_works_J(scene, position, load_work_J or {}),
     )
+
+
+def drive_torque(drive: DriveData, time_s: FloatArray, velocity: FloatArray) -> FloatArray | None:
+    """Return the torque of a drive that prescribes no motion, (n,) at times and velocities (n, bodies, 3)."""
+    law, speed = drive.law, velocity[:, drive.body, 2]
+    if isinstance(law, Torque):
+        if isinstance(law.torque_N_m, float):
+            return np.full(len(speed), law.torque_N_m)
+        return np.asarray(curve_of(law.torque_N_m)(drive.clock_s + time_s))
+    if isinstance(law, Motor):
+        if law.table is not None:
+            return np.asarray(curve_of(law.table)(np.clip(speed, law.table.x[0], law.table.x[-1])))
+        return np.asarray(motor_torque(law, speed))
+    return None
 
 
 def contact_of(

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, RunSettings, Trajectory, UnsupportedScene
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, T, Trajectory, UnsupportedScene, plain
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
@@ -23,6 +23,7 @@ from engine_models.pymunk.stepping import Model
 from engine_models.pymunk.sweeps import needed_sweeps
 from engine_models.pymunk.workspace import Workspace
 from engine_models.reference.kernels import compile_time_s
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
 #: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
@@ -115,18 +116,21 @@ class PymunkEngine:
             collision_persistence=LIBRARY_PERSISTENCE,
         )
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene for a law without a restitution, or a scene without the steps, asked for."""
         self.twin(scene)
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
 
         Raises:
             UnsupportedScene: see ``check``.
         """
         twin = rigid_twin(scene) if self.contact == "rigid" else scene
-        fixing = [*needs_one_step(twin), *([] if self.half_kick_start else ["half_kick_start = False"])]
+        fixing = [
+            *needs_one_step(plain(twin, "pymunk")),
+            *([] if self.half_kick_start else ["half_kick_start = False"]),
+        ]
         if self.shorter_in_contact > 1 and fixing:
             raise UnsupportedScene(
                 "pymunk with shorter_in_contact > 1: expected nothing that needs steps of one length, "
@@ -143,11 +147,11 @@ class PymunkEngine:
         """Return the engine itself: the step alone decides."""
         return self
 
-    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
         """Return what compiling the loop takes where there is none yet, in s."""
         return compile_time_s(self, scene, settings)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene with steps of one length, or shorter ones in contact.
 
         Raises:
@@ -156,6 +160,7 @@ class PymunkEngine:
                 wall of its bearing, the rod turned over, the numbers overflowed, or the driver's speed
                 changes within a step.
         """
+        scene = plain(scene, "pymunk")
         require_memory(scene, settings)
         require_followed(scene, settings.step_used_s(scene.end_time_s))
         model = self._model(wound(self.twin(scene)), settings.step_used_s(scene.end_time_s))

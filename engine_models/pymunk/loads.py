@@ -16,6 +16,7 @@ from engine_models.mechanics.joints import clearances
 from engine_models.pymunk.model import Bodies
 from engine_models.scene.drives import MotorDrive
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.motor import motor_damping
 
 
 def add_loads(scene: Scene, space: pymunk.Space, bodies: Bodies, centred_step_s: float | None) -> None:
@@ -30,11 +31,11 @@ def add_loads(scene: Scene, space: pymunk.Space, bodies: Bodies, centred_step_s:
     """
     drive, load = scene.drive, scene.load.slider
     if isinstance(drive, MotorDrive):
-        crank, damping = bodies[0], drive.stall_torque_N_m / drive.no_load_speed_rad_s
+        crank, damping = bodies[0], motor_damping(drive.line)
         if centred_step_s is not None:
             crank.moment, damping = _centred("motor", crank.moment, damping, centred_step_s)
         ahead = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        ahead.angular_velocity = drive.no_load_speed_rad_s
+        ahead.angular_velocity = drive.line.no_load_speed_rad_s
         space.add(ahead, pymunk.DampedRotarySpring(ahead, crank, 0.0, 0.0, damping))
     if load is not None and (load.spring_N_m or load.viscous_N_s_m):
         slider, damping, free = bodies[2], load.viscous_N_s_m or 0.0, load.free_position_m or 0.0

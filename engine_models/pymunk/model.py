@@ -60,7 +60,7 @@ def build(scene: Scene, iterations: int, error_bias: float) -> tuple[pymunk.Spac
 
     space = pymunk.Space()
     space.iterations = iterations
-    space.gravity = (0.0, -scene.gravity_m_s2)
+    space.gravity = (0.0, -scene.weight_m_s2)
     space.damping = 1.0
     space.sleep_time_threshold = math.inf
     joints: list[pymunk.Constraint] = [

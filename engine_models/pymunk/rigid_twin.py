@@ -1,11 +1,10 @@
 """The scene that native contacts solve in a law's place: rigid walls, the same restitution and friction."""
 
-from engine_models.engine import UnsupportedScene
-from engine_models.mechanics.joints import clearances
-from engine_models.scene.scene import Clearance, Clearances, Scene
+from engine_models.engine import T, UnsupportedScene
+from engine_models.scene.scene import Clearance
 
 
-def rigid_twin(scene: Scene) -> Scene:
+def rigid_twin(scene: T) -> T:
     """Return the scene with rigid contact in every joint with clearance: same restitution, same friction.
 
     Hertz's law and the linear one lose nothing, so theirs is 1. Pymunk's friction is Coulomb's, at any
@@ -14,8 +13,7 @@ def rigid_twin(scene: Scene) -> Scene:
     Raises:
         UnsupportedScene: Kelvin-Voigt's restitution depends on the masses.
     """
-    joints = {name: _rigid(name, clearance) for name, clearance in clearances(scene).items()}
-    return scene.model_copy(update={"clearance": Clearances(**joints)}) if joints else scene
+    return scene.with_clearances({name: _rigid(name, room) for name, room in scene.clearances.items()})
 
 
 def _rigid(name: str, clearance: Clearance) -> Clearance:

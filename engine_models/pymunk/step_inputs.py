@@ -24,7 +24,7 @@ class StepInputs:
         self._motion, load = crank_motion(scene), scene.load.slider
         drive, self._gas = scene.drive, None if load is None else load.gas
         #: The constant torque on the crank in N m, and the constant force on the slider in N.
-        self.torque_N_m = drive.torque_N_m if isinstance(drive, TorqueDrive) else 0.0
+        self.torque_N_m = drive.constant_N_m if isinstance(drive, TorqueDrive) else 0.0
         self.force_N = 0.0 if load is None else load.force_N or 0.0
 
     def turns(self, steps: NDArray[np.int64]) -> FloatArray:

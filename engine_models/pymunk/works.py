@@ -5,10 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.crank_motion import crank_motion, motor_torque
+from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, SLIDER
-from engine_models.mechanics.slider_load import integrated_parts, slider_forces
+from engine_models.mechanics.loads import integrated_parts, slider_forces
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.motor import motor_torque
 
 #: The driver's among the works, beside the parts of the slider's load.
 DRIVER = "driver"
@@ -49,7 +50,7 @@ class Works:
         if self._motion is not None:
             kicks[DRIVER] = kick_s * self._motion.speed_rad_s(time_s) * torque_N_m
         elif scene.drive.kind == "motor":
-            kicks[DRIVER] = kick_s * mean[:, CRANK, 2] * motor_torque(scene, felt[:, CRANK, 2])
+            kicks[DRIVER] = kick_s * mean[:, CRANK, 2] * motor_torque(scene.drive.line, felt[:, CRANK, 2])
         return self._added(kicks, time_s, share)
 
     def _added(

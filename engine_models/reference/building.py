@@ -13,7 +13,7 @@ from engine_models.reference.model import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Topology
 from reference_solver.equations import Baumgarte
-from reference_solver.lifting import flat
+from reference_solver.mechanism.lifting import flat, tables_in
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.methods import RK4
 from reference_solver.solver import METHODS
@@ -70,7 +70,7 @@ class Builder:
 
     def _built(self, mechanism: Mechanism) -> Built:
         topology = self.topology(mechanism)
-        if mechanism.prescribed or mechanism.gas:  # which may have tables
+        if tables_in(mechanism):
             return mechanism, topology.marked(), topology.numbers()
         numbers, structure = flat((mechanism, topology.baumgarte))
         if structure not in self.marked:

@@ -1,7 +1,7 @@
 """The crank-slider in the reference solver: the paper's Lagrange-multiplier algorithm, by RK4 or DOP853."""
 
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,6 +11,7 @@ from engine_models.engine import (
     SETTINGS_CONFIG,
     EngineFailed,
     RunSettings,
+    T,
     Trajectory,
     UnsupportedScene,
     require_finite,
@@ -21,7 +22,7 @@ from engine_models.memory import require_memory
 from engine_models.pace import MOST_STEPS
 from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
 from reference_solver.solver import (
@@ -74,8 +75,9 @@ class ReferenceEngine:
     locate_events: bool = True
     lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] | None = None
     max_steps: Annotated[float, Field(ge=1)] = MOST_STEPS
+    any_mechanism: ClassVar[bool] = True
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
         if self.controls_error and not self.locate_events:
             raise UnsupportedScene(f"reference needs locate_events with method = {self.method}")
@@ -95,7 +97,7 @@ class ReferenceEngine:
         default = ReferenceEngine()
         return {name: by for name, by in idle.items() if getattr(self, name) != getattr(default, name)}
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         """Return the scene itself: the reference solves every law."""
         self.check(scene)
         return scene
@@ -131,7 +133,7 @@ class ReferenceEngine:
         located = replace(self, locate_events=True, lowest_flight=lowest)
         return replace(located, method="dop853", step_tolerance=step_tolerance)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene.
 
         Raises:
@@ -148,11 +150,11 @@ class ReferenceEngine:
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite
             raise EngineFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
 
-    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
         """Return what compiling the kernels of a run takes where there are none yet, in s."""
         return compile_time_s(self, scene, settings)
 
-    def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def _run(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         choice, compiled = self.step_choice(scene, settings), self.kernel == "compiled"
         return reference_run(scene, settings, choice, self.stabiliser, compiled, self.max_steps)
 
@@ -163,7 +165,7 @@ class ReferenceEngine:
             return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
         return self.stabilisation
 
-    def step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
+    def step_choice(self, scene: AnyScene, settings: RunSettings) -> StepChoice | ErrorControl:
         """Return how a run of a scene chooses its steps.
 
         Raises:

@@ -3,7 +3,7 @@
 import time
 
 from engine_models.engine import Engine, RunSettings
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from reference_solver.compiled.checked_files import made_once, read_checked, write_checked
 from reference_solver.compiled.folder import FolderRefused, KernelsRefused, writable_folder
 from reference_solver.compiled.store import callback, compiled, compiled_anew, njit
@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 
-def compile_time_s(engine: Engine, scene: Scene, settings: RunSettings) -> float:
+def compile_time_s(engine: Engine, scene: AnyScene, settings: RunSettings) -> float:
     """Return how much longer a run takes without kernels than with them, in s.
 
     Raises:
@@ -33,7 +33,7 @@ def compile_time_s(engine: Engine, scene: Scene, settings: RunSettings) -> float
     return without - again
 
 
-def _elapsed_s(engine: Engine, scene: Scene, settings: RunSettings) -> float:
+def _elapsed_s(engine: Engine, scene: AnyScene, settings: RunSettings) -> float:
     started = time.perf_counter()
     engine.simulate(scene, settings)
     return time.perf_counter() - started

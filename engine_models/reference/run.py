@@ -13,6 +13,7 @@ from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell
 from engine_models.reference.model import mechanism_of
 from engine_models.reference.trajectory import trajectory_of_solution
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, Stalled
@@ -33,7 +34,7 @@ LONG_ROD = 1.1
 TURN_OF_STEP_RAD = math.pi / 600
 
 
-def rate_s(scene: Scene) -> float:
+def rate_s(scene: AnyScene) -> float:
     """Return the mechanism's own rate at the start in 1/s (see ``reference_solver.mechanism.scales``).
 
     Raises:
@@ -47,7 +48,7 @@ def rate_s(scene: Scene) -> float:
 
 
 def reference_run(
-    scene: Scene,
+    scene: AnyScene,
     settings: RunSettings,
     choice: StepChoice | ErrorControl,
     stabilisation: Stabilisation,
@@ -82,15 +83,16 @@ def reference_run(
     return replace(run, evaluations=len(RK4.weights) * run.steps) if _steps_whole(scene, choice) else run
 
 
-def _steps_whole(scene: Scene, choice: StepChoice | ErrorControl) -> bool:
-    """Return whether every step tried is taken whole, so that steps tell evaluations: those by RK4 are."""
-    crank, rod = scene.crank, scene.rod
-    clear = rod is None or rod.length_m > LONG_ROD * crank.length_m
+def _steps_whole(scene: AnyScene, choice: StepChoice | ErrorControl) -> bool:
+    """Return whether every step tried is surely taken whole, so that steps tell evaluations."""
+    clear = False
+    if isinstance(scene, Scene) and scene.is_plain:
+        clear = scene.rod is None or scene.rod.length_m > LONG_ROD * scene.crank.length_m
     return clear and isinstance(choice, StepChoice) and not scene.joints_with_clearance
 
 
 def taken(
-    choice: StepChoice | ErrorControl, scene: Scene, settings: RunSettings
+    choice: StepChoice | ErrorControl, scene: AnyScene, settings: RunSettings
 ) -> StepChoice | ErrorControl:
     """Return the choice of steps that a run really takes.
 
@@ -99,7 +101,7 @@ def taken(
     """
     if isinstance(choice, ErrorControl):
         return choice
-    if scene.drive.kind == "fluctuating":
+    if scene.driven_by.kind == "fluctuating":
         require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
     coarse = settings.steps_per_sample(scene.end_time_s) == 1
     if scene.joints_with_clearance and choice.locate_events and coarse:
@@ -107,7 +109,7 @@ def taken(
     return choice
 
 
-def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float], None]:
+def _watch(scene: AnyScene, solver: Solver, most_steps: float) -> Callable[[float], None]:
     """Return what tells how far a run has come, and ends one whose steps, or events, have collapsed."""
     if not scene.joints_with_clearance:
         return tell

@@ -4,57 +4,55 @@ from dataclasses import fields
 
 import numpy as np
 
-from engine_models.engine import JOINTS, Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.joints import clearances
+from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
 from engine_models.mechanics.trajectory import contact_of, trajectory_of
 from engine_models.reference.model import loads_of
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Clearance, Scene
-from reference_solver.equations import row_slices
+from reference_solver.mechanism.constraints import row_slices
 from reference_solver.solution import Solution
 
 
 def trajectory_of_solution(
-    scene: Scene, solution: Solution, step_s: float, solve_time_s: float, stabilised: bool
+    scene: AnyScene, solution: Solution, step_s: float, solve_time_s: float, stabilised: bool
 ) -> Trajectory:
     """Return the trajectory at the solution's samples."""
-    multipliers, joint_names = solution.multipliers, scene.joints_with_clearance
-    rows_of = row_slices(solution.mechanism)
-    joint_force = np.zeros((len(multipliers), len(scene.joints), 2))
-    ideal = [name for name in scene.joints if name not in joint_names]
-    for name, rows in zip(ideal, rows_of, strict=False):
-        joint_force[:, JOINTS.index(name)] = multipliers[:, rows]
-    for name, force in zip(joint_names, np.moveaxis(solution.joint_force_N, 1, 0), strict=True):
-        joint_force[:, JOINTS.index(name)] = force
+    multipliers, of = solution.multipliers, scene.mechanism
+    rows = iter(row_slices(solution.mechanism))
+    forces, contacts = dict[str, FloatArray](), dict[str, Contact]()
+    for pin in of.ideal:
+        forces[pin.name] = multipliers[:, next(rows)]
+    for k, pin in enumerate(of.loose):  # the force on the pin, which is on body j unless its bearing is
+        force = solution.joint_force_N[:, k]
+        forces[pin.name] = -force if pin.bearing_on_j else force
+        contacts[pin.name] = _contact(scene.clearances[pin.name], solution, k)
+    normal = [multipliers[:, next(rows).start] for guide in of.guides[:1]]
     position = solution.q.reshape(len(multipliers), -1, 3)
-    work, works = None, _works_of_loads(scene, solution)
-    if scene.speed_is_prescribed:
-        work = solution.constraint_work_J
-    elif scene.drive.kind == "motor":
-        work = works["drive"]
+    works, still = _works_of_loads(scene, solution), np.zeros((len(multipliers), 2))  # joints may be none
+    prescribed = of.drive.prescribes
+    work = solution.constraint_work_J if prescribed else works.pop("drive", None)
     return trajectory_of(
         scene,
         time_s=solution.time_s,
         position=position,
         velocity=solution.v.reshape(position.shape),
-        joint_force_N=joint_force,
-        guide_normal_force_N=multipliers[:, rows_of[len(ideal)].start] if scene.is_crank_slider else None,
-        driver_torque_N_m=multipliers[:, -1] if scene.speed_is_prescribed else None,
+        joint_force_N=np.stack([still, *(forces[pin.name] for pin in of.pins)], axis=1)[:, 1:],
+        guide_normal_force_N=normal[0] if normal and isinstance(scene, Scene) else None,
+        driver_torque_N_m=multipliers[:, -1] if prescribed else None,
         driver_work_J=work,
         step_s=step_s,
         steps=solution.steps,
         solve_time_s=solve_time_s,
-        contacts={
-            name: _contact(clearance, solution, k)
-            for k, (name, clearance) in enumerate(clearances(scene).items())
-        },
+        contacts=contacts,
         stabilisation_loss_J=solution.stabilisation_loss_J if stabilised else None,
         load_work_J=works,
     )
 
 
-def _works_of_loads(scene: Scene, solution: Solution) -> dict[str, FloatArray]:
+def _works_of_loads(scene: AnyScene, solution: Solution) -> dict[str, FloatArray]:
     """Return the works that the solution has integrated, by the names of ``loads_of``."""
-    names = {f"load{k}": name for k, name in enumerate(loads_of(scene))}
+    short = "slider." if isinstance(scene, Scene) else ""
+    names = {f"load{k}": name.removeprefix(short) for k, name in enumerate(loads_of(scene))}
     return {names[sum_]: work for sum_, work in solution.sums.items() if sum_ in names}
 
 

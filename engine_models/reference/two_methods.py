@@ -14,9 +14,10 @@ from typing import Literal
 import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from reference_solver.solver import LOWEST_FLIGHT
 
 #: Tolerances of DOP853: the first as a part of the one asked for in lengths of the crank, then each as a part
@@ -35,19 +36,20 @@ MOST_ATTEMPTS, MOST_STEPS = 5, 20_000_000
 class Solution:
     """DOP853's run, and those that it is tested by: its own at a larger tolerance, and another method's."""
 
+    scene: AnyScene
     run: Trajectory
     others: tuple[Trajectory, ...]
 
     @property
     def apart_m(self) -> FloatArray:
-        """How far slider positions have been from the run's up to each of n times, (n,)."""
-        position = self.run.slider_position_m
-        apart = np.max([np.abs(other.slider_position_m - position) for other in self.others], axis=0)
+        """How far what is observed has been from the run's up to each of n times, (n,)."""
+        position = observed_m(self.scene, self.run)
+        apart = np.max([np.abs(observed_m(self.scene, other) - position) for other in self.others], axis=0)
         return np.asarray(np.maximum.accumulate(apart))
 
 
-def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
-    """Return the solution on which methods agree to a tolerance of slider position at all samples.
+def agreed_solution(scene: AnyScene, tolerance_m: float, samples: int) -> Solution:
+    """Return the solution on which methods agree to a tolerance of what is observed at all samples.
 
     Two runs may be wrong by as much where errors grow far beyond the tolerance: a run by DOP853 a hundred
     times as sharp has to agree with both. DOPRI5 has its errors in common with DOP853 more often than RK4
@@ -57,7 +59,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
         UnsupportedScene: the reference cannot run the scene.
         SimulationFailed: one of them fails, or they part: from when on, and how far.
     """
-    part = tolerance_m / scene.crank.length_m
+    part = tolerance_m / lever_m(scene)
     sharp = min(LOOSEST, max(SHARPEST, FIRST_PART * part))
     # No tolerance is so small that the first step is to be below round-off.
     step, best = _usual_step_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
@@ -71,7 +73,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
             if apart and apart[0] < np.inf and min(best, apart[0]) > NEAR * tolerance_m:
                 break
             try:
-                found = Solution(dop853(sharper), (dop853(sharp), other()))
+                found = Solution(scene, dop853(sharper), (dop853(sharp), other()))
             except SimulationFailed as failed:  # at one tolerance, and not at the next, where forces jump
                 failure = failed
                 apart.append(np.inf)
@@ -97,7 +99,7 @@ def _parted(found: Solution, tolerance_m: float) -> SimulationFailed:
     )
 
 
-def sharp_solution(scene: Scene, samples: int) -> Solution:
+def sharp_solution(scene: AnyScene, samples: int) -> Solution:
     """Return the solution by two methods at steps near round-off, whether they agree or not.
 
     Raises:
@@ -109,21 +111,21 @@ def sharp_solution(scene: Scene, samples: int) -> Solution:
         other = _by_rk4(scene, samples, step)
     except SimulationFailed:
         other = _by_control("dopri5", scene, samples, LESS_SHARP * sharp)
-    return Solution(run, (sharpest, other))
+    return Solution(scene, run, (sharpest, other))
 
 
-def _usual_step_s(scene: Scene) -> float:
+def _usual_step_s(scene: AnyScene) -> float:
     """Return a step of RK4 in which the mechanism turns by as much as steps per contact are given for."""
     return TURN_OF_STEP_RAD / rate_s(scene)
 
 
-def _by_rk4(scene: Scene, samples: int, step_s: float) -> Trajectory:
+def _by_rk4(scene: AnyScene, samples: int, step_s: float) -> Trajectory:
     engine = ReferenceEngine(lowest_flight=HIGHER, max_steps=MOST_STEPS)
     return engine.simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
 
 
 def _by_control(
-    method: Literal["dop853", "dopri5"], scene: Scene, samples: int, tolerance: float
+    method: Literal["dop853", "dopri5"], scene: AnyScene, samples: int, tolerance: float
 ) -> Trajectory:
     lowest = HIGHER if method == "dopri5" else LOWEST_FLIGHT
     engine = ReferenceEngine(method=method, step_tolerance=tolerance, lowest_flight=lowest)

@@ -11,8 +11,7 @@ from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from engine_models.scene.bad_input import BadInput
-from engine_models.scene.plain_words import expect, refusal
+from engine_models.scene.plain_words import BadInput, expect, refusal
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -8,9 +8,10 @@ from types import MappingProxyType
 
 from engine_models.scene.data import SceneError as SceneError
 from engine_models.scene.data import with_fields
+from engine_models.scene.general import GeneralScene
 from engine_models.scene.plain_words import shortened
-from engine_models.scene.scene import Scene
-from engine_models.scene.tables import COLUMNS, BadTable, files_of, with_tables
+from engine_models.scene.scene import OF_GENERAL, Scene
+from engine_models.scene.tables import BadTable, files_of, is_column, with_tables
 from engine_models.scene.text_files import OPENED, UnreadableFile, read_text
 
 if sys.version_info >= (3, 11):
@@ -22,11 +23,12 @@ else:
 Fields = Mapping[str, object]
 NONE: Fields = MappingProxyType({})
 #: A section's head, and a key before its value; a path of names with dots between them.
-PATH = r"[\w\"'-]+(?:\s*\.\s*[\w\"'-]+)*"
+NAME = r"(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')"
+PATH = rf"{NAME}(?:\s*\.\s*{NAME})*"
 HEAD, KEY = re.compile(rf"\s*\[\s*({PATH})\s*\]"), re.compile(rf"\s*({PATH})\s*=")
 
 
-def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
+def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene | GeneralScene:
     """Return the scene that a TOML text describes with some changes; files of tables are in a folder.
 
     Raises:
@@ -42,14 +44,20 @@ def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
     try:
-        listed = {path: value for path, value in changes.items() if path in COLUMNS}  # in place of a file's
-        others = {path: value for path, value in changes.items() if path not in COLUMNS}
-        return Scene.checked(with_fields(with_tables(with_fields(data, others), folder), listed))
+        listed = {path: value for path, value in changes.items() if is_column(path)}  # in place of a file's
+        others = {path: value for path, value in changes.items() if not is_column(path)}
+        fields = with_fields(with_tables(with_fields(data, others), folder), listed)
+        return form_of(fields).checked(fields)
     except BadTable as reason:
         raise SceneError(str(reason)) from None
 
 
-def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
+def form_of(data: Mapping[str, object]) -> type[Scene] | type[GeneralScene]:
+    """Return the form that a scene's data has: that of a crank-slider, by its crank, or the general one."""
+    return GeneralScene if "crank" not in data and data.keys() & OF_GENERAL else Scene
+
+
+def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene | GeneralScene:
     """Return the scene in a TOML file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
 
     It is looked at with the changes alone, which an ``option`` has asked for.
@@ -78,7 +86,7 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
 def _is_changed(text: str, field: str, changes: Iterable[str]) -> bool:
     """Return whether a field has its value by a change, or is not in the text, but beside or above one."""
     section = field.rpartition(".")[0]
-    in_text = line_of(text, field) != line_of(text, section)
+    in_text = field in _lines(text)
     return any(
         f"{field}.".startswith(f"{path}.")
         or (not in_text and path.startswith((f"{field}.", f"{section or field}.")))
@@ -108,6 +116,17 @@ def line_of(text: str, field: str) -> int | None:
 
     Of one that is not there it is the line of what it would stand in, None if there is no such thing either.
     """
+    lines = _lines(text)
+    for path, number in list(lines.items()):  # a section has the line of its first part
+        while path := path.rpartition(".")[0]:
+            lines.setdefault(path, number)
+    while field and field not in lines:
+        field = field.rpartition(".")[0]
+    return lines.get(field)
+
+
+def _lines(text: str) -> dict[str, int]:
+    """Return the numbers of the lines, from 1, of the heads of sections and of the fields in a text."""
     lines, section = dict[str, int](), ""
     for number, line in enumerate(text.splitlines(), 1):
         if head := HEAD.match(line):
@@ -115,11 +134,9 @@ def line_of(text: str, field: str) -> int | None:
             lines.setdefault(section, number)
         elif key := KEY.match(line):
             lines.setdefault(f"{section}.{_plain(key[1])}".removeprefix("."), number)
-    while field and field not in lines:
-        field = field.rpartition(".")[0]
-    return lines.get(field)
+    return lines
 
 
 def _plain(path: str) -> str:
-    """Return a path without quotes and blanks."""
-    return re.sub(r"[\s\"']", "", path)
+    """Return a path without quotes, and blanks around its dots."""
+    return re.sub(r"[\"']|\s*(\.)\s*", r"\1", path)

@@ -30,6 +30,15 @@ NO_TAG = ("union_tag_invalid", "union_tag_not_found")
 LONGEST, MOST_REASONS = 60, 3
 
 
+class BadInput(ValueError):
+    """Input was refused. The message names the field, what was expected and what came, in one line."""
+
+    def __str__(self) -> str:
+        """Return the message, with what cannot be printed on one line as Python writes it."""
+        characters = super().__str__()
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in characters)
+
+
 def expect(words: str) -> Any:
     """Return what in an annotation has refusals say so what is expected, in place of words for its types."""
     return Field(json_schema_extra={"expected": words})
@@ -52,7 +61,7 @@ def expectation(schema: JsonSchema) -> str:
         return one_of([shown(value) for value in schema.get("enum", [schema.get("const")])])
     if schema.get("type") == "array":
         return f"a list of {schema.get('items', {}).get('type', 'value')}s"
-    if schema.get("additionalProperties"):
+    if _by_chosen_names(schema):
         return "a mapping of names to values"
     noun = NOUNS.get(schema.get("type", ""), "a section")
     bounds = [f"{sign} {schema[name]}" for name, sign in BOUNDS.items() if name in schema]
@@ -66,14 +75,15 @@ def one_of(choices: list[str]) -> str:
 
 def meant(came: object, choices: Iterable[str]) -> str:
     """Return which of the choices was meant, to stand behind a refusal; nothing if none is like what came."""
-    near = get_close_matches(typed(came), list(choices), n=1)
-    return f" (did you mean {near[0]}?)" if near else ""
+    known = {choice.lower(): choice for choice in choices}
+    near = get_close_matches(typed(came).lower(), list(known), n=1)
+    return f" (did you mean {known[near[0]]}?)" if near else ""
 
 
 def shown(value: object) -> str:
     """Return a value as a TOML file would have it, shortened, on one line."""
     if isinstance(value, dict | BaseModel):
-        return "a section"
+        return "a section" if value != {} else "an empty section"
     if isinstance(value, list | tuple):
         return "a list"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 2**63:
@@ -141,15 +151,17 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
         return f"{'.'.join([*path, tag])}: expected {one_of(list(map(shown, choices)))}, got {came}"
     path, field = _follow(error["loc"], root)
     given = error["input"]
+    if error["loc"][-1:] == ("[key]",) and "propertyNames" in field:
+        path, field = [*path, _key(error["loc"][-2])], field["propertyNames"]
     came = "nothing" if error["type"] == "missing" else f"{shown(given)}{meant(given, field.get('enum', ()))}"
-    return f"{'.'.join(path)}: expected {expectation(field)}{_or_quantity(error, path)}, got {came}"
+    return f"{'.'.join(path)}: expected {expectation(field)}{_or_quantity(error, path, field)}, got {came}"
 
 
-def _or_quantity(error: ErrorDetails, path: list[str]) -> str:
-    """Return what else is taken where text stands for a number that has a unit."""
-    names = [name for name in path if not name.isdigit()]
-    unit = unit_of(names[-1]) if names and error["type"] == "float_type" else None
-    return f", or text with a unit such as '1 {unit}'" if unit and isinstance(error["input"], str) else ""
+def _or_quantity(error: ErrorDetails, path: list[str], field: JsonSchema) -> str:
+    """Return what else is taken where text stands for a number that has a unit, as a mapping's have by it."""
+    unit = next((unit for name in reversed(path) if (unit := unit_of(name))), None)
+    is_number = expectation(field).startswith(NUMERIC) and isinstance(error["input"], str)
+    return f", or text with a unit such as '1 {unit}'" if unit and is_number else ""
 
 
 def _key(key: int | str) -> str:
@@ -172,10 +184,15 @@ def _follow(location: tuple[int | str, ...], root: JsonSchema) -> tuple[list[str
             break
         else:
             path.append(str(part))
-            by_name = schema.get("properties", {}).get(part, schema.get("additionalProperties"))
-            schema = schema.get("items", by_name)
+            by_name = schema.get("properties", {}).get(part, _by_chosen_names(schema))
+            schema = schema["prefixItems"][part] if "prefixItems" in schema else schema.get("items", by_name)
         schema = _resolved(schema, root)
     return path, schema
+
+
+def _by_chosen_names(schema: JsonSchema) -> Any:
+    """Return the schema of values whose names are free, None if there are none."""
+    return next(iter(schema.get("patternProperties", {}).values()), schema.get("additionalProperties"))
 
 
 def _choices(schema: JsonSchema) -> list[JsonSchema]:

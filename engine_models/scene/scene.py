@@ -1,66 +1,68 @@
-"""The physics of a planar crank-slider, or of a pendulum, as frozen, validated data: no engine's setting.
+"""The short form of a scene: a planar crank-slider, or a pendulum, as frozen, validated data.
 
-Conventions. SI units. The crank turns about joint O at the origin, the slider moves along the x axis,
-gravity acts along -y. Angles are counter-clockwise from +x. Joint A connects crank and rod, joint B rod and
-slider; the slider's centre of mass is its pin B. A link's centre of mass lies on the line of its joints, at
-the given distance from its first joint (O for the crank, A for the rod). A pendulum is a crank alone, hanging
-from joint O.
+Conventions. SI units. The crank turns about joint O at the origin, the slider moves along its guide, which
+passes O at an offset, positive to the left of the guide's direction, at an angle from +x: both are 0 unless
+given. Gravity acts along -y unless it is a pair. Angles are counter-clockwise from +x. Joint A connects crank
+and rod, joint B rod and slider; the slider's centre of mass is its pin B. A link's centre of mass lies on the
+line of its joints, at the given distance from its first joint (O for the crank, A for the rod). A pendulum is
+a crank alone, hanging from joint O.
 """
 
 import math
+import re
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Any
 
-import tomli_w
 from pydantic import Field, model_validator
 
-from engine_models.scene.arguments import check_arguments
-from engine_models.scene.data import (
-    Angle,
-    Duration,
-    Fraction,
-    NonNegative,
-    Positive,
-    SceneData,
-    require,
-    require_presence,
-    with_fields,
+from engine_models.scene.data import Angle, Named, Parts, Positive, SceneData, require
+from engine_models.scene.drives import Drive, MotorDrive, TableDrive, TorqueDrive
+from engine_models.scene.general import (
+    ALIKE,
+    GeneralScene,
+    assembled,
+    check_parts,
+    check_time_tables,
+    refuse_later,
 )
-from engine_models.scene.drives import PRESCRIBED, Drive, TableDrive
-from engine_models.scene.loads import Loads
-from engine_models.scene.plain_words import expect
-from engine_models.scene.units import in_own_units
+from engine_models.scene.loads import BodyGas, LinkLoad, Load, Loads, SliderLoad
+from engine_models.scene.parts import (
+    LAWS_DIVIDING_BY_RESTITUTION,
+    LAWS_WITHOUT_RESTITUTION,
+    AnyScene,
+    Body,
+    BodyState,
+    Clearance,
+    Clock,
+    ContactLaw,
+    Friction,
+    Ground,
+    Guide,
+    Observed,
+    PlacedStart,
+    Spring,
+)
+from engine_models.scene.plain_words import shown
+from reference_solver.mechanism.data import MechanismData
 
-ContactLaw = Literal[
-    "linear",
-    "kelvin-voigt",
-    "hertz",
-    "hunt-crossley",
-    "lankarani-nikravesh",
-    "gonthier",
-    "zhiying-qishao",
-    "flores",
-    "hu-guo",
-    "carvalho-martins",
-    "rigid",
+__all__ = [
+    "LAWS_DIVIDING_BY_RESTITUTION",
+    "LAWS_WITHOUT_RESTITUTION",
+    "BodyState",
+    "Clearance",
+    "Clearances",
+    "ContactLaw",
+    "Friction",
+    "Link",
+    "Scene",
+    "Slider",
+    "Start",
 ]
-FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
 
-#: Laws whose exponent is 1 unless another is given, and the exponent of the others.
-LINEAR_LAWS, HERTZ_EXPONENT = ("linear", "kelvin-voigt"), 1.5
-#: Laws that know no restitution, and laws whose damping factor divides by it.
-LAWS_WITHOUT_RESTITUTION: tuple[ContactLaw, ...] = ("linear", "kelvin-voigt", "hertz")
-LAWS_DIVIDING_BY_RESTITUTION: tuple[ContactLaw, ...] = ("gonthier", "flores", "hu-guo")
 
-#: A table may end before its scene by rounding, and begin at another speed than its scene says by this part
-#: of the fastest in it: a coarse one is not differentiated more sharply, other units are far off.
-ROUND_OFF, ALIKE = 1e-12, 0.1
-#: Names begin cells of CSV files, and spreadsheets run what begins as a formula does.
-NAME_IN_WORDS = "a string that is not empty and begins with neither a blank nor =, +, - or @"
-Name = Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(NAME_IN_WORDS)]
-#: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
-LATEST_CLOCK_S = 1e4
+#: Entries that the general form alone has, by which a file without a crank is of that form.
+OF_GENERAL = ("body", "ground", "guide", "observe")
 
 
 class Link(SceneData):
@@ -77,17 +79,8 @@ class Slider(SceneData):
 
     mass_kg: Positive
     inertia_kg_m2: Positive
-
-
-class BodyState(SceneData):
-    """Where a body's centre of mass is, and how fast it moves."""
-
-    x_m: float
-    y_m: float
-    angle_rad: Angle
-    velocity_x_m_s: float
-    velocity_y_m_s: float
-    angular_velocity_rad_s: float
+    guide_offset_m: float | None = None
+    guide_angle_rad: Angle | None = None
 
 
 class Start(SceneData):
@@ -95,94 +88,36 @@ class Start(SceneData):
 
     Or every body's own state is given, for a start that is elsewhere in its clearances; ``crank_speed_rad_s``
     is then that of the drive alone. ``time_s`` is what the drive's clock reads at t = 0; nothing is 0. Where
-    the speed fluctuates, ``crank_speed_rad_s`` is the one about which it does.
+    the speed fluctuates, ``crank_speed_rad_s`` is the one about which it does. A driven slider has its speed
+    in ``speed_m_s`` in place of the crank's, as in ``{guide = 0.2}``.
     """
 
     crank_angle_rad: Angle
     crank_speed_rad_s: float
-    time_s: Annotated[float, Field(ge=0, le=LATEST_CLOCK_S)] | None = None
+    speed_m_s: Named[float] | None = None
+    time_s: Clock | None = None
     crank: BodyState | None = None
     rod: BodyState | None = None
     slider: BodyState | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_one_speed(cls, data: object) -> object:
+        if isinstance(data, Mapping) and data.get("speed_m_s") is not None:
+            return {"crank_speed_rad_s": 0.0, **data}
+        return data
+
+    @model_validator(mode="after")
+    def _tells_one_speed(self) -> "Start":
+        speed = self.crank_speed_rad_s
+        alone = self.speed_m_s is None or speed == 0
+        require(alone, "crank_speed_rad_s", "nothing beside speed_m_s", speed)
+        return self
 
     @property
     def states(self) -> tuple[BodyState, ...]:
         """The bodies' given states in the order crank, rod, slider."""
         return tuple(state for state in (self.crank, self.rod, self.slider) if state is not None)
-
-
-class Friction(SceneData):
-    """Friction in a joint with clearance; the dead band belongs to Ambrosio's law alone."""
-
-    law: FrictionLaw
-    coefficient: NonNegative
-    regularisation_speed_m_s: Positive
-    dead_band_speed_m_s: Positive | None = None
-
-    @model_validator(mode="after")
-    def _dead_band_belongs_to_ambrosio(self) -> "Friction":
-        dead_band, limit = self.dead_band_speed_m_s, self.regularisation_speed_m_s
-        with_law = f"with law = '{self.law}'"
-        require_presence(self.law == "ambrosio", "dead_band_speed_m_s", dead_band, with_law)
-        expected = f"a number < regularisation_speed_m_s = {limit:g}"
-        require(dead_band is None or dead_band < limit, "dead_band_speed_m_s", expected, dead_band)
-        return self
-
-
-class Clearance(SceneData):
-    """A revolute joint whose pin has room in its bearing.
-
-    ``stiffness`` is in N/m^exponent; without it, Hertz's value follows from the material that pin and bearing
-    share. ``exponent`` defaults to 1 for the linear and Kelvin-Voigt laws, else to 3/2. A law of the
-    dissipative family may pull on a pin that leaves fast: the force is zero there unless ``may_pull``.
-    """
-
-    radial_clearance_m: Positive
-    bearing_radius_m: Positive
-    law: ContactLaw
-    stiffness: Positive | None = None
-    young_modulus_Pa: Positive | None = None
-    poisson_ratio: Annotated[float, Field(gt=-1, le=0.5)] | None = None
-    exponent: Annotated[float, Field(ge=1)] | None = None
-    damping_N_s_m: NonNegative | None = None
-    restitution: Fraction | None = None
-    minimum_impact_speed_m_s: Positive | None = None
-    may_pull: bool = False
-    friction: Friction | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_stiffness_in_its_unit(cls, data: object) -> object:
-        if not isinstance(data, Mapping):
-            return data
-        exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
-        return in_own_units(data, stiffness=f"N/m^{exponent}")
-
-    @model_validator(mode="after")
-    def _hangs_together(self) -> "Clearance":
-        c, radius = self.radial_clearance_m, self.bearing_radius_m
-        require(c < radius, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}", c)
-        self._has_one_stiffness()
-        law, e, with_law = self.law, self.restitution, f"with law = '{self.law}'"
-        require_presence(law == "kelvin-voigt", "damping_N_s_m", self.damping_N_s_m, with_law)
-        require_presence(law not in LAWS_WITHOUT_RESTITUTION, "restitution", e, with_law)
-        if law in LAWS_DIVIDING_BY_RESTITUTION:
-            require(e != 0, "restitution", f"a number > 0 {with_law}", e)
-        if self.may_pull and (law in LAWS_WITHOUT_RESTITUTION or law == "rigid"):
-            raise ValueError(f"may_pull: expected false or nothing {with_law}, got true")
-        if law in ("linear", "kelvin-voigt", "rigid"):
-            require(self.exponent in (None, 1.0), "exponent", f"1 or nothing {with_law}", self.exponent)
-        return self
-
-    def _has_one_stiffness(self) -> None:
-        """Require the stiffness or the material, but none of them for a rigid contact."""
-        stiffness, by_material = self.stiffness, self.law != "rigid" and self.stiffness is None
-        when = f"{'beside' if stiffness else 'without'} stiffness"
-        if self.law == "rigid":
-            when = "with law = 'rigid'"
-            require_presence(False, "stiffness", stiffness, when)
-        require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, when)
-        require_presence(by_material, "poisson_ratio", self.poisson_ratio, when)
 
 
 class Clearances(SceneData):
@@ -193,36 +128,54 @@ class Clearances(SceneData):
     B: Clearance | None = None
 
 
-class Scene(SceneData):
+class Scene(AnyScene):
     """One crank-slider in motion: bodies, joints, loads, drive, start and end.
 
     Without rod and slider it is a physical pendulum: the crank alone, in joint O.
     """
 
-    name: Name
-    end_time_s: Duration
-    gravity_m_s2: NonNegative = 0.0
     crank: Link
     rod: Link | None = None
     slider: Slider | None = None
     start: Start
     drive: Drive
     load: Loads = Loads()
+    spring: Named[Spring] = Field(default_factory=Parts)
     clearance: Clearances = Clearances()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_no_later_part(cls, data: object) -> object:
+        if isinstance(data, Mapping):
+            refuse_later(data)
+            for name in OF_GENERAL:
+                if "crank" in data and name in data:
+                    came = shown(data[name])
+                    raise ValueError(f"{name}: expected nothing beside crank (the short form), got {came}")
+        return data
 
     @model_validator(mode="after")
     def _is_a_mechanism(self) -> "Scene":
         self._can_be_assembled()
-        if isinstance(self.drive, TableDrive):
+        if what_is_general(self) is not None:
+            self._is_a_general_one()
+        elif isinstance(self.drive, TableDrive):
             self._is_in_the_table(self.drive)
         return self
 
+    def _is_a_general_one(self) -> None:
+        """Check the scene as one of any mechanism, with the names of the short form in refusals."""
+        try:
+            check_parts(self.general)
+            assembled(self.general)
+        except ValueError as reason:
+            said = re.sub(r"^start\.(angle|speed)_rad(_s)?(\.crank)?:", r"start.crank_\1_rad\2:", str(reason))
+            raise ValueError(said) from None
+
     def _is_in_the_table(self, table: TableDrive) -> None:
         """Require a table that lasts as long as the scene, which begins at the table's own speed."""
-        begin, time, angle = self.start.time_s or 0.0, table.time_s, table.angle_rad
-        require(time[0] <= begin, "drive.time_s.0", f"a number <= {begin:g}, when the scene begins", time[0])
-        end, expected = begin + self.end_time_s, f"at least {begin + self.end_time_s:g}, when the scene ends"
-        require(time[-1] >= end * (1 - ROUND_OFF), f"drive.time_s.{len(time) - 1}", expected, time[-1])
+        check_time_tables(table, {}, self.clock_s, self.end_time_s)
+        begin, time, angle = self.clock_s, table.time_s, table.values
         rises = zip(pairwise(time), pairwise(angle), strict=True)
         fastest = max(abs((b - a) / (t - s)) for (s, t), (a, b) in rises)
         speed, own = self.start.crank_speed_rad_s, float(table.spline()(begin, 1))
@@ -235,13 +188,17 @@ class Scene(SceneData):
         if self.rod is None or self.slider is None:
             self._is_a_pendulum()
             return
-        crank, rod = self.crank.length_m, self.rod.length_m
-        if self.drive.kind != "free":
-            expected = f"at least crank.length_m = {crank:g} with drive.kind = '{self.drive.kind}'"
-            require(rod >= crank, "rod.length_m", f"{expected} (else the crank cannot turn)", rod)
-        height = abs(crank * math.sin(self.start.crank_angle_rad))
-        expected = f"more than crank.length_m |sin(start.crank_angle_rad)| = {height:g}"
-        require(rod > height, "rod.length_m", f"{expected} (else the rod cannot reach the guide)", rod)
+        crank, rod, (tilt, offset) = self.crank.length_m, self.rod.length_m, guide_of(self)
+        if self.drive.kind != "free" and self.drive.guide is None:
+            longest, also = crank + abs(offset), " + |slider.guide_offset_m|" if offset else ""
+            expected = f"at least crank.length_m{also} = {longest:g} with drive.kind = '{self.drive.kind}'"
+            require(rod >= longest, "rod.length_m", f"{expected} (else the crank cannot turn)", rod)
+        height = abs(crank * math.sin(self.start.crank_angle_rad - tilt) - offset)
+        of = "the distance of pin A from the guide"
+        if not (tilt or offset):
+            of = "crank.length_m |sin(start.crank_angle_rad)|"
+        expected = f"more than {of} = {height:g} (else the rod cannot reach the guide)"
+        require(rod > height, "rod.length_m", expected, rod)
 
     def _is_a_pendulum(self) -> None:
         missing, there = ("rod", "slider") if self.rod is None else ("slider", "rod")
@@ -250,26 +207,9 @@ class Scene(SceneData):
         for joint in ("A", "B"):
             if getattr(self.clearance, joint) is not None:
                 raise ValueError(f"clearance.{joint}: expected nothing without rod and slider, got a section")
-        if self.load.slider is not None:
-            raise ValueError("load.slider: expected nothing without rod and slider, got a section")
-
-    @check_arguments
-    def replace(self, field: str | Mapping[str, object], value: object = None) -> "Scene":
-        """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
-
-        Several fields, checked together, are given as a mapping. None takes a part away, and what there is
-        not yet comes to be: ``replace("clearance.B", None)`` makes a joint ideal.
-
-        Raises:
-            SceneError: with the new values it is no scene.
-        """
-        fields = {field: value} if isinstance(field, str) else field
-        return self.checked(with_fields(self.model_dump(exclude_none=True), fields))
-
-    def to_toml(self) -> str:
-        """Return the scene as a TOML file that reads back to an equal scene."""
-        data = self.model_dump(exclude_none=True)
-        return tomli_w.dumps({name: part for name, part in data.items() if part != {}})
+        for body in ("rod", "slider"):
+            if getattr(self.load, body) is not None:
+                raise ValueError(f"load.{body}: expected nothing without rod and slider, got a section")
 
     @property
     def is_crank_slider(self) -> bool:
@@ -287,9 +227,45 @@ class Scene(SceneData):
         return self.crank, self.rod, self.slider
 
     @property
-    def speed_is_prescribed(self) -> bool:
-        """Whether the driver keeps the crank's speed, constant or not, whatever torque that takes."""
-        return self.drive.kind in PRESCRIBED
+    def general_by(self) -> str | None:
+        """The first entry that plain crank-sliders and pendulums do not have, if any."""
+        return what_is_general(self)
+
+    @property
+    def general(self) -> GeneralScene:
+        """The same scene in the general form."""
+        return general_form(self)
+
+    @property
+    def mechanism(self) -> MechanismData:
+        """The mechanism by names, from which engines build it."""
+        return self.general.mechanism
+
+    @property
+    def observed(self) -> Observed:
+        """The slider's way along its guide; of a pendulum the place of pin A along x."""
+        return self.general.observed
+
+    @property
+    def driven_by(self) -> Drive:
+        """What drives the mechanism."""
+        return self.drive
+
+    @property
+    def clearances(self) -> dict[str, Clearance]:
+        """The clearances of the joints that have one, in the order O, A, B."""
+        return {name: getattr(self.clearance, name) for name in self.joints_with_clearance}
+
+    @property
+    def clock_s(self) -> float:
+        """What the drive's clock reads as a run begins."""
+        return self.start.time_s or 0.0
+
+    @property
+    def weight_m_s2(self) -> float:
+        """Gravity along -y, as it acts unless it is a pair."""
+        assert isinstance(self.gravity_m_s2, float)
+        return self.gravity_m_s2
 
     @property
     def bodies(self) -> tuple[Link | Slider, ...]:
@@ -305,3 +281,133 @@ class Scene(SceneData):
     def joints_with_clearance(self) -> tuple[str, ...]:
         """Names of the joints with clearance, in the order O, A, B."""
         return tuple(name for name in self.joints if getattr(self.clearance, name) is not None)
+
+
+#: The name of the slider's guide.
+GUIDE = "guide"
+
+
+def general_form(scene: Scene) -> GeneralScene:
+    """Return the same scene in the general form, without checking it again."""
+    bodies = {"crank": _bar(scene.crank, "O", "A")}
+    guides = dict[str, Guide]()
+    if scene.is_crank_slider:
+        _, rod, slider = scene.crank_slider()
+        block = Body.model_construct(
+            pins_m={"B": 0.0}, mass_kg=slider.mass_kg, inertia_kg_m2=slider.inertia_kg_m2
+        )
+        bodies |= {"rod": _bar(rod, "A", "B"), "slider": block}
+        angle, offset = guide_of(scene)
+        through = (-offset * math.sin(angle), offset * math.cos(angle))
+        guides[GUIDE] = Guide.model_construct(body="slider", pin="B", through_m=through, angle_rad=angle)
+    drive = scene.drive
+    if drive.guide is None and drive.body is None:
+        drive = drive.model_construct(**{**dict(drive), "body": "crank"})
+    rooms = {name: getattr(scene.clearance, name) for name in type(scene.clearance).model_fields}
+    return GeneralScene.model_construct(
+        name=scene.name,
+        end_time_s=scene.end_time_s,
+        gravity_m_s2=scene.gravity_m_s2,
+        observe=f"{GUIDE}.along" if guides else "A.x",
+        ground=Ground.model_construct(pins_m={"O": 0.0}),
+        body=bodies,
+        guide=guides,
+        spring=scene.spring,
+        load=_loads(scene),
+        drive=drive,
+        clearance={name: room for name, room in rooms.items() if room is not None},
+        start=_start(scene),
+    )
+
+
+def guide_of(scene: Scene) -> tuple[float, float]:
+    """Return angle in rad and offset in m of the slider's guide, 0 of a pendulum."""
+    slider = scene.slider
+    return (0.0, 0.0) if slider is None else (slider.guide_angle_rad or 0.0, slider.guide_offset_m or 0.0)
+
+
+def _bar(link: Link, near: str, far: str) -> Body:
+    return Body.model_construct(
+        pins_m={near: 0.0, far: link.length_m},
+        mass_kg=link.mass_kg,
+        inertia_kg_m2=link.inertia_kg_m2,
+        centre_of_mass_m=link.centre_of_mass_m,
+    )
+
+
+def _loads(scene: Scene) -> dict[str, Load]:
+    own = {name: getattr(scene.load, name) for name in type(scene.load).model_fields}
+    return {name: _load(load) for name, load in own.items() if load is not None}
+
+
+def _load(load: LinkLoad | SliderLoad) -> Load:
+    own, gas = load.gas, None
+    if own is not None:
+        gas = BodyGas.model_construct(
+            angle_rad=own.crank_angle_rad, force_N=own.force_N, body="crank", interpolation=own.interpolation
+        )
+    return Load.model_construct(**{**dict(load), "gas": gas})
+
+
+def _start(scene: Scene) -> PlacedStart:
+    start, states = scene.start, ("crank", "rod", "slider")
+    given: Any = {name: state for name in states if (state := getattr(start, name)) is not None}
+    speeds: Any = {"speed_rad_s": {"crank": start.crank_speed_rad_s}}
+    if scene.drive.guide is not None:
+        speeds = {"speed_m_s": start.speed_m_s or {GUIDE: slider_speed_m_s(scene)}}
+    if given:
+        return PlacedStart.model_construct(time_s=start.time_s, **speeds, **given)
+    angles = {"crank": start.crank_angle_rad}
+    if scene.is_crank_slider:
+        angles["rod"] = rod_angle_rad(scene)
+    return PlacedStart.model_construct(angle_rad=angles, hold=("crank",), time_s=start.time_s, **speeds)
+
+
+def rod_angle_rad(scene: Scene) -> float:
+    """Return the rod's angle at the start: the slider lies in the guide's direction from pin A.
+
+    Along the guide pin A is at r cos, across it at r sin of the crank's angle from the guide's.
+    """
+    crank, rod, _ = scene.crank_slider()
+    angle, offset = guide_of(scene)
+    across = offset - crank.length_m * math.sin(scene.start.crank_angle_rad - angle)
+    return angle + math.asin(max(-1.0, min(1.0, across / rod.length_m)))
+
+
+def slider_speed_m_s(scene: Scene) -> float:
+    """Return the slider's speed along its guide at the start, by the crank's."""
+    crank, _, _ = scene.crank_slider()
+    angle, _ = guide_of(scene)
+    crank_angle, rod_angle = scene.start.crank_angle_rad - angle, rod_angle_rad(scene) - angle
+    turn = math.sin(crank_angle) - math.cos(crank_angle) * math.tan(rod_angle)
+    return -crank.length_m * scene.start.crank_speed_rad_s * turn
+
+
+def what_is_general(scene: Scene) -> str | None:
+    """Return the entry of a scene that crank-sliders and pendulums of the first kind do not have, if any.
+
+    Those have a guide along +x through joint O, gravity along -y, loads on the slider alone, and a drive on
+    the crank.
+    """
+    drive, load = scene.drive, scene.load
+    slider = load.slider
+    found = {
+        "slider.guide_angle_rad": guide_of(scene)[0] != 0,
+        "slider.guide_offset_m": guide_of(scene)[1] != 0,
+        "gravity_m_s2": isinstance(scene.gravity_m_s2, tuple),
+        "spring": bool(scene.spring),
+        "load.crank": load.crank is not None,
+        "load.rod": load.rod is not None,
+        "load.slider.by_time": slider is not None and slider.by_time is not None,
+        "load.slider.gas": slider is not None and slider.gas is not None and not slider.gas.is_of_one_turn,
+        "drive.body": drive.body not in (None, "crank"),
+        "drive.guide": drive.guide is not None,
+        "drive.torque_N_m": isinstance(drive, TorqueDrive) and isinstance(drive.torque_N_m, tuple),
+        "drive.speed_rad_s": isinstance(drive, MotorDrive) and drive.speed_rad_s is not None,
+        **{
+            f"clearance.{name}.bearing": room is not None and room.bearing is not None
+            for name in type(scene.clearance).model_fields
+            for room in [getattr(scene.clearance, name)]
+        },
+    }
+    return next((name for name, there in found.items() if there), None)

@@ -5,10 +5,12 @@ columns, in any order and among others. Where semicolons are between the columns
 commas.
 """
 
+import copy
 import csv
 import io
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +18,28 @@ from engine_models.scene.plain_words import shown
 from engine_models.scene.text_files import UnreadableFile, read_text
 from engine_models.scene.units import NUMBER
 
-#: The parts of a scene that have a table, with its columns; the drive only if it is one.
-TABLES = {("drive",): ("time_s", "angle_rad"), ("load", "slider", "gas"): ("crank_angle_rad", "force_N")}
-#: The paths of all columns.
-COLUMNS = {".".join([*path, column]) for path, columns in TABLES.items() for column in columns}
+#: The columns of tables by the kind of drive, of one on a guide, of gas and of loads by time. Of those in
+#: OPTIONAL a table has one at least.
+OF_DRIVES = {
+    "table": ("time_s", "angle_rad"),
+    "torque": ("time_s", "torque_N_m"),
+    "motor": ("speed_rad_s", "torque_N_m"),
+}
+OF_GUIDES, OF_CRANK, OF_GAS = (
+    ("time_s", "position_m"),
+    ("crank_angle_rad", "force_N"),
+    ("angle_rad", "force_N"),
+)
+OPTIONAL = ("force_N", "torque_N_m")
+BY_TIME = ("time_s", *OPTIONAL)
+COLUMN = re.compile(r"(drive|load\.[^.]+\.(gas|by_time))\.(\w+)")
+
+
+def is_column(path: str) -> bool:
+    """Return whether the path of a field is that of a column of a table."""
+    columns = {*BY_TIME, *OF_GUIDES, *OF_CRANK, *OF_GAS, *(c for of in OF_DRIVES.values() for c in of)}
+    found = COLUMN.fullmatch(path)
+    return found is not None and found[3] in columns
 
 
 class BadTable(ValueError):
@@ -32,45 +52,45 @@ def with_tables(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     Raises:
         BadTable: a file cannot be read, or is no table of these columns.
     """
-    out = dict(data)
-    for path, columns in TABLES.items():
-        part: Any = out
-        for name in path[:-1]:  # what is changed is copied
-            if not isinstance(part.get(name), dict):
-                break
-            part[name] = dict(part[name])
-            part = part[name]
-        else:
-            if path[-1] in part:
-                part[path[-1]] = _with_lists(part[path[-1]], columns, ".".join(path), folder)
+    out = copy.deepcopy(dict(data))
+    for path, part, columns in _tables(out):
+        if "file" in part:
+            lists = _lists(part, columns, path, folder)
+            del part["file"]
+            part.update(lists)
     return out
 
 
 def files_of(data: Mapping[str, Any], folder: Path) -> list[Path]:
     """Return the files of all tables in the data of a scene."""
-    found = []
-    for path in TABLES:
-        part: Any = data
-        for name in path:
-            part = part.get(name) if isinstance(part, dict) else None
-        if isinstance(part, dict) and isinstance(part.get("file"), str):
-            found.append(folder / part["file"])
-    return found
+    return [folder / part["file"] for _, part, _ in _tables(data) if isinstance(part.get("file"), str)]
 
 
-def _with_lists(part: Any, columns: tuple[str, ...], name: str, folder: Path) -> Any:
-    """Return a part of a scene with the columns of its file."""
-    is_table = isinstance(part, dict) and "file" in part and part.get("kind", "table") == "table"
-    if not is_table:
-        return part
+def _tables(data: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any], tuple[str, ...]]]:
+    """Yield the parts of a scene that have a table, if they are mappings: path, part and columns."""
+    drive, loads = data.get("drive"), data.get("load")
+    if isinstance(drive, dict) and str(drive.get("kind", "table")) in OF_DRIVES:
+        kind = str(drive.get("kind", "table"))
+        yield "drive", drive, OF_GUIDES if kind == "table" and "guide" in drive else OF_DRIVES[kind]
+    for body, load in loads.items() if isinstance(loads, dict) else ():
+        for name, columns in (("gas", OF_GAS), ("by_time", BY_TIME)):
+            part = load.get(name) if isinstance(load, dict) else None
+            if isinstance(part, dict):
+                by_crank = "crank" in data and name == "gas"
+                yield f"load.{body}.{name}", part, OF_CRANK if by_crank else columns
+
+
+def _lists(
+    part: Mapping[str, Any], columns: tuple[str, ...], name: str, folder: Path
+) -> dict[str, list[float]]:
+    """Return the columns of a part's file."""
     file, field = part["file"], f"{name}.file"
     beside = [column for column in columns if column in part]
     if beside:
         raise BadTable(f"{field}: expected nothing beside {beside[0]}, got {shown(file)}")
     if not isinstance(file, str) or not file or not file.isprintable():
         raise BadTable(f"{field}: expected the name of a CSV file, got {shown(file)}")
-    rest = {key: value for key, value in part.items() if key != "file"}
-    return rest | _columns(folder / file, columns, field)
+    return _columns(folder / file, columns, field)
 
 
 def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list[float]]:
@@ -86,6 +106,9 @@ def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list
     except csv.Error as reason:
         raise BadTable(f"{field}: {path}: expected a table of numbers, got '{reason}'") from None
     head = [name.strip() for name in lines[0][1]] if lines else []
+    if columns == BY_TIME:
+        columns = tuple(column for column in BY_TIME if column not in OPTIONAL or column in head)
+        columns = columns if len(columns) > 1 else (*columns, OPTIONAL[0])
     for column in columns:
         if head.count(column) != 1:
             came = shown(", ".join(head)) if head else "nothing"

@@ -27,7 +27,10 @@ UNITS = {
     "N": "N",
     "N_m": "N m",
     "spring_N_m": "N/m",
+    "stiffness_N_m": "N/m",
     "N_s_m": "N s/m",
+    "N_m_s": "N m s",
+    "Pa_s": "Pa s",
     "Pa": "Pa",
     "end_slopes": "rad/s",  # of a table
     "stiffness": "N/m^exponent",
@@ -80,7 +83,7 @@ def unit_of(name: str) -> str | None:
 
 
 def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:
-    """Return fields with numbers in place of text with a unit, in lists too.
+    """Return fields with numbers in place of text with a unit, in lists and mappings too.
 
     ``units`` are those of fields whose names have none. Text that is no quantity of the field's kind stays
     text, and is refused later.
@@ -93,6 +96,8 @@ def _number(value: Any, unit: str) -> Any:
     """Return a value with every quantity in it as a number in a unit."""
     if isinstance(value, list | tuple):
         return [_number(each, unit) for each in value]
+    if isinstance(value, Mapping):
+        return {name: _number(each, unit) for name, each in value.items()}
     typed = QUANTITY.fullmatch(value) if isinstance(value, str) else None
     if typed is None:
         return value

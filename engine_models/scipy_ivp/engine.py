@@ -3,7 +3,7 @@
 import time
 from dataclasses import replace
 from functools import cache
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,8 +13,10 @@ from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
     RunSettings,
+    T,
     Trajectory,
     UnsupportedScene,
+    plain,
     require_finite,
 )
 from engine_models.mechanics.joints import clearances
@@ -23,7 +25,7 @@ from engine_models.mechanics.start_check import unwound, wound
 from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.trajectory import trajectory_of_solution
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from engine_models.scipy_ivp.calls import COMPILED, Calls, Choice
 from engine_models.scipy_ivp.model import Derivative
 from engine_models.scipy_ivp.run import LocatedRun, switching_run
@@ -78,11 +80,13 @@ class ScipyEngine:
     atol: Annotated[float, Field(gt=0)] = 1e-12
     locate_events: bool = True
     max_evaluations: Annotated[int, Field(gt=0)] = 5_000_000
+    any_mechanism: ClassVar[bool] = True
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene where there is no ODE, or its events need what the method has not.
 
-        On minimal coordinates an ideal mechanism at a prescribed speed has none.
+        On minimal coordinates an ideal mechanism at a prescribed speed has none; only plain crank-sliders
+        and pendulums have such coordinates here.
         """
         if self.method in COMPILED and scene.joints_with_clearance:
             raise UnsupportedScene(
@@ -101,13 +105,13 @@ class ScipyEngine:
                     f"(clearance.{joint}.restitution = 0)"
                 )
         if self.coordinates == "minimal":
-            require_coordinates("scipy", scene)
+            require_coordinates("scipy", plain(scene, "scipy with coordinates = minimal"))
 
-    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
+    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
         """Return what compiling the right-hand side takes where there is none yet, in s."""
         return compile_time_s(self, scene, settings)
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         """Return the scene itself: every compliant law is solved as it is.
 
         Raises:
@@ -124,7 +128,7 @@ class ScipyEngine:
         """Return the engine with a tenth of its tolerances."""
         return replace(self, rtol=max(self.rtol / 10, SHARPEST), atol=self.atol / 10)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene; ``steps`` counts the accepted ones.
 
         Raises:
@@ -151,7 +155,7 @@ class ScipyEngine:
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
 
-    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
         """Return the same steps with nothing of ours between SciPy and the equations.
 
         Nobody watches such a run, so that a watched one shows before that it comes to its end. Without
@@ -171,12 +175,12 @@ class ScipyEngine:
             record = run.run()
             solve_time = time.perf_counter() - started
         (end,) = derivative.absolute(record.y[-1:])
-        return BareRun(solve_time, end[: 3 * len(scene.bodies)].reshape(-1, 3))
+        return BareRun(solve_time, end[: 3 * len(scene.mechanism.bodies)].reshape(-1, 3))
 
-    def _derivative(self, scene: Scene) -> Derivative:
+    def _derivative(self, scene: AnyScene) -> Derivative:
         return Derivative(wound(scene), self.coordinates == "minimal")
 
-    def _located(self, scene: Scene) -> bool:
+    def _located(self, scene: AnyScene) -> bool:
         """Return whether the run goes from event to event, which it does in one go if there are none."""
         return self.locate_events or not scene.joints_with_clearance
 
@@ -185,7 +189,7 @@ class ScipyEngine:
 
 
 @cache
-def _watched(engine: ScipyEngine, scene: Scene, settings: RunSettings) -> BareRun:
+def _watched(engine: ScipyEngine, scene: AnyScene, settings: RunSettings) -> BareRun:
     """Return the watched solve; of the same run again, the same."""
     run = engine.simulate(scene, settings)
     return BareRun(run.solve_time_s, run.position[-1])

@@ -21,13 +21,14 @@ from engine_models.mechanics.minimal.tree import Posture, Tree
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.model import mechanism_of
 from engine_models.reference.rebounds import Rebounds
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact import types
 from reference_solver.contact.force import gap
 from reference_solver.equations import Equations
 from reference_solver.failures import SolverError
+from reference_solver.mechanism.contact_laws import stored_J
 from reference_solver.mechanism.points import State
 from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
@@ -97,7 +98,7 @@ class Derivative:
     coordinates are in place of q (see ``minimal.tree``).
     """
 
-    def __init__(self, scene: Scene, minimal: bool = False) -> None:
+    def __init__(self, scene: AnyScene, minimal: bool = False) -> None:
         q, v = checked_start(scene)
         mechanism = mechanism_of(scene)
         topology = Topology(mechanism)
@@ -230,8 +231,7 @@ class Derivative:
 
     def _stored_J(self, y: FloatArray) -> FloatArray:
         """Return what every contact's spring stores, (K,)."""
-        depth, power = np.maximum(self.gaps(y)["depth"], 0.0), self._contacts["exponent"] + 1
-        return np.asarray(self._contacts["stiffness"] * depth**power / power)
+        return stored_J(self._contacts["stiffness"], self._contacts["exponent"], self.gaps(y)["depth"])
 
     def gaps(self, y: FloatArray) -> NDArray[np.void]:
         """Return every contact's gap (K,), records of ``GAP_RECORD``."""

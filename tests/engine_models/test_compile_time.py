@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from engine_models.arms import NAMED
-from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engine import Engine, RunSettings, T, Trajectory
 from engine_models.engines import engine_class, make_engine
 from engine_models.reference.kernels import compile_time_s
 from engine_models.scene.library import ideal_driven
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from reference_solver.compiled.store import compiled_anew, kernel_folder, load_kernel
 
 SETTINGS = RunSettings(1e-4, 10)
@@ -35,16 +35,16 @@ class Watched:
     def __init__(self, engine: Engine) -> None:
         self.engine, self.compiled = engine, list[int]()
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         self.engine.check(scene)
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         return self.engine.twin(scene)
 
     def sharper(self) -> Engine:
         return self.engine.sharper()
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         before = machine_code()
         trajectory = self.engine.simulate(scene, settings)
         self.compiled.append(len(machine_code() - before))

@@ -60,7 +60,10 @@ BAD: list[tuple[Callable[[], object], str]] = [
         lambda: copied(end_time_s="1"),
         "end_time_s: expected a finite number > 0 and >= 1e-100, or text with a unit such as '1 s', got \"1",
     ),
-    (lambda: copied(gravity_m_s2=nan), "gravity_m_s2: expected a finite number >= 0, got nan"),
+    (
+        lambda: copied(gravity_m_s2=nan),
+        "gravity_m_s2: expected a finite number >= 0 or a list of two, got nan",
+    ),
     (lambda: copied(speed=1.0), "speed: expected the key name, end_time_s"),
     (lambda: copied(rod=None), "rod: expected a section beside slider, got nothing"),
     (lambda: copied(crank=5), "crank: expected a section, got 5"),

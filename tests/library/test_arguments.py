@@ -62,7 +62,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "scene: expected ideal-free, ... or a TOML file, got a section": lambda: simulate({"name": "x"}),
     r'scene: expected ideal-free, ... or a TOML file, got "\ud800"': lambda: simulate("\ud800"),
     r'scene: expected a TOML file that is there, got "x\u0000.toml" ...': lambda: simulate("x\0.toml"),
-    "engine: expected a string, got a section": lambda: simulate(engine={}),
+    "engine: expected a string, got an empty section": lambda: simulate(engine={}),
     "engine: expected a string, got None": lambda: simulate(engine=None),
     'step: expected a finite number > 0, got "1e-5"': lambda: simulate(step="1e-5"),
     "step: expected a finite number > 0, got a huge integer": lambda: simulate(step=HUGE),

@@ -86,7 +86,7 @@ def path_of(kind: Kind) -> Path:
 
 def fingerprint(scene: Scene) -> str:
     """Return what tells whether a scene is still the one of its truth."""
-    return hashlib.sha256(scene.model_dump_json().encode()).hexdigest()[:16]
+    return hashlib.sha256(scene.to_toml().encode()).hexdigest()[:16]
 
 
 def truths(kind: Kind) -> list[Truth]:

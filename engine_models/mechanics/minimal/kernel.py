@@ -24,7 +24,7 @@ class MinimalKernel(Kernel):
 
     def accelerations(self, draft: Draft) -> tuple[list[Scalar], list[Scalar], dict[str, Scalar]]:
         """Return z' and z'' of a draft, (n,) each, and the powers by name."""
-        F, powers, _ = draft.equations.forces(draft.q, draft.v, draft.phases)
+        F, powers, _ = draft.equations.forces(draft.t, draft.q, draft.v, draft.phases)
         driven = None
         if any(
             isinstance(c, PrescribedSpeed | PrescribedMotion) for c in draft.equations.mechanism.constraints

@@ -138,7 +138,7 @@ def test_forces_are_those_that_the_motion_asks_for(name: str) -> None:
     h = scene.end_time_s / samples
     acceleration = (trajectory.velocity[2:] - trajectory.velocity[:-2]) / (2 * h)
     applied = np.zeros_like(trajectory.position)
-    applied[:, :, 1] = [-body.mass_kg * scene.gravity_m_s2 for body in scene.bodies]
+    applied[:, :, 1] = [-body.mass_kg * scene.weight_m_s2 for body in scene.bodies]
     if trajectory.guide_normal_force_N is not None:
         applied[:, -1, 1] += trajectory.guide_normal_force_N
     if trajectory.driver_torque_N_m is not None:

@@ -49,7 +49,7 @@ def heavier(scene: Scene, factor: float) -> Scene:
 
     parts = {name: scaled(getattr(scene, name)) for name in ("crank", "rod", "slider")}
     if isinstance(scene.drive, TorqueDrive):
-        parts["drive"] = TorqueDrive(kind="torque", torque_N_m=scene.drive.torque_N_m * factor)
+        parts["drive"] = TorqueDrive(kind="torque", torque_N_m=scene.drive.constant_N_m * factor)
     return scene.model_copy(update=parts)
 
 
@@ -154,7 +154,7 @@ def test_the_pin_force_and_the_driver_torque_of_set_R_meet_the_closed_forms() ->
     plain = ideal_driven()
     on_axis = plain.crank.model_copy(update={"centre_of_mass_m": 0.0})  # as the torque was computed
     scene, steps = plain.model_copy(update={"crank": on_axis}), 2400
-    half_of_the_rods_weight = scene.crank_slider()[1].mass_kg * scene.gravity_m_s2 / 2
+    half_of_the_rods_weight = scene.crank_slider()[1].mass_kg * scene.weight_m_s2 / 2
     trajectory = run(scene, 1e-5, steps)
     torque = trajectory.driver_torque_N_m
     assert torque is not None

@@ -10,17 +10,11 @@ from engine_models.engine import RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact_law import native_law, native_twin
 from engine_models.exudyn.motion import integral
 from engine_models.guards import guarded, unguarded
-from engine_models.mechanics.contact_law import (
-    DAMPING_FACTORS,
-    LawNumbers,
-    friction_force,
-    normal_force,
-    stiffness_of,
-)
+from engine_models.mechanics.contact_law import LawNumbers, friction_force, normal_force, stiffness_of
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.loads import slider_forces
 from engine_models.mechanics.reactions import ContactForces, guide_force, reactions
-from engine_models.mechanics.slider_load import slider_forces
 from engine_models.pymunk.rigid_twin import rigid_twin
 from engine_models.reference import two_methods
 from engine_models.scene.drives import RampDrive
@@ -43,14 +37,6 @@ BOUNCING = SCENES["clearance-driven-0.5mm"]
 def test_a_steel_pin_is_as_stiff_as_hertz_has_it() -> None:
     """s = 0.91/207e9 = 4.396135e-12 1/Pa, 4/(6 s) = 1.516484e11, times sqrt(0.01 0.0095/5e-4) = 0.4358899."""
     assert stiffness_of(STEEL) == pytest.approx(6.6102e10, rel=1e-4)
-
-
-def test_damping_factors_at_a_restitution_of_eight_tenths() -> None:
-    expected = {"hunt-crossley": 0.3, "lankarani-nikravesh": 0.27, "gonthier": 0.45, "flores": 0.4}
-    expected |= {"hu-guo": 0.375, "carvalho-martins": 0.3731707, "zhiying-qishao": 0.4027927}
-    assert {name: factor(0.8) for name, factor in DAMPING_FACTORS.items()} == pytest.approx(
-        expected, rel=1e-6
-    )
 
 
 def test_a_law_is_clipped_where_it_would_pull_and_only_if_it_clips() -> None:

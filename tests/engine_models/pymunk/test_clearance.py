@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from engine_models.engine import Contact, Impacts, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.mechanics.slider_load import slider_forces
+from engine_models.mechanics.loads import slider_forces
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.model import build, pins
 from engine_models.scene.drives import ConstantSpeedDrive, FreeDrive, TorqueDrive
@@ -134,7 +134,7 @@ def test_forces_and_accelerations_agree_body_by_body(name: str) -> None:
     assert guide is not None
     crank, rod, slider = scene.crank_slider()
     size = np.abs(force[kicked]).max()
-    weight = np.array([0.0, scene.gravity_m_s2])
+    weight = np.array([0.0, scene.weight_m_s2])
     along = rod.length_m * np.stack([np.cos(x[:, 1, 2]), np.sin(x[:, 1, 2])], axis=-1)
     share = rod.centre_of_mass_m / rod.length_m
 
@@ -366,7 +366,7 @@ def test_an_ideal_pendulum_swings_as_its_equation_says(drive: Any) -> None:
     scene = CLEARANCE_SCENES["clearance-pendulum"]().model_copy(
         update={"clearance": Clearances(), "drive": drive, "end_time_s": 0.3}
     )
-    crank, g = scene.crank, scene.gravity_m_s2
+    crank, g = scene.crank, scene.weight_m_s2
     pull = crank.mass_kg * g * crank.centre_of_mass_m
     inertia = crank.inertia_kg_m2 + crank.mass_kg * crank.centre_of_mass_m**2
     free = drive.kind == "free"

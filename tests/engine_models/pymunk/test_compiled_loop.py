@@ -25,7 +25,7 @@ def plain_space(scene: Scene) -> tuple[pymunk.Space, pymunk.Body, pymunk.Body]:
     assert scene.rod is not None
     assert scene.slider is not None
     space, speed = pymunk.Space(), scene.start.crank_speed_rad_s
-    space.iterations, space.gravity = SWEEPS, (0.0, -scene.gravity_m_s2)
+    space.iterations, space.gravity = SWEEPS, (0.0, -scene.weight_m_s2)
     r, length, d = scene.crank.length_m, scene.rod.length_m, scene.rod.centre_of_mass_m
     crank = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
     rod = pymunk.Body(scene.rod.mass_kg, scene.rod.inertia_kg_m2)

@@ -129,7 +129,7 @@ def test_a_force_that_only_switches_reports_its_impacts() -> None:
 def thrown(height_m: float) -> Scene:
     """Return a pendulum that hangs straight and is thrown up, to a height of its pin above its bearing."""
     scene = clearance_pendulum()
-    s, g = scene.crank.centre_of_mass_m, scene.gravity_m_s2
+    s, g = scene.crank.centre_of_mass_m, scene.weight_m_s2
     state = BodyState(
         x_m=0.0,
         y_m=-s,
@@ -148,9 +148,9 @@ def test_a_touch_within_a_long_step_is_not_missed(method: str) -> None:
     c = 5e-4
     over = thrown(c + 1e-7)
     impacts = engine(method).simulate(over, RunSettings(1.0, 1)).contacts["O"].impacts
-    speed = np.sqrt(2 * over.gravity_m_s2 * 1e-7)
+    speed = np.sqrt(2 * over.weight_m_s2 * 1e-7)
     np.testing.assert_allclose(impacts.approach_speed_m_s, [speed], rtol=1e-6)
-    rise = (np.sqrt(2 * over.gravity_m_s2 * (c + 1e-7)) - speed) / over.gravity_m_s2
+    rise = (np.sqrt(2 * over.weight_m_s2 * (c + 1e-7)) - speed) / over.weight_m_s2
     np.testing.assert_allclose(impacts.time_s, [rise], rtol=1e-8)
     below = engine(method).simulate(thrown(c - 1e-7), RunSettings(1.0, 1)).contacts["O"]
     assert len(below.impacts.time_s) == 0

@@ -1,0 +1,121 @@
+"""What loads put on a mechanism in any states, along their lines, and the works of their parts.
+
+Parts are named "BODY.force", "BODY.viscous" and so on: of a slider's load without its name, "force".
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.mechanics.states import way
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism.curves import curve_of
+from reference_solver.mechanism.data import Load, MechanismData
+
+#: Parts of a slider's load whose works are integrals over time: those of the others follow from the states.
+INTEGRATED = ("viscous", "gas")
+
+
+def parts_of(scene: Scene) -> tuple[str, ...]:
+    """Return the parts of the slider's load that there are: force, viscous, spring, gas, in this order."""
+    load = scene.load.slider
+    if load is None:
+        return ()
+    values = {
+        "force": load.force_N,
+        "viscous": load.viscous_N_s_m,
+        "spring": load.spring_N_m,
+        "gas": load.gas,
+    }
+    return tuple(name for name, value in values.items() if value)
+
+
+def integrated_parts(scene: Scene) -> tuple[str, ...]:
+    """Return those parts of the load whose works an engine has to integrate."""
+    return tuple(part for part in parts_of(scene) if part in INTEGRATED)
+
+
+def gas_force(scene: Scene) -> Callable[[FloatArray], FloatArray]:
+    """Return the gas's force in N on the slider along +x as a function of crank angles (n,) in rad."""
+    assert scene.load.slider is not None
+    assert scene.load.slider.gas is not None
+    spline = scene.load.slider.gas.spline()
+    return lambda angle: np.asarray(spline(angle))
+
+
+def slider_forces(scene: Scene, position: FloatArray, velocity: FloatArray) -> dict[str, FloatArray]:
+    """Return the force of each part of the slider's load in N, (n,), in states (n, bodies, 3)."""
+    forces = load_forces(scene.mechanism, np.zeros(len(position)), position, velocity)
+    return {name.removeprefix("slider."): force for name, force in forces.items()}
+
+
+def load_forces(
+    of: MechanismData, time_s: FloatArray, position: FloatArray, velocity: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the forces along their lines in N, (n,), at times (n,) and in states (n, bodies, 3)."""
+    clock = of.drive.clock_s
+    return {
+        f"{of.bodies[load.body].name}.{part}": force
+        for load in of.loads
+        for part, force in _forces(load, clock + time_s, position, velocity).items()
+    }
+
+
+def _forces(
+    load: Load, clock_s: FloatArray, position: FloatArray, velocity: FloatArray
+) -> dict[str, FloatArray]:
+    if load.line is None:
+        return {}
+    (s, rate), forces = way(load.line, position, velocity), dict[str, FloatArray]()
+    if load.force_N:
+        forces["force"] = np.full(len(s), load.force_N)
+    if load.viscous_N_s_m:
+        forces["viscous"] = -load.viscous_N_s_m * rate
+    if load.spring_N_m:
+        forces["spring"] = -load.spring_N_m * (s - load.free_position_m)
+    if load.gas is not None:
+        forces["gas"] = np.asarray(curve_of(load.gas.table)(position[:, load.gas.body, 2]))
+    if load.force_by_time is not None:
+        forces["by_time"] = np.asarray(curve_of(load.force_by_time)(clock_s))
+    return forces
+
+
+def load_works_J(
+    scene: AnyScene, position: FloatArray, integrated: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Return the work of each part of the loads since the first of positions (n, bodies, 3), (n,).
+
+    Those of forces and torques without a potential are given, and what springs' dampers take.
+    """
+    of, works, at_rest = scene.mechanism, dict[str, FloatArray](), np.zeros_like(position)
+    short = "slider." if isinstance(scene, Scene) else ""
+    for load in of.loads:
+        exact, body = dict[str, FloatArray](), of.bodies[load.body].name
+        if load.line is not None:
+            s, _ = way(load.line, position, at_rest)
+            gone, middle = s - s[0], (s + s[0]) / 2
+            exact["force"] = load.force_N * gone
+            exact["spring"] = -load.spring_N_m * gone * (middle - load.free_position_m)
+        angle = position[:, load.body, 2]
+        exact["torque"] = load.torque_N_m * (angle - angle[0])
+        for part in _parts(load):
+            name = f"{body}.{part}".removeprefix(short)
+            works[name] = exact[part] if part in exact else integrated[name]
+    return works | {name: work for name, work in integrated.items() if name.startswith("spring.")}
+
+
+def _parts(load: Load) -> list[str]:
+    """Return the parts of a load in the order of ``building.loads_of``."""
+    there = {
+        "force": load.force_N,
+        "viscous": load.viscous_N_s_m,
+        "spring": load.spring_N_m,
+        "gas": load.gas,
+        "by_time": load.force_by_time,
+        "torque": load.torque_N_m,
+        "turning_viscous": load.viscous_N_m_s,
+        "torque_by_time": load.torque_by_time,
+    }
+    return [part for part, value in there.items() if value]

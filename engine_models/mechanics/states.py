@@ -1,0 +1,134 @@
+"""Points, joints, guides and what a scene observes, in any states of a mechanism's bodies.
+
+States are positions and velocities (n, bodies, 3) at n times: (x, y, phi) of centres of mass.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine_models.engine import FloatArray, Trajectory
+from engine_models.scene.mechanism import levers_m
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism.data import GROUND, Line, Pin, Point
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """Place and velocity (n, 2) of a point, and the spin (n,) of its body."""
+
+    place_m: FloatArray
+    rate_m_s: FloatArray
+    spin_rad_s: FloatArray
+
+
+@dataclass(frozen=True)
+class JointGap:
+    """``gap_m`` (n, 2) is from the bearing's centre to the pin's; spins (n,) are those of the two bodies."""
+
+    gap_m: FloatArray
+    rate_m_s: FloatArray
+    pin_spin_rad_s: FloatArray
+    bearing_spin_rad_s: FloatArray
+
+
+def point_motion(body: int, point: Point, position: FloatArray, velocity: FloatArray) -> PointMotion:
+    """Return the motion of a point of a body."""
+    x, y = point
+    if body == GROUND:
+        still = np.zeros((len(position), 2))
+        return PointMotion(still + point, still, still[:, 0])
+    cos, sin, spin = np.cos(position[:, body, 2]), np.sin(position[:, body, 2]), velocity[:, body, 2]
+    reach = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
+    turned = np.stack([-reach[:, 1], reach[:, 0]], axis=-1)
+    return PointMotion(position[:, body, :2] + reach, velocity[:, body, :2] + spin[:, None] * turned, spin)
+
+
+def pin_gap(pin: Pin, position: FloatArray, velocity: FloatArray) -> JointGap:
+    """Return the gap of a joint from its bearing to its pin."""
+    ends = (pin.body_i, pin.point_i), (pin.body_j, pin.point_j)
+    bearing, own = (point_motion(*end, position, velocity) for end in ends[:: -1 if pin.bearing_on_j else 1])
+    gap, rate = own.place_m - bearing.place_m, own.rate_m_s - bearing.rate_m_s
+    return JointGap(gap, rate, own.spin_rad_s, bearing.spin_rad_s)
+
+
+def way(line: Line, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the way of a line's point along it and its rate, (n,) each."""
+    return _along(line, False, position, velocity)
+
+
+def off_line(line: Line, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far a line's point is off it, to the left, and the rate of that, (n,) each."""
+    return _along(line, True, position, velocity)
+
+
+# s = u.d, d = p_j - p_i, u' = phi_i' n with n 90 degrees counter-clockwise of u: s' = u.d' + phi_i' n.d
+def _along(
+    line: Line, across: bool, position: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    i = point_motion(line.body_i, line.point_i, position, velocity)
+    j = point_motion(line.body_j, line.point_j, position, velocity)
+    turned = 0.0 if line.body_i == GROUND else position[:, line.body_i, 2]
+    angle = line.angle_rad + turned + np.zeros(len(position))
+    u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    n = np.stack([-u[:, 1], u[:, 0]], axis=-1)
+    if across:
+        u, n = n, -u
+    d, rate = j.place_m - i.place_m, j.rate_m_s - i.rate_m_s
+    return np.sum(u * d, axis=1), np.sum(u * rate, axis=1) + i.spin_rad_s * np.sum(n * d, axis=1)
+
+
+def turned_apart(line: Line, position: FloatArray) -> FloatArray:
+    """Return the angle of a line's body j against body i, (n,)."""
+    angles = (0.0 if body == GROUND else position[:, body, 2] for body in (line.body_j, line.body_i))
+    return np.asarray(next(angles) - next(angles))
+
+
+def lever_m(scene: AnyScene) -> float:
+    """Return the longest distance between two points of a body at joints, or from its centre of mass, in m.
+
+    Of a crank-slider or a pendulum it is the crank's length.
+    """
+    if isinstance(scene, Scene):
+        return scene.crank.length_m
+    return max(levers_m(scene.mechanism), default=0.0) or 1.0
+
+
+def shortest_m(scene: AnyScene) -> float:
+    """Return the shortest distance between two joints of a body in m, or the longest lever without one."""
+    if isinstance(scene, Scene):
+        return min([scene.crank.length_m, *([scene.rod.length_m] if scene.rod else [])])
+    return min((lever for lever in levers_m(scene.mechanism) if lever > 0), default=lever_m(scene))
+
+
+def observed(scene: AnyScene, run: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return what a scene observes, in m or rad, and its rate, (n,) each.
+
+    A crank-slider's is the slider's way along its guide, a pendulum's the place of its pin A along x.
+    """
+    if isinstance(scene, Scene) and scene.is_plain and scene.is_crank_slider:
+        return run.slider_position_m, run.slider_velocity_m_s
+    of = scene.observed
+    if of.what == "angle":
+        return run.position[:, of.body, 2], run.velocity[:, of.body, 2]
+    if of.guide is not None:
+        return way(of.guide, run.position, run.velocity)
+    point, axis = point_motion(of.body, of.point, run.position, run.velocity), "xy".index(of.what)
+    return point.place_m[:, axis], point.rate_m_s[:, axis]
+
+
+def observed_m(scene: AnyScene, run: Trajectory) -> FloatArray:
+    """Return what a scene observes in m, (n,): an angle times the longest lever."""
+    value, _ = observed(scene, run)
+    is_angle = not scene.is_plain and scene.observed.what == "angle"
+    return lever_m(scene) * value if is_angle else value
+
+
+def observed_in_words(scene: AnyScene) -> str:
+    """Return what a tolerance is of, in words."""
+    if isinstance(scene, Scene):
+        return "slider position"
+    of = scene.observed
+    scaled = f" times the longest lever, {lever_m(scene):.3g} m" if of.what == "angle" else ""
+    return f"{of.name}{scaled}"
