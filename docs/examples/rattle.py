@@ -102,7 +102,7 @@ class Motion:
         self.mobility = 1 / np.array([m for b in bodies for m in (b.mass_kg, b.mass_kg, b.inertia_kg_m2)])
         self.torque = getattr(scene.drive, "torque_N_m", 0.0)
         self.force = np.zeros(9)
-        self.force[1::3] = [-body.mass_kg * scene.gravity_m_s2 for body in bodies]
+        self.force[1::3] = [-body.mass_kg * scene.weight_m_s2 for body in bodies]
         self.force[2] = self.torque
         self.q, self.v = map(np.ravel, start_state(scene))
         self.target, self.rate = np.zeros(len(self.linear)), np.zeros(len(self.linear))

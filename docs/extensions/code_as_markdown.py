@@ -8,7 +8,7 @@ from typer.main import get_command
 
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import engine_class, make_engine
-from engine_models.scene import loads, scene
+from engine_models.scene import general, loads, parts, scene
 from engine_models.scene.data import SceneData
 from engine_models.scene.drives import Drive
 from engine_models.scene.library import SCENES
@@ -27,12 +27,23 @@ SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
     ("[crank] and [rod]", scene.Link),
     ("[slider]", scene.Slider),
     ("[start]", scene.Start),
-    ("[start.crank], [start.rod] and [start.slider]", scene.BodyState),
+    ("[start.crank], [start.rod] and [start.slider]", parts.BodyState),
     *((f'[drive] with kind = "{_kind(drive)}"', drive) for drive in get_args(get_args(Drive)[0])),
     ("[load.slider]", loads.SliderLoad),
     ("[load.slider.gas]", loads.Gas),
-    ("[clearance.O], [clearance.A] and [clearance.B]", scene.Clearance),
-    ("[clearance.B.friction], and of O and A", scene.Friction),
+    ("[clearance.O], [clearance.A] and [clearance.B], or of any pin", parts.Clearance),
+    ("[clearance.B.friction], and of the others", parts.Friction),
+    ("The top of a file of any mechanism", general.GeneralScene),
+    ("[ground]", parts.Ground),
+    ("[body.NAME]", parts.Body),
+    ("[guide.NAME]", parts.Guide),
+    ("[spring.NAME], in both forms", parts.Spring),
+    ("[load.crank] and [load.rod]", loads.LinkLoad),
+    ("[load.NAME]", loads.Load),
+    ("[load.NAME.gas]", loads.BodyGas),
+    ("[load.NAME.by_time], and of the slider", loads.ByTime),
+    ("[start] of any mechanism", parts.PlacedStart),
+    ("[start.NAME] of every body", parts.BodyState),
 )
 
 
