@@ -62,6 +62,7 @@ with _home_first():
     from engine_models.scene import file
     from engine_models.scene.arguments import Place, check_arguments
     from engine_models.scene.data import Duration, Positive
+    from engine_models.scene.general import GeneralScene
     from engine_models.scene.library import SCENES
     from engine_models.scene.scene import Scene
     from studies.command.finished_run import Run
@@ -71,11 +72,24 @@ with _home_first():
         SomeScene,
         as_arguments,
         read_engine,
+        read_plain_scene,
         read_scene,
     )
     from studies.running.failures import BadInput, Failed
 
-__all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep", "truth"]
+__all__ = [
+    "BadInput",
+    "Failed",
+    "GeneralScene",
+    "Run",
+    "Scene",
+    "compare",
+    "load",
+    "scenes",
+    "simulate",
+    "sweep",
+    "truth",
+]
 __version__ = version("crankslider")
 
 #: The scenes of the library by name.
@@ -132,7 +146,7 @@ def truth(scene: SomeScene, *, end: Duration | None = None, samples: Samples = 1
 
     with as_arguments():
         options = SimulateOptions(end=end, samples=samples)
-        run = true_run(read_scene(scene, end_s=options.end), options)
+        run = true_run(read_plain_scene("the truth", scene, end_s=options.end), options)
     for doubt in run.warnings:
         warn(doubt, stacklevel=3)
     return run
@@ -155,7 +169,7 @@ def compare(scene: SomeScene, engines: Sequence[str] = (), folder: Place | None 
 
     with as_arguments(engine="engines", out="folder"):
         joined(engines)
-        physics = read_scene(scene)
+        physics = read_plain_scene("comparisons", scene)
         place = default_folder(physics) if folder is None else Path(folder)
         with running_in(place):
             return comparison(physics, str(getattr(scene, "name", scene)), engines, place)
@@ -188,7 +202,7 @@ def sweep(
 
     with as_arguments():
         chosen = options_of({"jobs": os.cpu_count() or 1, **options})
-        physics = read_scene(scene)
+        physics = read_plain_scene("sweeps", scene)
         wanted = asked(physics, vary or {}, engine, settings or {}, exponent, chosen)
         place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
         ending_of("--out", place, (".parquet",))
@@ -196,7 +210,7 @@ def sweep(
 
 
 @check_arguments
-def load(path: Place) -> Scene:
+def load(path: Place) -> Scene | GeneralScene:
     """Return the scene in a TOML file.
 
     Raises:

@@ -7,6 +7,7 @@ all engines, sampled densely; the same impact under every contact ``law``; and e
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
@@ -14,10 +15,10 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.contact_law import DAMPING_FACTORS
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES, SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import LINEAR_LAWS
+from engine_models.scene.scene import ContactLaw, Scene
 from studies.command.trajectory_table import sample_columns
 from studies.judges.comparison import compared, judged
 from studies.judges.energy_ledger import ledger
@@ -50,7 +51,8 @@ SAMPLES = 2400
 #: The scene whose first impact is shown, from shortly before its touch at 227 us to after its release, in
 #: samples of half a microsecond; and the restitution at which laws are told apart.
 IMPACT_SCENE, IMPACT_FROM_S, IMPACT_END_S, IMPACT_SAMPLES = "clearance-driven-0.5mm", 2.2e-4, 3e-4, 600
-LAWS, RESTITUTION = ("hertz", *DAMPING_FACTORS), 0.5
+LAWS = tuple(law for law in get_args(ContactLaw) if law not in (*LINEAR_LAWS, "rigid"))
+RESTITUTION = 0.5
 QUICK_LAWS = ("hertz", "lankarani-nikravesh")
 #: Samples of a whole scene, of which every so many are kept, and the tolerance of its run.
 WHOLE_SAMPLES, WHOLE_EVERY, WHOLE_TOLERANCE = 4800, 4, 1e-9

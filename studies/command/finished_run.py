@@ -14,10 +14,12 @@ from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.progress import tell
 from engine_models.scene.arguments import Place, check_arguments
 from engine_models.scene.data import Positive
+from engine_models.scene.general import GeneralScene
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.endings import film_ending
-from studies.command.options import as_arguments
+from studies.command.options import PLAIN, as_arguments
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
 from studies.running.whole_file import require_place, write_whole
@@ -30,6 +32,19 @@ if TYPE_CHECKING:
 MISSED = 0.1
 #: This number of samples in the shortest impact shows 99 % of the largest force of half a sine.
 PER_IMPACT = 10
+
+
+def require_pictured(option: str, scene: AnyScene) -> Scene:
+    """Return a plain crank-slider or pendulum, of which alone there are pictures so far.
+
+    Raises:
+        BadInput: it is another mechanism.
+    """
+    if isinstance(scene, Scene) and scene.is_plain:
+        return scene
+    raise BadInput(
+        f"{option}: expected {PLAIN} so far, got {scene.name} (another mechanism by {scene.general_by})"
+    )
 
 
 class ContactForce(NamedTuple):
@@ -48,7 +63,7 @@ class Run:
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays.
     """
 
-    scene: Scene
+    scene: AnyScene
     engine_name: str
     engine: Engine
     tolerance_m: float | None
@@ -97,6 +112,7 @@ class Run:
         """
         from reports.run.figures import time_plot
 
+        require_pictured("plot", self.scene)
         mark = None
         if largest := self.largest_contact_force:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
@@ -137,9 +153,10 @@ class Run:
         """Return the animation as the bytes of a file; progress is reported as for a run."""
         from reports.run.film import Mechanism, film_bytes
 
+        scene = require_pictured("--animate", self.scene)
         mechanism = Mechanism(
-            self.scene.crank.length_m,
-            self.scene.rod.length_m if self.scene.rod else None,
+            scene.crank.length_m,
+            scene.rod.length_m if scene.rod else None,
             {name: clearance.radial_clearance_m for name, clearance in clearances(self.scene).items()},
         )
         return film_bytes(self.frame, mechanism, exaggerate, self.scene.name, ending, tell)
@@ -169,7 +186,12 @@ class Run:
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
         steps_taken = f"{steps} steps{of_method}, {how_long}"
-        return [f"quality: {self.quality.summary()}", steps_taken, *self._notes_of_force()]
+        return [*self._start(), f"quality: {self.quality.summary()}", steps_taken, *self._notes_of_force()]
+
+    def _start(self) -> list[str]:
+        """Return how a start was put together, a line, of a scene in the general form alone."""
+        placed = self.scene.placed if isinstance(self.scene, GeneralScene) else None
+        return [] if placed is None else [f"start put together: {placed.moved} from what the file tells"]
 
     def _notes_of_force(self) -> list[str]:
         """Return a line on the largest contact force, and one if samples miss it."""

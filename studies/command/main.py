@@ -109,6 +109,19 @@ def show(scene: SceneName) -> None:
 
 
 @app.command()
+def check(scene: SceneName, changes: Changes = None, quiet: Quiet = False) -> None:
+    """Tell bodies, rows and freedoms of a mechanism, its start, and its nearest singular position."""
+    from studies.command.options import read_scene
+    from studies.command.progress_display import shown_progress
+    from studies.command.simulation import checked_mechanism
+
+    physics = read_scene(scene, changes or [])
+    with failures.quietly(quiet), shown_progress(physics.end_time_s):
+        lines = checked_mechanism(physics)
+    print("\n".join(lines))
+
+
+@app.command()
 def schema() -> None:
     """Print the JSON schema of scene files, with which editors complete and check them."""
     from engine_models.scene.schema import scene_schema
@@ -163,9 +176,9 @@ def simulate(
     if impacts is not None:
         files.append(outputs.impacts(impacts, physics))
     if plot is not None:
-        files.append(outputs.plot(plot))
+        files.append(outputs.plot(plot, physics))
     if animate is not None:
-        files.append(outputs.film(animate, exaggerate))
+        files.append(outputs.film(animate, exaggerate, physics))
     elif exaggerate is not None:
         raise failures.BadInput(f"--exaggerate: expected nothing without --animate, got {exaggerate}")
     outputs.require_places(files, scene, changes or [])
@@ -196,7 +209,7 @@ def truth(
     from studies.command.truth import true_run
 
     numbers = options.checked(options.SimulateOptions, "--", {"end": end, "samples": samples})
-    physics = options.read_scene(scene, changes or [], numbers.end)
+    physics = options.read_plain_scene("the truth", scene, changes or [], numbers.end)
     files = [outputs.samples(out)]
     if impacts is not None:
         files.append(outputs.impacts(impacts, physics))
@@ -270,7 +283,7 @@ def sweep(
 
         chosen = sweeps.options_of({**strings, "jobs": count})
         endings.ending_of("--out", out, (".parquet",))
-        physics = options.read_scene(scene, changes or [])
+        physics = options.read_plain_scene("sweeps", scene, changes or [])
         ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
         settings = options.assigned("--set", "KEY=VALUE", assignments or [])
         wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
@@ -355,10 +368,10 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
-    from studies.command.options import read_scene
+    from studies.command.options import read_plain_scene
     from studies.command.study_run import joined, running_in
 
-    physics = read_scene(scene, changes or [])
+    physics = read_plain_scene("comparisons", scene, changes or [])
     joined(engines or [])
     from rich.console import Console
 

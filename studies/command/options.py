@@ -16,6 +16,7 @@ from engine_models.engines import engine_class
 from engine_models.scene.data import Duration, Positive
 from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library import SCENES
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import expect, fields, meant, no_numbers, one_of, refusal, shown, typed
 from engine_models.scene.scene import Scene
 from studies.running.failures import BadInput
@@ -30,7 +31,9 @@ T = TypeVar("T")
 #: A number of equal output intervals.
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
 #: A scene as users may give one.
-SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of(list(SCENES))}, or a TOML file")]
+SomeScene = Annotated[InstanceOf[AnyScene] | str | Path, expect(f"{one_of(list(SCENES))}, or a TOML file")]
+#: What runs in all engines, in truths and in studies.
+PLAIN = "a crank-slider on a guide along +x through O or a pendulum"
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
@@ -93,8 +96,8 @@ def checked(kind: type[T], prefix: str, values: Mapping[str, object]) -> T:
 
 
 def read_scene(
-    scene: str | Path | Scene, assignments: Sequence[str] = (), end_s: float | None = None
-) -> Scene:
+    scene: str | Path | AnyScene, assignments: Sequence[str] = (), end_s: float | None = None
+) -> AnyScene:
     """Return a library scene by its name, the scene in a TOML file, or a scene itself, with changes.
 
     Changes are assignments ``FIELD=VALUE``, with values as in TOML, and another end time. A scene is checked
@@ -105,7 +108,8 @@ def read_scene(
     """
     fields = _fields(assignments)
     changes = fields if end_s is None else {**fields, "end_time_s": end_s}
-    if isinstance(scene, Scene):
+    own: AnyScene
+    if isinstance(scene, AnyScene):
         own = scene
     elif (name := str(scene)) in SCENES:
         own = SCENES[name]()
@@ -115,6 +119,21 @@ def read_scene(
         return own.replace(changes) if changes else own
     except SceneError as error:
         raise BadInput(f"--with {error}" if fields else str(error)) from None
+
+
+def read_plain_scene(
+    what: str, scene: str | Path | AnyScene, assignments: Sequence[str] = (), end_s: float | None = None
+) -> Scene:
+    """Return a scene as ``read_scene`` does, for ``what`` runs plain crank-sliders and pendulums alone.
+
+    Raises:
+        BadInput: as ``read_scene`` does, or it is another mechanism.
+    """
+    own = read_scene(scene, assignments, end_s)
+    if isinstance(own, Scene) and own.is_plain:
+        return own
+    came = f"{own.name}, another mechanism (by {own.general_by})"
+    raise BadInput(f"SCENE: expected {PLAIN} for {what} so far, got {came}")
 
 
 def _scene_file(name: str) -> Path:

@@ -13,9 +13,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.command.endings import PICTURES, ending_of, film_ending
-from studies.command.finished_run import Run
+from studies.command.finished_run import Run, require_pictured
 from studies.command.options import FilmOptions, checked, is_source
 from studies.command.progress_display import shown_progress
 from studies.command.trajectory_table import impact_columns, sample_columns
@@ -61,7 +61,7 @@ class Output:
             yield write
 
 
-def write(files: Sequence[Output], scene: Scene, result: Callable[[], Run]) -> Run:
+def write(files: Sequence[Output], scene: AnyScene, result: Callable[[], Run]) -> Run:
     """Make a run, write all files or none, and return the run; progress is shown."""
     for file in files:
         file.require_place()
@@ -81,7 +81,7 @@ def samples(path: Path) -> Output:
     return Output("--out", path, lambda run: encode(sample_columns(run.scene, run.trajectory), run))
 
 
-def impacts(path: Path, scene: Scene) -> Output:
+def impacts(path: Path, scene: AnyScene) -> Output:
     """Return the file of a run's impacts."""
     encode = FORMATS[ending_of("--impacts", path, FORMATS)]
     if not scene.joints_with_clearance:
@@ -89,8 +89,9 @@ def impacts(path: Path, scene: Scene) -> Output:
     return Output("--impacts", path, lambda run: encode(impact_columns(run.trajectory.contacts), run))
 
 
-def plot(path: Path) -> Output:
+def plot(path: Path, scene: AnyScene) -> Output:
     """Return the file of a run's figure."""
+    require_pictured("--plot", scene)
     ending = ending_of("--plot", path, PICTURES)
 
     def content(run: Run) -> bytes:
@@ -101,8 +102,9 @@ def plot(path: Path) -> Output:
     return Output("--plot", path, content)
 
 
-def film(path: Path, exaggerate: str | None) -> Output:
+def film(path: Path, exaggerate: str | None, scene: AnyScene) -> Output:
     """Return the file of a run's animation, with clearances enlarged by the factor ``exaggerate``."""
+    require_pictured("--animate", scene)
     times, ending = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate, film_ending(path)
     return Output("--animate", path, lambda run: run.film(ending, times))
 

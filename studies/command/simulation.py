@@ -4,16 +4,24 @@ import numpy as np
 
 from engine_models.convergence.doubts import doubts
 from engine_models.convergence.step_halving import simulate_to_tolerance
-from engine_models.engine import Engine, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import (
+    Engine,
+    ImpossibleStart,
+    RunSettings,
+    SimulationFailed,
+    UnsupportedScene,
+    plain,
+)
 from engine_models.memory import TooLarge
+from engine_models.reference.inspection import inspect
 from engine_models.reference.kernels import KernelsRefused
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions, longest_step_s
 from studies.running.failures import BadInput, Failed
 
 
-def simulated(scene: Scene, engine_name: str, engine: Engine, options: SimulateOptions) -> Run:
+def simulated(scene: AnyScene, engine_name: str, engine: Engine, options: SimulateOptions) -> Run:
     """Run a scene with an engine at the step, or to the tolerance, asked for.
 
     Raises:
@@ -22,6 +30,8 @@ def simulated(scene: Scene, engine_name: str, engine: Engine, options: SimulateO
     """
     longest_step = longest_step_s(options, scene.end_time_s, engine)
     try:
+        if not getattr(engine, "any_mechanism", False):
+            plain(scene, engine_name)
         with np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
             if options.tolerance is not None:
                 run = simulate_to_tolerance(engine, scene, options.tolerance, options.samples)
@@ -37,3 +47,18 @@ def simulated(scene: Scene, engine_name: str, engine: Engine, options: SimulateO
     except SimulationFailed as reason:
         raise Failed(str(reason)) from None
     return Run(scene, engine_name, engine, options.tolerance, run, tuple(warnings))
+
+
+def checked_mechanism(scene: AnyScene) -> list[str]:
+    """Return lines on a scene's mechanism and its start, and on its nearest singular position.
+
+    Raises:
+        BadInput: there is no such start, or the joints' rows depend on each other.
+        Failed: the run failed.
+    """
+    try:
+        return inspect(scene)
+    except ImpossibleStart as reason:
+        raise BadInput(str(reason)) from None
+    except SimulationFailed as reason:
+        raise Failed(str(reason)) from None

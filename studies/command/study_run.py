@@ -8,7 +8,7 @@ from engine_models.engines import join
 from engine_models.reference.kernels import KernelsRefused, writable_folder
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
-from studies.command.options import read_engine, read_scene
+from studies.command.options import read_engine, read_plain_scene
 from studies.running.failures import BadInput, note, terminated_as_interrupted, writing
 from studies.running.finished_cases import DamagedRows
 from studies.running.folder_lock import FolderHeld
@@ -44,7 +44,7 @@ def given_scenes(names: Sequence[str]) -> list[Scene]:
         BadInput: there is no such scene, or its name is not unique or cannot be a file name.
     """
     try:
-        scenes = [read_scene(name) for name in names]
+        scenes = [read_plain_scene("studies", name) for name in names]
     except BadInput as reason:
         raise BadInput(str(reason).replace("SCENE:", "--scene:", 1)) from None
     require_names(scenes)

@@ -44,7 +44,8 @@ class TrueRun(Run):
 
     def notes(self) -> list[str]:
         """Return a line each on the uncertainty, the method and the end, and on the largest force."""
-        end, what = self.trajectory.time_s[-1], "slider" if self.scene.is_crank_slider else "crank's pin"
+        is_slider = isinstance(self.scene, Scene) and self.scene.is_crank_slider
+        end, what = self.trajectory.time_s[-1], "slider" if is_slider else "crank's pin"
         known = f"the {what} is certain to {self.certain_m:.1e} m until t = {end:.6g} s"
         by = "independent equations" if self.by == INDEPENDENT else "the reference engine"
         return [f"{known}, by {by}", *self._notes_of_force()]

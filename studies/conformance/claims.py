@@ -13,7 +13,7 @@ import numpy as np
 from engine_models.engine import AdapterCannot, Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.energy import unaccounted_part
-from engine_models.mechanics.slider_load import slider_forces
+from engine_models.mechanics.loads import slider_forces
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import converged, solved
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
@@ -159,7 +159,7 @@ def forces_fit_accelerations(trial: Trial) -> Finding:
     for load in slider_forces(scene, run.position, run.velocity).values():
         force[:, 2, 0] += load
     masses = np.array([body.mass_kg for body in scene.bodies])[:, None]
-    force[:, :, 1] -= masses[:, 0] * scene.gravity_m_s2
+    force[:, :, 1] -= masses[:, 0] * scene.weight_m_s2
     needed = masses * (run.velocity[2:, :, :2] - run.velocity[:-2, :, :2]) / (2 * run.time_s[1])
     scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
     off = float(np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale)

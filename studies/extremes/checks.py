@@ -104,7 +104,7 @@ def bounced(scene: Scene, run: Trajectory) -> Errors:
 
     All that the wall gave is the momentum that the wheel has at the first sample after, and lost to weight.
     """
-    time, height, g = run.time_s, dropped_wheel(scene, run.time_s), scene.gravity_m_s2
+    time, height, g = run.time_s, dropped_wheel(scene, run.time_s), scene.weight_m_s2
     rising = (height[-1] - height[-2]) / (time[-1] - time[-2]) + g * (time[-1] - time[-2]) / 2
     impulse = scene.crank.mass_kg * (rising + g * time[-2])
     told = float(run.contacts["O"].impacts.normal_impulse_N_s.sum())

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from engine_models.scene.data import Part
+from engine_models.scene.data import Kind
 from engine_models.scene.drives import FreeDrive
 from engine_models.scene.library import BEARING_RADIUS_M, clearance, ideal_driven, ideal_free
 from engine_models.scene.scene import (
@@ -131,7 +131,7 @@ def hanging(name: str, end_time_s: float, coefficient: float) -> Scene:
     )
 
 
-def unchecked(part: Part, changes: Mapping[str, object]) -> Part:
+def unchecked(part: Kind, changes: Mapping[str, object]) -> Kind:
     """Return a scene, or a part of one, with changes that nothing checks: a case may be what no scene is.
 
     No engine gets to see it (see ``studies.extremes.study``).

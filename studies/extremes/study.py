@@ -193,6 +193,8 @@ def _apart(scene: Scene, run: Trajectory) -> Row:
 def _valid(scene: Scene) -> Scene:
     """Return the scene as its file reads back: what is refused there no engine gets to see."""
     try:
-        return from_toml(scene.to_toml())
+        read = from_toml(scene.to_toml())
+        assert isinstance(read, Scene)
+        return read
     except SceneError as error:
         raise ImpossibleScene(f"no such scene: {error}") from None

@@ -32,7 +32,7 @@ def dropped_wheel(scene: Scene, time_s: FloatArray) -> FloatArray:
         outwards = abs(y) == c and y * v > 0
         if rigid and outwards:
             v *= -(clearance.restitution or 0.0)
-            if 2 * abs(v) < scene.gravity_m_s2 * SHORTEST_FLIGHT_S:
+            if 2 * abs(v) < scene.weight_m_s2 * SHORTEST_FLIGHT_S:
                 out[time_s >= t] = y
                 break
         elif outwards or abs(y) > c:
@@ -51,7 +51,7 @@ def _flight(
     scene: Scene, t: float, y: float, v: float, time_s: FloatArray, out: FloatArray
 ) -> tuple[float, float, float]:
     """Fly to the wall that is met first and fill in the samples on the way."""
-    c, g = _bearing(scene).radial_clearance_m, scene.gravity_m_s2
+    c, g = _bearing(scene).radial_clearance_m, scene.weight_m_s2
     walls = [((v + math.sqrt(v * v + 2 * g * (y + c))) / g, -c)]
     if v > 0 and v * v > 2 * g * (c - y):
         walls.append(((v - math.sqrt(v * v - 2 * g * (c - y))) / g, c))
@@ -76,7 +76,7 @@ def _contact(
     def slopes(_: float, state: FloatArray) -> list[float]:
         depth, rate = max(state[0], 0.0), state[1]
         force = stiffness * depth**exponent * (1 + factor * rate)
-        return [rate, -wall * scene.gravity_m_s2 - (force if clearance.may_pull else max(force, 0.0)) / m]
+        return [rate, -wall * scene.weight_m_s2 - (force if clearance.may_pull else max(force, 0.0)) / m]
 
     def surface(_: float, state: FloatArray) -> float:
         return float(state[0])
@@ -101,7 +101,7 @@ def braked_wheel(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArr
     """
     clearance, wheel, spin = _bearing(scene), scene.crank, scene.start.crank_speed_rad_s
     mu = 0.0 if clearance.friction is None else clearance.friction.coefficient
-    normal = wheel.mass_kg * scene.gravity_m_s2 * math.cos(math.atan(mu))
+    normal = wheel.mass_kg * scene.weight_m_s2 * math.cos(math.atan(mu))
     pin = clearance.bearing_radius_m - clearance.radial_clearance_m
     braking = mu * normal * pin / wheel.inertia_kg_m2
     until = np.minimum(time_s, spin / braking) if braking else time_s
@@ -139,7 +139,7 @@ def turning_rod(scene: Scene, time_s: FloatArray) -> FloatArray:
 
     def energies(phi: float) -> tuple[float, float]:
         X, X_1 = at(phi)
-        return float(np.sum(m * X_1**2)), scene.gravity_m_s2 * float(m[:, 0] @ X[:, 1])
+        return float(np.sum(m * X_1**2)), scene.weight_m_s2 * float(m[:, 0] @ X[:, 1])
 
     phi_0 = math.asin(-r / length * math.sin(scene.start.crank_angle_rad))
     rate_0 = scene.start.crank_speed_rad_s / at(phi_0)[1][0, 2]
@@ -170,7 +170,7 @@ def swinging_pendulum(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, Flo
     centre to the pin's, at the distance c + delta, and t = (-e_y, e_x) the forces on the pin are -N e and
     -mu N f t, f the sliding speed in parts of the regularisation speed, no more than 1.
     """
-    clearance, link, g = _bearing(scene), scene.crank, scene.gravity_m_s2
+    clearance, link, g = _bearing(scene), scene.crank, scene.weight_m_s2
     friction, K, d = clearance.friction, clearance.stiffness, clearance.damping_N_s_m
     assert friction is not None
     assert K is not None

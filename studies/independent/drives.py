@@ -34,17 +34,18 @@ def drive_of(scene: Scene) -> Drive:
     drive, first, clock = scene.drive, scene.start.crank_speed_rad_s, scene.start.time_s or 0.0
     kind, numbers, knots, pieces = TORQUE, [0.0], np.zeros(0), np.zeros((4, 0))
     if drive.kind == "torque":
-        numbers = [drive.torque_N_m]
+        numbers = [drive.constant_N_m]
     elif drive.kind == "motor":
-        slope = drive.stall_torque_N_m / drive.no_load_speed_rad_s
-        kind, numbers = MOTOR, [slope, drive.no_load_speed_rad_s]
+        stall, no_load = drive.line
+        slope = stall / no_load
+        kind, numbers = MOTOR, [slope, no_load]
     elif drive.kind == "constant-speed":
         kind, numbers = CONSTANT, [first]
     elif drive.kind == "ramp":
-        kind, numbers = RAMP, [first, drive.final_speed_rad_s - first, drive.ramp_time_s, clock]
+        kind, numbers = RAMP, [first, drive.final_speed - first, drive.ramp_time_s, clock]
     elif drive.kind == "fluctuating":
         rate = math.tau * drive.frequency_Hz
-        kind, numbers = SINE, [first, drive.amplitude_rad_s, rate, drive.phase_rad + rate * clock]
+        kind, numbers = SINE, [first, drive.amplitude, rate, drive.phase_rad + rate * clock]
     elif drive.kind == "table":
         kind, numbers = TABLE, [0.0, 0.0, 0.0, clock]
         knots, pieces = pieces_of(_turning(drive))
@@ -54,7 +55,7 @@ def drive_of(scene: Scene) -> Drive:
 
 def _turning(table: TableDrive) -> object:
     """Return the B-spline of a table; not-a-knot leaves out the knot next to an end without a slope."""
-    t, angle = table.time_s, table.angle_rad
+    t, angle = table.time_s, table.values
     if table.interpolation == "linear":
         return make_interp_spline(t, angle, k=1)
     first, last = table.end_slopes or (

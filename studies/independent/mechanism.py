@@ -84,7 +84,7 @@ def _bodies_of(scene: Scene) -> Bodies:
     if scene.is_crank_slider:
         _, rod, slider = scene.crank_slider()
         others = rod.mass_kg, rod.inertia_kg_m2, rod.length_m, rod.centre_of_mass_m, slider.mass_kg
-    return Bodies(*first, *others, scene.gravity_m_s2, np.array(free))
+    return Bodies(*first, *others, scene.weight_m_s2, np.array(free))
 
 
 def damping_of(law: str, e: float) -> float:
@@ -201,4 +201,4 @@ def _driven_speed(scene: Scene) -> float:
     work = 2 * r * force + 2 * math.pi * abs(drive.numbers[0] if scene.drive.kind == "torque" else 0.0)
     mass = sum(body.mass_kg for body in scene.bodies)
     fastest = max(abs(start_speed(scene)), abs(drive.numbers[1])) * r
-    return math.sqrt(fastest**2 + 2 * (scene.gravity_m_s2 * r + work / mass))
+    return math.sqrt(fastest**2 + 2 * (scene.weight_m_s2 * r + work / mass))

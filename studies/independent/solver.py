@@ -197,7 +197,7 @@ def _forces(
     scene: Scene, samples: Sequence[Sample], contacts: dict[str, Contact]
 ) -> tuple[FloatArray, FloatArray | None]:
     """Return joint forces (n, joints, 2) and the guide's (n,), body by body from a joint with clearance."""
-    weight = np.array([0.0, scene.gravity_m_s2])
+    weight = np.array([0.0, scene.weight_m_s2])
     masses = np.array([body.mass_kg for body in scene.bodies])
     # All forces on each body, (n, bodies, 2), but its weight and its load.
     pushed = masses[:, None] * (np.array([s.acceleration[:, :2] for s in samples]) + weight)
@@ -208,7 +208,7 @@ def _forces(
     if "A" not in known:
         known["A"] = rod + known["B"] if "B" in known else known["O"] - crank
     forces = (known.get("O", crank + known["A"]), known["A"], known.get("B", known["A"] - rod))
-    return np.stack(forces, axis=1), masses[2] * scene.gravity_m_s2 - forces[2][:, 1]
+    return np.stack(forces, axis=1), masses[2] * scene.weight_m_s2 - forces[2][:, 1]
 
 
 def _force_on_pin(contact: Contact) -> FloatArray:

@@ -16,9 +16,9 @@ Lines = dict[str, FloatArray]
 def stored(scene: Scene, run: Trajectory) -> Lines:
     """Return the energy gained since t = 0: kinetic, gravitational, and elastic in all contacts together."""
     lines = {"kinetic_change_J": kinetic_energy_J(scene, run)}
-    if scene.gravity_m_s2:
+    if scene.weight_m_s2:
         masses = np.array([body.mass_kg for body in scene.bodies])
-        lines["gravitational_change_J"] = scene.gravity_m_s2 * (run.position[:, :, 1] @ masses)
+        lines["gravitational_change_J"] = scene.weight_m_s2 * (run.position[:, :, 1] @ masses)
     if run.contacts:
         lines["elastic_change_J"] = np.sum([c.elastic_energy_J for c in run.contacts.values()], axis=0)
     return {name: line - line[0] for name, line in lines.items()}
@@ -35,8 +35,9 @@ def dissipated(run: Trajectory) -> Lines:
 
 
 def load_works(run: Trajectory) -> Lines:
-    """Return the work of each part of the slider's load: ``slider_gas_work_J``."""
-    return {f"slider_{part}_work_J": work for part, work in run.load_work_J.items()}
+    """Return the work of each part of the loads: ``slider_gas_work_J``."""
+    named = {part if "." in part else f"slider.{part}": work for part, work in run.load_work_J.items()}
+    return {f"{part.replace('.', '_')}_work_J": work for part, work in named.items()}
 
 
 def ledger(scene: Scene, run: Trajectory) -> Lines:

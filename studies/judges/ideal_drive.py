@@ -50,10 +50,10 @@ def prescribed_motion(scene: Scene) -> PrescribedMotion:
     if drive.kind == "constant-speed":
         return PrescribedMotion(lambda t: speed * t, lambda t: np.full_like(t, speed), np.zeros_like)
     if drive.kind == "ramp":
-        motion = _ramp(speed, drive.final_speed_rad_s, drive.ramp_time_s, begin)
+        motion = _ramp(speed, drive.final_speed, drive.ramp_time_s, begin)
     elif drive.kind == "fluctuating":
         rate = 2 * np.pi * drive.frequency_Hz
-        motion = _fluctuating(speed, drive.amplitude_rad_s, rate, drive.phase_rad + rate * begin)
+        motion = _fluctuating(speed, drive.amplitude, rate, drive.phase_rad + rate * begin)
     elif drive.kind == "table":
         motion = _table(drive, begin)
     else:
@@ -98,7 +98,7 @@ def _fluctuating(mean: float, amplitude: float, rate: float, phase: float) -> Pr
 
 def _table(table: TableDrive, begin_s: float) -> PrescribedMotion:
     """The cubic spline of a table, whose third derivative jumps at the knots; or one straight line."""
-    times, angles = table.time_s, table.angle_rad
+    times, angles = table.time_s, table.values
     if table.interpolation == "linear":
         speed = (angles[-1] - angles[0]) / (times[-1] - times[0])
         return PrescribedMotion(lambda t: speed * t, lambda t: np.full_like(t, speed), np.zeros_like)
@@ -150,7 +150,7 @@ def drive_torque(scene: Scene) -> Callable[[Any], Any]:
     """Return the torque in N m of a drive that does not prescribe the speed, as a function of the speed."""
     drive = scene.drive
     if drive.kind == "torque":
-        torque = drive.torque_N_m
+        torque = drive.constant_N_m
         return lambda _: torque
     if drive.kind == "motor":
         stall, no_load = drive.stall_torque_N_m, drive.no_load_speed_rad_s

@@ -96,7 +96,7 @@ def crank_acceleration(scene: Scene, of: Any = np) -> Callable[[Any, Any], Any]:
         return lambda theta, _: 0.0 * theta
     if scene.speed_is_prescribed:
         raise ValueError(f"drive.kind: expected one that leaves the crank free, got {scene.drive.kind}")
-    m, g = masses(scene).ravel().tolist(), scene.gravity_m_s2
+    m, g = masses(scene).ravel().tolist(), scene.weight_m_s2
     torque, load = drive_torque(scene), slider_force(scene)
 
     def acceleration(theta: Any, speed: Any) -> Any:

@@ -34,7 +34,7 @@ def _reactions(
     ``load_N`` (n,) is the load on the slider, None without one.
     """
     inertial = masses(scene) * acceleration
-    inertial[..., 1] += masses(scene)[:, 0] * scene.gravity_m_s2  # every force but the joints' moved left
+    inertial[..., 1] += masses(scene)[:, 0] * scene.weight_m_s2  # every force but the joints' moved left
     if load_N is not None:
         inertial[:, 2, 0] -= load_N
     crank, rod, slider = (inertial[:, i] for i in range(3))
@@ -83,11 +83,11 @@ def exact(scene: Scene, samples: int, pieces: int = PIECES) -> Trajectory:
     load_works = load_works_J(scene, theta, x, motion.squares, slider_slope(scene))
     work = motion.motor_work_J
     if scene.drive.kind == "torque":
-        work = scene.drive.torque_N_m * (theta - theta[0])
+        work = scene.drive.constant_N_m * (theta - theta[0])
     elif scene.drive.kind == "motor":
         torque = drive_torque(scene)(speed)
     elif scene.speed_is_prescribed:
-        m, g = masses(scene), scene.gravity_m_s2
+        m, g = masses(scene), scene.weight_m_s2
         energy = np.sum(m * velocity**2, axis=(1, 2)) / 2 + g * np.sum(m[:, 0] * X[:, :, 1], axis=1)
         work = energy - energy[0] - sum(load_works.values())
     return Trajectory(

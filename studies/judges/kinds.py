@@ -1,6 +1,6 @@
 """What kind of scene a study is about: a scene of the user's is of that kind, or refused in a line."""
 
-from engine_models.scene.bad_input import BadInput
+from engine_models.scene.plain_words import BadInput
 from engine_models.scene.scene import Scene
 
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import typer
 
-from engine_models.scene.bad_input import BadInput as BadInput  # exit code 2
+from engine_models.scene.plain_words import BadInput as BadInput  # exit code 2
 
 if TYPE_CHECKING:
     from rich.console import Console

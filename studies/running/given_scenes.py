@@ -5,8 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from engine_models.scene.bad_input import BadInput
-from engine_models.scene.plain_words import shown
+from engine_models.scene.plain_words import BadInput, shown
 from engine_models.scene.scene import Scene
 from studies.running.case import Case, Study, Value
 

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from engine_models.engine import Impacts, RunSettings, Trajectory
+from engine_models.engine import Impacts, RunSettings, T, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.conformance.claims import (
     CLAIMS,
     Trial,
@@ -30,16 +30,16 @@ class Altered:
     change: Change
     order: ClassVar[int | None] = 4
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: AnyScene) -> None:
         """It runs all scenes."""
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         return scene
 
     def sharper(self) -> "Altered":
         return self
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         return self.change(make_engine("reference").simulate(scene, settings))
 
 
@@ -131,10 +131,10 @@ class OfItsOwnLaw(Altered):
 
     change: Change = unaltered
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         return scene.replace("clearance.B.radial_clearance_m", 1e-4)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         return super().simulate(self.twin(scene), settings)
 
 
@@ -142,10 +142,10 @@ class OfItsOwnLaw(Altered):
 class Hushed(OfItsOwnLaw):
     """It does so, and does not say it."""
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         return super().simulate(OfItsOwnLaw.twin(self, scene), settings)
 
-    def twin(self, scene: Scene) -> Scene:
+    def twin(self, scene: T) -> T:
         return scene
 
 
@@ -166,7 +166,7 @@ class ByTolerance(Altered):
     def sharper(self) -> "ByTolerance":
         return replace(self, off_m=self.off_m / self.factor)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         run = make_engine("reference", method="dop853").simulate(scene, settings)
         return replace(run, position=run.position + self.off_m)
 
@@ -186,7 +186,7 @@ class OfRoundOff(Altered):
     round_off_m: float = 0.0
     order: ClassVar[int | None] = 2
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         run = make_engine("reference", method="dop853").simulate(scene, settings)
         step_s = settings.step_used_s(scene.end_time_s)
         size_m = self.round_off_m * (2e-4 / step_s) ** 0.5

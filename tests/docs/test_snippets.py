@@ -14,7 +14,7 @@ import yaml
 from typer.main import get_command
 
 from engine_models import engines
-from engine_models.scene.scene import Scene
+from engine_models.scene.file import form_of
 from studies.command.main import app
 from studies.running.registry import STUDIES
 from tests.docs.pages import EXAMPLES, PAGES, ROOT, Block, blocks
@@ -165,7 +165,7 @@ def _read_toml(block: Block, where: str) -> None:
     if not block.file:
         kept = max(Path().glob("*.toml"), key=lambda path: path.stat().st_mtime_ns)
         data = {**tomllib.loads(kept.read_text(encoding="utf-8")), **data}
-    assert Scene.checked(data), where
+    assert form_of(data).checked(data), where
 
 
 @pytest.mark.system

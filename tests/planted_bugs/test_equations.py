@@ -17,7 +17,7 @@ import pytest
 from engine_models.engine import FloatArray
 from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
-from engine_models.mechanics.slider_load import slider_forces
+from engine_models.mechanics.loads import slider_forces
 from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.loads import Loads, SliderLoad
@@ -188,7 +188,7 @@ def missing(scene: Scene, state: FloatArray, answers: FloatArray) -> FloatArray:
         (2, 1, rod.length_m - d, -1),
     ]
     lack = np.array([[b.mass_kg, b.mass_kg, b.inertia_kg_m2] for b in scene.bodies]) * acceleration
-    lack[:, 1] += [body.mass_kg * scene.gravity_m_s2 for body in scene.bodies]
+    lack[:, 1] += [body.mass_kg * scene.weight_m_s2 for body in scene.bodies]
     lack[2] -= [load, guide, moment]
     for joint, body, reach, sign in at:
         (x, y), angle = sign * forces[joint], position[body, 2]
@@ -266,7 +266,7 @@ def loose() -> Written:
         force = -normal * n + friction * np.array([-n[1], n[0]])
         torque = arm * friction - s * (along[0] * force[1] - along[1] * force[0])
         rates = (normal, (normal - spring) * rate, -friction * sliding)
-        weight = np.array([0.0, -scene.gravity_m_s2])
+        weight = np.array([0.0, -scene.weight_m_s2])
         states.append(state)
         expected.append(np.array([*(force / crank.mass_kg + weight), torque / crank.inertia_kg_m2, *rates]))
     return Written(*on_tape(scene, POWERS, phases), tuple(states), tuple(expected))

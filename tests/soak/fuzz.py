@@ -20,6 +20,7 @@ from engine_models.engines import ENGINES, engine_class
 from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.plain_words import fields
+from engine_models.scene.scene import Scene
 from studies.running.execution import CaseEnded, Limits
 from studies.running.processes import Processes
 from tests.helpers.command import Finished, crankslider
@@ -159,7 +160,9 @@ def wrongs(done: Finished, each: Attempt) -> str:
     times = np.linspace(0.0, float(each.options[3]), int(float(each.options[samples + 1])) + 1)
     if len(rows) != len(times) or not np.allclose(rows[:, 0], times, rtol=1e-12, atol=0.0):
         return f"times: expected {times}, got {rows[:, 0]}"
-    start = from_toml(each.scene.decode("utf-8-sig")).start.crank_angle_rad
+    scene = from_toml(each.scene.decode("utf-8-sig"))
+    assert isinstance(scene, Scene)
+    start = scene.start.crank_angle_rad
     came = rows[0, header.index("crank_angle_rad")]
     return "" if abs(came - start) <= 1e-9 * max(1.0, abs(start)) else f"start: expected {start}, got {came}"
 

@@ -310,10 +310,9 @@ def test_nonsense_of_the_reference_is_a_row_in_which_it_says_so(name: str) -> No
     assert judged(measured)["verdict"] is Verdict.FAILED
 
 
-def test_the_reference_tells_rank_time_and_configuration_of_a_singularity() -> None:
+def test_the_reference_tells_rank_time_and_joints_of_a_singularity() -> None:
     reason = str(row("L = r through the fold")["reason"])
-    assert "rank 8 of 9 rows at t = 0.003 s, q = [" in reason
-    assert reason.count("1.5708") == 2, "crank and rod stand upright, folded on each other"
+    assert "rank 8 of 9 at t = 0.003 s, those of O, A, B, guide depend on each other" in reason
 
 
 def test_plain_rk4_says_when_a_step_was_too_long_for_a_wall() -> None:

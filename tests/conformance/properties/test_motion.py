@@ -76,7 +76,7 @@ def test_the_mirror_image_of_a_mechanism_moves_as_its_mirror_image(drawn: Scene)
     )
     drive = scene.drive
     if isinstance(drive, TorqueDrive):
-        drive = TorqueDrive(kind="torque", torque_N_m=-drive.torque_N_m)
+        drive = TorqueDrive(kind="torque", torque_N_m=-drive.constant_N_m)
     own, mirrored = run(scene), run(scene.model_copy(update={"start": start, "drive": drive}))
     sides = np.array([1.0, -1.0, -1.0])
     same(mirrored.position * sides, own.position)
@@ -112,7 +112,7 @@ def test_forces_are_the_rates_of_the_momenta_they_change(scene: Scene) -> None:
     # O's force on the crank and the guide's on the slider are all that act from outside, but for weight.
     assert found.guide_normal_force_N is not None
     outside = found.joint_force_N[:, 0].copy()
-    outside[:, 1] += found.guide_normal_force_N - scene.gravity_m_s2 * masses.sum()
+    outside[:, 1] += found.guide_normal_force_N - scene.weight_m_s2 * masses.sum()
     h = found.time_s[1]
     gained = momentum[2:] - momentum[:-2]
     impulse = h / 3 * (outside[:-2] + 4 * outside[1:-1] + outside[2:])

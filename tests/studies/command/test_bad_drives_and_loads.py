@@ -256,9 +256,9 @@ BAD = {
     "an unknown load": (load(weight_N=3.0), "load.slider.weight_N", "the key force_N", "unknown key"),
     "a load on the rod": (
         f"{FREE}\n[load.rod]\nforce_N = 1.0\n",
-        "load.rod",
-        "the key slider",
-        "unknown key",
+        "load.rod.along_rad",
+        "a number for a body without a guide",
+        "nothing",
     ),
 }
 

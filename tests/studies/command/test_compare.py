@@ -34,7 +34,7 @@ def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def short(scene_file: Path) -> cs.Scene:
+def short(scene_file: Path) -> cs.Scene | cs.GeneralScene:
     return cs.load(scene_file).replace("end_time_s", END_S)
 
 

@@ -38,8 +38,7 @@ def test_a_file_tells_what_made_it(tmp_path: Path) -> None:
     assert made_by["quality"]["unaccounted_energy_part"] < 1e-6
     assert crankslider("--version").stdout == f"crankslider {made_by['version']}\n"
     scene = from_toml(made_by["scene"])
-    assert scene.clearance.B is not None
-    assert scene.clearance.B.radial_clearance_m == 1e-4
+    assert scene.clearances["B"].radial_clearance_m == 1e-4
     metadata = parquet.read_schema(tmp_path / "a.parquet").metadata
     texts = {key.decode(): value.decode() for key, value in metadata.items()}
     assert texts["scene"] == made_by["scene"]

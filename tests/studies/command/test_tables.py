@@ -201,7 +201,7 @@ REFUSED = {
     ),
     "missing beside an option": (
         ["crank.mass_kg=1.0", "drive.kind=ramp"],
-        ["error: --with drive.final_speed_rad_s: expected a finite number, got nothing"],
+        ["error: --with drive.ramp_time_s: expected a finite number > 0, got nothing"],
     ),
     "an unknown key": (
         ["crank.mass_kg=1.0", "crank.lenght_m=1"],

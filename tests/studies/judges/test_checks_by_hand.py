@@ -45,7 +45,7 @@ def test_the_impulse_of_a_bounce_is_momentum_and_weight(monkeypatch: pytest.Monk
     """2 kg at 3 m/s upwards after a second's fall of 10 m/s²: 26 N s. It is 2 m lower a second later."""
     height = np.array([9.0, 4.0, 2.0])
     monkeypatch.setattr(checks, "dropped_wheel", lambda *_: height)
-    scene: Any = SimpleNamespace(crank=SimpleNamespace(mass_kg=2.0), gravity_m_s2=10.0)
+    scene: Any = SimpleNamespace(crank=SimpleNamespace(mass_kg=2.0), weight_m_s2=10.0)
     position = np.zeros((3, 1, 3))
     position[:, 0, 1] = height + np.array([0.0, 0.0, 0.7])
     told = contact(np.zeros((3, 2)), [0.0, 0.0, 0.0], [20.0, 3.4])
