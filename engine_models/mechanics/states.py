@@ -40,7 +40,9 @@ def point_motion(body: int, point: Point, position: FloatArray, velocity: FloatA
         still = np.zeros((len(position), 2))
         return PointMotion(still + point, still, still[:, 0])
     cos, sin, spin = np.cos(position[:, body, 2]), np.sin(position[:, body, 2]), velocity[:, body, 2]
-    reach = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
+    reach = x * np.stack([cos, sin], axis=-1)
+    if y:
+        reach += y * np.stack([-sin, cos], axis=-1)
     turned = np.stack([-reach[:, 1], reach[:, 0]], axis=-1)
     return PointMotion(position[:, body, :2] + reach, velocity[:, body, :2] + spin[:, None] * turned, spin)
 

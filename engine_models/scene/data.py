@@ -94,7 +94,8 @@ class SceneData(BaseModel):
             SceneError: with them it is none.
         """
         copy = super().model_copy(deep=deep)
-        return self.checked(copy.__dict__ | dict(update)) if update else copy
+        fields = {name: getattr(copy, name) for name in type(self).model_fields} | (copy.model_extra or {})
+        return self.checked(fields | dict(update)) if update else copy
 
 
 def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str, Any]:

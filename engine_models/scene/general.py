@@ -64,9 +64,7 @@ class GeneralScene(GeneralParts):
         """The start that was put together, None where the state of every body is given."""
         return self._assembled
 
-    @property
-    def mechanism(self) -> MechanismData:
-        """The mechanism by names, from which engines build it."""
+    def _mechanism(self) -> MechanismData:
         return mechanism_data(self)
 
     @property

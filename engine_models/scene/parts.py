@@ -6,6 +6,7 @@ A place is one number, on the x axis of the body, or a pair of numbers.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, Literal, TypeVar
 
 import tomli_w
@@ -277,10 +278,20 @@ class AnyScene(SceneData):
         own = self.gravity_m_s2
         return own if isinstance(own, tuple) else (0.0, -own)
 
-    @property
+    @cached_property
     def mechanism(self) -> MechanismData:
         """The mechanism by names, from which engines build it."""
+        return self._mechanism()
+
+    def _mechanism(self) -> MechanismData:
         raise NotImplementedError
+
+    def __copy__(self: T) -> T:
+        """Return a copy that knows nothing of what follows from its fields, as others may be put into it."""
+        copy = super().__copy__()
+        for name in self.__dict__.keys() - type(self).model_fields.keys():
+            del copy.__dict__[name]
+        return copy
 
     @property
     def observed(self) -> Observed:
@@ -302,10 +313,10 @@ class AnyScene(SceneData):
         """Whether it is a crank-slider on a guide along +x through joint O, or a pendulum: see ``Scene``."""
         return self.general_by is None
 
-    @property
+    @cached_property
     def general_by(self) -> str | None:
         """The first entry by which the mechanism is another than a plain crank-slider or pendulum, if any."""
-        raise NotImplementedError
+        return "body"
 
     @property
     def speed_is_prescribed(self) -> bool:
@@ -362,8 +373,3 @@ class GeneralParts(AnyScene):
     def clock_s(self) -> float:
         """What the drive's clock reads as a run begins."""
         return self.start.time_s or 0.0
-
-    @property
-    def general_by(self) -> str:
-        """The first entry by which the mechanism is another than a plain crank-slider or pendulum."""
-        return "body"

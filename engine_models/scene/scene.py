@@ -11,6 +11,7 @@ a crank alone, hanging from joint O.
 import math
 import re
 from collections.abc import Mapping
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -226,7 +227,7 @@ class Scene(AnyScene):
             raise ValueError(f"scene {self.name}: expected a crank-slider, got a pendulum")
         return self.crank, self.rod, self.slider
 
-    @property
+    @cached_property
     def general_by(self) -> str | None:
         """The first entry that plain crank-sliders and pendulums do not have, if any."""
         return what_is_general(self)
@@ -236,9 +237,7 @@ class Scene(AnyScene):
         """The same scene in the general form."""
         return general_form(self)
 
-    @property
-    def mechanism(self) -> MechanismData:
-        """The mechanism by names, from which engines build it."""
+    def _mechanism(self) -> MechanismData:
         return self.general.mechanism
 
     @property
