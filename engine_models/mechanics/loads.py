@@ -103,7 +103,7 @@ def load_works_J(
         for part in _parts(load):
             name = f"{body}.{part}".removeprefix(short)
             works[name] = exact[part] if part in exact else integrated[name]
-    return works | {name: work for name, work in integrated.items() if name.startswith("spring.")}
+    return works | {name: work for name, work in integrated.items() if name.startswith("spring:")}
 
 
 def _parts(load: Load) -> list[str]:

@@ -213,12 +213,6 @@ class TorqueDrive(AnyDrive):
         assert isinstance(self.torque_N_m, float)
         return self.torque_N_m
 
-    def spline(self) -> "PPoly | None":
-        """Return the torque in N m over the drive's clock in s, None if it is constant."""
-        if not isinstance(self.torque_N_m, tuple):
-            return None
-        return table_curve(self.time_s or (), self.torque_N_m, self.interpolation or SPLINE, self.end_slopes)
-
 
 class MotorLine(NamedTuple):
     """The two points of a motor whose torque is linear in its speed."""
@@ -279,12 +273,6 @@ class MotorDrive(AnyDrive):
         assert self.stall_torque_N_m is not None
         assert self.no_load_speed_rad_s is not None
         return MotorLine(self.stall_torque_N_m, self.no_load_speed_rad_s)
-
-    def spline(self) -> "PPoly | None":
-        """Return the torque in N m over the speed in rad/s within the table, None without one."""
-        if self.speed_rad_s is None or self.torque_N_m is None:
-            return None
-        return table_curve(self.speed_rad_s, self.torque_N_m, self.interpolation or SPLINE, self.end_slopes)
 
 
 def require_no_table(name: str, value: object, column: str) -> None:

@@ -6,7 +6,7 @@ one on another body acts on its centre of mass, along a fixed direction.
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
@@ -24,7 +24,7 @@ from engine_models.scene.data import (
     require_table,
 )
 from engine_models.scene.plain_words import one_of
-from reference_solver.mechanism.curves import curve, table_curve
+from reference_solver.mechanism.curves import curve
 from reference_solver.mechanism.data import Interpolation
 
 if TYPE_CHECKING:
@@ -134,13 +134,6 @@ class ByTime(SceneData):
         if self.end_slopes is not None and len(columns) == 2:
             raise ValueError("end_slopes: expected nothing beside both force_N and torque_N_m, got a list")
         return self
-
-    def spline(self, column: Literal["force_N", "torque_N_m"]) -> "PPoly | None":
-        """Return a column over the drive's clock in s, None if there is none."""
-        values = getattr(self, column)
-        if values is None:
-            return None
-        return table_curve(self.time_s, values, self.interpolation, self.end_slopes)
 
 
 class Forces(SceneData):

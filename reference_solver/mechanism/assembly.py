@@ -69,11 +69,6 @@ class Rank:
     dependent: tuple[str, ...]
     nearest: str
 
-    @property
-    def least(self) -> float:
-        """The smallest singular value that is not 0, 1 without rows."""
-        return float(self.singular_values[self.rank - 1]) if self.rank else 1.0
-
 
 def ideal(of: MechanismData, driven: bool = False) -> MechanismData:
     """Return a mechanism whose joints have no clearance, and without its drive unless it is ``driven``."""

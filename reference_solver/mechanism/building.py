@@ -33,30 +33,30 @@ def mechanism_of(of: MechanismData) -> mechanism.Mechanism:
     Raises:
         ValueError: the stiffness of a contact overflows.
     """
-    constraints = dict(_constraints(of))
+    named = [*_constraints(of)]
     x, y = of.gravity_m_s2
     return mechanism.Mechanism(
         bodies=tuple(mechanism.Body(body.mass_kg, body.inertia_kg_m2) for body in of.bodies),
-        constraints=tuple(constraints.values()),
+        constraints=tuple(constraint for _, constraint in named),
         loads=tuple(loads_of(of).values()),
         gravity_m_s2=-y,
         contacts=tuple(_contact(pin, pin.clearance) for pin in of.pins if pin.clearance is not None),
         gravity_x_m_s2=x,
-        names=tuple(name for name, _ in constraints),
+        names=tuple(name for name, _ in named),
     )
 
 
-def _constraints(of: MechanismData) -> Iterator[tuple[tuple[str, int], mechanism.Constraint]]:
-    """Yield the constraints in the order of their rows, with the names of their joints and a number."""
+def _constraints(of: MechanismData) -> Iterator[tuple[str, mechanism.Constraint]]:
+    """Yield the constraints in the order of their rows, with the names of their joints."""
     for pin in of.ideal:
-        yield (pin.name, 0), mechanism.RevoluteJoint(pin.body_i, pin.point_i, pin.body_j, pin.point_j)
+        yield pin.name, mechanism.RevoluteJoint(pin.body_i, pin.point_i, pin.body_j, pin.point_j)
     for guide in of.guides:
         ends = guide.body_i, guide.point_i, guide.body_j, guide.point_j
-        yield (guide.name, 0), mechanism.Slot(*ends, guide.angle_rad)
+        yield guide.name, mechanism.Slot(*ends, guide.angle_rad)
         if not guide.turns:
-            yield (guide.name, 1), mechanism.SameAngle(guide.body_i, guide.body_j)
+            yield guide.name, mechanism.SameAngle(guide.body_i, guide.body_j)
     if (driver := _driver(of)) is not None:
-        yield ("drive", 0), driver
+        yield "drive", driver
 
 
 def _driver(of: MechanismData) -> mechanism.Constraint | None:
@@ -94,7 +94,7 @@ def motion_of(drive: data.DriveData) -> motions.Motion | None:
 
 
 def loads_of(of: MechanismData) -> dict[str, mechanism.Load]:
-    """Return the loads in their order: "drive", "BODY.force" and the other parts, "spring.NAME"."""
+    """Return the loads in their order: "drive", "BODY.force" and the other parts, "spring:NAME"."""
     loads, clock = dict[str, mechanism.Load](), of.drive.clock_s
     if (drive := _torque(of.drive)) is not None:
         loads["drive"] = drive
@@ -104,7 +104,7 @@ def loads_of(of: MechanismData) -> dict[str, mechanism.Load]:
     for spring in of.springs:
         ends = spring.body_i, spring.point_i, spring.body_j, spring.point_j
         numbers = spring.stiffness_N_m, spring.damping_N_s_m, spring.free_length_m
-        loads[f"spring.{spring.name}"] = mechanism.SpringDamper(*ends, *numbers)
+        loads[f"spring:{spring.name}"] = mechanism.SpringDamper(*ends, *numbers)
     return loads
 
 

@@ -17,9 +17,8 @@ from engine_models.scene.data import Positive
 from engine_models.scene.general import GeneralScene
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
-from engine_models.scene.scene import Scene
 from studies.command.endings import film_ending
-from studies.command.options import PLAIN, as_arguments
+from studies.command.options import as_arguments, require_plain
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
 from studies.running.whole_file import require_place, write_whole
@@ -32,19 +31,6 @@ if TYPE_CHECKING:
 MISSED = 0.1
 #: This number of samples in the shortest impact shows 99 % of the largest force of half a sine.
 PER_IMPACT = 10
-
-
-def require_pictured(option: str, scene: AnyScene) -> Scene:
-    """Return a plain crank-slider or pendulum, of which alone there are pictures so far.
-
-    Raises:
-        BadInput: it is another mechanism.
-    """
-    if isinstance(scene, Scene) and scene.is_plain:
-        return scene
-    raise BadInput(
-        f"{option}: expected {PLAIN} so far, got {scene.name} (another mechanism by {scene.general_by})"
-    )
 
 
 class ContactForce(NamedTuple):
@@ -112,7 +98,7 @@ class Run:
         """
         from reports.run.figures import time_plot
 
-        require_pictured("plot", self.scene)
+        require_plain("plot", "", self.scene)
         mark = None
         if largest := self.largest_contact_force:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
@@ -153,7 +139,7 @@ class Run:
         """Return the animation as the bytes of a file; progress is reported as for a run."""
         from reports.run.film import Mechanism, film_bytes
 
-        scene = require_pictured("--animate", self.scene)
+        scene = require_plain("--animate", "", self.scene)
         mechanism = Mechanism(
             scene.crank.length_m,
             scene.rod.length_m if scene.rod else None,

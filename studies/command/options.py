@@ -129,11 +129,19 @@ def read_plain_scene(
     Raises:
         BadInput: as ``read_scene`` does, or it is another mechanism.
     """
-    own = read_scene(scene, assignments, end_s)
-    if isinstance(own, Scene) and own.is_plain:
-        return own
-    came = f"{own.name}, another mechanism (by {own.general_by})"
-    raise BadInput(f"SCENE: expected {PLAIN} for {what} so far, got {came}")
+    return require_plain("SCENE", f" for {what}", read_scene(scene, assignments, end_s))
+
+
+def require_plain(option: str, what: str, scene: AnyScene) -> Scene:
+    """Return a plain crank-slider or pendulum as it is.
+
+    Raises:
+        BadInput: it is another mechanism.
+    """
+    if isinstance(scene, Scene) and scene.is_plain:
+        return scene
+    came = f"{scene.name}, another mechanism (by {scene.general_by})"
+    raise BadInput(f"{option}: expected {PLAIN}{what} so far, got {came}")
 
 
 def _scene_file(name: str) -> Path:

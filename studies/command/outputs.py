@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from engine_models.scene.parts import AnyScene
 from studies.command.endings import PICTURES, ending_of, film_ending
-from studies.command.finished_run import Run, require_pictured
-from studies.command.options import FilmOptions, checked, is_source
+from studies.command.finished_run import Run
+from studies.command.options import FilmOptions, checked, is_source, require_plain
 from studies.command.progress_display import shown_progress
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
@@ -91,7 +91,7 @@ def impacts(path: Path, scene: AnyScene) -> Output:
 
 def plot(path: Path, scene: AnyScene) -> Output:
     """Return the file of a run's figure."""
-    require_pictured("--plot", scene)
+    require_plain("--plot", "", scene)
     ending = ending_of("--plot", path, PICTURES)
 
     def content(run: Run) -> bytes:
@@ -104,7 +104,7 @@ def plot(path: Path, scene: AnyScene) -> Output:
 
 def film(path: Path, exaggerate: str | None, scene: AnyScene) -> Output:
     """Return the file of a run's animation, with clearances enlarged by the factor ``exaggerate``."""
-    require_pictured("--animate", scene)
+    require_plain("--animate", "", scene)
     times, ending = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate, film_ending(path)
     return Output("--animate", path, lambda run: run.film(ending, times))
 

@@ -3,6 +3,8 @@
 Lines are curves over time since t = 0, (n,), in J. What a scene has no use for has no line.
 """
 
+import re
+
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
@@ -36,8 +38,9 @@ def dissipated(run: Trajectory) -> Lines:
 
 def load_works(run: Trajectory) -> Lines:
     """Return the work of each part of the loads: ``slider_gas_work_J``."""
-    named = {part if "." in part else f"slider.{part}": work for part, work in run.load_work_J.items()}
-    return {f"{part.replace('.', '_')}_work_J": work for part, work in named.items()}
+    of_slider = {part: "" if {".", ":"} & {*part} else "slider_" for part in run.load_work_J}
+    names = {part: re.sub("[.:]", "_", part) for part in run.load_work_J}
+    return {f"{of_slider[part]}{names[part]}_work_J": work for part, work in run.load_work_J.items()}
 
 
 def ledger(scene: Scene, run: Trajectory) -> Lines:

@@ -90,6 +90,21 @@ def test_a_leg_too_many_runs_where_it_has_clearance() -> None:
     assert np.abs(energy_balance_residual_J(of, run)).max() < 1e-9 * energy_in_play_J(of, run)
 
 
+def test_a_pin_may_be_called_drive_and_a_body_spring() -> None:
+    """What is not theirs is called so in the solver, and nothing is lost where names are the same."""
+    drive = '[drive]\nkind = "constant-speed"\nbody = "BODY"\n[load.BODY]\ntorque_N_m = 0.1\n'
+    spring = '[spring.torque]\nbetween = ["ground.O", "coupler.B"]\nstiffness_N_m = 50.0\n'
+    text = FOUR_BAR + drive + spring + "free_length_m = 0.1\ndamping_N_s_m = 1.0\n"
+    named = text.replace("crank = ", "spring = ").replace('"crank"', '"spring"').replace("BODY", "spring")
+    named = named.replace("A = 0.", "drive = 0.")
+    runs = []
+    for each in (text.replace("BODY", "crank"), named):
+        of = scene(each, end_time_s=0.1)
+        runs.append(SHARP.simulate(of, RunSettings(0.1, 10)))
+        assert np.abs(energy_balance_residual_J(of, runs[-1])).max() < 1e-9 * energy_in_play_J(of, runs[-1])
+    assert (runs[0].position == runs[1].position).all()
+
+
 def test_a_pendulum_observes_its_pin_a() -> None:
     of = clearance_pendulum().replace({"clearance.O": None, "crank.centre_of_mass_m": 0.0})
     of = of.replace({"start.crank_angle_rad": 0.3, "start.crank_speed_rad_s": 2.0})
