@@ -197,7 +197,7 @@ def sweep(
         BadInput: an argument is refused, or the resources that the sweep needs.
         Failed: the members cannot continue.
     """
-    from studies.command.endings import ending_of
+    from studies.command.options import ending_of
     from studies.command.sweep import asked, options_of, swept
 
     with as_arguments():

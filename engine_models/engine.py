@@ -28,9 +28,6 @@ MOST_SAMPLES = 100_000
 #: Times that are so near to an equally spaced one, as a part of the interval, are that one.
 ROUNDING = 1e-9
 
-BODIES = ("crank", "rod", "slider")
-JOINTS = ("O", "A", "B")
-
 
 #: Who says that there is no run: the engine itself; this project's model of it, its adapter, which does not
 #: express the scene; a check of this project's around it, which the engine alone would not make; or one of
@@ -206,15 +203,18 @@ class Contact:
 class Trajectory:
     """Motion and forces at n times (see ``RunSettings.times_s``), in SI units and the global frame.
 
-    ``position`` and ``velocity`` are (n, 3, 3): body (crank, rod, slider) by (x, y, phi) of its centre of
-    mass, angles unwrapped. ``joint_force_N`` is (n, 3, 2): joint (O, A, B) by (x, y), acting on the crank,
-    the rod and the slider. A pendulum has one body and one joint. ``guide_normal_force_N`` (n,) acts on the
-    slider along +y, None without one. ``driver_torque_N_m`` (n,) acts on the crank, None in a scene without
-    a drive. ``driver_work_J`` (n,) is the work done by that torque since t = 0 in the engine's own
-    quadrature, None without a drive. ``solve_time_s`` is the wall time of the native solve alone, without
-    building the model or reading results out. ``contacts`` has an entry for every joint with clearance.
-    ``load_work_J`` has the work done on the slider since t = 0 by every part of its load, (n,): "force",
-    "viscous", "spring", "gas" (see ``scene.loads``).
+    ``position`` and ``velocity`` are (n, bodies, 3): body, in the order of the scene's mechanism (crank, rod,
+    slider), by (x, y, phi) of its centre of mass, angles unwrapped. ``joint_force_N`` has (n, 2) of every
+    joint by its name: x and y of the force on the body named later, crank, rod and slider at O, A and B.
+    ``guide_force_N`` has (n,) of every guide by its name ("guide" of a crank-slider): the force on its body
+    to the left of its direction; ``guide_moment_N_m`` (n,) is that on the body, counter-clockwise, of guides
+    that keep it from turning, where the engine tells it. ``driver_torque_N_m`` (n,) acts on what is driven,
+    a force in N along a driven guide, None without a drive. ``driver_work_J`` (n,) is its work since t = 0
+    in the engine's own quadrature, None without a drive. ``solve_time_s`` is the wall time of the native
+    solve alone, without building the model or reading results out. ``contacts`` has an entry for every joint
+    with clearance. ``load_work_J`` has the work since t = 0 of every part of the loads, (n,): "BODY.force",
+    "BODY.viscous" and so on, of a crank-slider's "force", "viscous", "spring", "gas" (see
+    ``mechanics.loads``).
     ``stabilisation_loss_J`` (n,) is the energy that the stabilisation of constraints has removed since t = 0,
     None where the engine does not tell it or has none. ``evaluations`` of the equations of motion are those
     of the whole run, None where the engine does not tell them.
@@ -223,8 +223,8 @@ class Trajectory:
     time_s: FloatArray
     position: FloatArray
     velocity: FloatArray
-    joint_force_N: FloatArray
-    guide_normal_force_N: FloatArray | None
+    joint_force_N: Mapping[str, FloatArray]
+    guide_force_N: Mapping[str, FloatArray]
     driver_torque_N_m: FloatArray | None
     driver_work_J: FloatArray | None
     step_s: float
@@ -234,22 +234,13 @@ class Trajectory:
     stabilisation_loss_J: FloatArray | None = None
     load_work_J: Mapping[str, FloatArray] = field(default_factory=dict)
     evaluations: int | None = None
+    guide_moment_N_m: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def work_J(self) -> FloatArray:
         """Work done on the bodies since t = 0 by driver and loads together, (n,)."""
         work = np.zeros(len(self.time_s)) if self.driver_work_J is None else self.driver_work_J
         return np.asarray(sum(self.load_work_J.values(), start=work))
-
-    @property
-    def slider_position_m(self) -> FloatArray:
-        """Position of the slider's pin along the guide, (n,); of a pendulum's centre of mass along x."""
-        return self.position[:, -1, 0]
-
-    @property
-    def slider_velocity_m_s(self) -> FloatArray:
-        """Velocity of the slider along the guide, (n,); of a pendulum's centre of mass along x."""
-        return self.velocity[:, -1, 0]
 
     @property
     def dissipated_energy_J(self) -> FloatArray | None:
@@ -314,7 +305,7 @@ def require_finite(trajectory: Trajectory) -> Trajectory:
     arrays = (
         trajectory.position,
         trajectory.velocity,
-        trajectory.joint_force_N,
+        *trajectory.joint_force_N.values(),
         trajectory.driver_torque_N_m,
         trajectory.driver_work_J,
         *trajectory.load_work_J.values(),

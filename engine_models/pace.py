@@ -8,7 +8,6 @@ import numpy as np
 from engine_models.engine import SimulationFailed
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
-from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.states import lever_m
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
@@ -61,7 +60,7 @@ def forcing_field(scene: AnyScene) -> tuple[tuple[str, float], float]:
     The times are those of an impact on the lightest body, at the speed of the crank's pin or of a body at the
     start, of a fall from the crank's height, or of one that crosses a clearance within the scene.
     """
-    r, rooms = lever_m(scene), clearances(scene).values()
+    r, rooms = lever_m(scene), scene.clearances.values()
     told, turning_rad_s = _start_speeds(scene)
     crossing = (room.radial_clearance_m / scene.end_time_s for room in rooms)
     pin_m_s = math.hypot(r * turning_rad_s, math.sqrt(2 * math.hypot(*scene.gravity) * r))
@@ -69,7 +68,7 @@ def forcing_field(scene: AnyScene) -> tuple[tuple[str, float], float]:
     mass = min(body.mass_kg for body in scene.mechanism.bodies)
     times = {("end_time_s", scene.end_time_s): scene.end_time_s}
     with np.errstate(all="ignore"):
-        for joint, clearance in clearances(scene).items():
+        for joint, clearance in scene.clearances.items():
             field, c = f"clearance.{joint}", clearance.radial_clearance_m
             times[f"{field}.radial_clearance_m", c] = float(c / speed)
             force = np.float64(mass * speed**2 / r)

@@ -65,8 +65,10 @@ WIDTH_IN, COLUMN_IN = 7.5, 3.5
 #: Units at the end of column names as they are written, longest first.
 UNITS = {
     "percent": "%",
+    "rad_s2": "rad/s²",
     "rad_s": "rad/s",
     "1_s": "1/s",
+    "m_s2": "m/s²",
     "m_s": "m/s",
     "N_m": "N·m",
     "N_s": "N·s",

@@ -7,6 +7,7 @@ import numpy as np
 from engine_models.engine import ROUNDING, RunSettings, SimulationFailed, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.comparison import Judged, compared, judged
@@ -120,7 +121,7 @@ def _cross_check_m(scene: Scene, truth: Trajectory, until: int) -> float | None:
         found = cross_check(scene, len(truth.time_s) - 1)
     except SimulationFailed:
         return None
-    return float(np.abs(found.slider_position_m - truth.slider_position_m)[:until].max())
+    return float(np.abs(observed_m(scene, found) - observed_m(scene, truth))[:until].max())
 
 
 def _model_differences(scene: Scene, own: Scene, samples: int) -> Row:

@@ -16,6 +16,7 @@ from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES, SCENES
 from engine_models.scene.parts import LINEAR_LAWS
 from engine_models.scene.scene import ContactLaw, Scene
@@ -187,11 +188,11 @@ def _curves(scene: Scene, run: Trajectory) -> Curves:
     crank angle.
     """
     curves = {**sample_columns(scene, run), **ledger(scene, run)}
-    for index, joint in enumerate(scene.joints):
-        curves[f"joint_{joint}_force_N"] = np.hypot(*run.joint_force_N[:, index].T)
+    for joint, force in run.joint_force_N.items():
+        curves[f"joint_{joint}_force_N"] = np.hypot(*force.T)
     if scene.is_crank_slider:
         ideal = slider_position_m(scene, run.position[:, 0, 2])
-        curves["slider_deviation_m"] = run.slider_position_m - ideal
+        curves["slider_deviation_m"] = observed_m(scene, run) - ideal
     return curves
 
 

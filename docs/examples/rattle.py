@@ -25,7 +25,8 @@ from engine_models.progress import tell
 from engine_models.scene.scene import Scene
 
 #: Rows: two for each of the joints O, A and B, then y and phi of the slider, then phi of a driven crank.
-JOINTS, GUIDE, DRIVE = slice(0, 6), 6, 8
+JOINTS = {"O": slice(0, 2), "A": slice(2, 4), "B": slice(4, 6)}
+GUIDE, DRIVE = 6, 8
 #: Allowed error of the rows after a step in m and rad, and the largest number of corrections in a step.
 CLOSED, MOST_CORRECTIONS = 1e-14, 50
 
@@ -74,8 +75,9 @@ class Rattle:
                 time_s=times,
                 position=position.reshape(-1, 3, 3),
                 velocity=velocity.reshape(-1, 3, 3),
-                joint_force_N=multipliers[:, JOINTS].reshape(-1, 3, 2),
-                guide_normal_force_N=multipliers[:, GUIDE],
+                joint_force_N={name: multipliers[:, rows] for name, rows in JOINTS.items()},
+                guide_force_N={"guide": multipliers[:, GUIDE]},
+                guide_moment_N_m={"guide": multipliers[:, GUIDE + 1]},
                 driver_torque_N_m=None if free else torque,
                 driver_work_J=None if free else work,
                 step_s=step,

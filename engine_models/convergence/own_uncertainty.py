@@ -3,8 +3,7 @@
 import numpy as np
 
 from engine_models.engine import Engine, FloatArray, RunSettings, Trajectory
-from engine_models.mechanics.joints import clearances
-from engine_models.mechanics.states import lever_m, observed_m
+from engine_models.mechanics.states import guide_column, lever_m, observed_columns, observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.two_methods import sharp_solution
 from engine_models.scene.parts import AnyScene
@@ -27,15 +26,15 @@ def simulate_with_uncertainty(
     slider's bound ``python -m tests.random_scenes`` counts on how many random scenes it holds, up to their
     horizons: on all of 240 compliant ones, and on all of 117 with rigid walls that come to their end, so that
     with a confidence of 95 % it holds on ninety-eight and on ninety-seven in a hundred of their kinds. Keys
-    are the names of the trajectory's arrays over time (``position``, ``joint_force_N``, ...),
-    ``slider_position_m`` and, for joint B with clearance, ``contact_B_normal_force_N`` and so on; shapes are
+    are the names of the trajectory's arrays over time (``position``, ...), ``slider_position_m`` or what else
+    is observed, ``joint_B_force_N`` and, with clearance, ``contact_B_normal_force_N`` and so on; shapes are
     those of one time.
 
     Raises:
         UnsupportedScene, SimulationFailed: as the engine does, or the reference.
     """
     run, solution = engine.simulate(scene, settings), sharp_solution(engine.twin(scene), settings.samples)
-    own, sharp, *others = (_arrays(of) for of in (run, solution.run, *solution.others))
+    own, sharp, *others = (_arrays(scene, of) for of in (run, solution.run, *solution.others))
     common = [name for name in own if name in sharp]
     return run, {
         name: MARGIN * _apart(own[name], sharp[name])
@@ -62,7 +61,7 @@ def doubtful_from_s(engine: ReferenceEngine, scene: AnyScene, run: Trajectory) -
 
 def measure_m(scene: AnyScene) -> float:
     """Return the smallest radial clearance, or without any the longest lever, the crank of a crank-slider."""
-    radial = (clearance.radial_clearance_m for clearance in clearances(scene).values())
+    radial = (clearance.radial_clearance_m for clearance in scene.clearances.values())
     return min(radial, default=lever_m(scene))
 
 
@@ -71,10 +70,12 @@ def _apart(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(np.abs(one - other).max(axis=0))
 
 
-def _arrays(run: Trajectory) -> dict[str, FloatArray]:
+def _arrays(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
     named = {name: value for name, value in vars(run).items() if name != "time_s"}
     named["dissipated_energy_J"] = run.dissipated_energy_J
-    named["slider_position_m"], named["slider_velocity_m_s"] = run.slider_position_m, run.slider_velocity_m_s
+    named |= observed_columns(scene, run)
+    named |= {f"joint_{joint}_force_N": force for joint, force in run.joint_force_N.items()}
+    named |= {guide_column(scene, guide): force for guide, force in run.guide_force_N.items()}
     for joint, contact in run.contacts.items():
         named |= {f"contact_{joint}_{name}": value for name, value in vars(contact).items()}
     return {name: value for name, value in named.items() if isinstance(value, np.ndarray)}

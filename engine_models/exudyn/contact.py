@@ -23,7 +23,7 @@ from engine_models.mechanics.contact_law import (
 )
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.joints import (
-    clearances,
+    ContactForces,
     cross,
     directions,
     gaps,
@@ -31,7 +31,6 @@ from engine_models.mechanics.joints import (
     levers,
     penetration_m,
 )
-from engine_models.mechanics.reactions import ContactForces
 from engine_models.mechanics.states import JointGap
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.scene.scene import Clearance, Scene
@@ -86,7 +85,7 @@ class ContactStates(ContactForces):
 
 def contact_states(scene: Scene, joint: str, motion: Motion, time_s: FloatArray) -> ContactStates:
     """Return a contact at times (n,) of a motion."""
-    clearance = clearances(scene)[joint]
+    clearance = scene.clearances[joint]
     position, velocity, _ = motion.at(time_s)
     between = joint_gap(scene, joint, position, velocity)
     normal, _ = directions(between.gap_m)
@@ -142,7 +141,7 @@ def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray)
         for of in (within.normal_force_N, within.penetration_m)
     )
     return contact_of(
-        clearances(scene)[joint],
+        scene.clearances[joint],
         states.gap_m,
         normal_force_N=states.normal_force_N,
         friction_force_N=states.friction_force_N,
@@ -171,7 +170,7 @@ def _touches_and_releases(scene: Scene, joint: str, motion: Motion) -> tuple[Flo
     """
 
     def closed_at(time_s: FloatArray) -> NDArray[np.bool_]:
-        return penetration_m(clearances(scene)[joint], gaps(scene, motion.at(time_s)[0])[joint]) > 0
+        return penetration_m(scene.clearances[joint], gaps(scene, motion.at(time_s)[0])[joint]) > 0
 
     closed = closed_at(motion.time_s)
     changes = np.flatnonzero(closed[1:] != closed[:-1])

@@ -18,7 +18,7 @@ from engine_models.exudyn.contact_law import native_twin
 from engine_models.exudyn.fast_build import load_build, require_build
 from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ORDERS, ExudynSettings, integrates_work, no_tree
 from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.start_check import unwound, wound
+from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
@@ -74,7 +74,7 @@ class ExudynEngine(ExudynSettings):
         load_build(self.fast)
         from engine_models.exudyn.run import bare_run  # which imports Exudyn, in the build of the first run
 
-        return bare_run(self, wound(scene), settings)
+        return bare_run(self, scene, settings)
 
     def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run a scene.
@@ -92,7 +92,7 @@ class ExudynEngine(ExudynSettings):
         load_build(self.fast)
         from engine_models.exudyn.run import exudyn_run
 
-        return unwound(scene, require_finite(exudyn_run(self, wound(scene), settings)))
+        return unwound(scene, require_finite(exudyn_run(self, scene, settings)))
 
     def _recorded(self, scene: Scene, run: RunSettings) -> tuple[int, int]:
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""

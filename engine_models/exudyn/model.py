@@ -21,7 +21,7 @@ from engine_models.exudyn.drive import FLYWHEEL_KG_M2, add_speed
 from engine_models.exudyn.kinematic_tree import TreeLink, tree_links, tree_start
 from engine_models.exudyn.loads import add_loads
 from engine_models.exudyn.motion import Part
-from engine_models.mechanics.joints import CRANK, SLIDER, clearances, ends, joint_gap
+from engine_models.mechanics.joints import CRANK, SLIDER, ends, joint_gap
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.scene import Scene
 
@@ -84,7 +84,7 @@ def build_model(scene: Scene, tree: bool = False) -> Model:
     forces: dict[str, int] = {}
     histories: dict[str, int] = {}
     for joint, sides in ends(scene).items():
-        clearance = clearances(scene).get(joint)
+        clearance = scene.clearances.get(joint)
         if clearance is None and (tree or joint == "O"):
             continue
         # The first marker is on the body whose force the sensor is to give.

@@ -6,7 +6,7 @@ from itertools import chain
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from engine_models.engine import JOINTS, BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral, place_bodies
@@ -14,9 +14,9 @@ from engine_models.exudyn.settings import IMPLICIT, ExudynSettings
 from engine_models.exudyn.solver import evaluations, record_every, silence, simulation_settings, solve
 from engine_models.guards import guarded
 from engine_models.mechanics.crank_motion import crank_motion
-from engine_models.mechanics.joints import CRANK, SLIDER, clearances
+from engine_models.mechanics.joints import CRANK, SLIDER, contact_force
 from engine_models.mechanics.loads import integrated_parts, slider_forces
-from engine_models.mechanics.reactions import contact_force, guide_force, reactions
+from engine_models.mechanics.reactions import Reactions, guides_by_balance, reactions
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.motor import motor_torque
@@ -79,14 +79,16 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
     }
     position, velocity, acceleration = states[:, samples].copy()  # not a view, which would keep all steps
     forces["O"] = _pivot_force(scene, acceleration, forces.get("A"))
-    force = np.stack([forces[name] for name in scene.joints], axis=1)
+    force, time = {name: forces[name] for name in scene.joints}, grid[samples]
+    guide, moment = guides_by_balance(scene, time, position, velocity, force, {})
     return trajectory_of(
         scene,
-        time_s=grid[samples],
+        time_s=time,
         position=position,
         velocity=velocity,
         joint_force_N=force,
-        guide_normal_force_N=guide_force(scene, force),
+        guide_force_N=guide,
+        guide_moment_N_m=moment,
         driver_torque_N_m=torque,
         driver_work_J=works.pop("driver", None),
         step_s=step,
@@ -134,19 +136,22 @@ def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: 
     else:
         force, torque, work = _multipliers(scene, model, motion, time)
     works = _works(scene, motion, time)
+    contacts = {name: contact_record(scene, name, motion, time) for name in scene.joints_with_clearance}
+    guide, moment = guides_by_balance(scene, time, position, velocity, force, contacts)
     return trajectory_of(
         scene,
         time_s=time,
         position=position,
         velocity=velocity,
         joint_force_N=force,
-        guide_normal_force_N=guide_force(scene, force),
+        guide_force_N=guide,
+        guide_moment_N_m=moment,
         driver_torque_N_m=torque,
         driver_work_J=works.pop("driver", work),
         step_s=run.step_used_s(scene.end_time_s),
         steps=len(motion.time_s) - 1,
         solve_time_s=solve_time_s,
-        contacts={name: contact_record(scene, name, motion, time) for name in scene.joints_with_clearance},
+        contacts=contacts,
         load_work_J=works,
     )
 
@@ -165,8 +170,8 @@ def _works(scene: Scene, motion: Motion, time_s: FloatArray) -> dict[str, FloatA
     return dict(zip(names, sums, strict=True))
 
 
-#: Joint forces (n, joints, 2), driver torque (n,) and driver work (n,); these two for prescribed speeds only.
-Forces = tuple[FloatArray, FloatArray | None, FloatArray | None]
+#: Joint forces (n, 2), driver torque (n,) and driver work (n,); these two for prescribed speeds only.
+Forces = tuple[dict[str, FloatArray], FloatArray | None, FloatArray | None]
 
 
 def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray) -> Forces:
@@ -175,13 +180,12 @@ def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray)
     def at_samples(values: FloatArray, time: FloatArray = time_s) -> FloatArray:
         return np.stack([np.interp(time, motion.time_s, column) for column in values.T], axis=-1)
 
-    force = np.zeros((len(time_s), len(scene.joints), 2))
-    for name, sensor in model.joint_forces.items():
-        force[:, JOINTS.index(name)] = at_samples(_stored(model, sensor)[:, 1:3])
+    found = {name: at_samples(_stored(model, sensor)[:, 1:3]) for name, sensor in model.joint_forces.items()}
     for name in scene.joints_with_clearance:
-        force[:, JOINTS.index(name)] = contact_force(contact_states(scene, name, motion, time_s))
-    if "O" not in scene.joints_with_clearance:
-        force[:, 0] = _pivot_force(scene, motion.at(time_s)[2], force[:, 1])
+        found[name] = contact_force(contact_states(scene, name, motion, time_s))
+    if "O" not in found:
+        found["O"] = _pivot_force(scene, motion.at(time_s)[2], found["A"])
+    force = {name: found[name] for name in scene.joints}
     if model.driver is None:
         return force, None, None
     grid = np.union1d(motion.time_s, time_s)
@@ -194,18 +198,22 @@ def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray)
 def _balances(scene: Scene, motion: Motion, time_s: FloatArray) -> Forces:
     """Return what the bodies' accelerations ask for, at the samples (n,)."""
 
-    def at(time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def at(time: FloatArray) -> Reactions:
         position, velocity, acceleration = motion.at(time)
         contacts = {name: contact_states(scene, name, motion, time) for name in scene.joints_with_clearance}
-        force, _, torque = reactions(scene, position, velocity, acceleration, contacts)
-        return force, torque
+        return reactions(scene, time, position, velocity, acceleration, contacts)
 
-    force, torque = at(time_s)
+    def power(time: FloatArray) -> FloatArray:
+        torque = at(time).driver_torque_N_m
+        assert torque is not None, "a prescribed speed has one"
+        return (torque * _speed(scene, time))[None]
+
+    found = at(time_s)
     if not scene.speed_is_prescribed:
-        return force, None, None
+        return found.joint_force_N, None, None
     grid = np.union1d(motion.time_s, time_s)
-    work = integral(grid, lambda time: (at(time)[1] * _speed(scene, time))[None])[0]
-    return force, torque, work[np.searchsorted(grid, time_s)]
+    work = integral(grid, power)[0]
+    return found.joint_force_N, found.driver_torque_N_m, work[np.searchsorted(grid, time_s)]
 
 
 def _speed(scene: Scene, time_s: FloatArray) -> FloatArray:
@@ -235,7 +243,7 @@ def _recorded_motion(scene: Scene, model: Model) -> Motion:
     histories = {joint: _stored(model, sensor)[:, 1:] for joint, sensor in model.histories.items()}
     switched = np.append(True, np.zeros(len(time) - 1, dtype=bool))
     for joint, history in histories.items():
-        friction = clearances(scene)[joint].friction
+        friction = scene.clearances[joint].friction
         branches = [history[:, GAP] < 0]
         if friction is not None:
             branches.append(history[:, SLIDING_SPEED] < friction.regularisation_speed_m_s)

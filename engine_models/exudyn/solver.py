@@ -15,7 +15,6 @@ from engine_models.exudyn.model import Model
 from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.mechanics.crank_motion import FEWEST_STEPS, expected_speeds_rad_s, quickest_s
-from engine_models.mechanics.joints import clearances
 from engine_models.pace import Pace
 from engine_models.scene.scene import Scene
 
@@ -169,7 +168,7 @@ def _set_events(
     switching.useRecommendedStepSize = locate
     switching.maxIterations, switching.ignoreMaxIterations = 5, not locate
     # The switching error is the gap times the stiffness.
-    softest = min(stiffness_of(clearance) for clearance in clearances(scene).values())
+    softest = min(stiffness_of(clearance) for clearance in scene.clearances.values())
     switching.iterationTolerance = softest * gap if locate else 1.0
 
 

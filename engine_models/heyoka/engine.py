@@ -20,9 +20,8 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.contact_law import exponent_of
-from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.minimal.scope import require_coordinates
-from engine_models.mechanics.start_check import unwound, wound
+from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.parts import AnyScene
@@ -67,7 +66,7 @@ class HeyokaEngine:
                 "or conda install -c conda-forge heyoka.py (Linux, macOS, Windows)"
             )
         require_coordinates("heyoka", scene)
-        for joint, clearance in clearances(scene).items():
+        for joint, clearance in scene.clearances.items():
             if (reason := _without_series(clearance)) is not None:
                 raise UnsupportedScene(f"heyoka's model has no contact like that at {joint}: {reason}")
 
@@ -100,8 +99,8 @@ class HeyokaEngine:
         require_memory(scene, settings)
         from engine_models.heyoka.reading import HeldDerivative, Reading
 
-        flight, still = self._flight(scene, settings), wound(scene)
-        reading = Reading(HeldDerivative(still), settings.times_s(scene))
+        flight = self._flight(scene, settings)
+        reading = Reading(HeldDerivative(scene), settings.times_s(scene))
         flight.run(reading.take)
         solution = reading.solution(flight.steps)
         longest, solve_time = (
@@ -119,7 +118,7 @@ class HeyokaEngine:
         """
         scene = plain(scene, "heyoka")
         self.check(scene)
-        systems, flight = _systems(self, wound(scene)), self._flight(scene, settings)
+        systems, flight = _systems(self, scene), self._flight(scene, settings)
         compiled, started = systems.compiled_s, time.perf_counter()
         flight.run()
         solve_time = time.perf_counter() - started - (systems.compiled_s - compiled)
@@ -134,14 +133,13 @@ class HeyokaEngine:
         _systems.cache_clear()
         heyoka.llvm_state.clear_memcache()
         self.bare_run(scene, settings)
-        return _systems(self, wound(scene)).compiled_s
+        return _systems(self, scene).compiled_s
 
     def _flight(self, scene: Scene, settings: RunSettings) -> "Flight":
         from engine_models.heyoka.run import Flight  # which imports heyoka, where there is one
 
-        still = wound(scene)
         longest = min(settings.step_s, scene.end_time_s)
-        return Flight(still, _systems(self, still), longest, self.max_steps)
+        return Flight(scene, _systems(self, scene), longest, self.max_steps)
 
 
 @lru_cache(maxsize=1)

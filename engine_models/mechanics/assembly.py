@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from engine_models.engine import BODIES, FloatArray
+from engine_models.engine import FloatArray
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.scene.general import placed_start
@@ -49,7 +49,7 @@ def started_from(
     It is as long as before, or ``end_time_s``.
     """
     states = {}
-    for name, x, v in zip(BODIES, position.tolist(), velocity.tolist(), strict=False):
+    for name, x, v in zip(scene.mechanism.names, position.tolist(), velocity.tolist(), strict=True):
         states[name] = BodyState(**dict(zip(BodyState.model_fields, [*x, *v], strict=True)))
     start = scene.start.model_copy(update={"crank_angle_rad": float(position[CRANK, 2]), **states})
     if scene.speed_is_prescribed:

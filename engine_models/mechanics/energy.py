@@ -11,6 +11,7 @@ from engine_models.mechanics.states import lever_m, point_motion
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Clearance
 from reference_solver.mechanism.contact_laws import stored_J
+from reference_solver.mechanism.data import Spring
 
 #: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9
@@ -30,18 +31,33 @@ def kinetic_energy_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
 
 
-def potential_energy_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
-    """Return the energy of gravity, zero at the origin's height, of springs and of contacts, (n,)."""
+def potential_energies_J(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatArray]:
+    """Return the parts of the potential energy that the scene has, (n,): gravitational, spring, elastic.
+
+    Gravity's is zero at the origin; contacts are elastic.
+    """
     of, x = scene.mechanism, trajectory.position
     masses, (gx, gy) = np.array([body.mass_kg for body in of.bodies]), of.gravity_m_s2
-    energy = -gy * (x[:, :, 1] @ masses)
-    if gx:
-        energy = energy - gx * (x[:, :, 0] @ masses)
-    for spring in of.springs:
-        ends = (spring.body_i, spring.point_i), (spring.body_j, spring.point_j)
-        i, j = (point_motion(*end, x, np.zeros_like(x)).place_m for end in ends)
-        energy = energy + spring.stiffness_N_m / 2 * (np.hypot(*(j - i).T) - spring.free_length_m) ** 2
-    return np.asarray(energy + sum(c.elastic_energy_J for c in trajectory.contacts.values()))
+    parts = dict[str, FloatArray]()
+    if gx or gy:
+        parts["gravitational"] = -gy * (x[:, :, 1] @ masses) - gx * (x[:, :, 0] @ masses)
+    if of.springs:
+        parts["spring"] = np.sum([_spring_energy_J(spring, x) for spring in of.springs], axis=0)
+    if trajectory.contacts:
+        parts["elastic"] = np.sum([c.elastic_energy_J for c in trajectory.contacts.values()], axis=0)
+    return parts
+
+
+def _spring_energy_J(spring: Spring, position: FloatArray) -> FloatArray:
+    ends, still = ((spring.body_i, spring.point_i), (spring.body_j, spring.point_j)), np.zeros_like(position)
+    i, j = (point_motion(*end, position, still).place_m for end in ends)
+    return np.asarray(spring.stiffness_N_m / 2 * (np.hypot(*(j - i).T) - spring.free_length_m) ** 2)
+
+
+def potential_energy_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+    """Return the potential energy, (n,)."""
+    parts = potential_energies_J(scene, trajectory).values()
+    return np.asarray(sum(parts, start=np.zeros(len(trajectory.time_s))))
 
 
 def numerical_gain_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:

@@ -1,15 +1,17 @@
-"""Where the two sides of a joint are and how fast they move, in any states of the bodies.
+"""Joints in any states of the bodies: their gaps, and what those with clearance do where they touch.
 
-A pin is on the body further from the crank pivot, its bearing on the nearer one. Both centres lie on the x
-axis of their bodies. The surfaces of pin and bearing with clearance meet in the middle of the penetration.
+The surfaces of a pin and its bearing meet in the middle of the penetration.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import FloatArray
+from engine_models.engine import Contact, FloatArray
 from engine_models.mechanics.states import JointGap, pin_gap
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.scene.parts import AnyScene, Clearance
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism.data import ClearanceData
 
 CRANK, ROD, SLIDER = range(3)
 
@@ -30,11 +32,6 @@ def ends(scene: Scene) -> dict[str, tuple[End, End]]:
         "A": ((ROD, -d), (CRANK, crank.length_m - s)),
         "B": ((SLIDER, 0.0), (ROD, rod.length_m - d)),
     }
-
-
-def clearances(scene: AnyScene) -> dict[str, Clearance]:
-    """Return the clearances of the joints that have one, in the order of the joints."""
-    return scene.clearances
 
 
 def joint_gap(scene: AnyScene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
@@ -61,10 +58,29 @@ def directions(gap_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     return normal, np.stack([-normal[:, 1], normal[:, 0]], axis=-1)
 
 
-def levers(clearance: Clearance, penetration: FloatArray) -> tuple[FloatArray, FloatArray]:
+def levers(clearance: Clearance | ClearanceData, penetration: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far in m the surfaces in contact are from the centres of bearing and pin, each (n,)."""
     radius, depth = clearance.bearing_radius_m, np.maximum(penetration, 0.0)
     return radius + depth / 2, radius - clearance.radial_clearance_m - depth / 2
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """The forces of a joint with clearance and where they act; shapes and signs as in ``engine.Contact``."""
+
+    gap_m: FloatArray
+    penetration_m: FloatArray
+    normal_force_N: FloatArray
+    friction_force_N: FloatArray
+
+
+def contact_force(contact: Contact | ContactForces) -> FloatArray:
+    """Return the force on the pin of a joint with clearance, (n, 2) in N."""
+    normal, across = directions(contact.gap_m)
+    force = -contact.normal_force_N[:, None] * normal
+    if contact.friction_force_N is not None:
+        force += contact.friction_force_N[:, None] * across
+    return np.asarray(force)
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.states import way
+from engine_models.mechanics.states import point_motion, way
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.curves import curve_of
@@ -79,6 +79,36 @@ def _forces(
         forces["gas"] = np.asarray(curve_of(load.gas.table)(position[:, load.gas.body, 2]))
     if load.force_by_time is not None:
         forces["by_time"] = np.asarray(curve_of(load.force_by_time)(clock_s))
+    return forces
+
+
+def load_torques(of: MechanismData, time_s: FloatArray, velocity: FloatArray) -> dict[str, FloatArray]:
+    """Return the torques in N m, (n,), at times (n,) and velocities (n, bodies, 3), named as forces are."""
+    torques = dict[str, FloatArray]()
+    for load in of.loads:
+        body, one = of.bodies[load.body].name, np.ones(len(time_s))
+        if load.torque_N_m:
+            torques[f"{body}.torque"] = load.torque_N_m * one
+        if load.viscous_N_m_s:
+            torques[f"{body}.turning_viscous"] = -load.viscous_N_m_s * velocity[:, load.body, 2]
+        if load.torque_by_time is not None:
+            curve = curve_of(load.torque_by_time)
+            torques[f"{body}.torque_by_time"] = np.asarray(curve(of.drive.clock_s + time_s))
+    return torques
+
+
+def spring_forces(of: MechanismData, position: FloatArray, velocity: FloatArray) -> dict[str, FloatArray]:
+    """Return the force of each spring with its damper in N, (n,), by name: positive pulls."""
+    forces = dict[str, FloatArray]()
+    for spring in of.springs:
+        i = point_motion(spring.body_i, spring.point_i, position, velocity)
+        j = point_motion(spring.body_j, spring.point_j, position, velocity)
+        apart, rate = j.place_m - i.place_m, j.rate_m_s - i.rate_m_s
+        length = np.hypot(*apart.T)
+        stretching = np.sum(apart * rate, axis=1) / length
+        forces[spring.name] = (
+            spring.stiffness_N_m * (length - spring.free_length_m) + spring.damping_N_s_m * stretching
+        )
     return forces
 
 

@@ -10,10 +10,8 @@ import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
 from engine_models.mechanics.energy import unaccounted_part
-from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.states import off_line, pin_gap, shortest_m, turned_apart
 from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -117,7 +115,7 @@ def quality_of(scene: AnyScene, trajectory: Trajectory) -> Quality:
         if of.ideal or of.guides:
             found[GAP] = constraint_violation_m(scene, trajectory) / shortest_m(scene)
         if trajectory.contacts:
-            radius = {name: clearance.bearing_radius_m for name, clearance in clearances(scene).items()}
+            radius = {name: clearance.bearing_radius_m for name, clearance in scene.clearances.items()}
             depths = [contact.penetration_m / radius[name] for name, contact in trajectory.contacts.items()]
             found[PENETRATION] = np.maximum(np.max(depths, axis=0), 0.0)
     findings = tuple(_finding(what, parts, trajectory.time_s) for what, parts in found.items())
@@ -134,15 +132,14 @@ def require_quality(scene: AnyScene, trajectory: Trajectory) -> Trajectory:
 def constraint_violation_m(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     """Return the largest gap of the ideal joints and of bodies from their guides, (n,).
 
-    A body that has turned on its guide is off by its angle times the shortest distance of two joints. The
-    slider of a crank-slider is not looked at for that.
+    A body that has turned on its guide is off by its angle times the shortest distance of two joints.
     """
     of, x, still = scene.mechanism, trajectory.position, np.zeros_like(trajectory.velocity)
     violations = [np.zeros(len(trajectory.time_s))]
     violations += [np.hypot(*pin_gap(pin, x, still).gap_m.T) for pin in of.ideal]
     for guide in of.guides:
         violations.append(np.abs(off_line(guide, x, still)[0]))
-        if not guide.turns and not isinstance(scene, Scene):
+        if not guide.turns:
             turned = turned_apart(guide, x)
             violations.append(shortest_m(scene) * np.abs(turned - turned[0]))
     return np.asarray(np.max(violations, axis=0))

@@ -1,7 +1,8 @@
-"""Joint forces, guide force and driver torque from the bodies' momentum balance, where none are told.
+"""Forces of ideal joints, guides and drives from the bodies' accelerations, where an engine tells none.
 
-Conventions as in ``engine.Trajectory``: the force at O acts on the crank, at A on the rod, at B on the
-slider; its opposite acts on the body nearer to the crank pivot. Global frame, gravity along -y.
+Newton's second law has three equations a body, M a = F + B^T lambda. The columns of B^T are the wrenches of
+unit reactions. lambda is the solution by least squares in the norm of M^-1: B M^-1 B^T lambda =
+B (a - M^-1 F).
 """
 
 from collections.abc import Mapping
@@ -9,114 +10,127 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import JOINTS, Contact, FloatArray
-from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, cross, directions, levers
-from engine_models.mechanics.loads import slider_forces
-from engine_models.scene.scene import Scene
+from engine_models.engine import Contact, FloatArray
+from engine_models.mechanics.joints import ContactForces, contact_force
+from engine_models.mechanics.states import direction
+from engine_models.mechanics.trajectory import drive_torque
+from engine_models.mechanics.wrenches import Wrenches, accelerations, inertias
+from engine_models.scene.parts import AnyScene
+from reference_solver.mechanism.data import Guide, MechanismData
 
 
 @dataclass(frozen=True)
-class ContactForces:
-    """The forces of a joint with clearance and where they act; shapes and signs as in ``engine.Contact``."""
+class Reactions:
+    """Forces of joints (n, 2), of guides (n,), their moments (n,), and the drive's torque or force (n,).
 
-    gap_m: FloatArray
-    penetration_m: FloatArray
-    normal_force_N: FloatArray
-    friction_force_N: FloatArray
+    Names and signs are those of ``engine.Trajectory``.
+    """
+
+    joint_force_N: dict[str, FloatArray]
+    guide_force_N: dict[str, FloatArray]
+    guide_moment_N_m: dict[str, FloatArray]
+    driver_torque_N_m: FloatArray | None
 
 
 def reactions(
-    scene: Scene,
+    scene: AnyScene,
+    time_s: FloatArray,
     position: FloatArray,
     velocity: FloatArray,
     acceleration: FloatArray,
     contacts: Mapping[str, Contact | ContactForces],
-) -> tuple[FloatArray, FloatArray | None, FloatArray]:
-    """Return joint forces (n, joints, 2) and guide normal force (n,) in N, driver torque (n,) in N m.
+) -> Reactions:
+    """Return all reactions at times (n,) in states (n, bodies, 3) with such accelerations.
 
-    ``position``, ``velocity`` and ``acceleration`` are (n, bodies, 3): crank, rod, slider by (x, y, phi) of
-    the centre of mass, in m, rad and s; velocities matter to the slider's load alone. ``contacts`` has the
-    joints with clearance at the same times. Newton's second law, slider first. With clearance in any joint
-    its force is known, and the others follow from those of the bodies between. Without, the rod's spin is
-    needed: its levers are those of its own pins, so that its balance is exact even where the pins have come
-    apart a little; singular where the rod is at right angles to the guide. The torque is what the crank's
-    angular momentum asks for beside its joints' forces.
+    ``contacts`` has what the joints with clearance do then.
     """
-    masses = np.array([body.mass_kg for body in scene.bodies])
-    # All forces on each body but its weight and its load.
-    force = masses[:, None] * (acceleration[:, :, :2] + np.array([0.0, scene.weight_m_s2]))
-    for load in slider_forces(scene, position, velocity).values():
-        force[:, SLIDER, 0] -= load
-    known = {joint: contact_force(contact) for joint, contact in contacts.items()}
-    joint_force = known.get("O", force[:, CRANK])[:, None]
-    if scene.is_crank_slider:
-        crank, rod, slider = np.moveaxis(force, 1, 0)
-        if "B" in known:
-            at_b = known["B"]
-        elif "A" in known:
-            at_b = known["A"] - rod
-        elif "O" in known:
-            at_b = known["O"] - crank - rod
-        else:
-            at_b = _force_by_spin(scene, position, acceleration, rod, slider)
-        at_a = known.get("A", rod + at_b)
-        joint_force = np.stack([known.get("O", crank + at_a), at_a, at_b], axis=1)
-    guide = guide_force(scene, joint_force, acceleration[:, -1, 1])
-    return joint_force, guide, _driver_torque(scene, position, acceleration, joint_force, contacts)
+    of, told = scene.mechanism, drive_torque(scene.mechanism.drive, time_s, velocity)
+    known = Wrenches(position)
+    known.loads(of, time_s, velocity)
+    for pin in of.loose:
+        known.contact(pin, contacts[pin.name])
+    if told is not None:
+        known.drive(of, told)
+    missing = acceleration - accelerations(of, known.total)
+    B = unit_wrenches(of, position)
+    weighted = B / inertias(of).ravel()
+    found = _solved(weighted @ B.swapaxes(1, 2), B @ missing.reshape(len(B), -1, 1))
+    rows = iter(np.moveaxis(found, 1, 0))
+    forces = {pin.name: np.stack([next(rows), next(rows)], axis=-1) for pin in of.ideal}
+    forces |= {pin.name: force_on_later(pin.bearing_on_j, contacts[pin.name]) for pin in of.loose}
+    across = {guide.name: next(rows) for guide in of.guides}
+    moments = {guide.name: next(rows) for guide in held(of)}
+    ordered = {pin.name: forces[pin.name] for pin in of.pins}
+    return Reactions(ordered, across, moments, next(rows) if of.drive.prescribes else told)
 
 
-def guide_force(
-    scene: Scene, joint_force_N: FloatArray, slider_acceleration: FloatArray | float = 0.0
-) -> FloatArray | None:
-    """Return the guide's normal force (n,) on the slider, along +y, from the joint forces (n, joints, 2).
-
-    The slider's acceleration along y, in m/s^2, is zero on a guide that holds. None without a guide.
-    """
-    if not scene.is_crank_slider:
-        return None
-    slider = scene.bodies[SLIDER].mass_kg * (slider_acceleration + scene.weight_m_s2)
-    return np.asarray(slider - joint_force_N[:, JOINTS.index("B"), 1])
-
-
-def contact_force(contact: Contact | ContactForces) -> FloatArray:
-    """Return the force on the pin of a joint with clearance, (n, 2) in N."""
-    normal, across = directions(contact.gap_m)
-    force = -contact.normal_force_N[:, None] * normal
-    if contact.friction_force_N is not None:
-        force += contact.friction_force_N[:, None] * across
-    return np.asarray(force)
-
-
-def _driver_torque(
-    scene: Scene,
+def guides_by_balance(
+    scene: AnyScene,
+    time_s: FloatArray,
     position: FloatArray,
-    acceleration: FloatArray,
-    joint_force_N: FloatArray,
+    velocity: FloatArray,
+    joint_force_N: Mapping[str, FloatArray],
     contacts: Mapping[str, Contact | ContactForces],
-) -> FloatArray:
-    """Return the torque (n,) that the crank's angular momentum asks for beside its joints' forces."""
-    along = axis(position[:, CRANK, 2])
-    s, r = scene.crank.centre_of_mass_m, scene.crank.length_m
-    torque = scene.crank.inertia_kg_m2 * acceleration[:, CRANK, 2] + s * cross(along, joint_force_N[:, 0])
-    if scene.is_crank_slider:
-        torque += (r - s) * cross(along, joint_force_N[:, 1])
-    for joint, contact in contacts.items():
-        if joint != "B" and contact.friction_force_N is not None:
-            bearing, pin = levers(clearances(scene)[joint], contact.penetration_m)
-            # The crank is the pin at O and the bearing at A.
-            torque += (-pin if joint == "O" else bearing) * contact.friction_force_N
-    return np.asarray(torque)
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Return forces and moments, (n,) each, of guides of the ground, which keep their bodies still across.
+
+    Their bodies turn with the ground; forces of ideal joints, and of those with clearance, are told.
+    """
+    of, acting = scene.mechanism, Wrenches(position)
+    acting.loads(of, time_s, velocity)
+    for pin in of.pins:
+        if pin.name in contacts:
+            acting.contact(pin, contacts[pin.name])
+        else:
+            acting.pin(pin, joint_force_N[pin.name])
+    forces, moments = dict[str, FloatArray](), dict[str, FloatArray]()
+    for guide in of.guides:
+        own = acting.total[:, guide.body_j] + inertias(of)[guide.body_j] * [*of.gravity_m_s2, 0.0]
+        _, across = direction(guide, position)
+        forces[guide.name] = -np.sum(own[:, :2] * across, axis=1)
+        acting.line(guide, forces[guide.name], across=True)
+        moments[guide.name] = -acting.total[:, guide.body_j, 2]
+    return forces, moments
 
 
-def _force_by_spin(
-    scene: Scene, position: FloatArray, acceleration: FloatArray, rod: FloatArray, slider: FloatArray
-) -> FloatArray:
-    """Return the force at B (n, 2) in N: along the guide by the slider, across it by the rod's spin."""
-    along = axis(position[:, ROD, 2])
-    _, link, _ = scene.crank_slider()
-    length, d = link.length_m, link.centre_of_mass_m
-    spin = link.inertia_kg_m2 * acceleration[:, ROD, 2]
-    # Unknown: B_y. I alpha = r_A x (rod + B) - r_B x B with r_A = -d u, r_B = (L - d) u, u along the rod.
-    b_x = slider[:, 0]
-    b_y = -(spin + d * cross(along, rod) - length * along[:, 1] * b_x) / (length * along[:, 0])
-    return np.stack([b_x, b_y], axis=-1)
+def force_on_later(bearing_on_j: bool, contact: Contact | ContactForces) -> FloatArray:
+    """Return the force (n, 2) of a joint with clearance on the body named later."""
+    force = contact_force(contact)
+    return -force if bearing_on_j else force
+
+
+def held(of: MechanismData) -> list[Guide]:
+    """Return the guides that keep their body from turning."""
+    return [guide for guide in of.guides if not guide.turns]
+
+
+def unit_wrenches(of: MechanismData, position: FloatArray) -> FloatArray:
+    """Return [B] (n, m, 3 bodies): what the unit of each reaction puts on the bodies.
+
+    They are two of each ideal joint, one across each guide, one of each guide that holds an angle, and one of
+    a drive that prescribes a motion.
+    """
+    one, rows = np.ones(len(position)), list[Wrenches]()
+    for pin in of.ideal:
+        for axis in np.eye(2):
+            rows.append(Wrenches(position))
+            rows[-1].pin(pin, np.outer(one, axis))
+    for guide in of.guides:
+        rows.append(Wrenches(position))
+        rows[-1].line(guide, one, across=True)
+    for guide in held(of):
+        rows.append(Wrenches(position))
+        rows[-1].turn(guide.body_j, guide.body_i, one)
+    if of.drive.prescribes:
+        rows.append(Wrenches(position))
+        rows[-1].drive(of, one)
+    on_bodies = [acting.total[:, :-1].reshape(len(position), -1) for acting in rows]
+    return np.stack(on_bodies, axis=1) if rows else np.zeros((len(position), 0, 3 * len(of.bodies)))
+
+
+def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (n, m) of n systems; of a singular one the shortest."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right)[..., 0])
+    except np.linalg.LinAlgError:
+        return np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right)[..., 0])

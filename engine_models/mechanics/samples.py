@@ -1,19 +1,23 @@
-"""Some of a trajectory's samples, as a trajectory, and parts of a contact's put together."""
+"""Some samples of a trajectory, of a contact or of reactions, and parts of such records put together."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.engine import Contact, FloatArray, Trajectory
+from engine_models.engine import FloatArray, Trajectory
 
-Record = TypeVar("Record", Trajectory, Contact)
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+#: A dataclass of arrays over samples, and of mappings of arrays or of such records.
+Record = TypeVar("Record", bound="DataclassInstance")
 
 
 def selected(record: Record, which: slice | NDArray[Any]) -> Record:
-    """Return a trajectory, or a contact within it, with some of its samples; impacts all stay."""
+    """Return a record, and what it holds by name, with some of its samples; impacts all stay."""
     return _of_arrays(record, lambda values: values[which])
 
 
@@ -51,11 +55,13 @@ def interpolated(run: Trajectory, time_s: FloatArray) -> Trajectory:
     return replace(_of_arrays(run, linear), time_s=time_s, position=position)
 
 
-def joined(parts: Sequence[Contact]) -> Contact:
-    """Return a contact with the samples of all parts, in their order; the impacts are those of the first."""
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name, value in vars(parts[0]).items()
-        if isinstance(value, np.ndarray)
-    }
+def joined(parts: Sequence[Record]) -> Record:
+    """Return a record with the samples of all parts, in their order; what has none is the first part's."""
+    arrays: dict[str, Any] = {}
+    for name, value in vars(parts[0]).items():
+        own = [getattr(part, name) for part in parts]
+        if isinstance(value, np.ndarray):
+            arrays[name] = np.concatenate(own)
+        elif isinstance(value, Mapping):
+            arrays[name] = {key: np.concatenate([each[key] for each in own]) for key in value}
     return replace(parts[0], **arrays)

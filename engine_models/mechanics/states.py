@@ -11,7 +11,11 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.mechanism import levers_m
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.data import GROUND, Line, Pin, Point
+from reference_solver.mechanism.data import GROUND as GROUND
+from reference_solver.mechanism.data import Line as Line
+from reference_solver.mechanism.data import Pin as Pin
+from reference_solver.mechanism.data import Point as Point
+from reference_solver.mechanism.data import Spring as Spring
 
 
 @dataclass(frozen=True)
@@ -65,16 +69,21 @@ def off_line(line: Line, position: FloatArray, velocity: FloatArray) -> tuple[Fl
     return _along(line, True, position, velocity)
 
 
+def direction(line: Line, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the unit vectors along a line and to its left, (n, 2) each."""
+    turned = 0.0 if line.body_i == GROUND else position[:, line.body_i, 2]
+    angle = line.angle_rad + turned + np.zeros(len(position))
+    u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return u, np.stack([-u[:, 1], u[:, 0]], axis=-1)
+
+
 # s = u.d, d = p_j - p_i, u' = phi_i' n with n 90 degrees counter-clockwise of u: s' = u.d' + phi_i' n.d
 def _along(
     line: Line, across: bool, position: FloatArray, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     i = point_motion(line.body_i, line.point_i, position, velocity)
     j = point_motion(line.body_j, line.point_j, position, velocity)
-    turned = 0.0 if line.body_i == GROUND else position[:, line.body_i, 2]
-    angle = line.angle_rad + turned + np.zeros(len(position))
-    u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    n = np.stack([-u[:, 1], u[:, 0]], axis=-1)
+    u, n = direction(line, position)
     if across:
         u, n = n, -u
     d, rate = j.place_m - i.place_m, j.rate_m_s - i.rate_m_s
@@ -110,7 +119,7 @@ def observed(scene: AnyScene, run: Trajectory) -> tuple[FloatArray, FloatArray]:
     A crank-slider's is the slider's way along its guide, a pendulum's the place of its pin A along x.
     """
     if isinstance(scene, Scene) and scene.is_plain and scene.is_crank_slider:
-        return run.slider_position_m, run.slider_velocity_m_s
+        return run.position[:, -1, 0], run.velocity[:, -1, 0]
     of = scene.observed
     if of.what == "angle":
         return run.position[:, of.body, 2], run.velocity[:, of.body, 2]
@@ -125,6 +134,22 @@ def observed_m(scene: AnyScene, run: Trajectory) -> FloatArray:
     value, _ = observed(scene, run)
     is_angle = not scene.is_plain and scene.observed.what == "angle"
     return lever_m(scene) * value if is_angle else value
+
+
+def observed_columns(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
+    """Return what a scene observes, and its rate, (n,) each, by their columns: ``observed_B_x_m``."""
+    if isinstance(scene, Scene) and scene.is_crank_slider:
+        names = "slider_position_m", "slider_velocity_m_s"
+    else:
+        of = scene.observed
+        name = f"observed_{of.name.replace('.', '_')}"
+        names = f"{name}_{of.unit}", f"{name}_velocity_{of.unit}_s"
+    return dict(zip(names, observed(scene, run), strict=True))
+
+
+def guide_column(scene: AnyScene, guide: str) -> str:
+    """Return the column of a guide's normal force; that of a crank-slider goes without its name."""
+    return "guide_normal_force_N" if isinstance(scene, Scene) else f"guide_{guide}_normal_force_N"
 
 
 def observed_in_words(scene: AnyScene) -> str:

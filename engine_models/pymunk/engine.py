@@ -13,7 +13,7 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, RunSettings, T, Trajectory, UnsupportedScene, plain
 from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.start_check import unwound, wound
+from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.pymunk.loads import add_loads, needs_one_step
 from engine_models.pymunk.model import build, pins
@@ -163,7 +163,7 @@ class PymunkEngine:
         scene = plain(scene, "pymunk")
         require_memory(scene, settings)
         require_followed(scene, settings.step_used_s(scene.end_time_s))
-        model = self._model(wound(self.twin(scene)), settings.step_used_s(scene.end_time_s))
+        model = self._model(self.twin(scene), settings.step_used_s(scene.end_time_s))
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
             return unwound(scene, pymunk_run(model, settings, self.half_kick_start, self.shorter_in_contact))
 

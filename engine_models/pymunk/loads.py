@@ -12,7 +12,6 @@ import math
 import pymunk
 
 from engine_models.engine import SimulationFailed
-from engine_models.mechanics.joints import clearances
 from engine_models.pymunk.model import Bodies
 from engine_models.scene.drives import MotorDrive
 from engine_models.scene.scene import Scene
@@ -50,7 +49,7 @@ def add_loads(scene: Scene, space: pymunk.Space, bodies: Bodies, centred_step_s:
 def needs_one_step(scene: Scene) -> list[str]:
     """Return what of a scene is made for steps of one length: native contacts, changing speeds, springs."""
     load, drive = scene.load.slider, scene.drive.kind
-    joints = clearances(scene).items()
+    joints = scene.clearances.items()
     return [
         *(f"clearance.{name}.law = rigid" for name, clearance in joints if clearance.law == "rigid"),
         *([] if drive in ("free", "torque", "constant-speed") else [f"drive.kind = {drive}"]),

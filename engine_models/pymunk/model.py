@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pymunk
 
-from engine_models.mechanics.joints import End, clearances, ends
+from engine_models.mechanics.joints import End, ends
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.scene import Clearance, Scene
 
@@ -85,7 +85,7 @@ def pins(scene: Scene, space: pymunk.Space, bodies: Bodies) -> dict[str, Pin]:
     sides = _sides(scene, space, bodies)
     return {
         name: Pin(*bearing, *pin, clearance)
-        for name, clearance in clearances(scene).items()
+        for name, clearance in scene.clearances.items()
         for bearing, pin in [sides[name]]
     }
 

@@ -17,8 +17,8 @@ from engine_models.engine import (
 )
 from engine_models.guards import guarded
 from engine_models.mechanics.crank_motion import crank_motion
-from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, clearances, gaps
-from engine_models.mechanics.reactions import reactions
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, gaps
+from engine_models.mechanics.reactions import Reactions, reactions
 from engine_models.mechanics.samples import interpolated, joined, selected
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.pymunk.contact_log import ContactLog
@@ -48,10 +48,11 @@ class Samples:
     def __init__(self, model: Model, settings: RunSettings, half_kick_start: bool, shorter: float) -> None:
         self.timing = Timing(model.scene, settings, shorter)
         self._scene, self._workspace = model.scene, model.workspace
-        self._clearances, self._half_kick_start = clearances(model.scene), half_kick_start
+        self._clearances, self._half_kick_start = model.scene.clearances, half_kick_start
         self._times_s, self._between = settings.times_s(model.scene), np.array(settings.at_s)
         self._logs = {name: ContactLog(room.law == "rigid") for name, room in self._clearances.items()}
         self._parts: list[dict[str, FloatArray]] = []
+        self._forces: list[Reactions] = []
         self._load_works: list[dict[str, FloatArray]] = []
         self._contact_parts: dict[str, list[Contact]] = {name: [] for name in self._logs}
         self._works = Works(model.scene)
@@ -83,18 +84,17 @@ class Samples:
             for name, log in self._logs.items()
         }
         felt = mean if self._half_kick_start else velocity  # by dampers in these kicks
-        force, guide, torque = reactions(scene, position, felt, acceleration, contacts)
+        forces = reactions(scene, time_s, position, felt, acceleration, contacts)
+        torque = forces.driver_torque_N_m
         works = self._works.since_start(time_s, kick_s, share, position, felt, mean, torque)
         arrays = {
             "time_s": time_s,
             "position": position,
             "velocity": velocity,
-            "joint_force_N": force,
-            "guide_normal_force_N": guide,
-            "driver_torque_N_m": torque,
             "driver_work_J": works.pop(DRIVER, None),
         }
         self._parts.append({name: array[sample] for name, array in arrays.items() if array is not None})
+        self._forces.append(selected(forces, sample))
         self._load_works.append({part: work[sample] for part, work in works.items()})
         for name, contact in contacts.items():
             self._contact_parts[name].append(selected(contact, sample))
@@ -118,6 +118,7 @@ class Samples:
         trajectory = trajectory_of(
             self._scene,
             **arrays,
+            **vars(joined(self._forces)),
             step_s=self.timing.step_s,
             steps=steps,
             solve_time_s=solve_time_s,
@@ -187,7 +188,7 @@ def require_the_mechanism(
             longer than the crank and the clearances never does.
     """
     distance = {name: np.hypot(gap[:, 0], gap[:, 1]) for name, gap in gap_m.items()}
-    clearance_of = clearances(scene)
+    clearance_of = scene.clearances
     checks = [
         (distance[name] <= clearance.bearing_radius_m, f"pin through the wall of its bearing at joint {name}")
         for name, clearance in clearance_of.items()

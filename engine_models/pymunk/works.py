@@ -35,7 +35,7 @@ class Works:
         position: FloatArray,
         felt: FloatArray,
         mean: FloatArray,
-        torque_N_m: FloatArray,
+        torque_N_m: FloatArray | None,
     ) -> dict[str, FloatArray]:
         """Return the works in J of the driver and of the parts of the load (n,) at kicks.
 
@@ -47,7 +47,7 @@ class Works:
         scene = self._scene
         forces = slider_forces(scene, position, felt)
         kicks = {part: kick_s * mean[:, SLIDER, 0] * forces[part] for part in integrated_parts(scene)}
-        if self._motion is not None:
+        if self._motion is not None and torque_N_m is not None:
             kicks[DRIVER] = kick_s * self._motion.speed_rad_s(time_s) * torque_N_m
         elif scene.drive.kind == "motor":
             kicks[DRIVER] = kick_s * mean[:, CRANK, 2] * motor_torque(scene.drive.line, felt[:, CRANK, 2])

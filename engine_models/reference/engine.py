@@ -16,8 +16,7 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
-from engine_models.mechanics.joints import clearances
-from engine_models.mechanics.start_check import unwound, wound
+from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.pace import MOST_STEPS
 from engine_models.reference.kernels import compile_time_s
@@ -81,7 +80,7 @@ class ReferenceEngine:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
         if self.controls_error and not self.locate_events:
             raise UnsupportedScene(f"reference needs locate_events with method = {self.method}")
-        rigid = any(clearance.law == "rigid" for clearance in clearances(scene).values())
+        rigid = any(clearance.law == "rigid" for clearance in scene.clearances.values())
         if rigid and not (self.stabilisation == "projection" and self.locate_events):
             raise UnsupportedScene(
                 "reference runs rigid contact with stabilisation = projection and locate_events only"
@@ -144,7 +143,7 @@ class ReferenceEngine:
         require_memory(scene, settings)
         try:
             with np.errstate(all="ignore"):  # require_finite is the judge
-                return unwound(scene, require_finite(self._run(wound(scene), settings)))
+                return unwound(scene, require_finite(self._run(scene, settings)))
         except SolverError as error:
             raise EngineFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite

@@ -17,8 +17,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.joints import clearances
-from engine_models.mechanics.start_check import wound
 from engine_models.mechanics.watch import Watch
 from engine_models.pace import Pace
 from engine_models.reference.batch import Begin, Done, Group, Judge
@@ -57,7 +55,7 @@ def supports(engine: ReferenceEngine, scene: Scene, fields: Sequence[str]) -> bo
 
     They are crank-sliders with clearance in compliant joints, by a compiled kernel with located events.
     """
-    laws = {clearance.law for clearance in clearances(scene).values()}
+    laws = {clearance.law for clearance in scene.clearances.values()}
     numeric = all(isinstance(_field(scene, path), float) for path in fields)
     compliant = bool(laws) and "rigid" not in laws
     return (
@@ -134,7 +132,7 @@ class Members:
             SceneError: with its values it is no scene.
             SimulationFailed, SolverError: it cannot.
         """
-        scene = wound(self.member(number))
+        scene = self.member(number)
         settings, values = self.settings(scene), self.values(number)
         choice = taken(self.engine.step_choice(scene, settings), scene, settings)
         built, start = self.builder.mechanism(scene, values), self.builder.start(scene, values)

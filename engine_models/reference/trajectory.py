@@ -26,9 +26,12 @@ def trajectory_of_solution(
         force = solution.joint_force_N[:, k]
         forces[pin.name] = -force if pin.bearing_on_j else force
         contacts[pin.name] = _contact(scene.clearances[pin.name], solution, k)
-    normal = [multipliers[:, next(rows).start] for guide in of.guides[:1]]
-    position = solution.q.reshape(len(multipliers), -1, 3)
-    works, still = _works_of_loads(scene, solution), np.zeros((len(multipliers), 2))  # joints may be none
+    normal, moment = dict[str, FloatArray](), dict[str, FloatArray]()
+    for guide in of.guides:
+        normal[guide.name] = multipliers[:, next(rows).start]
+        if not guide.turns:
+            moment[guide.name] = multipliers[:, next(rows).start]
+    position, works = solution.q.reshape(len(multipliers), -1, 3), _works_of_loads(scene, solution)
     prescribed = of.drive.prescribes
     work = solution.constraint_work_J if prescribed else works.pop("drive", None)
     return trajectory_of(
@@ -36,8 +39,9 @@ def trajectory_of_solution(
         time_s=solution.time_s,
         position=position,
         velocity=solution.v.reshape(position.shape),
-        joint_force_N=np.stack([still, *(forces[pin.name] for pin in of.pins)], axis=1)[:, 1:],
-        guide_normal_force_N=normal[0] if normal and isinstance(scene, Scene) else None,
+        joint_force_N={pin.name: forces[pin.name] for pin in of.pins},
+        guide_force_N=normal,
+        guide_moment_N_m=moment,
         driver_torque_N_m=multipliers[:, -1] if prescribed else None,
         driver_work_J=work,
         step_s=step_s,

@@ -81,6 +81,15 @@ class GeneralScene(GeneralParts):
         return Observed(self.observe, "x" if axis == "x" else "y", body, point_of(self, last, name))
 
     @property
+    def turning_body(self) -> int | None:
+        """The body of ``turning``; without it the driven one, or the first, where the ground has its pin."""
+        if self.turning is not None:
+            return [*self.body].index(self.turning) if self.turning else None
+        body = self.drive.body or next(iter(self.body))
+        is_pinned = self.ground.pins_m.keys() & self.body[body].pins_m.keys()
+        return [*self.body].index(body) if is_pinned and self.drive.guide is None else None
+
+    @property
     def clearances(self) -> dict[str, Clearance]:
         """The clearances of the joints that have one, in the order of the joints."""
         return {name: self.clearance[name] for name in self.joints if name in self.clearance}

@@ -299,6 +299,11 @@ class AnyScene(SceneData):
         raise NotImplementedError
 
     @property
+    def turning_body(self) -> int | None:
+        """The number of the body whose turns are revolutions, None where time is the unit."""
+        raise NotImplementedError
+
+    @property
     def driven_by(self) -> Drive:
         """What drives the mechanism."""
         raise NotImplementedError

@@ -246,6 +246,11 @@ class Scene(AnyScene):
         return self.general.observed
 
     @property
+    def turning_body(self) -> int:
+        """The crank's number."""
+        return 0
+
+    @property
     def driven_by(self) -> Drive:
         """What drives the mechanism."""
         return self.drive

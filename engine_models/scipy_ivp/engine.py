@@ -19,9 +19,8 @@ from engine_models.engine import (
     plain,
     require_finite,
 )
-from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.minimal.scope import require_coordinates
-from engine_models.mechanics.start_check import unwound, wound
+from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.trajectory import trajectory_of_solution
@@ -92,7 +91,7 @@ class ScipyEngine:
             raise UnsupportedScene(
                 f"scipy's {self.method} has no events, and contacts need them: method = DOP853 or LSODA has"
             )
-        rigid = {name: room for name, room in clearances(scene).items() if room.law == "rigid"}
+        rigid = {name: room for name, room in scene.clearances.items() if room.law == "rigid"}
         if rigid and not self.locate_events:
             raise UnsupportedScene(
                 "scipy's pins rebound where their touch is located: locate_events = true (law = 'rigid' at "
@@ -150,7 +149,7 @@ class ScipyEngine:
         solve_time = time.perf_counter() - started
         samples, reader = derivative.absolute(record.y), derivative
         if self.coordinates == "minimal":
-            reader = Derivative(wound(scene))
+            reader = Derivative(scene)
         solution = reader.solution(times, samples, record.phases, record.ends, calls.steps)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
@@ -178,7 +177,7 @@ class ScipyEngine:
         return BareRun(solve_time, end[: 3 * len(scene.mechanism.bodies)].reshape(-1, 3))
 
     def _derivative(self, scene: AnyScene) -> Derivative:
-        return Derivative(wound(scene), self.coordinates == "minimal")
+        return Derivative(scene, self.coordinates == "minimal")
 
     def _located(self, scene: AnyScene) -> bool:
         """Return whether the run goes from event to event, which it does in one go if there are none."""

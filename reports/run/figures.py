@@ -15,14 +15,20 @@ from matplotlib.figure import Figure
 from reports.plots.picture import COLOURS, DASHES, Picture, picture_bytes
 from reports.style import BLUE, GREY, RC, VERMILLION, axis_label, words
 
-#: Height of a panel, of what is above and below all panels, in inches, and the characters of a line below.
-PANEL_IN, MARGINS_IN, LINE = 1.45, 1.0, 110
+#: Height of a panel, of what is above and below all panels, in inches, and the characters of a line below
+#: and of one beside a panel.
+PANEL_IN, MARGINS_IN, LINE, LABEL = 1.45, 1.0, 110, 24
 #: The label of the panel of forces.
 FORCE = "force [N]"
 #: The slider's motion, and the crank's, which is shown of a pendulum.
 MOTION = {"slider_position_m": "crank_angle_rad", "slider_velocity_m_s": "crank_speed_rad_s"}
-JOINT_FORCE = re.compile(r"joint_(\w)_force_x_N")
-ENERGY = re.compile(r"(kinetic|potential|dissipated)_energy_J|\w+_work_J")
+#: How columns begin that have what any other mechanism is about, and its rate.
+OBSERVED = "observed_"
+JOINT_FORCE = re.compile(r"joint_(.+)_force_x_N")
+GUIDE_FORCE = re.compile(r"guide_(.+)_normal_force_N")
+ENERGY = re.compile(r"(kinetic|potential|dissipated)_energy_J|.+_work_J")
+#: The most forces and energies of a panel: those with the largest numbers.
+MOST_FORCES, MOST_ENERGIES = 6, len(COLOURS)
 #: Points of the clearance circle, and width and height of its figure in inches.
 POINTS, ORBIT_IN = 361, (5.2, 5.0)
 UM_PER_M = 1e6
@@ -42,12 +48,12 @@ def time_plot(
         picture.supxlabel(fill(quality, LINE), fontsize=7.5, color="#595959")
         axes = picture.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
         for ax, (label, curves) in zip(axes, panels.items(), strict=True):
-            ax.set_ylabel(label)
+            ax.set_ylabel(fill(label, LABEL))
             for (name, curve), colour, dashes in zip(curves.items(), COLOURS, DASHES, strict=False):
                 ax.plot(frame.index, curve, label=name, color=colour, linestyle=dashes)
             if len(curves) > 1:
                 ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-            if mark is not None and label == FORCE:
+            if mark is not None and label.endswith(FORCE):
                 _mark(ax, *mark)
         picture.align_ylabels(list(axes))
         axes[-1].set(xlabel=axis_label("time_s"), xlim=(frame.index[0], frame.index[-1]))
@@ -103,18 +109,27 @@ def _mark(ax: Axes, time_s: float, force_N: float, name: str) -> None:
 
 def _panels(frame: pd.DataFrame) -> dict[str, Mapping[str, pd.Series]]:
     """Return the curves of every panel by their names, the panels by their axis labels."""
-    motion = [slider if slider in frame else crank for slider, crank in MOTION.items()]
+    motion = [column for column in frame if column.startswith(OBSERVED)][:2]
+    motion = motion or [slider if slider in frame else crank for slider, crank in MOTION.items()]
     panels: dict[str, Mapping[str, pd.Series]] = {axis_label(name): {"": frame[name]} for name in motion}
-    panels[FORCE] = _forces(frame)
-    if "driver_torque_N_m" in frame:
-        panels[axis_label("driver_torque_N_m")] = {"": frame["driver_torque_N_m"]}
+    panels |= _largest(FORCE, _forces(frame), MOST_FORCES)
+    drivers = frame.columns.intersection(["driver_torque_N_m", "driver_force_N"])
+    panels |= {axis_label(name): {"": frame[name]} for name in drivers}
     energies = [column for column in frame if ENERGY.fullmatch(column)]
-    panels["energy [J]"] = {words(column)[0].removesuffix(" energy"): frame[column] for column in energies}
-    return panels
+    curves = {words(column)[0].removesuffix(" energy"): frame[column] for column in energies}
+    return panels | _largest("energy [J]", curves, MOST_ENERGIES)
+
+
+def _largest(label: str, curves: Mapping[str, pd.Series], most: int) -> dict[str, Mapping[str, pd.Series]]:
+    """Return a panel of curves, or of so many with the largest numbers, and none without curves."""
+    if len(curves) <= most:
+        return {label: curves} if curves else {}
+    kept = sorted(curves, key=lambda name: float(np.abs(curves[name]).max()))[-most:]
+    return {f"{most} largest: {label}": {name: curves[name] for name in curves if name in kept}}
 
 
 def _forces(frame: pd.DataFrame) -> dict[str, pd.Series]:
-    """Return the sizes of the joint forces, and the normal force of the guide."""
+    """Return the sizes of the joint forces, and the normal forces of guides."""
     joints = [match[1] for column in frame if (match := JOINT_FORCE.fullmatch(column))]
     forces = {
         f"joint {joint}": np.hypot(frame[f"joint_{joint}_force_x_N"], frame[f"joint_{joint}_force_y_N"])
@@ -122,4 +137,7 @@ def _forces(frame: pd.DataFrame) -> dict[str, pd.Series]:
     }
     if "guide_normal_force_N" in frame:
         forces["guide, normal"] = frame["guide_normal_force_N"]
+    for column in frame:
+        if match := GUIDE_FORCE.fullmatch(column):
+            forces[f"guide {match[1]}, normal"] = frame[column]
     return forces

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from engine_models.engine import MOST_SAMPLES, Engine, Trajectory
-from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.progress import tell
 from engine_models.scene.arguments import Place, check_arguments
@@ -17,8 +16,7 @@ from engine_models.scene.data import Positive
 from engine_models.scene.general import GeneralScene
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
-from studies.command.endings import film_ending
-from studies.command.options import as_arguments, require_plain
+from studies.command.options import as_arguments, film_ending
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
 from studies.running.whole_file import require_place, write_whole
@@ -76,7 +74,7 @@ class Run:
 
         None if no pin has touched its bearing, with ideal joints, and with rigid walls.
         """
-        found, loose = [], clearances(self.scene)
+        found, loose = [], self.scene.clearances
         for joint, contact in self.trajectory.contacts.items():
             force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
             times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
@@ -98,7 +96,6 @@ class Run:
         """
         from reports.run.figures import time_plot
 
-        require_plain("plot", "", self.scene)
         mark = None
         if largest := self.largest_contact_force:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
@@ -114,7 +111,7 @@ class Run:
         """
         from reports.run.figures import orbit_plot
 
-        loose = clearances(self.scene)
+        loose = self.scene.clearances
         if joint not in loose:
             expected = f"{one_of(list(loose))}, which has clearance" if loose else "a scene with clearance"
             raise BadInput(f"joint: expected {expected}, got {shown(joint)}")
@@ -137,15 +134,13 @@ class Run:
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the animation as the bytes of a file; progress is reported as for a run."""
-        from reports.run.film import Mechanism, film_bytes
+        from reports.run.film import film_bytes, pictured
+        from studies.command.drawing import Shape
 
-        scene = require_plain("--animate", "", self.scene)
-        mechanism = Mechanism(
-            scene.crank.length_m,
-            scene.rod.length_m if scene.rod else None,
-            {name: clearance.radial_clearance_m for name, clearance in clearances(self.scene).items()},
-        )
-        return film_bytes(self.frame, mechanism, exaggerate, self.scene.name, ending, tell)
+        run, samples = self.trajectory, pictured(len(self.trajectory.time_s))
+        states = run.position[samples], run.velocity[samples]
+        shape = Shape(self.scene, self.frame.iloc[samples], *states, exaggerate)
+        return film_bytes(shape.drawing(), self.scene.name, ending, tell)
 
     @property
     def made_by(self) -> dict[str, Any]:

@@ -176,9 +176,9 @@ def simulate(
     if impacts is not None:
         files.append(outputs.impacts(impacts, physics))
     if plot is not None:
-        files.append(outputs.plot(plot, physics))
+        files.append(outputs.plot(plot))
     if animate is not None:
-        files.append(outputs.film(animate, exaggerate, physics))
+        files.append(outputs.film(animate, exaggerate))
     elif exaggerate is not None:
         raise failures.BadInput(f"--exaggerate: expected nothing without --animate, got {exaggerate}")
     outputs.require_places(files, scene, changes or [])
@@ -278,11 +278,11 @@ def sweep(
 
             # They import what runs members while this process imports and checks the options.
             pool = stack.enter_context(beginning(int(count), "studies.predictability.sweeps.chunk"))
-        from studies.command import endings, options
+        from studies.command import options
         from studies.command import sweep as sweeps
 
         chosen = sweeps.options_of({**strings, "jobs": count})
-        endings.ending_of("--out", out, (".parquet",))
+        options.ending_of("--out", out, (".parquet",))
         physics = options.read_plain_scene("sweeps", scene, changes or [])
         ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
         settings = options.assigned("--set", "KEY=VALUE", assignments or [])

@@ -3,7 +3,7 @@
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -32,6 +32,8 @@ T = TypeVar("T")
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
 #: A scene as users may give one.
 SomeScene = Annotated[InstanceOf[AnyScene] | str | Path, expect(f"{one_of(list(SCENES))}, or a TOML file")]
+#: Endings of the files of figures and of animations.
+PICTURES, FILMS = (".png", ".svg", ".pdf"), (".html", ".gif", ".mp4")
 #: What runs in all engines, in truths and in studies.
 PLAIN = "a crank-slider on a guide along +x through O or a pendulum"
 DEFAULT_STEP_S = 1e-5
@@ -190,6 +192,34 @@ def is_source(file: Path, scene: str, assignments: Sequence[str] = ()) -> bool:
         return any(file.samefile(source) for source in sources(Path(scene), _fields(assignments)))
     except OSError:  # a file that is not there yet is no source
         return False
+
+
+def ending_of(option: str, path: Path, known: Iterable[str]) -> str:
+    """Return the ending of a file's name in lower case.
+
+    Raises:
+        BadInput: it is not among ``known``.
+    """
+    ending = path.suffix.lower()
+    if ending not in known:
+        expected = f"a file that ends in {one_of([each for each in known if each])}"
+        raise BadInput(f"{option}: expected {expected}, got {shown(str(path))}")
+    return ending
+
+
+def film_ending(path: Path) -> str:
+    """Return the ending of an animation's file.
+
+    Raises:
+        BadInput: it is not one of an animation, or it is .mp4 without ffmpeg.
+    """
+    from reports.run.film import can_write
+
+    ending = ending_of("--animate", path, FILMS)
+    if not can_write(ending):
+        expected = "a file that ends in .html or .gif where ffmpeg is not installed"
+        raise BadInput(f"--animate: expected {expected}, got {shown(str(path))}")
+    return ending
 
 
 def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = False) -> Engine:

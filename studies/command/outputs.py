@@ -14,9 +14,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from engine_models.scene.parts import AnyScene
-from studies.command.endings import PICTURES, ending_of, film_ending
 from studies.command.finished_run import Run
-from studies.command.options import FilmOptions, checked, is_source, require_plain
+from studies.command.options import PICTURES, FilmOptions, checked, ending_of, film_ending, is_source
 from studies.command.progress_display import shown_progress
 from studies.command.trajectory_table import impact_columns, sample_columns
 from studies.running.failures import BadInput, writing
@@ -89,9 +88,8 @@ def impacts(path: Path, scene: AnyScene) -> Output:
     return Output("--impacts", path, lambda run: encode(impact_columns(run.trajectory.contacts), run))
 
 
-def plot(path: Path, scene: AnyScene) -> Output:
+def plot(path: Path) -> Output:
     """Return the file of a run's figure."""
-    require_plain("--plot", "", scene)
     ending = ending_of("--plot", path, PICTURES)
 
     def content(run: Run) -> bytes:
@@ -102,9 +100,8 @@ def plot(path: Path, scene: AnyScene) -> Output:
     return Output("--plot", path, content)
 
 
-def film(path: Path, exaggerate: str | None, scene: AnyScene) -> Output:
+def film(path: Path, exaggerate: str | None) -> Output:
     """Return the file of a run's animation, with clearances enlarged by the factor ``exaggerate``."""
-    require_plain("--animate", "", scene)
     times, ending = checked(FilmOptions, "--", {"exaggerate": exaggerate}).exaggerate, film_ending(path)
     return Output("--animate", path, lambda run: run.film(ending, times))
 

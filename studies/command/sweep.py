@@ -22,8 +22,7 @@ from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import NonNegative, Positive, SceneError
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
-from studies.command.endings import PICTURES, ending_of
-from studies.command.options import DEFAULT_STEP_S, as_arguments, checked, read_engine
+from studies.command.options import DEFAULT_STEP_S, PICTURES, as_arguments, checked, ending_of, read_engine
 from studies.predictability.sweeps.chunk import Direction
 from studies.predictability.sweeps.draws import MOST_JITTER_RAD, Draw, Sample, drawn
 from studies.predictability.sweeps.ranges import MOST_MEMBERS, values_of

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.loads import load_forces
-from engine_models.mechanics.states import observed
+from engine_models.mechanics.joints import CRANK, ROD, SLIDER
+from engine_models.mechanics.loads import load_forces, spring_forces
+from engine_models.mechanics.states import GROUND, direction, guide_column, observed_columns, way
+from engine_models.mechanics.wrenches import accelerations, wrenches
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
@@ -22,23 +24,26 @@ OF_TIME = ("ramp", "fluctuating", "table", "motor")
 def sample_columns(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatArray]:
     """Return columns with a value for each sample; columns that do not apply to the scene are absent.
 
-    Names contain the unit. A joint force acts on the body named later, that further from the crank pivot; the
-    guide's force on the slider is to the left of the guide's direction.
+    Names contain the unit. A joint force acts on the body named later, that further from the crank pivot; a
+    guide's on its body, to the left of the guide's direction. A spring's force pulls its ends together.
     """
-    if isinstance(scene, Scene):
-        columns = _motion_of_crank(scene, trajectory)
-    else:
-        columns = {"time_s": trajectory.time_s, **_observed(scene, trajectory), **_motion(scene, trajectory)}
-    for joint, force in zip(scene.joints, trajectory.joint_force_N.swapaxes(0, 1), strict=True):
+    of, run = scene.mechanism, trajectory
+    acting = wrenches(scene, run)
+    moving = accelerations(of, acting)
+    columns = {"time_s": run.time_s}
+    columns |= _crank_slider(scene, run) if isinstance(scene, Scene) else _bodies(scene, run, moving)
+    for joint, force in run.joint_force_N.items():
         columns |= {f"joint_{joint}_force_x_N": force[:, 0], f"joint_{joint}_force_y_N": force[:, 1]}
-    if trajectory.guide_normal_force_N is not None:
-        columns["guide_normal_force_N"] = trajectory.guide_normal_force_N
-    if trajectory.driver_torque_N_m is not None:
-        along = scene.mechanism.drive.guide is not None
-        columns["driver_force_N" if along else "driver_torque_N_m"] = trajectory.driver_torque_N_m
-    columns |= _forces_of_loads(scene, trajectory)
-    columns |= _energies(scene, trajectory)
-    for joint, contact in trajectory.contacts.items():
+    columns |= _guides(scene, run)
+    if run.driver_torque_N_m is not None:
+        along = of.drive.guide is not None
+        columns["driver_force_N" if along else "driver_torque_N_m"] = run.driver_torque_N_m
+    forces = load_forces(of, run.time_s, run.position, run.velocity)
+    columns |= {f"{name.replace('.', '_')}_force_N": force for name, force in forces.items()}
+    springs = spring_forces(of, run.position, run.velocity)
+    columns |= {f"spring_{name}_force_N": force for name, force in springs.items()}
+    columns |= _energies(scene, run)
+    for joint, contact in run.contacts.items():
         columns |= {
             f"clearance_{joint}_x_m": contact.gap_m[:, 0],
             f"clearance_{joint}_y_m": contact.gap_m[:, 1],
@@ -47,45 +52,46 @@ def sample_columns(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatAr
         columns[f"contact_{joint}_normal_force_N"] = contact.normal_force_N
         if contact.friction_force_N is not None:
             columns[f"contact_{joint}_friction_force_N"] = contact.friction_force_N
-    if trajectory.dissipated_energy_J is not None:
-        columns["dissipated_energy_J"] = trajectory.dissipated_energy_J
-    return columns
+    if run.dissipated_energy_J is not None:
+        columns["dissipated_energy_J"] = run.dissipated_energy_J
+    if isinstance(scene, Scene) and scene.is_crank_slider:
+        forward, _ = direction(of.guides[0], run.position)
+        columns["slider_acceleration_m_s2"] = np.sum(forward * moving[:, SLIDER, :2], axis=1)
+        columns |= {"rod_angle_rad": run.position[:, ROD, 2], "rod_speed_rad_s": run.velocity[:, ROD, 2]}
+    names = "ground_force_x_N", "ground_force_y_N", "ground_moment_N_m"
+    return columns | dict(zip(names, acting[:, GROUND].T, strict=True))
 
 
-def _motion_of_crank(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
-    """Return times, the crank's motion and the slider's along its guide."""
-    columns = {
-        "time_s": run.time_s,
-        "crank_angle_rad": run.position[:, 0, 2],
-        "crank_speed_rad_s": run.velocity[:, 0, 2],
-    }
-    if scene.is_crank_slider:
-        columns["slider_position_m"], columns["slider_velocity_m_s"] = observed(scene, run)
-    return columns
+def _crank_slider(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
+    """Return the crank's motion, and the slider's along its guide."""
+    columns = {"crank_angle_rad": run.position[:, CRANK, 2], "crank_speed_rad_s": run.velocity[:, CRANK, 2]}
+    return columns | observed_columns(scene, run) if scene.is_crank_slider else columns
 
 
-def _observed(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
-    """Return what the scene observes, and its rate: ``observed_B_x_m``, ``observed_rocker_angle_rad``."""
-    (value, rate), of = observed(scene, run), scene.observed
-    name = f"observed_{of.name.replace('.', '_')}"
-    return {f"{name}_{of.unit}": value, f"{name}_velocity_{of.unit}_s": rate}
-
-
-def _motion(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
-    """Return place, angle and their rates of every body's centre of mass."""
-    columns = dict[str, FloatArray]()
+def _bodies(scene: AnyScene, run: Trajectory, acceleration: FloatArray) -> dict[str, FloatArray]:
+    """Return what is observed, and place, angle, their rates and accelerations of every centre of mass."""
+    columns = observed_columns(scene, run)
     for k, body in enumerate(scene.mechanism.names):
-        x, v = run.position[:, k], run.velocity[:, k]
+        x, v, a = run.position[:, k], run.velocity[:, k], acceleration[:, k]
         columns |= {f"{body}_x_m": x[:, 0], f"{body}_y_m": x[:, 1], f"{body}_angle_rad": x[:, 2]}
         columns |= {f"{body}_velocity_x_m_s": v[:, 0], f"{body}_velocity_y_m_s": v[:, 1]}
         columns[f"{body}_speed_rad_s"] = v[:, 2]
+        columns |= {f"{body}_acceleration_x_m_s2": a[:, 0], f"{body}_acceleration_y_m_s2": a[:, 1]}
+        columns[f"{body}_angular_acceleration_rad_s2"] = a[:, 2]
     return columns
 
 
-def _forces_of_loads(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
-    """Return the forces of loads along their lines: ``slider_gas_force_N``."""
-    forces = load_forces(scene.mechanism, run.time_s, run.position, run.velocity)
-    return {f"{name.replace('.', '_')}_force_N": force for name, force in forces.items()}
+def _guides(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
+    """Return ways along guides, their normal forces, and moments of those that hold an angle."""
+    if isinstance(scene, Scene):
+        return {guide_column(scene, name): force for name, force in run.guide_force_N.items()}
+    columns = dict[str, FloatArray]()
+    for guide in scene.mechanism.guides:
+        columns[f"guide_{guide.name}_along_m"], _ = way(guide, run.position, run.velocity)
+        columns[guide_column(scene, guide.name)] = run.guide_force_N[guide.name]
+        if guide.name in run.guide_moment_N_m:
+            columns[f"guide_{guide.name}_moment_N_m"] = run.guide_moment_N_m[guide.name]
+    return columns
 
 
 def _energies(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:

@@ -80,7 +80,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
 
 def _place(scene: Scene, run: Trajectory) -> FloatArray:
     """Return the slider position in m, or the arc length of the end of a pendulum."""
-    return run.slider_position_m if scene.is_crank_slider else scene.crank.length_m * run.position[:, 0, 2]
+    return run.position[:, -1, 0] if scene.is_crank_slider else scene.crank.length_m * run.position[:, 0, 2]
 
 
 def _until(truth: Trajectory, impacts_of: Mapping[str, Impacts], count: int) -> Trajectory:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import Trajectory, UnsupportedScene
-from engine_models.mechanics.joints import clearances
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import GRID, converged, followed
 
@@ -41,7 +40,7 @@ def asked(scene: Scene) -> Question:
 
 
 def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
-    rooms = clearances(scene).values()
+    rooms = scene.clearances.values()
     if not rooms and scene.speed_is_prescribed:
         assert truth.driver_torque_N_m is not None
         if peak_N_m := float(np.abs(truth.driver_torque_N_m).max()):

@@ -13,7 +13,8 @@ import numpy as np
 from engine_models.engine import AdapterCannot, Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.energy import unaccounted_part
-from engine_models.mechanics.loads import slider_forces
+from engine_models.mechanics.states import observed_m
+from engine_models.mechanics.wrenches import accelerations, wrenches
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import converged, solved
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
@@ -96,8 +97,10 @@ def arrays_fit(trial: Trial) -> Finding:
     right = {
         "position": run.position.shape == (n, bodies, 3),
         "velocity": run.velocity.shape == (n, bodies, 3),
-        "joint_force_N": run.joint_force_N.shape == (n, len(scene.joints), 2),
-        "guide_normal_force_N": (run.guide_normal_force_N is not None) == scene.is_crank_slider,
+        "joint_force_N": {name: force.shape for name, force in run.joint_force_N.items()}
+        == dict.fromkeys(scene.joints, (n, 2)),
+        "guide_force_N": {name: force.shape for name, force in run.guide_force_N.items()}
+        == {guide.name: (n,) for guide in scene.mechanism.guides},
         "driver_torque_N_m": (run.driver_torque_N_m is None) == free,
         "driver_work_J": (run.driver_work_J is None) == free,
         "time_s": run.time_s.shape == (n,)
@@ -148,18 +151,8 @@ def forces_fit_accelerations(trial: Trial) -> Finding:
     for contact in run.contacts.values():
         quiet &= contact.normal_impulse_N_s[2:] == contact.normal_impulse_N_s[:-2]
     quiet[:2] = False  # a start from rest forces on the first steps (Pymunk's kicks)
-    force = np.zeros_like(run.position[:, :, :2])
-    force[:, 0] = run.joint_force_N[:, 0]
-    if scene.is_crank_slider:
-        force[:, 0] -= run.joint_force_N[:, 1]
-        force[:, 1] = run.joint_force_N[:, 1] - run.joint_force_N[:, 2]
-        force[:, 2] = run.joint_force_N[:, 2]
-        assert run.guide_normal_force_N is not None
-        force[:, 2, 1] += run.guide_normal_force_N
-    for load in slider_forces(scene, run.position, run.velocity).values():
-        force[:, 2, 0] += load
-    masses = np.array([body.mass_kg for body in scene.bodies])[:, None]
-    force[:, :, 1] -= masses[:, 0] * scene.weight_m_s2
+    masses = np.array([body.mass_kg for body in scene.mechanism.bodies])[:, None]
+    force = masses * accelerations(scene.mechanism, wrenches(scene, run))[:, :, :2]
     needed = masses * (run.velocity[2:, :, :2] - run.velocity[:-2, :, :2]) / (2 * run.time_s[1])
     scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
     off = float(np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale)
@@ -169,7 +162,7 @@ def forces_fit_accelerations(trial: Trial) -> Finding:
 def slider_is_where_it_should_be(trial: Trial) -> Finding:
     """The slider is where the converged solution of the engine's own law has it."""
     truth, _ = converged(trial.engine.twin(trial.scene), SAMPLES)
-    off = float(np.abs(trial.run.slider_position_m - truth.slider_position_m).max())
+    off = float(np.abs(observed_m(trial.scene, trial.run) - observed_m(trial.scene, truth)).max())
     return Finding(off < PLACE_M, f"{off:.1e} m")
 
 
@@ -192,8 +185,8 @@ def impacts_are_as_strong_as_they_should_be(trial: Trial) -> Finding:
 def repeats_itself(trial: Trial) -> Finding:
     """A second run is the same to the last bit."""
     first, second = trial.run, trial.again()
-    same = all(
-        np.array_equal(getattr(first, name), getattr(second, name)) for name in ("position", "joint_force_N")
+    same = np.array_equal(first.position, second.position) and all(
+        np.array_equal(force, second.joint_force_N[joint]) for joint, force in first.joint_force_N.items()
     )
     return Finding(same, "the same" if same else "another")
 

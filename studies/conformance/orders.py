@@ -3,6 +3,7 @@
 import numpy as np
 
 from engine_models.engine import Engine, RunSettings, UnsupportedScene
+from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from reports.analysis.convergence import observed_order
@@ -83,4 +84,4 @@ def _error(engine: Engine, scene: Scene, step_s: float) -> tuple[float, float]:
     """Return the largest error of the slider's position in m, and the step that was taken in s."""
     run = engine.simulate(scene, RunSettings(step_s, SAMPLES))
     truth = exact(scene, SAMPLES)
-    return float(np.abs(run.slider_position_m - truth.slider_position_m).max()), run.step_s
+    return float(np.abs(observed_m(scene, run) - observed_m(scene, truth)).max()), run.step_s

@@ -6,6 +6,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import observed_m
 from engine_models.scene.scene import Clearances, Scene
 from studies.extremes.case import Check
 from studies.extremes.truth import braked_wheel, dropped_wheel, swinging_pendulum
@@ -28,11 +29,11 @@ def ideal_motion(scene: Scene, run: Trajectory) -> Errors:
     """Judge a scene of ideal joints by the motion in one coordinate: crank, slider, force at B."""
     samples = len(run.time_s) - 1
     truth = exact(scene, samples)
-    force, angle = truth.joint_force_N[:, -1], truth.position[:, 0, 2]
+    force, angle = truth.joint_force_N["B"], truth.position[:, 0, 2]
     return {
-        "slider position": _off(run.slider_position_m, truth.slider_position_m, scene.crank.length_m),
+        "slider position": _off(observed_m(scene, run), observed_m(scene, truth), scene.crank.length_m),
         "crank angle": _off(run.position[:, 0, 2], angle, float(np.ptp(angle)) or 1.0),
-        "force at B": _off(run.joint_force_N[:, -1], force, float(np.hypot(*force.T).max()) or 1.0),
+        "force at B": _off(run.joint_force_N["B"], force, float(np.hypot(*force.T).max()) or 1.0),
     }
 
 
@@ -77,7 +78,7 @@ def settled(scene: Scene, run: Trajectory) -> Errors:
 def nearly_ideal(scene: Scene, run: Trajectory) -> Errors:
     """Judge a clearance of next to nothing by the ideal joint's slider: the walls give less than is right."""
     ideal = exact(scene.model_copy(update={"clearance": Clearances()}), len(run.time_s) - 1)
-    off = _off(run.slider_position_m, ideal.slider_position_m, scene.crank.length_m)
+    off = _off(observed_m(scene, run), observed_m(scene, ideal), scene.crank.length_m)
     return {"slider position": off}
 
 
@@ -86,7 +87,7 @@ def slider_by(truth: Callable[[Scene, FloatArray], FloatArray]) -> Check:
 
     def slider(scene: Scene, run: Trajectory) -> Errors:
         true = truth(scene, run.time_s)
-        return {"slider position": _off(run.slider_position_m, true, scene.crank.length_m)}
+        return {"slider position": _off(observed_m(scene, run), true, scene.crank.length_m)}
 
     return slider
 

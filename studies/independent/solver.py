@@ -148,7 +148,7 @@ def _trajectory(
         position=np.array([s.position for s in samples]),
         velocity=np.array([s.velocity for s in samples]),
         joint_force_N=joint_force,
-        guide_normal_force_N=guide,
+        guide_force_N=guide,
         driver_torque_N_m=told[:, TORQUE, 0] if has_drive else None,
         driver_work_J=states[:, WORK] if has_drive else None,
         step_s=scene.end_time_s / steps,
@@ -195,20 +195,21 @@ def _contact(clearance: Clearance, motion: Motion, k: int, states: FloatArray, t
 
 def _forces(
     scene: Scene, samples: Sequence[Sample], contacts: dict[str, Contact]
-) -> tuple[FloatArray, FloatArray | None]:
-    """Return joint forces (n, joints, 2) and the guide's (n,), body by body from a joint with clearance."""
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Return joint forces (n, 2) and the guide's (n,), body by body from a joint with clearance."""
     weight = np.array([0.0, scene.weight_m_s2])
     masses = np.array([body.mass_kg for body in scene.bodies])
     # All forces on each body, (n, bodies, 2), but its weight and its load.
     pushed = masses[:, None] * (np.array([s.acceleration[:, :2] for s in samples]) + weight)
     known = {name: _force_on_pin(contact) for name, contact in contacts.items()}
     if not scene.is_crank_slider:
-        return known["O"][:, None], None
+        return known, {}
     crank, rod = pushed[:, 0], pushed[:, 1]
     if "A" not in known:
         known["A"] = rod + known["B"] if "B" in known else known["O"] - crank
     forces = (known.get("O", crank + known["A"]), known["A"], known.get("B", known["A"] - rod))
-    return np.stack(forces, axis=1), masses[2] * scene.weight_m_s2 - forces[2][:, 1]
+    guide = masses[2] * scene.weight_m_s2 - forces[2][:, 1]
+    return dict(zip(JOINTS, forces, strict=True)), {"guide": guide}
 
 
 def _force_on_pin(contact: Contact) -> FloatArray:

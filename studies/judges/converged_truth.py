@@ -25,9 +25,9 @@ from engine_models.engine import (
     UnsupportedScene,
 )
 from engine_models.mechanics.impacts import BESIDE, POINTS, instants_in, with_largest
-from engine_models.mechanics.joints import clearances
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from studies.independent.solver import IndependentSolver
@@ -145,7 +145,7 @@ def _telling_times_s(scene: Scene) -> tuple[float, ...]:
 def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
     run = _sampled(scene, dense)
     times = [run.time_s[_peaks(size)] for size in sizes(scene, run).values()]
-    giving = [joint for joint, room in clearances(scene).items() if room.law != "rigid"]
+    giving = [joint for joint, room in scene.clearances.items() if room.law != "rigid"]
     impacts = {joint: _begins_and_ends_s(run, run.contacts[joint]) for joint in giving}
     every = np.concatenate([np.zeros((0, 2)), *impacts.values()])
     count = max(FEWEST, min(POINTS, MOST_INSTANTS // max(1, len(every))))
@@ -242,10 +242,14 @@ def followed(scene: Scene, samples: int) -> int:
         whole = RunSettings(scene.end_time_s, samples)
         sides = (moved(scene, side * PERTURBATION_RAD) for side in (-1, 1))
         repeats = (*repeats, *(kept_run(SHARP, side, whole) for side in sides))
-    return reach(truth, repeats)
+    return reach(scene, truth, repeats)
 
 
-def reach(truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M) -> int:
-    """Return how many samples come before a repeat's slider position is off by more than a tolerance."""
-    apart = np.max([np.abs(repeat.slider_position_m - truth.slider_position_m) for repeat in repeats], axis=0)
+def reach(
+    scene: Scene, truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M
+) -> int:
+    """Return how many samples come before what is observed is off by more than a tolerance in a repeat."""
+    apart = np.max(
+        [np.abs(observed_m(scene, repeat) - observed_m(scene, truth)) for repeat in repeats], axis=0
+    )
     return int(np.argmax(np.append(apart > tolerance_m, True)))

@@ -8,22 +8,18 @@ import re
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.joints import joint_gap
-from engine_models.scene.scene import Scene
+from engine_models.mechanics.energy import potential_energies_J
+from engine_models.mechanics.states import off_line, pin_gap
+from engine_models.scene.parts import AnyScene
 from studies.judges.metrics import kinetic_energy_J
 
 Lines = dict[str, FloatArray]
 
 
-def stored(scene: Scene, run: Trajectory) -> Lines:
-    """Return the energy gained since t = 0: kinetic, gravitational, and elastic in all contacts together."""
-    lines = {"kinetic_change_J": kinetic_energy_J(scene, run)}
-    if scene.weight_m_s2:
-        masses = np.array([body.mass_kg for body in scene.bodies])
-        lines["gravitational_change_J"] = scene.weight_m_s2 * (run.position[:, :, 1] @ masses)
-    if run.contacts:
-        lines["elastic_change_J"] = np.sum([c.elastic_energy_J for c in run.contacts.values()], axis=0)
-    return {name: line - line[0] for name, line in lines.items()}
+def stored(scene: AnyScene, run: Trajectory) -> Lines:
+    """Return the energy gained since t = 0: kinetic, gravitational, of springs, elastic in all contacts."""
+    energies = {"kinetic": kinetic_energy_J(scene, run), **potential_energies_J(scene, run)}
+    return {f"{name}_change_J": energy - energy[0] for name, energy in energies.items()}
 
 
 def dissipated(run: Trajectory) -> Lines:
@@ -43,7 +39,7 @@ def load_works(run: Trajectory) -> Lines:
     return {f"{of_slider[part]}{names[part]}_work_J": work for part, work in run.load_work_J.items()}
 
 
-def ledger(scene: Scene, run: Trajectory) -> Lines:
+def ledger(scene: AnyScene, run: Trajectory) -> Lines:
     """Return all lines: ``stored``, the works of driver and loads, what is ``dissipated``, or stabilised.
 
     A scene without a driver has no line of its work, and an engine that does not tell what stabilisation
@@ -55,14 +51,13 @@ def ledger(scene: Scene, run: Trajectory) -> Lines:
     return {name: line for name, line in lines.items() if line is not None}
 
 
-def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:
-    """Return the largest speed at which an ideal joint opens or the slider leaves its guide, (n,).
+def constraint_speed_m_s(scene: AnyScene, run: Trajectory) -> FloatArray:
+    """Return the largest speed at which an ideal joint opens or a body leaves its guide, (n,).
 
     It is |g'|, the violation at velocity level, where ``metrics.constraint_violation_m`` is |g|. The vector
     counts, not its length's rate: a gap that turns without growing has a speed too.
     """
-    ideal = (joint for joint in scene.joints if joint not in scene.joints_with_clearance)
-    speeds = [np.hypot(*joint_gap(scene, joint, run.position, run.velocity).rate_m_s.T) for joint in ideal]
-    if scene.is_crank_slider:
-        speeds.append(np.abs(run.velocity[:, 2, 1]))
+    of, states = scene.mechanism, (run.position, run.velocity)
+    speeds = [np.hypot(*pin_gap(pin, *states).rate_m_s.T) for pin in of.ideal]
+    speeds += [np.abs(off_line(guide, *states)[1]) for guide in of.guides]
     return np.asarray(np.max(speeds, axis=0)) if speeds else np.zeros(len(run.time_s))

@@ -11,6 +11,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.mechanics.quality import require_quality
+from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.data import SceneData
 from engine_models.scene.scene import Scene
@@ -83,7 +84,7 @@ def apart(
     reference = ReferenceEngine()
 
     def position(of: Scene, step: float) -> FloatArray:
-        return require_quality(of, reference.simulate(of, RunSettings(step, samples))).slider_position_m
+        return observed_m(of, require_quality(of, reference.simulate(of, RunSettings(step, samples))))
 
     base = position(scene, step_s)
     # What the moved angle itself does to a driven crank stays of its size and is part of the distance.

@@ -1,7 +1,7 @@
 """What is judged, computed from a scene and a trajectory alone, the same way for every engine."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from engine_models.mechanics.energy import potential_energy_J as potential_energ
 from engine_models.mechanics.energy import unaccounted_part
 from engine_models.mechanics.quality import constraint_violation_m as constraint_violation_m
 from engine_models.mechanics.quality import quality_of
+from engine_models.mechanics.states import guide_column, observed_columns
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.running.case import Curves, Row
 
@@ -32,26 +34,27 @@ def finite(run: Trajectory) -> bool:
     contacts = run.contacts.values()
     records = (run, *contacts, *(contact.impacts for contact in contacts))
     known = [(name, value) for record in records for name, value in vars(record).items()]
+    known += [item for _, value in known if isinstance(value, Mapping) for item in value.items()]
     values = [value for name, value in known if not name.startswith("largest_")]
     return all(np.isfinite(value).all() for value in values if isinstance(value, np.ndarray))
 
 
-def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
+def signals(scene: AnyScene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
     """Yield the compared signals by column name: ``slider_position_m`` (n,) and so on.
 
-    Joint forces, and the pins' places in their bearings, are vectors, (n, 2). The driver torque is compared
-    only where it is a reaction: under a prescribed speed.
+    First is what the scene observes, of a pendulum its angle, and its rate. Joint forces, and the places of
+    pins in their bearings, are vectors, (n, 2). The driver torque is compared only where it is a reaction:
+    under a prescribed speed.
     """
-    if scene.is_crank_slider:
-        yield "slider_position_m", trajectory.slider_position_m
-        yield "slider_velocity_m_s", trajectory.slider_velocity_m_s
-    else:
+    if isinstance(scene, Scene) and not scene.is_crank_slider:
         yield "crank_angle_rad", trajectory.position[:, 0, 2]
         yield "crank_speed_rad_s", trajectory.velocity[:, 0, 2]
-    for index, joint in enumerate(scene.joints):
-        yield f"joint_{joint}_force_N", trajectory.joint_force_N[:, index]
-    if trajectory.guide_normal_force_N is not None:
-        yield "guide_normal_force_N", trajectory.guide_normal_force_N
+    else:
+        yield from observed_columns(scene, trajectory).items()
+    for joint, force in trajectory.joint_force_N.items():
+        yield f"joint_{joint}_force_N", force
+    for guide, normal in trajectory.guide_force_N.items():
+        yield guide_column(scene, guide), normal
     if scene.speed_is_prescribed and trajectory.driver_torque_N_m is not None:
         yield "driver_torque_N_m", trajectory.driver_torque_N_m
     for joint, contact in trajectory.contacts.items():
@@ -65,7 +68,7 @@ def is_force(name: str) -> bool:
     return name.endswith(("_N", "_N_m", "_N_s"))
 
 
-def sizes(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
+def sizes(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatArray]:
     """Return the sizes of all signals, (n,), forces by length, by their names."""
     return {name: _size(value) for name, value in signals(scene, trajectory)}
 
@@ -75,7 +78,7 @@ def _size(value: FloatArray) -> FloatArray:
     return np.hypot(*value.T) if value.ndim == 2 else np.abs(value)
 
 
-def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
+def errors(scene: AnyScene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
     """Return the error of each signal over time, (n,), forces by the length of the difference vector.
 
     The keys are the signals' names with ``_error`` before the unit, as in ``slider_position_error_m``.
@@ -93,7 +96,7 @@ def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str,
     return out
 
 
-def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) -> dict[str, float]:
+def uncertainties(scene: AnyScene, truth: Trajectory, repeats: list[Trajectory]) -> dict[str, float]:
     """Return the truth's own uncertainty of each signal: ``COVERAGE`` distances from a repeat plus round-off.
 
     The keys have ``_uncertainty`` before the unit, as in ``slider_position_uncertainty_m``.
@@ -105,7 +108,7 @@ def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) ->
     }
 
 
-def scales(scene: Scene, truth: Trajectory) -> dict[str, float]:
+def scales(scene: AnyScene, truth: Trajectory) -> dict[str, float]:
     """Return how far each signal is from its mean at most, forces by length: an error as large knows nothing.
 
     The mean is that over time. The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
@@ -117,7 +120,7 @@ def scales(scene: Scene, truth: Trajectory) -> dict[str, float]:
     }
 
 
-def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
+def conserved(scene: AnyScene, run: Trajectory) -> tuple[Row, Curves]:
     """Return what needs no truth: energy balance, constraints and quality, at their worst, and as curves."""
     violation = constraint_violation_m(scene, run)
     worst: Row = {
@@ -128,7 +131,7 @@ def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
     return worst | checked(scene, run), curves
 
 
-def checked(scene: Scene, run: Trajectory) -> Row:
+def checked(scene: AnyScene, run: Trajectory) -> Row:
     """Return the columns of the check that ``crankslider simulate`` makes: what it found, and why it failed.
 
     They are ``unaccounted_energy_part``, ``ideal_gap_part``, ``penetration_part`` as far as the scene has

@@ -7,7 +7,6 @@ import numpy as np
 from engine_models import arms
 from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.engines import make_engine
-from engine_models.mechanics.joints import clearances
 from engine_models.scene.scene import Scene
 from studies.judges import horizon
 from studies.judges.kinds import require, turns_steadily
@@ -89,7 +88,7 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
     require("predictability", bool(scene.joints_with_clearance) and not scene.start.states, expected, scene)
     out = [_horizon(scene)]
     if turns_steadily(scene):
-        laws = {room.law for room in clearances(scene).values()}
+        laws = {room.law for room in scene.clearances.values()}
         engines = ("native contact",) if laws == {"rigid"} else _SAME_LAW
         out += _exponents(scene, full)
         out += _ensembles(following(scene, round(WATCH.turns)), engines, full)

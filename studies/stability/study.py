@@ -14,7 +14,6 @@ from engine_models.arms import Arm
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
-from engine_models.mechanics.joints import clearances
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Scene, Start
 from studies.judges.converged_truth import converged, followed
@@ -79,7 +78,7 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
     Raises:
         BadInput: theory's first impact is not that of its mechanism.
     """
-    rooms = clearances(scene)
+    rooms = scene.clearances
     holds = turns_steadily(scene) and list(rooms) == ["B"] and exponent_of(rooms["B"]) == EXPONENT
     expected = "a crank at constant speed and one clearance, at B, of an exponent of 1.5"
     require("stability", holds and rooms["B"].law != "rigid", expected, scene)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from engine_models.engine import Trajectory
+from engine_models.mechanics.states import observed_m
 from engine_models.scene.scene import Scene
 from studies.judges.metrics import checked, constraint_violation_m, energy_balance_residual_J, finite
 from studies.running.case import Row
@@ -69,7 +70,7 @@ def measured(scene: Scene, run: Trajectory, truth: Trajectory, agreed: int, impa
     with np.errstate(all="ignore"):  # the verdict is what is said of an overflow
         residual = energy_balance_residual_J(scene, run) / impact_energy_J
         violation = constraint_violation_m(scene, run) / c
-        error = np.abs(run.slider_position_m - truth.slider_position_m) / c
+        error = np.abs(observed_m(scene, run) - observed_m(scene, truth)) / c
     check = checked(scene, run)
 
     def numbers(bounds: Bounds) -> dict[str, float]:

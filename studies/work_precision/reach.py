@@ -7,7 +7,7 @@ motion then ranks nobody. What a setting resolves is seen before.
 import numpy as np
 
 from engine_models.engine import ROUNDING, FloatArray
-from engine_models.mechanics.joints import clearances
+from engine_models.mechanics.states import observed_m
 from studies.judges.comparison import Judged
 from studies.judges.horizon import first_beyond_s
 from studies.judges.metrics import ROUND_OFF
@@ -26,11 +26,11 @@ def reach(found: Judged) -> Row:
     ``compared_until_s``. Of fixed times only those before that have an error, with the truth's uncertainty.
     """
     end_s, truth = found.compared_until_s, found.solved.truth
-    time_s, true_m = truth.time_s, truth.slider_position_m
-    off_m = np.abs(found.run.slider_position_m - true_m)
-    repeats = [np.abs(repeat.slider_position_m - true_m) for repeat in found.solved.repeats]
+    time_s, true_m = truth.time_s, observed_m(found.own, truth)
+    off_m = np.abs(observed_m(found.own, found.run) - true_m)
+    repeats = [np.abs(observed_m(found.own, repeat) - true_m) for repeat in found.solved.repeats]
     doubt_m = np.max(repeats, axis=0) + ROUND_OFF * np.abs(true_m).max()
-    smallest_m = min(room.radial_clearance_m for room in clearances(found.own).values())
+    smallest_m = min(room.radial_clearance_m for room in found.own.clearances.values())
     row: Row = {
         "smallest_clearance_m": smallest_m,
         "reached_1um_s": min(first_beyond_s(time_s, off_m, LOST_M), end_s),

@@ -60,8 +60,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     began = time.monotonic()
     if case.arm.name == "simulate":
         trajectory = make_engine(case.engine, **case.settings).simulate(case.scene, case.run)
-        curves = {"slider_position_m": trajectory.slider_position_m}
-        row: Row = {"farthest_m": float(trajectory.slider_position_m.max())}
+        curves = {"slider_position_m": trajectory.position[:, -1, 0]}
+        row: Row = {"farthest_m": float(trajectory.position[:, -1, 0].max())}
     else:
         _misbehave(case)
         curves, row = {"time_s": np.arange(100.0)}, {}

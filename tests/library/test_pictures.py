@@ -10,16 +10,66 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import crankslider as cs
-from reports.run.film import LONGEST_ARROW, Mechanism, Stage, places
+from engine_models.engine import FloatArray
+from reports.run.film import LONGEST_ARROW, Drawing, Stage
+from studies.command.drawing import Shape
+from tests.engine_models.reference.mechanism_texts import (
+    ANDREWS,
+    FOUR_BAR_CLEARANCE,
+    OFFSET_CRANK_SLIDER,
+    SCOTCH_YOKE,
+    TEXTS,
+    scene,
+)
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.
 ROUND_OFF_M = 1e-12
-LENGTHS = Mechanism(0.05, 0.12, {"A": 5e-4, "B": 5e-4})
+#: A driven table with an arm of three corners on it, and a wheel whose only pin is its centre of mass.
+TABLE = """
+name = "table"
+end_time_s = 0.4
+observe = "P.y"
+ground.pins_m = { W = [-0.15, 0.0], Q = [0.25, 0.1] }
+[body]
+table = { pins_m = { T = 0.0, H = [0.05, 0.05] }, mass_kg = 1.0, inertia_kg_m2 = 1e-3 }
+wheel = { pins_m = { Q = 0.0 }, mass_kg = 0.5, inertia_kg_m2 = 8e-4 }
+[body.arm]
+pins_m = { H = 0.0, K = 0.12, P = [0.12, 0.05] }
+centre_of_mass_m = 0.06
+mass_kg = 0.4
+inertia_kg_m2 = 6e-4
+[guide]
+bed = { body = "table", pin = "T" }
+[spring]
+back = { between = ["ground.W", "table.T"], stiffness_N_m = 300.0, free_length_m = 0.1 }
+arm = { between = ["arm.K", "wheel.Q"], stiffness_N_m = 200.0, free_length_m = 0.1 }
+[load]
+arm = { force_N = -10.0, along_rad = 0.5 }
+wheel = { by_time = { time_s = [0.0, 0.1, 0.2, 0.4], torque_N_m = [0.3, 0.1, -0.1, -0.3] } }
+[drive]
+kind = "fluctuating"
+guide = "bed"
+amplitude_m_s = 0.6
+frequency_Hz = 5.0
+[start]
+speed_m_s = { bed = 0.0 }
+speed_rad_s = { wheel = 2.0, arm = 0.0 }
+"""
 
 
 @pytest.fixture(scope="module")
 def run() -> cs.Run:
     return cs.simulate("clearance-driven-AB", end=0.006, samples=24)
+
+
+def drawing(run: cs.Run, exaggerate: float = 1.0) -> Drawing:
+    """Return what a film of all samples shows."""
+    return Shape(run.scene, run.frame, run.trajectory.position, run.trajectory.velocity, exaggerate).drawing()
+
+
+def along(angle_rad: object) -> FloatArray:
+    """Return unit vectors (n, 2)."""
+    return np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1)  # type: ignore[call-overload]
 
 
 def y_labels(figure: Figure) -> list[str]:
@@ -70,32 +120,153 @@ def test_an_orbit_is_the_gap_in_its_circle(run: cs.Run) -> None:
 
 
 def test_at_its_true_size_the_mechanism_is_drawn_where_it_was(run: cs.Run) -> None:
-    drawn, position = places(run.frame, LENGTHS, 1.0), run.trajectory.position
-    rod = drawn.bearing["B"] - drawn.pin["A"]
+    joints, position = drawing(run).joints, run.trajectory.position
+    rod = joints["B"].bearing_m - joints["A"].pin_m
     np.testing.assert_allclose(np.hypot(*rod.T), 0.12, rtol=0, atol=ROUND_OFF_M)
     turned = np.unwrap(np.arctan2(rod[:, 1], rod[:, 0]))
     np.testing.assert_allclose(turned, position[:, 1, 2], rtol=0, atol=ROUND_OFF_M / 0.12)
-    np.testing.assert_allclose((drawn.pin["A"] + rod / 2), position[:, 1, :2], rtol=0, atol=ROUND_OFF_M)
-    np.testing.assert_allclose(drawn.pin["B"], position[:, 2, :2], rtol=0, atol=ROUND_OFF_M)
+    np.testing.assert_allclose(joints["A"].pin_m + rod / 2, position[:, 1, :2], rtol=0, atol=ROUND_OFF_M)
+    np.testing.assert_allclose(joints["B"].pin_m, position[:, 2, :2], rtol=0, atol=ROUND_OFF_M)
 
 
 def test_exaggerated_gaps_are_so_many_times_as_large(run: cs.Run) -> None:
-    drawn = places(run.frame, LENGTHS, 20.0)
+    joints = drawing(run, 20.0).joints
     for joint in "AB":
-        gap = drawn.pin[joint] - drawn.bearing[joint]
+        gap = joints[joint].pin_m - joints[joint].bearing_m
         true = run.frame[[f"clearance_{joint}_{axis}_m" for axis in "xy"]].to_numpy()
         np.testing.assert_allclose(gap, 20.0 * true, rtol=0, atol=ROUND_OFF_M)
-    assert not drawn.pin["B"][:, 1].any(), "the slider stays on its guide"
+    assert not joints["B"].pin_m[:, 1].any(), "the slider stays on its guide"
+
+
+@pytest.mark.parametrize("bearing", ["coupler", "rocker"])
+def test_the_corner_of_the_pin_s_body_moves_away_from_the_bearing(bearing: str) -> None:
+    """Links are laid out from angles alone: the crank from O, the coupler from A, the rocker from C."""
+    loose = scene(FOUR_BAR_CLEARANCE).replace("clearance.B.bearing", bearing)
+    run = cs.simulate(loose, end=0.02, samples=20)
+    drawn, angle = (
+        drawing(run, 30.0),
+        {name: run.frame[f"{name}_angle_rad"] for name in loose.mechanism.names},
+    )
+    crank_pin = 0.1 * along(angle["crank"])
+    ends = {
+        "coupler": crank_pin + 0.25 * along(angle["coupler"]),
+        "rocker": [0.28, 0.0] + 0.2 * along(angle["rocker"]),
+    }
+    (of_pin,) = ends.keys() - {bearing}
+    gap = 30.0 * (ends[of_pin] - ends[bearing])
+    assert np.hypot(*gap.T).max() == pytest.approx(30.0 * 5e-4, rel=0.05)
+    for name, near in (("coupler", crank_pin), ("rocker", np.broadcast_to([0.28, 0.0], gap.shape))):
+        far = ends[name] if name == bearing else ends[bearing] + gap
+        expected = np.stack([far, near], axis=1)
+        np.testing.assert_allclose(drawn.bodies[name], expected, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(drawn.joints["B"].bearing_m, ends[bearing], rtol=0, atol=1e-8)
+    _, path, *_ = run.plot_orbit("B").axes[0].lines
+    np.testing.assert_allclose(np.asarray(path.get_xdata()), 1e6 * gap[:, 0] / 30.0, rtol=0, atol=0.1)
+
+
+def test_a_slot_lies_on_its_body_and_is_as_long_as_its_pin_needs() -> None:
+    run = cs.simulate(scene(SCOTCH_YOKE), end=0.3, samples=300)
+    slot, crank = drawing(run).guides["slot"], 0.05 * along(run.frame["crank_angle_rad"])
+    np.testing.assert_allclose(slot.pin_m, crank, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(slot.ends_m[..., 0], crank[:, :1] * [1, 1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(slot.ends_m[:, :, 1], [[-0.05, 0.05]] * 301, rtol=0, atol=1e-4)
+    assert not slot.has_block
+    assert drawing(run).guides["frame"].has_block
+
+
+def test_a_guide_s_force_acts_on_its_block_across_the_guide() -> None:
+    run = cs.simulate(scene(OFFSET_CRANK_SLIDER), end=0.05, samples=20)
+    force = drawing(run).forces["guide on the slider"]
+    np.testing.assert_allclose(force.place_m, run.trajectory.position[:, 2, :2], rtol=0, atol=ROUND_OFF_M)
+    normal = run.frame["guide_normal_force_N"].to_numpy()
+    np.testing.assert_allclose(force.force_N @ [-np.sin(0.3), np.cos(0.3)], normal)
+    np.testing.assert_allclose(
+        force.force_N @ [np.cos(0.3), np.sin(0.3)], 0.0, atol=1e-12 * np.abs(normal).max()
+    )
+
+
+def test_bodies_are_polygons_bars_or_blocks() -> None:
+    drawn = drawing(cs.simulate(scene(TABLE), samples=4))
+    assert {name: corners.shape for name, corners in drawn.bodies.items()} == {
+        "table": (5, 2, 2),
+        "wheel": (5, 2, 2),
+        "arm": (5, 3, 2),
+    }
+    arm = {(round(x, 9), round(y, 9)) for x, y in drawn.bodies["arm"][0]}
+    assert arm == {(0.05, 0.05), (0.17, 0.05), (0.17, 0.1)}, "joint, spring, and the observed point"
+    assert np.hypot(*(drawn.bodies["wheel"][0, 0] - drawn.bodies["wheel"][0, 1])) == pytest.approx(0.04)
+
+
+def test_marks_point_as_loads_and_drives_act() -> None:
+    drawn = drawing(cs.simulate(scene(TABLE), samples=4))
+    force, torque = drawn.loads
+    assert force.angle_rad is not None
+    assert (set(force.angle_rad), set(force.sign)) == ({0.5}, {-1.0})
+    assert torque.angle_rad is None
+    assert torque.sign.tolist() == [1, 1, -1, -1, -1]
+    np.testing.assert_allclose(torque.place_m, [[0.25, 0.1]] * 5, rtol=0, atol=1e-9)
+    driven = drawing(cs.simulate(scene(FOUR_BAR_CLEARANCE), end=0.002, samples=4)).drive
+    assert driven is not None
+    assert (driven.place_m.tolist(), driven.sign.tolist()) == ([[0, 0]] * 5, [1] * 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "entries"),
+    [
+        (OFFSET_CRANK_SLIDER, ["joint O on the crank", "joint A on the rod", "joint B on the slider"]),
+        (ANDREWS, ["joint forces, each on the body named later", "spring", "drive"]),
+        (TABLE, ["joint Q on the wheel", "joint H on the arm", "spring", "load", "drive"]),
+    ],
+)
+def test_a_legend_has_what_the_scene_has(text: str, entries: list[str]) -> None:
+    stage = Stage(drawing(cs.simulate(scene(text), end=0.01, samples=4)), "")
+    (legend,) = stage.picture.legends
+    assert [found for each in legend.get_texts() if "guide" not in (found := each.get_text())] == entries
+
+
+@pytest.mark.parametrize("text", [*TEXTS.values(), TABLE], ids=[*TEXTS, "table"])
+def test_every_mechanism_has_its_pictures(text: str) -> None:
+    run = cs.simulate(scene(text), end=0.005, samples=3)
+    assert run.film(".html", 10.0).count(b'"iVBOR') == 4
+    stage = Stage(drawing(run, 10.0), "")
+    (left, right), (low, high) = stage.axes.get_xlim(), stage.axes.get_ylim()
+    for corners in drawing(run, 10.0).bodies.values():
+        x, y = 1e3 * corners[..., 0], 1e3 * corners[..., 1]
+        assert left < x.min() <= x.max() < right
+        assert low < y.min() <= y.max() < high
+    motion = [label for label in y_labels(run.plot()) if label.startswith(("observed", "slider"))]
+    assert len(motion) == 2
+
+
+def test_a_plot_of_any_mechanism_has_what_it_observes_and_the_largest_forces() -> None:
+    run = cs.simulate(scene(ANDREWS), samples=60)
+    figure = run.plot()
+    assert y_labels(figure) == [
+        "observed K3 angle [rad]",
+        "observed K3 angle\nvelocity [rad/s]",
+        "6 largest: force [N]",
+        "driver torque [N·m]",
+        "energy [J]",
+    ]
+    np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), run.frame["K3_angle_rad"])
+    shown = {str(line.get_label()) for line in figure.axes[2].lines}
+    largest = {
+        f"joint {name}": np.hypot(
+            *run.frame[[f"joint_{name}_force_{axis}_N" for axis in "xy"]].to_numpy().T
+        ).max()
+        for name in run.scene.joints
+    }
+    if not any(name.startswith("guide") for name in shown):
+        assert shown == {*sorted(largest, key=lambda name: float(largest[name]))[-6:]}
 
 
 def test_arrows_point_along_their_forces_and_none_is_longer_than_told(run: cs.Run) -> None:
-    stage = Stage(run.frame, LENGTHS, 1.0, "")
-    for name, (joint, arrows) in stage.forces.items():
+    drawn = drawing(run)
+    for name, arrows in Stage(drawn, "").arrows.items():
+        force = drawn.forces[name].force_N
+        lengths = np.hypot(*arrows.T) * np.hypot(*force.T)
         assert np.hypot(*arrows.T).max() <= LONGEST_ARROW * 50.0 * (1 + 1e-12), name
-        if not name.startswith("guide"):
-            force = run.frame[[f"joint_{joint}_force_{axis}_N" for axis in "xy"]].to_numpy()
-            lengths = np.hypot(*arrows.T) * np.hypot(*force.T)
-            np.testing.assert_allclose(np.sum(arrows * force, axis=1), lengths, rtol=1e-12)
+        np.testing.assert_allclose(np.sum(arrows * force, axis=1), lengths, rtol=1e-12)
 
 
 def test_a_film_moves(run: cs.Run) -> None:

@@ -46,7 +46,7 @@ def test_a_promise_is_held_by_the_error_alone(
     """A run that is off by so many times what is allowed, on a truth that is certain."""
     truth = truths("compliant")[0]
     certain = {tolerance: replace(one, uncertainty_m=0.0) for tolerance, one in truth.judgements.items()}
-    positions = {truth.judged_scene(t).end_time_s: one.slider_position_m for t, one in certain.items()}
+    positions = {truth.judged_scene(t).end_time_s: one.position[:, -1, 0] for t, one in certain.items()}
 
     def run(_: str, scene: Scene, __: object) -> tuple[object, float, list[str]]:
         return (

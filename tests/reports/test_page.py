@@ -486,6 +486,9 @@ def test_a_table_is_the_same_in_all_formats() -> None:
         ("impact_force_in_phase_error_N", "impact force at equal phase error [N]"),
         ("impact_force_relative_error", "relative peak force error"),
         ("impact_impulse_relative_error", "impact impulse relative error"),
+        ("observed_B_x_m", "observed B x [m]"),
+        ("observed_rocker_angle_velocity_rad_s", "observed rocker angle velocity [rad/s]"),
+        ("rocker_angular_acceleration_rad_s2", "rocker angular acceleration [rad/s²]"),
     ],
 )
 def test_labels_derive_from_column_names(column: str, text: str) -> None:

@@ -41,10 +41,10 @@ def case(scene: Scene, engine: str, step_s: float, **settings: float | str | boo
 def test_the_truth_is_independent_and_confirmed_by_another_method_and_by_the_reference(scene: Scene) -> None:
     truth, repeats = converged(scene, SAMPLES)
     assert truth_by(scene, SAMPLES) == INDEPENDENT
-    apart = max(np.abs(t.slider_position_m - truth.slider_position_m).max() for t in repeats)
+    apart = max(np.abs(t.position[:, -1, 0] - truth.position[:, -1, 0]).max() for t in repeats)
     assert apart < 1e-13, f"{apart:.1e} m"  # both converge to 1e-15 m here
-    other = cross_check(scene, SAMPLES).slider_position_m
-    assert np.abs(other - truth.slider_position_m).max() < 1e-11
+    other = cross_check(scene, SAMPLES).position[:, -1, 0]
+    assert np.abs(other - truth.position[:, -1, 0]).max() < 1e-11
     assert reach(truth, repeats) == SAMPLES + 1
 
 

@@ -160,7 +160,7 @@ def test_the_ideal_position_is_that_of_the_assembled_scene() -> None:
     scene = moved(clearance_driven_05(), 0.7)
     run = REFERENCE.simulate(scene.model_copy(update={"end_time_s": 1e-6}), RunSettings(1e-6, 1))
     ideal = slider_position_m(scene, np.array([0.7]))
-    assert run.slider_position_m[0] == pytest.approx(ideal[0], abs=1e-15)
+    assert run.position[:, -1, 0][0] == pytest.approx(ideal[0], abs=1e-15)
 
 
 def test_every_ensemble_has_starts_of_its_own() -> None:
@@ -294,7 +294,7 @@ def test_a_start_in_a_basin_is_the_run_that_a_user_makes_of_it() -> None:
     turn_s = 2 * np.pi / basins.SPEED_RAD_S
     scene = scene.model_copy(update={"end_time_s": 3 * turn_s})
     run = make_engine("reference", **case.settings).simulate(scene, RunSettings(1.0, 3))
-    apart = run.slider_position_m[2:] - slider_position_m(scene, run.position[2:, 0, 2])
+    apart = run.position[:, -1, 0][2:] - slider_position_m(scene, run.position[2:, 0, 2])
     assert curves["strobe_m"].reshape(4, 2)[1] == pytest.approx(apart, abs=1e-9)
 
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from engine_models.engine import BODIES, FloatArray, SimulationFailed
+from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.mechanics.assembly import assembled_apart, start_state
-from engine_models.mechanics.joints import clearances, joint_gap
+from engine_models.mechanics.joints import joint_gap
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import End, Members, Row, failed, supports
 from engine_models.scene.data import SceneError
@@ -62,13 +62,13 @@ def _start(scene: Scene, places: Places) -> dict[str, float]:
     start = scene.start
     gaps = {
         joint: np.reshape(places[joint], (2, 2)) * _units(room.radial_clearance_m, scene)
-        for joint, room in clearances(scene).items()
+        for joint, room in scene.clearances.items()
         if joint in places
     }
     state = assembled_apart(scene, start.crank_angle_rad, start.crank_speed_rad_s, gaps)
     return {
         f"start.{body}.{name}": value
-        for body, numbers in zip(BODIES, np.hstack(state).tolist(), strict=True)
+        for body, numbers in zip(scene.mechanism.names, np.hstack(state).tolist(), strict=True)
         for name, value in zip(BodyState.model_fields, numbers, strict=True)
     }
 
@@ -76,7 +76,7 @@ def _start(scene: Scene, places: Places) -> dict[str, float]:
 def _places(scene: Scene, end: End) -> dict[str, list[float]]:
     position, velocity = (part[None] for part in end)
     found = {}
-    for joint, room in clearances(scene).items():
+    for joint, room in scene.clearances.items():
         gap = joint_gap(scene, joint, position, velocity)
         parts = np.concatenate([gap.gap_m, gap.rate_m_s]) / _units(room.radial_clearance_m, scene)
         parts[0] *= min(1.0, FARTHEST / np.hypot(*parts[0])) if parts[0].any() else 1.0

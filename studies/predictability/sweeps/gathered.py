@@ -54,7 +54,7 @@ def gathered(watch: Watch, scene: Scene, run: Trajectory) -> Row:
     turn_s = scene.end_time_s / watch.turns
     first = round((len(run.time_s) - 1) * watch.transient / watch.turns)
     touch_s, speed, impulse = _touches(run, run.time_s[first])
-    deviation = run.slider_position_m - slider_position_m(scene, run.position[:, 0, 2])
+    deviation = run.position[:, -1, 0] - slider_position_m(scene, run.position[:, 0, 2])
     once = turn_s * (watch.transient + np.arange(1, math.floor(watch.revolutions) + 1))
     phase = np.interp(touch_s, run.time_s, run.position[:, 0, 2]) % (2 * np.pi)
     contacts, lost = run.contacts.values(), run.dissipated_energy_J

@@ -104,7 +104,7 @@ def physics(scene: str) -> Scene:
 def true(scene: str, column: str) -> FloatArray:
     """Return the true values at the samples of what a column has the errors of."""
     truth, _ = converged(physics(scene), SAMPLES)
-    values = truth.slider_position_m if column == SLIDER else truth.driver_torque_N_m
+    values = truth.position[:, -1, 0] if column == SLIDER else truth.driver_torque_N_m
     assert values is not None
     return values
 

@@ -98,8 +98,8 @@ def test_energy_is_what_driver_and_gravity_put_in_and_half_the_step_leaves_less_
 @given(scenes())
 @few
 def test_half_the_step_errs_less_than_a_quarter_as_much(scene: Scene) -> None:
-    true = exact(scene, SAMPLES).slider_position_m
-    coarse, fine = (np.abs(run(scene, steps).slider_position_m - true).max() for steps in (5, 10))
+    true = exact(scene, SAMPLES).position[:, -1, 0]
+    coarse, fine = (np.abs(run(scene, steps).position[:, -1, 0] - true).max() for steps in (5, 10))
     assert fine <= coarse / 4 + ROUND_OFF * scene.crank_slider()[0].length_m
 
 
@@ -110,9 +110,9 @@ def test_forces_are_the_rates_of_the_momenta_they_change(scene: Scene) -> None:
     masses = np.array([body.mass_kg for body in scene.bodies])
     momentum = np.einsum("b,nbi->ni", masses, found.velocity[:, :, :2])
     # O's force on the crank and the guide's on the slider are all that act from outside, but for weight.
-    assert found.guide_normal_force_N is not None
-    outside = found.joint_force_N[:, 0].copy()
-    outside[:, 1] += found.guide_normal_force_N - scene.weight_m_s2 * masses.sum()
+    assert found.guide_force_N["guide"] is not None
+    outside = found.joint_force_N["O"].copy()
+    outside[:, 1] += found.guide_force_N["guide"] - scene.weight_m_s2 * masses.sum()
     h = found.time_s[1]
     gained = momentum[2:] - momentum[:-2]
     impulse = h / 3 * (outside[:-2] + 4 * outside[1:-1] + outside[2:])
@@ -130,5 +130,5 @@ def test_a_run_begun_later_is_the_rest_of_the_whole_one(later: int, scene: Scene
     left = SAMPLES - later
     rest = scene.model_copy(update={"start": start, "end_time_s": scene.end_time_s * left / SAMPLES})
     found = run(rest, samples=left)
-    same(found.slider_position_m, whole.slider_position_m[later:])
-    same(found.slider_velocity_m_s, whole.slider_velocity_m_s[later:])
+    same(found.position[:, -1, 0], whole.position[:, -1, 0][later:])
+    same(found.velocity[:, -1, 0], whole.velocity[:, -1, 0][later:])

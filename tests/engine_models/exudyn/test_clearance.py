@@ -99,7 +99,7 @@ def test_every_clearance_scene_gives_a_whole_trajectory_that_conserves_energy(na
     assert np.array_equal(trajectory.time_s, np.linspace(0.0, scene.end_time_s, n))
     assert trajectory.position.shape == trajectory.velocity.shape == (n, bodies, 3)
     assert trajectory.joint_force_N.shape == (n, len(scene.joints), 2)
-    assert (trajectory.guide_normal_force_N is None) == (not scene.is_crank_slider)
+    assert (trajectory.guide_force_N["guide"] is None) == (not scene.is_crank_slider)
     position, velocity = start_state(scene)
     assert np.abs(trajectory.position[0] - position).max() < 1e-15
     assert np.abs(trajectory.velocity[0] - velocity).max() < 1e-12
@@ -139,8 +139,8 @@ def test_forces_are_those_that_the_motion_asks_for(name: str) -> None:
     acceleration = (trajectory.velocity[2:] - trajectory.velocity[:-2]) / (2 * h)
     applied = np.zeros_like(trajectory.position)
     applied[:, :, 1] = [-body.mass_kg * scene.weight_m_s2 for body in scene.bodies]
-    if trajectory.guide_normal_force_N is not None:
-        applied[:, -1, 1] += trajectory.guide_normal_force_N
+    if trajectory.guide_force_N["guide"] is not None:
+        applied[:, -1, 1] += trajectory.guide_force_N["guide"]
     if trajectory.driver_torque_N_m is not None:
         applied[:, 0, 2] += trajectory.driver_torque_N_m
     if scene.load.slider is not None:
@@ -429,7 +429,7 @@ def test_the_last_stage_of_an_embedded_pair_is_the_acceleration_at_the_steps_end
 def test_samples_do_not_change_the_steps_of_an_adaptive_solver() -> None:
     few, many = (run(short(DRIVEN), 1e-5, samples) for samples in (2, 200))
     assert few.steps == many.steps
-    assert few.slider_position_m[-1] == many.slider_position_m[-1]
+    assert few.position[:, -1, 0][-1] == many.position[:, -1, 0][-1]
     assert few.contacts["B"].normal_loss_J[-1] == pytest.approx(
         many.contacts["B"].normal_loss_J[-1], rel=1e-9
     )
@@ -441,7 +441,7 @@ from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.scene.library import clearance_driven_05
 scene = clearance_driven_05().model_copy(update=dict(end_time_s=1e-3))
-position = ExudynEngine(fast=True).simulate(scene, RunSettings(1e-3, 10)).slider_position_m[-1]
+position = ExudynEngine(fast=True).simulate(scene, RunSettings(1e-3, 10)).position[:, -1, 0][-1]
 assert 1 - 1e-10 < position / {!r} < 1 + 1e-10, position
 try:
     ExudynEngine(fast=False).check(scene)
@@ -450,7 +450,7 @@ except UnsupportedScene as refusal:
 else:
     raise AssertionError("a process has one build")
 """
-    plain = float(run(shorter(SCENES[DRIVEN](), 1e-3), samples=10).slider_position_m[-1])
+    plain = float(run(shorter(SCENES[DRIVEN](), 1e-3), samples=10).position[:, -1, 0][-1])
     command = [sys.executable, "-W", "error", "-c", code.format(plain)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

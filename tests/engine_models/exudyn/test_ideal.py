@@ -145,7 +145,7 @@ def test_ten_microseconds_give_the_free_slider_to_a_tenth_of_a_micron_and_its_fo
 
 def test_two_runs_extrapolated_to_no_step_meet_the_published_position() -> None:
     scene = shorter(ideal_free(), 0.1)
-    coarse, fine = (run(scene, step, 10).slider_position_m[-1] for step in (2e-5, 1e-5))
+    coarse, fine = (run(scene, step, 10).position[:, -1, 0][-1] for step in (2e-5, 1e-5))
     off = (4 * fine - coarse) / 3 - 0.0945044247832
     assert abs(off) < 1e-11, f"off by {off:.1e} m"  # the digits published; the fine run alone is off by 4e-8
 
@@ -160,7 +160,7 @@ def test_the_pin_force_and_the_driver_torque_of_set_R_meet_the_closed_forms() ->
     assert torque is not None
     digits = 0.005  # of the closed forms as given; the engine's own error is 0.02 N and 0.002 N m
     for revolution in (0, steps // 2, steps):
-        force = trajectory.joint_force_N[revolution, 2]
+        force = trajectory.joint_force_N["B"][revolution]
         assert force == pytest.approx([-2718.71, -half_of_the_rods_weight], abs=digits), (
             f"B at revolution start: {force}"
         )

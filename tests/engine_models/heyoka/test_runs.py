@@ -71,7 +71,7 @@ def test_loads_and_a_motor_do_the_work_that_the_ledger_asks_for() -> None:
     scene = compressor.model_copy(update={"load": Loads(slider=load)})
     trajectory = HeyokaEngine(step_tolerance=1e-15).simulate(scene, RunSettings(1.0, SAMPLES))
     truth = exact(scene, SAMPLES)
-    assert np.abs(trajectory.slider_position_m - truth.slider_position_m).max() < IDEAL_M
+    assert np.abs(trajectory.position[:, -1, 0] - truth.position[:, -1, 0]).max() < IDEAL_M
     assert residual(scene, trajectory) < LEDGER
 
 
@@ -94,7 +94,7 @@ def test_clearance_is_met_and_the_ledger_closes(name: str) -> None:
     trajectory = run(name)
     truth = in_minimal_coordinates(scene_of(name), SAMPLES)
     assert sum(len(contact.impacts.time_s) for contact in truth.contacts.values()) > 0
-    off = np.abs(trajectory.slider_position_m - truth.slider_position_m).max()
+    off = np.abs(trajectory.position[:, -1, 0] - truth.position[:, -1, 0]).max()
     assert off < POSITION_M, f"{off:.1e} m"
     assert residual(scene_of(name), trajectory) < LEDGER
     lost = trajectory.dissipated_energy_J
@@ -128,7 +128,7 @@ def test_every_kind_of_law_gives_what_scipy_gives(law: str) -> None:
     settings = RunSettings(scene.end_time_s, SAMPLES)
     own = HeyokaEngine(step_tolerance=1e-15).simulate(scene, settings)
     other = ScipyEngine(rtol=1e-12, atol=1e-14).simulate(scene, settings)
-    assert np.abs(own.slider_position_m - other.slider_position_m).max() < POSITION_M
+    assert np.abs(own.position[:, -1, 0] - other.position[:, -1, 0]).max() < POSITION_M
     assert residual(scene, own) < LEDGER
     for column, value in vars(own.contacts["B"].impacts).items():
         np.testing.assert_allclose(
@@ -144,7 +144,7 @@ def test_pins_that_touch_together_each_have_their_own_root() -> None:
     own = HeyokaEngine(step_tolerance=1e-15).simulate(scene, settings)
     truth = in_minimal_coordinates(scene, SAMPLES)
     assert sum(len(contact.impacts.time_s) for contact in truth.contacts.values()) > 2
-    assert np.abs(own.slider_position_m - truth.slider_position_m).max() < POSITION_M
+    assert np.abs(own.position[:, -1, 0] - truth.position[:, -1, 0]).max() < POSITION_M
 
 
 def test_a_run_begun_in_the_wall_goes_on_from_there() -> None:
@@ -160,7 +160,7 @@ def test_a_run_begun_in_the_wall_goes_on_from_there() -> None:
         engine.simulate(rest, settings)
         for engine in (HeyokaEngine(step_tolerance=1e-15), ScipyEngine(rtol=1e-12, atol=1e-14))
     )
-    assert np.abs(own.slider_position_m - other.slider_position_m).max() < POSITION_M
+    assert np.abs(own.position[:, -1, 0] - other.position[:, -1, 0]).max() < POSITION_M
     assert own.contacts["B"].normal_force_N[0] > 0
 
 
@@ -169,7 +169,7 @@ def test_the_error_falls_with_the_tolerance(name: str) -> None:
     # By rungs far apart: a series' order is a whole number, and steps are chosen one by one. 3e2 to 1e5 are
     # measured between these.
     errors_m = [
-        np.abs(run(name, t).slider_position_m - run(name).slider_position_m).max()
+        np.abs(run(name, t).position[:, -1, 0] - run(name).position[:, -1, 0]).max()
         for t in (1e-4, 1e-8, 1e-12)
     ]
     assert errors_m[1] < errors_m[0] / 100, f"{errors_m}"

@@ -83,9 +83,9 @@ def test_reactions_are_the_closed_forms_wherever_the_centres_of_mass_are() -> No
     scale = np.abs(truth.joint_force_N).max()
     np.testing.assert_allclose(force, truth.joint_force_N, rtol=0, atol=1e-9 * scale)
     assert guide is not None
-    assert truth.guide_normal_force_N is not None
+    assert truth.guide_force_N["guide"] is not None
     assert truth.driver_torque_N_m is not None
-    np.testing.assert_allclose(guide, truth.guide_normal_force_N, rtol=0, atol=1e-9 * scale)
+    np.testing.assert_allclose(guide, truth.guide_force_N["guide"], rtol=0, atol=1e-9 * scale)
     np.testing.assert_allclose(torque, truth.driver_torque_N_m, rtol=0, atol=1e-9 * scale)
 
 

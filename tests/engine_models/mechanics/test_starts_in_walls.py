@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine_models.engine import BODIES, ImpossibleStart, RunSettings
+from engine_models.engine import ImpossibleStart, RunSettings
 from engine_models.mechanics.assembly import assembled_apart
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
@@ -26,7 +26,7 @@ def beginning(place: tuple[float, float], rate: tuple[float, float]) -> Scene:
     state = np.hstack(assembled_apart(scene, 0.0, SPEED_RAD_S, {"B": gap}))
     fields = {
         f"start.{body}.{name}": value
-        for body, numbers in zip(BODIES, state.tolist(), strict=True)
+        for body, numbers in zip(scene.mechanism.names, state.tolist(), strict=True)
         for name, value in zip(BodyState.model_fields, numbers, strict=True)
     }
     new = {"clearance.B.radial_clearance_m": CLEARANCE_M, "start.crank_speed_rad_s": SPEED_RAD_S}

@@ -86,7 +86,7 @@ def test_every_scene_gives_a_whole_trajectory_from_its_own_start(name: str, arm:
     assert trajectory.steps == STEPS
     assert trajectory.position.shape == trajectory.velocity.shape == (n, bodies, 3)
     assert trajectory.joint_force_N.shape == (n, bodies, 2)
-    assert (trajectory.guide_normal_force_N is None) == (not scene.is_crank_slider)
+    assert (trajectory.guide_force_N["guide"] is None) == (not scene.is_crank_slider)
     assert (trajectory.driver_work_J is None) == (scene.drive.kind == "free")
     assert tuple(trajectory.contacts) == scene.joints_with_clearance
     assert trajectory.position[0, 0, 2] == scene.start.crank_angle_rad
@@ -130,7 +130,7 @@ def test_forces_and_accelerations_agree_body_by_body(name: str) -> None:
     load = np.zeros((len(x), 2))
     load[:, 0] = sum(slider_forces(scene, x, velocity).values())
     kicked = slice(2, -1)  # kicks 0 and 1 are reported as what they should have been
-    force, guide = trajectory.joint_force_N, trajectory.guide_normal_force_N
+    force, guide = trajectory.joint_force_N, trajectory.guide_force_N["guide"]
     assert guide is not None
     crank, rod, slider = scene.crank_slider()
     size = np.abs(force[kicked]).max()
@@ -383,13 +383,13 @@ def test_an_ideal_pendulum_swings_as_its_equation_says(drive: Any) -> None:
     error = []
     for steps in (1000, 2000):
         trajectory = run(scene, steps=steps)
-        assert trajectory.guide_normal_force_N is None
+        assert trajectory.guide_force_N["guide"] is None
         error.append(np.abs(trajectory.position[:, 0, 2] - truth[0]).max())
         s, theta, omega = crank.centre_of_mass_m, truth[0], truth[1]
         alpha = -pull * np.cos(theta) / inertia if free else 0 * theta
         along, across = (np.array([np.cos(a), np.sin(a)]) for a in (theta, theta + np.pi / 2))
         force = crank.mass_kg * (s * alpha * across - s * omega**2 * along + np.array([[0.0], [g]]))
-        assert trajectory.joint_force_N[:, 0] == pytest.approx(force.T, abs=1e-3 * np.abs(force).max())
+        assert trajectory.joint_force_N["O"] == pytest.approx(force.T, abs=1e-3 * np.abs(force).max())
         if not free:
             assert trajectory.driver_torque_N_m == pytest.approx(pull * np.cos(theta), abs=1e-9)
     assert error[1] < max(0.26 * error[0], 1e-12), error

@@ -89,7 +89,7 @@ def test_tuned_the_first_forces_are_as_good_as_the_later_ones(name: str) -> None
     error, size = errors(scene, trajectory, exact(scene, 12)), np.abs(trajectory.joint_force_N).max()
     for signal in ("joint_A_force_error_N", "joint_B_force_error_N", "guide_normal_force_error_N"):
         assert (error[signal][:2] < FIRST_FORCES * size).all(), f"{signal}: {error[signal] / size}"
-    velocity = np.abs(trajectory.slider_velocity_m_s - exact(scene, 12).slider_velocity_m_s)
+    velocity = np.abs(trajectory.velocity[:, -1, 0] - exact(scene, 12).velocity[:, -1, 0])
     assert velocity[:2].max() <= 2 * velocity[2:].max(), velocity
 
 
@@ -117,8 +117,8 @@ def test_the_momentum_balance_gives_the_exact_forces_of_an_exact_motion() -> Non
         size = np.abs(truth.joint_force_N).max()
         worst_force = np.abs(force - truth.joint_force_N).max() / size
         assert worst_force < ROUND_OFF, f"{scene.name}: {worst_force}"
-        assert truth.guide_normal_force_N is not None
-        assert np.abs(guide - truth.guide_normal_force_N).max() / size < ROUND_OFF
+        assert truth.guide_force_N["guide"] is not None
+        assert np.abs(guide - truth.guide_force_N["guide"]).max() / size < ROUND_OFF
         needed = 0.0 if truth.driver_torque_N_m is None else truth.driver_torque_N_m
         assert np.abs(torque - needed).max() / size < ROUND_OFF, f"{scene.name}: {torque - needed}"
 
@@ -139,7 +139,7 @@ def test_driven_pin_force_and_torque_have_the_values_of_the_closed_form() -> Non
 
 
 def test_free_slider_is_where_the_converged_value_says() -> None:
-    x = run(shorter(ideal_free(), 0.1), PymunkEngine(), 20001, 1).slider_position_m[-1]
+    x = run(shorter(ideal_free(), 0.1), PymunkEngine(), 20001, 1).position[:, -1, 0][-1]
     assert x == pytest.approx(0.0945044247832, abs=1e-7), f"x_B(0.1 s) = {x}"
 
 
@@ -153,8 +153,8 @@ def test_five_sweeps_are_too_few_and_are_caught(make: Any, iterations: int) -> N
 @pytest.mark.parametrize("make", [ideal_free, ideal_driven, ideal_torque])
 def test_twenty_sweeps_are_as_good_as_a_hundred_and_six_nearly(make: Any) -> None:
     scene = make()
-    x = {n: run(scene, PymunkEngine(iterations=n), 41).slider_position_m for n in (6, 20, 100)}
-    error = np.abs(x[100] - exact(scene, SAMPLES).slider_position_m).max()
+    x = {n: run(scene, PymunkEngine(iterations=n), 41).position[:, -1, 0] for n in (6, 20, 100)}
+    error = np.abs(x[100] - exact(scene, SAMPLES).position[:, -1, 0]).max()
     assert np.abs(x[20] - x[100]).max() < 0.02 * error, f"{np.abs(x[20] - x[100]).max()} of {error}"
     assert np.abs(x[6] - x[100]).max() < 0.2 * error, f"{np.abs(x[6] - x[100]).max()} of {error}"
 

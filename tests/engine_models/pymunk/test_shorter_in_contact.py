@@ -38,7 +38,7 @@ def errors_and_steps(scene: Scene, true: Trajectory, shorter: float, steps: int)
     engine, squares, taken = PymunkEngine(shorter_in_contact=shorter), [], []
     for factor in FACTORS:
         run = engine.simulate(scene, RunSettings(scene.end_time_s / (steps * factor), SAMPLES))
-        squares.append(np.square(run.slider_position_m - true.slider_position_m).max())
+        squares.append(np.square(run.position[:, -1, 0] - true.position[:, -1, 0]).max())
         taken.append(run.steps)
     return float(np.sqrt(np.mean(squares))), float(np.mean(taken))
 

@@ -29,7 +29,7 @@ def weighed(scene: Scene, rod: float, slider: float) -> Scene:
 def error_m(scene: Scene, iterations: int | None, steps: int) -> float:
     engine = PymunkEngine(iterations=iterations)
     run = engine.simulate(scene, RunSettings(scene.end_time_s / steps, SAMPLES))
-    return float(np.abs(run.slider_position_m - exact(scene, SAMPLES).slider_position_m).max())
+    return float(np.abs(run.position[:, -1, 0] - exact(scene, SAMPLES).position[:, -1, 0]).max())
 
 
 @pytest.mark.parametrize("steps", [480, 4800])

@@ -69,7 +69,7 @@ def test_what_is_gathered_is_what_a_dense_run_shows(name: str) -> None:
     contacts: list[Contact] = list(run.contacts.values())
     lost, theta = run.dissipated_energy_J, run.position[:, 0, 2]
     assert lost is not None
-    deviation = run.slider_position_m - slider_position_m(of.member(0), theta)
+    deviation = run.position[:, -1, 0] - slider_position_m(of.member(0), theta)
     force = max(contact.normal_force_N[first:].max() for contact in contacts)
     flight = np.mean(np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0))
     assert row.largest_contact_force_N == pytest.approx(force, rel=FORCE_PART)

@@ -101,7 +101,7 @@ def test_the_error_falls_with_the_tolerance() -> None:
     # Not down to 1e-10: there the reference's own 1e-11 m shows, and round-off decides which steps are taken.
     name, rtols = "clearance-free-0.5mm", (1e-6, 1e-7, 1e-8, 1e-9)
     errors_m = [
-        np.abs(run(name, "DOP853", r).slider_position_m - reference(name).slider_position_m) for r in rtols
+        np.abs(run(name, "DOP853", r).position[:, -1, 0] - reference(name).position[:, -1, 0]) for r in rtols
     ]
     power = np.polyfit(np.log(rtols), np.log([error.max() for error in errors_m]), 1)[0]
     assert 0.75 < power < 1.5, f"{[error.max() for error in errors_m]} fall as rtol^{power:.2f}"
@@ -111,7 +111,7 @@ def test_the_error_falls_with_the_tolerance() -> None:
 def test_a_force_that_only_switches_is_less_accurate_at_the_same_tolerance(method: str) -> None:
     name, truth = "clearance-driven-0.5mm", reference("clearance-driven-0.5mm")
     located, plain = (
-        np.abs(run(name, method, 1e-10, way).slider_position_m - truth.slider_position_m).max()
+        np.abs(run(name, method, 1e-10, way).position[:, -1, 0] - truth.position[:, -1, 0]).max()
         for way in (True, False)
     )
     assert plain > 30 * located, f"{plain:.1e} against {located:.1e} m"

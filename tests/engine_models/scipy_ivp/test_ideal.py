@@ -58,7 +58,7 @@ def test_the_error_falls_with_the_tolerance(method: str) -> None:
     scene = IDEAL_SCENES["ideal-free"]()
     truth = exact(scene, SAMPLES)
     runs = [run(scene, method, rtol) for rtol in LADDERS[method]]
-    largest_m = [np.abs(one.slider_position_m - truth.slider_position_m).max() for one in runs]
+    largest_m = [np.abs(one.position[:, -1, 0] - truth.position[:, -1, 0]).max() for one in runs]
     power = np.polyfit(np.log(LADDERS[method]), np.log(largest_m), 1)[0]
     assert LEAST_POWER < power < MOST_POWER, f"{method}: {largest_m} fall as rtol^{power:.2f}"
     assert [one.steps for one in runs] == sorted({one.steps for one in runs}), (
@@ -100,7 +100,7 @@ def test_a_pendulum_without_clearance_swings_as_the_elliptic_functions_say() -> 
     _, cn, dn, _ = ellipj(frequency * trajectory.time_s, modulus**2)
     true = 2 * np.arcsin(modulus * cn / dn) - np.pi / 2
     np.testing.assert_allclose(trajectory.position[:, 0, 2], true, rtol=0, atol=1e-10)
-    assert trajectory.guide_normal_force_N is None
+    assert trajectory.guide_force_N["guide"] is None
 
 
 def test_an_ideal_scene_is_integrated_without_anything_of_contacts() -> None:

@@ -29,10 +29,10 @@ from tests.helpers.crank_sliders import (
 def test_slider_and_impacts_agree_with_an_independent_integration(name: str) -> None:
     scene = short(name)
     truth, twin = (in_minimal_coordinates(scene, solver=solver) for solver in (COLLOCATION, EXTRAPOLATION))
-    doubt = np.abs(truth.slider_position_m - twin.slider_position_m).max()
+    doubt = np.abs(truth.position[:, -1, 0] - twin.position[:, -1, 0]).max()
     assert doubt < POSITION_M / 4, f"two independent integrations differ by {doubt:.1e} m: past the horizon"
     run = solved(scene, FINE["driven" if "driven" in name else "free"])
-    off = np.abs(run.q[:, -3] - truth.slider_position_m).max()
+    off = np.abs(run.q[:, -3] - truth.position[:, -1, 0]).max()
     assert off < POSITION_M, f"slider off by {off:.1e} m"
     assert_same_touches(scene, run, truth)
 
@@ -111,7 +111,7 @@ def test_the_ledgers_residual_falls_at_order_four(
 
 def test_the_clearance_scene_tends_to_the_ideal_one_as_the_clearance_vanishes() -> None:
     ideal = ideal_driven().model_copy(update={"end_time_s": 0.002})
-    truth = exact(ideal, 20).slider_position_m
+    truth = exact(ideal, 20).position[:, -1, 0]
     found = []
     for c in (1e-4, 1e-5, 1e-6):
         scene = ideal.model_copy(update={"clearance": Clearances(B=clearance(c, "hu-guo", 0.5))})

@@ -172,11 +172,11 @@ def test_up_to_its_horizon_a_scene_moves_as_in_minimal_coordinates(name: str) ->
     case, scene = CASES[name], scene_of(name)
     scene = scene.model_copy(update={"end_time_s": case.end_s})
     expected, twin = (in_minimal_coordinates(one, SAMPLES) for one in (scene, moved(scene, MOVED_RAD)))
-    times, place = expected.time_s, expected.slider_position_m
+    times, place = expected.time_s, expected.position[:, -1, 0]
     settled, motion = HIDDEN + THOUSANDTH * case.step_s / (1 - restitution(scene)), Following(scene)
     assert motion.to(case.end_s)
     hits = [hits_of(side) for side in (expected, twin)]
-    apart = times[np.abs(place - twin.slider_position_m) > PLACE]
+    apart = times[np.abs(place - twin.position[:, -1, 0]) > PLACE]
     horizon = min([case.end_s, *apart[:1], *([at] if (at := first_difference(*hits)) else [])])
     known = [hit for hit in hits[0] if hit[0] < horizon - TIME]
     assert len(known) >= case.impacts, f"the horizon of {horizon} s has {len(known)} impacts"

@@ -116,18 +116,18 @@ def test_a_slider_in_flight_does_what_its_load_makes_of_it() -> None:
     """By hand, of mass m from rest at x0: a push, a push against friction, a spring, a force by the crank."""
     scene, pushed = flown(SliderLoad(force_N=-500.0))
     m, x_0, speed, t = scene.bodies[2].mass_kg, 0.17, scene.start.crank_speed_rad_s, pushed.time_s
-    np.testing.assert_allclose(pushed.slider_position_m, x_0 - 500 / m * t**2 / 2, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(pushed.position[:, -1, 0], x_0 - 500 / m * t**2 / 2, rtol=0, atol=1e-14)
     _, braked = flown(SliderLoad(force_N=-500.0, viscous_N_s_m=700.0))
     expected = x_0 - 500 / 700 * (t - m / 700 * (1 - np.exp(-700 / m * t)))
-    np.testing.assert_allclose(braked.slider_position_m, expected, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(braked.position[:, -1, 0], expected, rtol=0, atol=1e-14)
     _, sprung = flown(SliderLoad(spring_N_m=1e4, free_position_m=0.1))
     expected = 0.1 + 0.07 * np.cos(math.sqrt(1e4 / m) * t)
-    np.testing.assert_allclose(sprung.slider_position_m, expected, rtol=0, atol=1e-14)
-    kinetic = m * sprung.slider_velocity_m_s**2 / 2
+    np.testing.assert_allclose(sprung.position[:, -1, 0], expected, rtol=0, atol=1e-14)
+    kinetic = m * sprung.velocity[:, -1, 0] ** 2 / 2
     np.testing.assert_allclose(sprung.load_work_J["spring"], kinetic, rtol=0, atol=1e-13)
     _, blown = flown(SliderLoad(gas=COSINE))
     expected = x_0 + 1000 / m / speed**2 * (1 - np.cos(speed * t))
-    np.testing.assert_allclose(blown.slider_position_m, expected, rtol=0, atol=1e-5 * 1e-3)
+    np.testing.assert_allclose(blown.position[:, -1, 0], expected, rtol=0, atol=1e-5 * 1e-3)
 
 
 def table() -> TableDrive:
@@ -178,7 +178,7 @@ def test_steps_end_on_the_kinks_of_gas_by_straight_lines(speed: float, law: str)
     assert abs(own.position[-1, 0, 2]) > 0.3, "two kinks are passed"
     assert_alike(scene, run, own)
     # Not located, they cost three digits: 1e-12 m between the methods, for 5e-16 m measured.
-    assert np.abs(own.slider_position_m - again.slider_position_m).max() < 5e-15
+    assert np.abs(own.position[:, -1, 0] - again.position[:, -1, 0]).max() < 5e-15
 
 
 RUBS = {
@@ -233,7 +233,7 @@ def test_what_it_does_not_serve_is_refused_by_name() -> None:
 def test_another_shortest_flight_changes_no_more_than_the_last_bounces() -> None:
     scene = until(RIGID_SCENES["rigid-driven-damped"](), 0.004)
     long, short = (solved(scene, replace(COLLOCATION, shortest_flight_s=flight)) for flight in (4e-9, 1e-9))
-    off = np.abs(long.slider_position_m - short.slider_position_m).max()
+    off = np.abs(long.position[:, -1, 0] - short.position[:, -1, 0]).max()
     assert 0 < off < 1e-13, f"off by {off:.1e} m"
     assert len(long.contacts["B"].impacts.time_s) <= len(short.contacts["B"].impacts.time_s)
 

@@ -88,9 +88,9 @@ def test_a_signal_of_which_too_little_is_seen_or_nothing_is_there_is_not_judged(
     driven: tuple[Scene, Trajectory],
 ) -> None:
     scene, truth = driven
-    seen = float(np.hypot(*truth.joint_force_N[:, 2].T).max())
-    assert truth.guide_normal_force_N is not None
-    truth = replace(truth, guide_normal_force_N=0 * truth.guide_normal_force_N)
+    seen = float(np.hypot(*truth.joint_force_N["B"].T).max())
+    assert truth.guide_force_N["guide"] is not None
+    truth = replace(truth, guide_normal_force_N=0 * truth.guide_force_N["guide"])
     for part, judged_at_all in ((0.995, True), (0.98, False)):
         row, _ = compared(judged_by(scene, truth, truth, 1.0, joint_B_force_N=seen / part))
         assert ("joint_B_force_error_N" in row) == judged_at_all

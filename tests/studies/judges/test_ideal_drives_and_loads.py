@@ -103,7 +103,7 @@ def test_the_energy_integral_closes_where_the_crank_is_left_free(name: str, load
     assert residual < 1e-12, f"energy residual is {residual:.1e} of {energy:.2e} J"
     assert constraint_violation_m(scene, truth).max() < 1e-15
     for repeat in exact_repeats(scene, 200) if (name, load) == ("motor", "all") else ():
-        difference = np.abs(truth.slider_position_m - repeat.slider_position_m).max()
+        difference = np.abs(truth.position[:, -1, 0] - repeat.position[:, -1, 0]).max()
         assert difference < 5e-13, f"repeats differ by {difference:.2e} m"
 
 
@@ -121,7 +121,7 @@ def apart(name: str, load: str) -> dict[str, float]:
         "position": (truth.position, bodies.position),
         "velocity": (truth.velocity, bodies.velocity),
         "joint force": (truth.joint_force_N, bodies.joint_force_N),
-        "guide force": (truth.guide_normal_force_N, bodies.guide_normal_force_N),
+        "guide force": (truth.guide_force_N["guide"], bodies.guide_force_N["guide"]),
         "torque": (truth.driver_torque_N_m, bodies.driver_torque_N_m),
         "driver's work": (truth.driver_work_J, bodies.driver_work_J),
     }
@@ -190,11 +190,11 @@ def test_the_bodies_forces_are_the_rates_of_their_momenta(name: str) -> None:
     on_slider = [
         sum(forces_on(*state).values())
         for state in zip(
-            truth.position[:, 0, 2], truth.slider_position_m, truth.slider_velocity_m_s, strict=True
+            truth.position[:, 0, 2], truth.position[:, -1, 0], truth.velocity[:, -1, 0], strict=True
         )
     ]
     force = np.stack([O - A, A - B, B], axis=1)
-    force[:, 2] += np.stack([np.array(on_slider), np.asarray(truth.guide_normal_force_N)], axis=-1)
+    force[:, 2] += np.stack([np.array(on_slider), np.asarray(truth.guide_force_N["guide"])], axis=-1)
     force[:, :, 1] -= masses * scene.gravity_m_s2
     off = np.abs(rate - force[4:-4])[there].max() / np.abs(force).max()
     assert off < ROUNDED, f"off by {off:.1e}"
@@ -204,10 +204,10 @@ def test_the_bodies_forces_are_the_rates_of_their_momenta(name: str) -> None:
 def test_works_grow_by_force_times_speed(name: str) -> None:
     scene, truth, step = fine(name)
     forces_on = slider_load(scene)
-    states = zip(truth.position[:, 0, 2], truth.slider_position_m, truth.slider_velocity_m_s, strict=True)
+    states = zip(truth.position[:, 0, 2], truth.position[:, -1, 0], truth.velocity[:, -1, 0], strict=True)
     forces = [forces_on(*state) for state in states]
     powers = {
-        part: np.array([force[part] for force in forces]) * truth.slider_velocity_m_s
+        part: np.array([force[part] for force in forces]) * truth.velocity[:, -1, 0]
         for part in truth.load_work_J
     }
     works = dict(truth.load_work_J)
@@ -230,7 +230,7 @@ def test_a_load_asks_of_a_prescribed_speed_what_virtual_work_says(name: str, loa
     assert (bare.position == burdened.position).all()
     scene = loaded(name, load)
     theta, forces_on = bare.position[:, 0, 2], slider_load(scene)
-    states = zip(theta, bare.slider_position_m, bare.slider_velocity_m_s, strict=True)
+    states = zip(theta, bare.position[:, -1, 0], bare.velocity[:, -1, 0], strict=True)
     force = np.array([sum(forces_on(*state).values()) for state in states])
     slope = configuration(scene, theta)[1][:, 2, 0]
     assert bare.driver_torque_N_m is not None

@@ -20,14 +20,14 @@ SPEED = 2 * np.pi * 5000 / 60
 )
 def test_the_free_slider_is_where_converged_runs_put_it(end: float, samples: int, position: float) -> None:
     scene = ideal_free().model_copy(update={"end_time_s": end})
-    slider = exact(scene, samples).slider_position_m[-1]
+    slider = exact(scene, samples).position[:, -1, 0][-1]
     assert abs(slider - position) < 1e-11, f"off by {slider - position:.2e} m"  # the digits given
 
 
 def test_the_driven_slider_meets_the_closed_forms_at_both_dead_centres() -> None:
     truth = exact(ideal_driven(), 480)
-    assert truth.slider_position_m.max() == pytest.approx(0.17, abs=1e-15)
-    assert truth.slider_position_m.min() == pytest.approx(0.07, abs=1e-15)
+    assert truth.position[:, -1, 0].max() == pytest.approx(0.17, abs=1e-15)
+    assert truth.position[:, -1, 0].min() == pytest.approx(0.07, abs=1e-15)
     _, _, X_2 = configuration(ideal_driven(), np.array([0.0, np.pi]))
     outer, inner = X_2[:, 2, 0] * SPEED**2
     assert outer == pytest.approx(-19419.36, abs=0.005)
@@ -77,7 +77,7 @@ def test_the_truth_keeps_energy_and_joints_and_agrees_with_its_twins(scene: Scen
     assert residual < 1e-12 * energy, f"energy residual {residual:.2e} of {energy:.2e} J"
     assert constraint_violation_m(scene, truth).max() < 1e-15
     for repeat in exact_repeats(scene, 200):
-        difference = np.abs(truth.slider_position_m - repeat.slider_position_m).max()
+        difference = np.abs(truth.position[:, -1, 0] - repeat.position[:, -1, 0]).max()
         assert difference < 1e-13, f"repeats differ by {difference:.2e} m"
 
 

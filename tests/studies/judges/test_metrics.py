@@ -87,8 +87,8 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
     h = truth.time_s[1]
     rate = (8 * (momentum[3:-1] - momentum[1:-3]) - (momentum[4:] - momentum[:-4])) / (12 * h)
     outside = truth.joint_force_N[2:-2, 0].copy()
-    assert truth.guide_normal_force_N is not None
-    outside[:, 1] += truth.guide_normal_force_N[2:-2] - masses.sum() * scene.gravity_m_s2
+    assert truth.guide_force_N["guide"] is not None
+    outside[:, 1] += truth.guide_force_N["guide"][2:-2] - masses.sum() * scene.gravity_m_s2
     scale = np.abs(outside).max()
     # h^4/30 times the fifth derivative: (n omega h)^4/30 of the force's n-th harmonic. Measured 3.4e-6 on
     # ideal-free; the smallest weight that could be missing is a hundredth of the force.
