@@ -202,7 +202,7 @@ def sweep(
 
     with as_arguments():
         chosen = options_of({"jobs": os.cpu_count() or 1, **options})
-        physics = read_plain_scene("sweeps", scene)
+        physics = read_scene(scene)
         wanted = asked(physics, vary or {}, engine, settings or {}, exponent, chosen)
         place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
         ending_of("--out", place, (".parquet",))

@@ -1,16 +1,19 @@
 """Where the bodies are, and how fast, when the ideal joints hold at a given crank angle and speed."""
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, ROD, SLIDER
-from engine_models.scene.general import placed_start
+from engine_models.scene.general import held_at_start, placed_start
 from engine_models.scene.mechanism import state_of
 from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.scene import BodyState, Scene
+
+T = TypeVar("T", bound=AnyScene)
 
 
 def start_state(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
@@ -37,26 +40,50 @@ def _placed(scene: GeneralParts) -> tuple[FloatArray, FloatArray]:
     return q.reshape(-1, 3), v.reshape(-1, 3)
 
 
+def start_angle(scene: AnyScene) -> tuple[str, float]:
+    """Return the path of the field that tells the turning body's angle at the start, and the angle in rad.
+
+    Raises:
+        ValueError: the start tells no such angle, or does not hold it.
+    """
+    if isinstance(scene, Scene):
+        if scene.start.states:
+            raise ValueError("expected a start by crank angle, got the state of every body")
+        return "start.crank_angle_rad", scene.start.crank_angle_rad
+    assert isinstance(scene, GeneralParts)
+    if scene.turning_body is None:
+        raise ValueError("expected a turning body, got none")
+    name = scene.mechanism.names[scene.turning_body]
+    if name not in scene.start.angle_rad or name not in held_at_start(scene)[0]:
+        raise ValueError(f"expected a start that tells start.angle_rad.{name} and holds it, got another")
+    return f"start.angle_rad.{name}", scene.start.angle_rad[name]
+
+
 def started_from(
-    scene: Scene,
+    scene: T,
     position: FloatArray,
     velocity: FloatArray,
     time_s: float = 0.0,
     end_time_s: float | None = None,
-) -> Scene:
+) -> T:
     """Return the scene begun at the positions and velocities, each (bodies, 3), of a time of its own.
 
     It is as long as before, or ``end_time_s``.
     """
-    states = {}
-    for name, x, v in zip(scene.mechanism.names, position.tolist(), velocity.tolist(), strict=True):
-        states[name] = BodyState(**dict(zip(BodyState.model_fields, [*x, *v], strict=True)))
-    start = scene.start.model_copy(update={"crank_angle_rad": float(position[CRANK, 2]), **states})
-    if scene.speed_is_prescribed:
-        start = start.model_copy(update={"time_s": (scene.start.time_s or 0.0) + time_s})
-    if not scene.speed_is_prescribed or scene.drive.kind == "table":  # the others' speed is the drive's own
-        start = start.model_copy(update={"crank_speed_rad_s": float(velocity[CRANK, 2])})
-    return scene.model_copy(update={"start": start, "end_time_s": end_time_s or scene.end_time_s})
+    keys, bodies = BodyState.model_fields, zip(position.tolist(), velocity.tolist(), strict=True)
+    states = [dict(zip(keys, [*x, *v], strict=True)) for x, v in bodies]
+    start: dict[str, object] = dict(zip(scene.mechanism.names, states, strict=True))
+    own_speed = not scene.speed_is_prescribed or scene.driven_by.kind == "table"  # others' is the drive's
+    if scene.speed_is_prescribed or not scene.is_plain:  # tables of loads go by the clock too
+        start["time_s"] = scene.clock_s + time_s
+    if isinstance(scene, Scene):
+        start["crank_angle_rad"] = float(position[CRANK, 2])
+        if own_speed:
+            start |= {"crank_speed_rad_s": float(velocity[CRANK, 2]), "speed_m_s": None}
+        start = {**dict(scene.start), **start}
+    elif isinstance(scene, GeneralParts) and not own_speed:
+        start |= {key: dict(getattr(scene.start, key)) for key in ("speed_rad_s", "speed_m_s")}
+    return scene.replace({"start": start, "end_time_s": end_time_s or scene.end_time_s})
 
 
 def assembled(scene: Scene, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:

@@ -7,9 +7,9 @@ from typing import Generic, TypeVar
 from engine_models.engine import FloatArray
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.start_check import checked_start
-from engine_models.mechanics.watch import SPEED
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.model import mechanism_of
+from engine_models.reference.watch import SPEED
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Topology
 from reference_solver.equations import Baumgarte

@@ -17,20 +17,21 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.watch import Watch
 from engine_models.pace import Pace
 from engine_models.reference.batch import Begin, Done, Group, Judge
 from engine_models.reference.building import Builder
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.run import LOOK_UP_STEPS, TURN_OF_STEP_RAD, taken
+from engine_models.reference.watch import Watch
 from engine_models.scene.data import SceneError
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.compiled.kernel import Topology
 from reference_solver.failures import SolverError
 
 #: Members of a batch.
 BATCH = 32
-#: Numbers of a row, NaN in one that failed; and lists, empty there.
+#: Numbers of a crank-slider's row, NaN in one that failed; and lists, empty there.
 NUMBERS = (
     "impacts_per_revolution",
     "flight_part",
@@ -46,21 +47,34 @@ NUMBERS = (
 LISTS = ("strobe_m", "impact_phase_rad")
 
 Row = dict[str, object]
-#: Positions and velocities of the bodies at the end of a run, each (3, 3).
+#: Positions and velocities of the bodies at the end of a run, each (bodies, 3).
 End = tuple[FloatArray, FloatArray]
+
+
+def subject_of(scene: AnyScene) -> str:
+    """Return what the columns call that whose deviation they have: the slider, or what the scene observes."""
+    return "slider" if isinstance(scene, Scene) and scene.is_crank_slider else "observed"
+
+
+def numbers_of(scene: AnyScene) -> tuple[str, ...]:
+    """Return the numbers of a scene's row."""
+    return tuple(name.replace("slider", subject_of(scene)) for name in NUMBERS)
 
 
 def supports(engine: ReferenceEngine, scene: Scene, fields: Sequence[str]) -> bool:
     """Return whether members that differ in these fields can be run together.
 
-    They are crank-sliders with clearance in compliant joints, by a compiled kernel with located events.
+    They are plain crank-sliders with clearance in compliant joints, by a compiled kernel with located events.
     """
     laws = {clearance.law for clearance in scene.clearances.values()}
     numeric = all(isinstance(_field(scene, path), float) for path in fields)
+    moves_guide = any(path.startswith("slider.guide_") for path in fields)
     compliant = bool(laws) and "rigid" not in laws
     return (
         numeric
         and compliant
+        and scene.is_plain
+        and not moves_guide
         and scene.is_crank_slider
         and engine.kernel == "compiled"
         and engine.locate_events
@@ -255,7 +269,7 @@ def _field(scene: Scene, path: str) -> object:
     return reduce(lambda part, name: getattr(part, name, None), path.split("."), cast(object, scene))
 
 
-def failed(reason: str) -> Row:
+def failed(reason: str, numbers: Sequence[str] = NUMBERS) -> Row:
     """Return the row of a member that failed."""
     row: Row = {"status": "failed", "reason": reason}
-    return row | dict.fromkeys(NUMBERS, math.nan) | {name: [] for name in LISTS}
+    return row | dict.fromkeys(numbers, math.nan) | {name: [] for name in LISTS}

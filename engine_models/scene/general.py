@@ -392,7 +392,7 @@ def _told(scene: GeneralParts) -> "assembly.Told":
     from reference_solver.mechanism.assembly import Told
 
     start, bodies, guides = scene.start, [*scene.body], [*scene.guide]
-    held_bodies, held_guides = _held(scene)
+    held_bodies, held_guides = held_at_start(scene)
     speeds = {bodies.index(name): speed for name, speed in start.speed_rad_s.items()}
     along = {guides.index(name): speed for name, speed in start.speed_m_s.items()}
     drive = mechanism_data(scene).drive
@@ -412,7 +412,7 @@ def _told(scene: GeneralParts) -> "assembly.Told":
     )
 
 
-def _held(scene: GeneralParts) -> tuple[list[str], list[str]]:
+def held_at_start(scene: GeneralParts) -> tuple[list[str], list[str]]:
     """Return the bodies and guides whose values are held.
 
     Unless ``hold`` names them, it is what is driven, else the first body or guide told.

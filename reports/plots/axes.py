@@ -17,17 +17,19 @@ from reports.style import words
 DIGITS = ((1, 3), (1, 2, 5))
 #: The ratio of the largest to the smallest number from which on an axis is logarithmic.
 DECADES = 30.0
-#: How the fields begin that are the start of single bodies.
-BODIES = ("start.crank.", "start.rod.", "start.slider.")
 #: Labels of columns whose names say too little.
 NAMES = {
     "strobe_m": "slider's deviation once a turn",
     "slider_deviation_m": "largest deviation of the slider",
+    "observed_deviation_m": "largest deviation from ideal joints",
+    "rms_observed_deviation_m": "rms deviation from ideal joints",
     "impact_phase_rad": "crank angle at impact",
     "flight_part": "part of time in flight",
     "exponent_1_s": "finite-time exponent",
     "exponent_per_revolution": "exponent in a revolution",
 }
+#: Quantities per metre; a torque has the same ending.
+PER_METRE = ("stiffness", "spring")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -49,20 +51,39 @@ class Scale:
         return "log" if self.log else "linear"
 
 
-def scale_of(column: str, values: pd.Series) -> Scale:
-    """Return how the numbers of a column, or of a scene's field by its path, are drawn."""
+def scale_of(column: str, values: pd.Series, name: str | None = None) -> Scale:
+    """Return how the numbers of a column, or of a scene's field by its path, are drawn, under a ``name``."""
     numbers = np.asarray(values, dtype=float)
     sizes = np.abs(numbers[np.isfinite(numbers)])
     largest = float(sizes.max()) if len(sizes) else 1.0
-    name, unit = words(column.rpartition(".")[2])
-    name = NAMES.get(column, name)
-    if column.startswith("clearance."):
-        name = f"{name} at {column.split('.')[1]}"
-    if column.startswith(BODIES):
-        name = f"{column.split('.')[1]}'s {name} at the start"
+    own, unit = _in_words(column)
+    name = name or own
     factor, unit = _handy(unit, largest)
     log = bool((numbers > 0).all()) and largest >= DECADES * sizes.min()
     return Scale(factor, f"{name} [{unit}]" if unit else name, log)
+
+
+def _in_words(path: str) -> tuple[str, str]:
+    """Return a column, or a field of a scene by its path, in words, and its unit."""
+    *owners, last = path.split(".")
+    if owners and words(owners[-1])[1] and not words(last)[1]:  # start.angle_rad.crank, body.crank.pins_m.A
+        owners[-1], last = last, owners[-1]
+    name, unit = words(last)
+    if last == "pins_m":
+        name = f"pin {owners.pop()}"
+    if unit and name in PER_METRE:
+        unit = "N/m"
+    match owners:
+        case [] | ["start"]:
+            return NAMES.get(path, name), unit
+        case ["start", *_, owner]:
+            return f"{owner}'s {name} at the start", unit
+        case ["clearance", joint, *_]:
+            return f"{name} at {joint}", unit
+        case ["load", body, *_]:
+            return f"{name} on {body}", unit
+        case _:
+            return f"{name} of {owners[-1]}", unit
 
 
 def _handy(unit: str, largest: float) -> tuple[float, str]:

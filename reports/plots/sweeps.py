@@ -17,7 +17,10 @@ EXPONENT, STROBE, PHASE, FORCE = "exponent_1_s", "strobe_m", "impact_phase_rad",
 MOTION, FEWEST_TURNS = "motion", 10
 #: The most fields that a picture has axes for.
 MOST_FIELDS = 2
-SPEED = "start.crank_speed_rad_s"
+SPEEDS = ("start.crank_speed_rad_s", "start.speed_rad_s.")
+#: The column of mechanisms other than crank-sliders, and how it and others are called there.
+OBSERVED = "observed_deviation_m"
+NAMES = {STROBE: "deviation once a revolution", PHASE: "phase at impact"}
 #: Columns that say which member it is and how it ended.
 HEAD = ("member", "direction", "status", "reason")
 #: Height of a panel in inches. Up to so many points of a panel are opaque; of more each is fainter.
@@ -37,7 +40,7 @@ class NoPicture(ValueError):
 def sweep_picture(frame: pd.DataFrame, varied: Sequence[str], title: str, show: str | None = None) -> Picture:
     """Return the picture of a sweep's rows: of a column to ``show``, or of the first choice.
 
-    The first choice of one field is the slider's deviation once a turn, with the exponent if there is one; of
+    The first choice of one field is the deviation once a turn, with the exponent if there is one; of
     two fields of the start the basins of attraction, of two others the exponent or the peak force; without a
     field the impacts by crank angle. Chains up and down have a colour each.
 
@@ -74,7 +77,7 @@ def draw_over_field(rows: pd.DataFrame, field: str, columns: Sequence[str]) -> P
     ways = dict(iter(rows.groupby("direction"))) if "direction" in rows else {None: rows}
     for ax, column in zip(axes, columns, strict=True):
         points = rows[[field, column]].explode(column).dropna()
-        up, part = _upwards(points, field, column), _is_part(field, column)
+        up, part = _upwards(points, field, column, _name(rows, column)), _is_part(field, column)
         size = next((size for most, size in POINTS.items() if len(points) <= most), SMALLEST)
         for way, members in ways.items():
             own = members[[field, column]].explode(column).dropna()
@@ -113,7 +116,7 @@ def draw_histogram(rows: pd.DataFrame, column: str) -> Picture:
     picture = Picture(3.0)
     ax = picture.add_subplot()
     values = rows[column].explode().dropna()
-    scale = scale_of(column, values)
+    scale = scale_of(column, values, _name(rows, column))
     numbers, angle = scale.apply(values), column.endswith("phase_rad")
     bins = ROUND if angle else int(np.clip(np.sqrt(len(numbers)), FEWEST, MOST))
     span = (0.0, 360.0) if angle else None
@@ -152,15 +155,20 @@ def _draw_two(frame: pd.DataFrame, fields: tuple[str, str], show: str | None) ->
 
 
 def _are_of_start(fields: Sequence[str]) -> bool:
-    return all(field.startswith("start.") and field != SPEED for field in fields)
+    return all(field.startswith("start.") and not field.startswith(SPEEDS) for field in fields)
 
 
-def _upwards(points: pd.DataFrame, field: str, column: str) -> Scale:
+def _name(rows: pd.DataFrame, column: str) -> str | None:
+    """Return how a column is called in the rows of another mechanism than a crank-slider."""
+    return NAMES.get(column) if OBSERVED in rows else None
+
+
+def _upwards(points: pd.DataFrame, field: str, column: str, name: str | None) -> Scale:
     """Return how a column is drawn over a field: a length over a clearance in parts of it."""
     if _is_part(field, column):
-        name = scale_of(column, points[column] / points[field]).label.partition(" [")[0]
+        name = scale_of(column, points[column] / points[field], name).label.partition(" [")[0]
         return Scale(1.0, f"{name} / clearance", log=False)
-    return scale_of(column, points[column])
+    return scale_of(column, points[column], name)
 
 
 def _is_part(field: str, column: str) -> bool:

@@ -235,7 +235,11 @@ def sweep(
         Text, Option(metavar="N", help="Number of members, or of members at each point of a grid.")
     ] = None,
     jitter: Annotated[
-        str, Option(metavar="RAD", help="Change the crank angle at each start by a random value up to RAD.")
+        str,
+        Option(
+            metavar="RAD",
+            help="Change the angle of crank or turning body at each start by up to RAD, randomly.",
+        ),
     ] = "0",
     seed: Annotated[str, Option(metavar="S", help="Seed of the random members.")] = "0",
     engine: Annotated[
@@ -267,7 +271,11 @@ def sweep(
     show: Annotated[Text, Option(metavar="COLUMN", help="Column that the figure shows.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run a scene with many values of its fields, one row each; an interrupted sweep resumes."""
+    """Run a scene with many values of its fields, one row each; an interrupted sweep resumes.
+
+    Revolutions are those of the crank, or of the scene's turning body, at its speed at the start. Without
+    such a speed, one revolution is the scene's end time.
+    """
     count = str(os.cpu_count() or 1) if jobs is None else jobs
     strings = {"sample": sample, "members": members, "jitter": jitter, "seed": seed, "step": step}
     strings |= {"transient": transient, "revolutions": revolutions, "hours": hours, "chain": chain}
@@ -283,7 +291,7 @@ def sweep(
 
         chosen = sweeps.options_of({**strings, "jobs": count})
         options.ending_of("--out", out, (".parquet",))
-        physics = options.read_plain_scene("sweeps", scene, changes or [])
+        physics = options.read_scene(scene, changes or [])
         ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
         settings = options.assigned("--set", "KEY=VALUE", assignments or [])
         wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)

@@ -13,13 +13,14 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene
-from engine_models.mechanics.assembly import start_state, started_from
-from engine_models.mechanics.watch import SPEED, Watch
+from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene, plain
+from engine_models.mechanics.assembly import start_angle, start_state, started_from
 from engine_models.reference.kernels import KernelsRefused, writable_folder
-from engine_models.reference.members import LISTS, NUMBERS
+from engine_models.reference.members import LISTS, numbers_of
+from engine_models.reference.watch import SPEED, Watch, turning_speed_rad_s
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import NonNegative, Positive, SceneError
+from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.plain_words import meant, one_of, shown
 from engine_models.scene.scene import Scene
 from studies.command.options import DEFAULT_STEP_S, PICTURES, as_arguments, checked, ending_of, read_engine
@@ -39,15 +40,15 @@ if TYPE_CHECKING:
 
 #: Directions of a chain, in which each member starts from the end of the one before.
 Chain = Literal["up", "down", "both"]
-#: Beginnings of the fields of the start of single bodies.
-STATES = ("start.crank.", "start.rod.", "start.slider.")
+#: What chains are made of.
+CRANK_SLIDER = "a crank-slider on a guide along +x through O"
 #: Number of corners of all ranges together, and of values of a field, that are checked before a sweep.
 MOST_LOOKS = 64
 
 
 @checked_dataclass(frozen=True, config=SETTINGS_CONFIG)
 class SweepOptions:
-    """The options of ``sweep`` with one value: revolutions of the crank, jitter in rad, step in s."""
+    """The options of ``sweep`` with one value: revolutions (see ``Watch``), jitter in rad, step in s."""
 
     sample: Sample = "grid"
     members: Annotated[int, Field(ge=1, le=MOST_MEMBERS)] | None = None
@@ -63,10 +64,14 @@ class SweepOptions:
 
 @dataclass(frozen=True)
 class Swept:
-    """A finished sweep: ``path`` is the file of its rows, one per member."""
+    """A finished sweep: ``path`` is the file of its rows, one per member.
+
+    ``show`` is the column of the default figure, None where the fields that were varied decide.
+    """
 
     path: Path
     title: str
+    show: str | None = None
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -94,13 +99,13 @@ def picture_of(swept: Swept, show: str | None) -> "Figure":
 
     varied = json.loads(parquet.read_schema(swept.path).metadata[b"varied"])
     try:
-        return sweep_picture(swept.frame, varied, swept.title, show)
+        return sweep_picture(swept.frame, varied, swept.title, show or swept.show)
     except NoPicture as reason:
         raise BadInput(f"--show: {reason}") from None
 
 
 def asked(
-    scene: Scene,
+    scene: AnyScene,
     vary: Mapping[str, str | Sequence[float]],
     engine_name: str,
     settings: Mapping[str, object],
@@ -112,9 +117,8 @@ def asked(
     Raises:
         BadInput: ranges, engine or options are refused, or a scene at the ends of the ranges is.
     """
-    if not (scene.is_crank_slider and scene.joints_with_clearance):
-        expected = "a crank-slider with clearance"
-        raise BadInput(f"SCENE: expected {expected}, got {scene.name}")
+    if not scene.joints_with_clearance:
+        raise BadInput(f"SCENE: expected a joint with clearance, got none in {scene.name}")
     engine = read_engine(engine_name, settings, to_tolerance=True)
     step_s = options.step
     if step_s is None and not getattr(engine, "controls_error", False):
@@ -122,7 +126,9 @@ def asked(
     if exponent and engine_name != "reference" and getattr(engine, "order", None) is None:
         expected = "the reference, or an engine with a fixed step"
         raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
-    if any(field.startswith(STATES) for field in vary) and not scene.start.states:
+    assert isinstance(scene, Scene | GeneralParts)
+    states = tuple(f"start.{body}." for body in scene.mechanism.names)
+    if any(field.startswith(states) for field in vary) and not scene.start.states:
         scene = started_from(scene, *start_state(scene))  # then each body has its own start
     watch = Watch(options.transient, options.revolutions, exponent)
     task = Task(scene, engine_name, dict(vars(engine)), step_s, watch)
@@ -135,6 +141,8 @@ def asked(
     draw = Draw(options.sample, options.members, options.jitter, options.seed)
     changes = drawn(scene, ranges, draw)
     _require_scenes(task, changes)
+    if exponent:
+        _require_neighbours(task, changes)
     return Sweep(task, changes, tuple(ranges), _directions(task, changes, options))
 
 
@@ -144,9 +152,11 @@ def _directions(
     """Return the directions in which chains run; refuse input that gives no chain."""
     if options.chain is None:
         return ()
-    if task.scene.drive.kind != "constant-speed":
-        expected = "a crank at constant speed"
-        raise BadInput(f"--chain: expected {expected}, got the drive '{task.scene.drive.kind}'")
+    scene, kind = task.scene, task.scene.driven_by.kind
+    if not (isinstance(scene, Scene) and scene.is_plain and scene.is_crank_slider):
+        raise BadInput(f"--chain: expected {CRANK_SLIDER}, got {scene.name}")
+    if kind != "constant-speed" or not _turns(task, changes):
+        raise BadInput(f"--chain: expected a crank at constant speed, got the drive '{kind}'")
     field, *others = changes
     values = changes[field]
     if others or options.sample != "grid" or (field.startswith("start.") and field != SPEED):
@@ -196,7 +206,18 @@ def swept(
                     run_sweep(sweep, path, made_by, options.jobs, executors, options.hours)
     except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
-    return Swept(path, f"{task.scene.name}, {task.engine_name}")
+    return Swept(path, f"{task.scene.name}, {task.engine_name}", _default_column(sweep))
+
+
+def _turns(task: Task, changes: Mapping[str, FloatArray]) -> bool:
+    """Return whether a body turns at the start, so that revolutions are its own."""
+    first = {field: float(values[0]) for field, values in changes.items()}
+    return turning_speed_rad_s(task.member(first)) != 0
+
+
+def _default_column(sweep: Sweep) -> str | None:
+    """Return the column of a sweep's figure where the fields that were varied do not decide."""
+    return None if _turns(sweep.task, sweep.changes) else "largest_contact_force_N"
 
 
 def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swept], None]:
@@ -213,15 +234,15 @@ def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swep
     ending = ending_of("--plot", path, PICTURES)
     from reports.plots.sweeps import EXPONENT, MOST_FIELDS, MOTION, fewest_turns  # loads matplotlib
 
-    varied, watch = sweep.varied, sweep.task.watch
+    varied, watch, default = sweep.varied, sweep.task.watch, _default_column(sweep)
     if len(varied) > MOST_FIELDS:
         raise BadInput(f"--plot: expected at most {MOST_FIELDS} fields with --vary, got {len(varied)}")
-    columns = [*NUMBERS, *((MOTION,) if len(varied) == MOST_FIELDS else LISTS)]
+    columns = [*numbers_of(sweep.task.scene), *((MOTION,) if len(varied) == MOST_FIELDS else LISTS)]
     if show is not None and show not in columns:
         raise BadInput(f"--show: expected {one_of(columns)}, got {shown(show)}{meant(show, columns)}")
     if show == EXPONENT and not watch.exponent:
         raise BadInput(f"--show: expected --exponent beside {EXPONENT}, got none")
-    if watch.revolutions < (fewest := fewest_turns(varied, show)):
+    if watch.revolutions < (fewest := fewest_turns(varied, show or default)):
         expected = f"a number >= {fewest} for this figure, or another one with --show"
         raise BadInput(f"--revolutions: expected {expected}, got {watch.revolutions:g}")
     with writing("--plot", path):
@@ -241,6 +262,17 @@ def options_of(values: Mapping[str, object]) -> SweepOptions:
     return checked(SweepOptions, "--", values)
 
 
+def _require_neighbours(task: Task, changes: Mapping[str, FloatArray]) -> None:
+    """Refuse an exponent where no start beside a member's own is known, or no time in which to step."""
+    try:
+        if not isinstance(task.scene, Scene):
+            start_angle(task.scene)
+        if not _turns(task, changes):
+            raise ValueError("expected a body that turns at the start, got none")
+    except ValueError as reason:
+        raise BadInput(f"--exponent: {reason}") from None
+
+
 def _require_scenes(task: Task, changes: Mapping[str, FloatArray]) -> None:
     """Refuse values that give no valid scene, or none that the engine can run.
 
@@ -258,7 +290,10 @@ def _require_scenes(task: Task, changes: Mapping[str, FloatArray]) -> None:
         looked_at += [{**first, field: value} for value in values[places].tolist()]
     for member in looked_at:
         try:
-            task.engine.check(task.member(member))
+            scene = task.member(member)
+            if not getattr(task.engine, "any_mechanism", False):
+                plain(scene, task.engine_name)
+            task.engine.check(scene)
         except SceneError as error:
             raise BadInput(f"--vary {error}") from None
         except UnsupportedScene as reason:

@@ -149,6 +149,7 @@ def _trajectory(
         velocity=np.array([s.velocity for s in samples]),
         joint_force_N=joint_force,
         guide_force_N=guide,
+        guide_moment_N_m={name: -_turned_by_B(scene, contacts) + 0 * force for name, force in guide.items()},
         driver_torque_N_m=told[:, TORQUE, 0] if has_drive else None,
         driver_work_J=states[:, WORK] if has_drive else None,
         step_s=scene.end_time_s / steps,
@@ -210,6 +211,15 @@ def _forces(
     forces = (known.get("O", crank + known["A"]), known["A"], known.get("B", known["A"] - rod))
     guide = masses[2] * scene.weight_m_s2 - forces[2][:, 1]
     return dict(zip(JOINTS, forces, strict=True)), {"guide": guide}
+
+
+def _turned_by_B(scene: Scene, contacts: dict[str, Contact]) -> FloatArray | float:
+    """Return the torque on the slider, (n,), of the friction on its pin: at half of the penetration."""
+    room, contact = scene.clearance.B, contacts.get("B")
+    if room is None or contact is None or contact.friction_force_N is None:
+        return 0.0
+    pin_m = room.bearing_radius_m - room.radial_clearance_m
+    return np.asarray((pin_m - np.maximum(contact.penetration_m, 0.0) / 2) * contact.friction_force_N)
 
 
 def _force_on_pin(contact: Contact) -> FloatArray:

@@ -6,15 +6,20 @@ time at which the first of them is off by more than that. Pointwise errors beyon
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings
+from engine_models.mechanics.assembly import start_angle
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.data import SceneData
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
+
+T = TypeVar("T", bound=AnyScene)
 
 #: By how much the crank angle at the start is moved, in rad: some 5e-12 m at the crank pin of the library's
 #: scenes, far above round-off. Both signs and sizes around it tell how certain a horizon is.
@@ -34,16 +39,14 @@ class Apart:
     halved_m: FloatArray
 
 
-def moved(scene: Scene, by_rad: float) -> Scene:
-    """Return the scene started at another crank angle, with velocities that fit.
+def moved(scene: T, by_rad: float) -> T:
+    """Return the scene started at another angle of its turning body, with velocities that fit.
 
     Raises:
-        ValueError: the scene gives the state of every body, not a crank angle from which all follows.
+        ValueError: the scene tells no such angle from which all follows.
     """
-    if scene.start.states:
-        raise ValueError(f"scene {scene.name}: expected a start by crank angle, got the state of every body")
-    start = scene.start.model_copy(update={"crank_angle_rad": scene.start.crank_angle_rad + by_rad})
-    return scene.model_copy(update={"start": start})
+    path, angle = start_angle(scene)
+    return scene.replace(path, angle + by_rad)
 
 
 def a_place_off(scene: Scene, sign: float = 1.0) -> Scene:

@@ -13,15 +13,21 @@ the speed at which that contact began.
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.quality import require_quality
+from engine_models.mechanics.states import lever_m
+from engine_models.mechanics.wrenches import inertias
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import moved
 from studies.judges.metrics import in_flight
+
+T = TypeVar("T", bound=AnyScene)
 
 #: The companion is put back to this distance in m, far above round-off, ...
 SIZE_M = 1e-12
@@ -57,21 +63,21 @@ class Growth:
         return float((growth[-1] - growth[0]) / (time[-1] - time[0]))
 
 
-def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, samples: int) -> Growth:
+def growth(engine: Engine, scene: AnyScene, step_s: float, stretch_s: float, samples: int) -> Growth:
     """Return how a distance grows in a scene, until its end or until the companion cannot be put back.
 
     Runs are made in stretches of ``stretch_s`` with ``samples`` samples each. What is left at the end and
     shorter than a stretch is not run: it would count as one that ends in another phase of the motion.
 
     Raises:
-        ValueError: the scene has no joint with clearance.
+        ValueError: the scene has no joint with clearance, or of another mechanism than a crank-slider, no
+            start angle to be moved (see ``start_angle``).
         UnsupportedScene, SimulationFailed: as ``simulate`` and ``require_quality`` do.
     """
     if not scene.joints_with_clearance:
         raise ValueError(f"scene {scene.name}: expected a joint with clearance, got none")
     first, second = scene, _beside(scene, stretch_s)
-    loose = [getattr(scene.clearance, joint) for joint in scene.joints_with_clearance]
-    largest_m = LARGEST_PART * min(clearance.radial_clearance_m for clearance in loose)
+    largest_m = LARGEST_PART * min(room.radial_clearance_m for room in scene.clearances.values())
     time, total, longer, settled = [0.0], [0.0], 1, False
     while longer <= LONGEST and scene.end_time_s - time[-1] > stretch_s * (1 - 1e-9):
         run, end = RunSettings(step_s, longer * samples), {"end_time_s": longer * stretch_s}
@@ -102,22 +108,22 @@ def growth(engine: Engine, scene: Scene, step_s: float, stretch_s: float, sample
     return Growth(np.array(time), np.array(total), settled)
 
 
-def distances_m(scene: Scene, one: Trajectory, other: Trajectory, stretch_s: float) -> FloatArray:
+def distances_m(scene: AnyScene, one: Trajectory, other: Trajectory, stretch_s: float) -> FloatArray:
     """Return the distance of two runs at their n times, (n,): the mass-weighted mean of all displacements.
 
     Velocities count as displacements in the time in which a circle of period ``stretch_s`` turns by 1 rad, so
     that all is in m. The exponent does not depend on such a choice.
     """
-    mass = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
+    mass = inertias(scene.mechanism)
     moves = (one.position - other.position) ** 2
     moves = moves + ((one.velocity - other.velocity) * stretch_s / (2 * np.pi)) ** 2
     return np.asarray(np.sqrt(np.sum(mass * moves, axis=(1, 2)) / mass[:, 0].sum()))
 
 
-def _beside(scene: Scene, stretch_s: float) -> Scene:
+def _beside(scene: T, stretch_s: float) -> T:
     """Return the scene begun about SIZE_M beside its start."""
-    if not scene.start.states:
-        return moved(scene, SIZE_M / scene.crank.length_m)
+    if not (isinstance(scene, Scene) and scene.start.states):
+        return moved(scene, SIZE_M / lever_m(scene))
     position, velocity = start_state(scene)
     # The last body is free to move along x while its pin, or that of the rod, is in flight.
     velocity[-1, 0] += SIZE_M * 2 * np.pi / stretch_s

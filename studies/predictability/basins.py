@@ -5,7 +5,7 @@ import numpy as np
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.joints import SLIDER
-from engine_models.mechanics.watch import Watch
+from engine_models.reference.watch import Watch
 from studies.predictability.diagrams import ROOM_M, RUNG, SPEEDS
 from studies.predictability.scenes import following, period_s, set_r, turning
 from studies.predictability.sweeps.chunk import Chunk, run_chunk

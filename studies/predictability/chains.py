@@ -1,7 +1,7 @@
 """Chains over the crank's speed, up and down: where they end in other motions there is hysteresis."""
 
 from engine_models.engine import RunSettings
-from engine_models.mechanics.watch import SPEED, Watch
+from engine_models.reference.watch import SPEED, Watch
 from studies.predictability.diagrams import ROOM_M, RUNG, SPEEDS
 from studies.predictability.scenes import following, period_s, set_r
 from studies.predictability.sweeps.chunk import Chunk, Direction, run_chunk

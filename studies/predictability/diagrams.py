@@ -9,7 +9,7 @@ import pandas as pd
 
 from engine_models import arms
 from engine_models.engine import FloatArray, RunSettings
-from engine_models.mechanics.watch import Watch
+from engine_models.reference.watch import Watch
 from engine_models.scene.scene import Scene
 from studies.ladders import Rung
 from studies.predictability.scenes import following, period_s, set_r, turning

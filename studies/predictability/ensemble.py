@@ -10,10 +10,10 @@ import numpy as np
 
 from engine_models.engine import SimulationFailed
 from engine_models.engines import make_engine
-from engine_models.mechanics.watch import Watch
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import LISTS, Members, supports
 from engine_models.reference.members import Row as SweepRow
+from engine_models.reference.watch import Watch
 from studies.judges.metrics import checked
 from studies.predictability.sweeps.gathered import gathered
 from studies.running.case import Case, Curves, Row

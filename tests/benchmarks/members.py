@@ -16,9 +16,9 @@ import pandas as pd
 from distributed import LocalCluster
 from numpy.typing import NDArray
 
-from engine_models.mechanics.watch import Watch
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import BATCH, Members
+from engine_models.reference.watch import Watch
 from engine_models.scene.library import SCENES
 
 FloatArray = NDArray[np.float64]

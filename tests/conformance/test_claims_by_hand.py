@@ -54,7 +54,7 @@ def faster(run: Trajectory) -> Trajectory:
 
 def stronger(run: Trajectory) -> Trajectory:
     """All joint forces a tenth larger."""
-    return replace(run, joint_force_N=1.1 * run.joint_force_N)
+    return replace(run, joint_force_N={joint: 1.1 * force for joint, force in run.joint_force_N.items()})
 
 
 def elsewhere(run: Trajectory) -> Trajectory:

@@ -55,7 +55,8 @@ class MyEngine:
         run = make_engine("exudyn").simulate(scene, settings)
         position = run.position.copy()
         position[1:, -1, 0] += self.off_m
-        return replace(run, position=position, joint_force_N=self.stronger * run.joint_force_N)
+        forces = {{joint: self.stronger * force for joint, force in run.joint_force_N.items()}}
+        return replace(run, position=position, joint_force_N=forces)
 
 
 class Nothing:

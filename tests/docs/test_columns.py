@@ -11,9 +11,11 @@ import pytest
 import crankslider as cs
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
+from engine_models.scene.file import from_toml
 from reports.results import published_rows
 from studies.command.trajectory_table import impact_columns, sample_columns
 from tests.docs.pages import ROOT, table
+from tests.engine_models.mechanics.machines import MACHINES
 
 #: Between them these have every kind of joint, drive and load; ends are in s.
 SCENES = {
@@ -60,6 +62,28 @@ def test_every_column_on_the_page_is_one_of_a_run() -> None:
     any_joint = {re.sub("_[OAB]_", "_O_", name) for name in real_columns()}
     on_page = {re.sub("_[OAB]_", "_O_", name) for name in names("docs/reference/columns.md", "column")}
     assert on_page - any_joint == set()
+
+
+def test_the_columns_of_a_mechanism_are_on_the_page_and_no_others() -> None:
+    """By machines with every kind of part; names of bodies and so on are as they are written there."""
+    found, unseen = set[str](), set(names("docs/reference/columns.md", "of a mechanism"))
+    shared = names("docs/reference/columns.md", "column")
+    for text in MACHINES.values():
+        scene = from_toml(text, changes={"end_time_s": END_S})
+        run = make_engine("reference", method="dop853").simulate(scene, RunSettings(END_S, 2))
+        of, written = scene.mechanism, {"OBSERVED": ["slot_along"], "BODY": [*scene.mechanism.names]}
+        parts = [guide.name for guide in of.guides] + [spring.name for spring in of.springs]
+        written |= {"JOINT": [*scene.joints], "NAME": parts}
+        page = {re.sub("_[OAB]_", "_P_", name) for name in shared}
+        for pattern in names("docs/reference/columns.md", "of a mechanism"):
+            word = next((word for word in written if word in pattern), "")
+            made = {pattern.replace(word, own) for own in written[word]} if word else {pattern}
+            page |= made
+            if made & sample_columns(scene, run).keys():
+                unseen.discard(pattern)
+        found |= sample_columns(scene, run).keys() - page
+    assert found == set()
+    assert unseen == {"observed_OBSERVED_rad", "observed_OBSERVED_velocity_rad_s"}, "nobody observes an angle"
 
 
 def test_the_columns_of_impacts_are_those_on_the_page() -> None:

@@ -3,13 +3,14 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from engine_models.scene.scene import Scene
 from tests.helpers.orders import ORDER_TOLERANCE, slope
 from tests.helpers.refusals import require_refusal
 from tests.random_scenes import judging
-from tests.random_scenes.truths import truths
+from tests.random_scenes.truths import SAMPLES, truths
 
 
 @pytest.mark.parametrize(
@@ -46,14 +47,12 @@ def test_a_promise_is_held_by_the_error_alone(
     """A run that is off by so many times what is allowed, on a truth that is certain."""
     truth = truths("compliant")[0]
     certain = {tolerance: replace(one, uncertainty_m=0.0) for tolerance, one in truth.judgements.items()}
-    positions = {truth.judged_scene(t).end_time_s: one.position[:, -1, 0] for t, one in certain.items()}
+    positions = {truth.judged_scene(t).end_time_s: one.slider_position_m for t, one in certain.items()}
 
     def run(_: str, scene: Scene, __: object) -> tuple[object, float, list[str]]:
-        return (
-            SimpleNamespace(slider_position_m=positions[scene.end_time_s] + off * 1e-6, steps=1),
-            1e-6,
-            warnings,
-        )
+        position = np.zeros((SAMPLES + 1, 3, 3))
+        position[:, -1, 0] = positions[scene.end_time_s] + off * 1e-6
+        return SimpleNamespace(position=position, steps=1), 1e-6, warnings
 
     monkeypatch.setattr(judging, "_run", run)
     found = list(judging.verdicts(replace(truth, judgements=certain), "reference"))

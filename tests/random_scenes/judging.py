@@ -58,7 +58,7 @@ def verdicts(truth: Truth, engine: str) -> Iterator[Verdict]:
         except (SimulationFailed, UnsupportedScene) as refusal:
             yield Verdict(truth.seed, tolerance, REFUSED, error, str(refusal))
             continue
-        error = float(np.abs(run.position[:, -1, 0] - judgement.position[:, -1, 0]).max())
+        error = float(np.abs(run.position[:, -1, 0] - judgement.slider_position_m).max())
         held = error <= allowed + judgement.uncertainty_m
         outcome = HELD if held else WARNED if warnings else BROKEN
         yield Verdict(truth.seed, tolerance, outcome, error, "; ".join(warnings))

@@ -22,7 +22,7 @@ def test_there_are_enough_and_each_is_certain_to_a_hundredth(kind: Kind) -> None
         for at, judgement in truth.judgements.items():
             assert judgement.uncertainty_m <= certain_to_m(scene, at) * 1.05  # it is rounded
             assert 0 < judgement.end_time_s <= scene.end_time_s * (1 + 1e-15)
-            assert judgement.position[:, -1, 0].shape == (SAMPLES + 1,)
+            assert judgement.slider_position_m.shape == (SAMPLES + 1,)
         missing = [at for at in (*TOLERANCES_M, DEFAULT) if at not in truth.judgements]
         assert truth.stopped or not missing, f"seed {truth.seed} says not why it has no {missing}"
 
@@ -46,7 +46,7 @@ def test_a_truth_is_found_again_by_another_method(kind: Kind) -> None:
         integration = INTEGRATIONS[kind](truth.scene)[-1]()
         judgement = truth.judgements[TOLERANCES_M[-1]]
         times = np.linspace(0.0, judgement.end_time_s, SAMPLES + 1)[1:]
-        for t, expected in zip(times.tolist(), judgement.position[:, -1, 0][1:], strict=True):
+        for t, expected in zip(times.tolist(), judgement.slider_position_m[1:], strict=True):
             if not integration.to(t):
                 break
             assert abs(integration.slider_m - expected) < certain_to_m(truth.scene, TOLERANCES_M[-1])

@@ -125,7 +125,7 @@ def row_of(truth: Truth) -> dict[str, Any]:
                 "end_time_s": judgement.end_time_s,
                 "uncertainty_m": float(f"{judgement.uncertainty_m:.1e}"),
                 "integrations": judgement.integrations,
-                "slider_position_m": [round(x, 15) for x in judgement.position[:, -1, 0].tolist()],
+                "slider_position_m": [round(x, 15) for x in judgement.slider_position_m.tolist()],
             },
         )
         part["at"].append(tolerance)

@@ -26,6 +26,7 @@ from reference_solver.tape import Array, Scalar
 from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
 from studies.judges.ideal_truth import exact
 from studies.judges.metrics import errors
+from tests.helpers.arrays import joint_forces
 from tests.helpers.crank_sliders import in_minimal_coordinates
 
 SAMPLES, END_S = 40, 0.016
@@ -114,8 +115,8 @@ def sizes_of(of: Scene, true: Trajectory) -> dict[str, float]:
         true,
         position=0 * true.position,
         velocity=0 * true.velocity,
-        joint_force_N=0 * true.joint_force_N,
-        guide_normal_force_N=0 * true.joint_force_N[:, 0, 0],
+        joint_force_N={joint: 0 * force for joint, force in true.joint_force_N.items()},
+        guide_force_N={"guide": 0 * true.guide_force_N["guide"]},
         driver_torque_N_m=None if true.driver_torque_N_m is None else 0 * true.driver_torque_N_m,
     )
     sizes, energy = misses(of, nothing, true), float(kinetic_energy_J(of, true).max())
@@ -247,7 +248,7 @@ def test_the_end_of_a_ramp_goes_on_as_a_constant_speed() -> None:
     assert then.driver_torque_N_m is not None
     assert whole.driver_torque_N_m is not None
     assert np.abs(then.position[:, -1, 0] - whole.position[:, -1, 0][half:]).max() < 1e-12
-    assert np.abs(then.joint_force_N - whole.joint_force_N[half:]).max() < 1e-8
+    assert np.abs(joint_forces(then) - joint_forces(whole)[half:]).max() < 1e-8
     assert np.abs(then.driver_torque_N_m - whole.driver_torque_N_m[half:]).max() < 1e-9
 
 
@@ -258,7 +259,7 @@ def test_a_run_begun_later_goes_by_the_drives_clock(name: str) -> None:
     rest = started_from(CASES[name], whole.position[half], whole.velocity[half], at, END_S - at)
     then = ReferenceEngine().simulate(rest, RunSettings(2e-5, SAMPLES - half))
     assert np.abs(then.position - whole.position[half:]).max() < 1e-11
-    assert np.abs(then.joint_force_N - whole.joint_force_N[half:]).max() < 1e-7
+    assert np.abs(joint_forces(then) - joint_forces(whole)[half:]).max() < 1e-7
 
 
 #: With clearance: to the second contact, or further.

@@ -99,6 +99,30 @@ def test_numbers_are_drawn_in_a_unit_in_which_they_have_few_digits(
     assert (scale.label, scale.log) == (label, False)
 
 
+@pytest.mark.parametrize(
+    ("field", "label"),
+    [
+        ("start.speed_rad_s.crank", "crank's speed at the start [rad/s]"),
+        ("start.K1.x_m", "K1's x at the start [mm]"),
+        ("body.crank.pins_m.A", "pin A of crank [mm]"),
+        ("body.crank.mass_kg", "mass of crank [kg]"),
+        ("spring.return.stiffness_N_m", "stiffness of return [N/m]"),
+        ("load.crank.torque_N_m", "torque on crank [N·m]"),
+        ("clearance.B.friction.coefficient", "coefficient at B"),
+    ],
+)
+def test_fields_of_any_scene_are_labelled_with_their_part_and_unit(field: str, label: str) -> None:
+    assert scale_of(field, pd.Series([0.1])).label == label
+
+
+def test_other_mechanisms_have_no_slider_in_their_labels(grid: pd.DataFrame) -> None:
+    rows = grid.assign(exponent_1_s=np.nan, observed_deviation_m=1e-4)
+    (ax,) = sweep_picture(rows, [SPEED], "scene").axes
+    assert ax.get_ylabel() == "deviation once a revolution [µm]"
+    (ax,) = sweep_picture(rows, [], "scene").axes
+    assert ax.get_xlabel() == "phase at impact [°]"
+
+
 def test_over_a_clearance_lengths_are_parts_of_it_a_point_for_each_turn(grid: pd.DataFrame) -> None:
     picture = sweep_picture(grid.assign(exponent_1_s=np.nan), [CLEARANCE], "scene")
     (ax,) = picture.axes

@@ -45,7 +45,7 @@ def test_the_truth_is_independent_and_confirmed_by_another_method_and_by_the_ref
     assert apart < 1e-13, f"{apart:.1e} m"  # both converge to 1e-15 m here
     other = cross_check(scene, SAMPLES).position[:, -1, 0]
     assert np.abs(other - truth.position[:, -1, 0]).max() < 1e-11
-    assert reach(truth, repeats) == SAMPLES + 1
+    assert reach(scene, truth, repeats) == SAMPLES + 1
 
 
 def test_what_has_no_independent_solution_is_told_to_be_the_references(scene: Scene) -> None:
@@ -63,7 +63,7 @@ def test_pointwise_comparison_ends_where_the_repeats_part(scene: Scene) -> None:
     truth, _ = converged(scene, SAMPLES)
     position = truth.position.copy()
     position[10:, 2, 0] += 1e-7
-    assert reach(truth, (replace(truth, position=position),)) == 10
+    assert reach(scene, truth, (replace(truth, position=position),)) == 10
 
 
 def test_a_finer_run_is_closer_and_matches_all_impacts(scene: Scene) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import BareRun, Impacts, RunSettings
+from engine_models.engine import BareRun, FloatArray, Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES, ideal_driven
 from studies import clearance, energy
@@ -97,13 +97,18 @@ def test_a_run_reaches_as_far_as_its_slider_is_right_and_is_off_by_what_it_was_u
     def ended(*times: float) -> SimpleNamespace:
         return SimpleNamespace(impacts=SimpleNamespace(time_s=np.array(times), duration_s=1e-3))
 
-    truth = SimpleNamespace(time_s=time_s, slider_position_m=true_m)
+    def slider_at(place_m: FloatArray) -> dict[str, FloatArray]:
+        position = np.zeros((241, 3, 3))
+        position[:, -1, 0] = place_m
+        return {"position": position, "velocity": 0 * position}
+
+    truth = SimpleNamespace(time_s=time_s, **slider_at(true_m))
     truth.contacts = {"A": ended(0.0, 0.003), "B": ended(0.001, 0.007)}
-    repeat_of = SimpleNamespace(slider_position_m=true_m - 1e-12)
+    repeat_of = SimpleNamespace(**slider_at(true_m - 1e-12))
     scene = SCENES["clearance-free-0.5mm"]()
     found: Any = SimpleNamespace(
         own=scene,
-        run=SimpleNamespace(slider_position_m=true_m + off_m),
+        run=SimpleNamespace(**slider_at(true_m + off_m)),
         solved=SimpleNamespace(truth=truth, repeats=(repeat_of,)),
         compared_until_s=0.02,
     )

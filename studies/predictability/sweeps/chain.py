@@ -36,12 +36,14 @@ def run_chain(
     The first one begins with its pins in their ``places``, or without any as the scene does. After one that
     failed the next one begins where that one did.
     """
+    base = task.scene
+    assert isinstance(base, Scene), "assembled_apart puts crank-sliders together"
     if places is None:
-        places = _places(task.scene, start_state(task.scene)) if task.scene.start.states else {}
-    follow, rows = _follower(task, [*members[0]]), list[Row]()
+        places = _places(base, start_state(base)) if base.start.states else {}
+    follow, rows = _follower(task, base, [*members[0]]), list[Row]()
     for values in members:
         try:
-            scene = task.member(values)
+            scene = task.watch.member(base, values)
             row, end = follow({**values, **_start(scene, places)})
             places = places if end is None else _places(scene, end)
         except (SceneError, SimulationFailed) as failure:
@@ -50,10 +52,10 @@ def run_chain(
     return rows, places
 
 
-def _follower(task: Task, fields: Sequence[str]) -> Follow:
+def _follower(task: Task, scene: Scene, fields: Sequence[str]) -> Follow:
     engine = task.engine
-    if isinstance(engine, ReferenceEngine) and supports(engine, task.scene, fields):
-        return Members(engine, task.scene, {}, task.watch, task.step_s).followed
+    if isinstance(engine, ReferenceEngine) and supports(engine, scene, fields):
+        return Members(engine, scene, {}, task.watch, task.step_s).followed
     return lambda values: followed(task, values)
 
 

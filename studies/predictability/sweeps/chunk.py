@@ -12,7 +12,8 @@ import pyarrow as pa
 
 from engine_models.engine import FloatArray
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.members import LISTS, NUMBERS, failed, run_members, supports
+from engine_models.reference.members import LISTS, failed, numbers_of, run_members, supports
+from engine_models.scene.scene import Scene
 from studies.predictability.sweeps.chain import Places, run_chain
 from studies.predictability.sweeps.gathered import row_of
 from studies.predictability.sweeps.task import Task
@@ -60,18 +61,23 @@ def run_chunk(task: Task, chunk: Chunk) -> pa.Table:
     """Return the rows of a chunk, a member each; the reference runs them together where it can."""
     if chunk.direction:
         own, places = run_chain(task, [*_members(chunk)], chunk.places)
-        return table_of(chunk, pd.DataFrame(own), places)
-    engine = task.engine
-    if isinstance(engine, ReferenceEngine) and supports(engine, task.scene, [*chunk.changes]):
-        rows = run_members(engine, task.scene, chunk.changes, task.watch, step_s=task.step_s)
+        return table_of(task, chunk, pd.DataFrame(own), places)
+    engine, scene = task.engine, task.scene
+    if (
+        isinstance(engine, ReferenceEngine)
+        and isinstance(scene, Scene)
+        and supports(engine, scene, [*chunk.changes])
+    ):
+        rows = run_members(engine, scene, chunk.changes, task.watch, step_s=task.step_s)
     else:
         rows = pd.DataFrame([row_of(task, values) for values in _members(chunk)])
-    return table_of(chunk, rows)
+    return table_of(task, chunk, rows)
 
 
-def failed_chunk(chunk: Chunk, reason: str) -> pa.Table:
+def failed_chunk(task: Task, chunk: Chunk, reason: str) -> pa.Table:
     """Return the rows of a chunk all of whose members failed, for one reason."""
-    return table_of(chunk, pd.DataFrame([failed(reason)] * len(chunk)), chunk.places)
+    rows = [failed(reason, numbers_of(task.scene))] * len(chunk)
+    return table_of(task, chunk, pd.DataFrame(rows), chunk.places)
 
 
 def try_out(task: Task, chunk: Chunk) -> Trial:
@@ -83,7 +89,7 @@ def try_out(task: Task, chunk: Chunk) -> Trial:
     return Trial(elapsed / len(chunk), table.nbytes / len(chunk), _most_bytes())
 
 
-def schema(fields: Iterable[str], chained: bool = False) -> pa.Schema:
+def schema(task: Task, fields: Iterable[str], chained: bool = False) -> pa.Schema:
     """Return names and types of the columns of a sweep in which these fields change."""
     numbers, lists = pa.float64(), pa.list_(pa.float64())
     return pa.schema(
@@ -93,19 +99,19 @@ def schema(fields: Iterable[str], chained: bool = False) -> pa.Schema:
             *((field, numbers) for field in fields),
             ("status", pa.string()),
             ("reason", pa.string()),
-            *((name, numbers) for name in NUMBERS),
+            *((name, numbers) for name in numbers_of(task.scene)),
             *((name, lists) for name in LISTS),
         ]
     )
 
 
-def table_of(chunk: Chunk, rows: pd.DataFrame, places: Places | None = None) -> pa.Table:
+def table_of(task: Task, chunk: Chunk, rows: pd.DataFrame, places: Places | None = None) -> pa.Table:
     """Return the rows of a chunk with their numbers and values before them; a NaN is nothing."""
     head: dict[str, object] = {"member": range(chunk.first, chunk.first + len(chunk)), **chunk.changes}
     if chunk.direction is None:
-        return pa.Table.from_pandas(rows.assign(**head), schema(chunk.changes), preserve_index=False)
+        return pa.Table.from_pandas(rows.assign(**head), schema(task, chunk.changes), preserve_index=False)
     head["direction"] = chunk.direction
-    columns = schema(chunk.changes, chained=True).with_metadata({PLACES: json.dumps(places)})
+    columns = schema(task, chunk.changes, chained=True).with_metadata({PLACES: json.dumps(places)})
     return pa.Table.from_pandas(rows.assign(**head), columns, preserve_index=False)
 
 

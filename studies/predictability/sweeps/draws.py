@@ -11,8 +11,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from engine_models.engine import FloatArray
+from engine_models.mechanics.assembly import start_angle
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
-from engine_models.scene.scene import Scene
 from studies.predictability.sweeps.ranges import MOST_MEMBERS, Range, Values
 from studies.running.failures import BadInput
 
@@ -20,15 +21,15 @@ Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
 #: Points (n, d) in the unit cube.
 Points = Callable[[int, int, np.random.Generator], FloatArray]
 
-#: The field that a jitter moves, by a whole turn to either side at most.
-ANGLE, MOST_JITTER_RAD = "start.crank_angle_rad", 2 * math.pi
+#: A jitter moves the start's angle by a whole turn to either side at most.
+MOST_JITTER_RAD = 2 * math.pi
 
 
 @dataclass(frozen=True)
 class Draw:
     """How members are chosen: ``members`` are those of a point of a grid, or in all of a sample.
 
-    ``jitter`` moves the crank's angle at the start by up to so many rad to either side; 0 is none.
+    ``jitter`` moves the turning body's angle at the start by up to so many rad to either side; 0 is none.
     """
 
     sample: Sample = "grid"
@@ -37,7 +38,7 @@ class Draw:
     seed: int = 0
 
 
-def drawn(scene: Scene, ranges: Mapping[str, Values], draw: Draw) -> dict[str, FloatArray]:
+def drawn(scene: AnyScene, ranges: Mapping[str, Values], draw: Draw) -> dict[str, FloatArray]:
     """Return the values (n,) of every field that changes, by its path; the last of a grid goes fastest.
 
     Raises:
@@ -47,11 +48,11 @@ def drawn(scene: Scene, ranges: Mapping[str, Values], draw: Draw) -> dict[str, F
         raise BadInput(f"--sample: expected {one_of(list(get_args(Sample)))}, got {shown(draw.sample)}")
     values = _grid(ranges, draw) if draw.sample == "grid" else _sampled(ranges, draw)
     if draw.jitter:
-        _require_moves(scene, ranges)
+        path, angle = _moved(scene, ranges)
         count = len(next(iter(values.values()))) if values else draw.members or 0
         # Not of the sample's own seed, whose numbers these would be again.
         moves = np.random.default_rng([draw.seed, 1]).uniform(-draw.jitter, draw.jitter, count)
-        values[ANGLE] = scene.start.crank_angle_rad + moves
+        values[path] = angle + moves
     return values
 
 
@@ -92,11 +93,15 @@ def _require_number(members: int) -> None:
         raise BadInput(f"--vary: expected 1 to {MOST_MEMBERS} members, got {members}")
 
 
-def _require_moves(scene: Scene, ranges: Mapping[str, Values]) -> None:
-    if ANGLE in ranges:
-        raise BadInput(f"--jitter: expected nothing beside --vary {ANGLE}, which it moves")
-    if scene.start.states:
-        raise BadInput("--jitter: expected a start by crank angle, got the state of every body")
+def _moved(scene: AnyScene, ranges: Mapping[str, Values]) -> tuple[str, float]:
+    """Return the path of the angle that a jitter moves, and its value."""
+    try:
+        path, angle = start_angle(scene)
+    except ValueError as reason:
+        raise BadInput(f"--jitter: {reason}") from None
+    if path in ranges:
+        raise BadInput(f"--jitter: expected nothing beside --vary {path}, which it moves")
+    return path, angle
 
 
 def _random(count: int, fields: int, generator: np.random.Generator) -> FloatArray:

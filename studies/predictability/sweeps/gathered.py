@@ -11,13 +11,14 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.quality import require_quality
-from engine_models.mechanics.watch import Watch
+from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.members import End, Row, failed
+from engine_models.reference.members import End, Row, failed, numbers_of, subject_of
+from engine_models.reference.watch import Watch
 from engine_models.scene.data import SceneError
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.judges import lyapunov
-from studies.judges.ideal_motion import slider_position_m
+from studies.predictability.sweeps.closing import closed
 from studies.predictability.sweeps.task import Task
 
 #: Samples in a stretch of the exponent, for each pair of joints: two pins are rarely in flight at once; and
@@ -39,26 +40,31 @@ def followed(task: Task, values: Mapping[str, float]) -> tuple[Row, End | None]:
             found = gathered(task.watch, scene, require_quality(scene, run))
             exponent = _exponent_1_s(task, scene) if task.watch.exponent else math.nan
     except (SceneError, SimulationFailed, UnsupportedScene, MemoryError) as failure:
-        return failed(str(failure) or "no memory left"), None
+        return failed(str(failure) or "no memory left", numbers_of(task.scene)), None
     row = {"status": "ok", "reason": "", **found, "exponent_1_s": exponent}
     return row, (run.position[-1], run.velocity[-1])
 
 
-def gathered(watch: Watch, scene: Scene, run: Trajectory) -> Row:
+def gathered(watch: Watch, scene: AnyScene, run: Trajectory) -> Row:
     """Return what a run did after the transient; all joints with clearance are taken together.
 
     An impact is a touch; one that still lasts at the end has no impulse yet, and its speed is not known. The
-    deviation is the slider's from where ideal joints would put it at the crank's angle, and is positive along
-    +x.
+    deviation in m is that of what the scene observes, such as the slider's place, from where ideal joints
+    would have it at the turning body's angle: NaN where they do not close. That angle is the phase of an
+    impact, or without such a body the part of a turn's time.
     """
-    turn_s = scene.end_time_s / watch.turns
+    turn_s, body = scene.end_time_s / watch.turns, scene.turning_body
     first = round((len(run.time_s) - 1) * watch.transient / watch.turns)
     touch_s, speed, impulse = _touches(run, run.time_s[first])
-    deviation = run.position[:, -1, 0] - slider_position_m(scene, run.position[:, 0, 2])
+    late = replace(run, position=run.position[first:], velocity=run.velocity[first:])
+    ideal = replace(late, position=closed(scene, late.position, body))
+    deviation = observed_m(scene, late) - observed_m(scene, ideal)
     once = turn_s * (watch.transient + np.arange(1, math.floor(watch.revolutions) + 1))
-    phase = np.interp(touch_s, run.time_s, run.position[:, 0, 2]) % (2 * np.pi)
+    angle = 2 * np.pi * run.time_s / turn_s if body is None else run.position[:, body, 2]
+    phase = np.interp(touch_s, run.time_s, angle) % (2 * np.pi)
     contacts, lost = run.contacts.values(), run.dissipated_energy_J
     assert lost is not None
+    subject = subject_of(scene)
     pressed = np.sum([contact.normal_impulse_N_s for contact in contacts], axis=0)
     in_flight = np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0)
     return {
@@ -69,9 +75,9 @@ def gathered(watch: Watch, scene: Scene, run: Trajectory) -> Row:
         "impulse_per_revolution_N_s": float(pressed[-1] - pressed[first]) / watch.revolutions,
         "largest_contact_force_N": max(float(each.normal_force_N[first:].max()) for each in contacts),
         "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / watch.revolutions),
-        "slider_deviation_m": float(np.abs(deviation[first:]).max()),
-        "rms_slider_deviation_m": float(np.sqrt(np.mean(deviation[first:] ** 2))),
-        "strobe_m": np.interp(once, run.time_s, deviation).tolist(),
+        f"{subject}_deviation_m": float(np.abs(deviation).max()),
+        f"rms_{subject}_deviation_m": float(np.sqrt(np.mean(deviation**2))),
+        "strobe_m": np.interp(once, run.time_s[first:], deviation).tolist(),
         "impact_phase_rad": phase.tolist(),
     }
 
@@ -105,7 +111,7 @@ def _lasting_s(time_s: FloatArray, contact: Contact) -> FloatArray:
     return np.array([max(began)])
 
 
-def _exponent_1_s(task: Task, scene: Scene) -> float:
+def _exponent_1_s(task: Task, scene: AnyScene) -> float:
     """Return how fast neighbouring motions part, in 1/s; NaN where that cannot be followed.
 
     Of the reference it is measured with RK4: where a tolerance chooses the steps, two runs differ by theirs.

@@ -207,7 +207,7 @@ def _run(task: Task, rows: list[list[Chunk]], pool: LimitedExecutor, kept: Kept,
             finished, _ = wait(futures, return_when=FIRST_COMPLETED)
             for future in sorted(finished, key=lambda each: futures[each][0].first):
                 first, *others = futures.pop(future)
-                table = _table(first, future)
+                table = _table(task, first, future)
                 if table is None:
                     others = [first.part(place, place + 1) for place in range(len(first))] + others
                 else:
@@ -223,11 +223,11 @@ def _submitted(pool: LimitedExecutor, task: Task, chunk: Chunk) -> "Future[pa.Ta
     return pool.submit_within(ROOMY, run_chunk, task, chunk)
 
 
-def _table(chunk: Chunk, future: "Future[pa.Table]") -> pa.Table | None:
+def _table(task: Task, chunk: Chunk, future: "Future[pa.Table]") -> pa.Table | None:
     """Return the rows of a chunk that is done; None of one whose process died: its members run alone."""
     try:
         return future.result()
     except CaseEnded as end:
         if end.status in NO_RESULT:
             raise RunBroken(f"{end}: what was finished is kept, run it again") from None
-        return failed_chunk(chunk, str(end)) if len(chunk) == 1 else None
+        return failed_chunk(task, chunk, str(end)) if len(chunk) == 1 else None

@@ -7,8 +7,8 @@ from functools import cached_property
 
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import make_engine
-from engine_models.mechanics.watch import Watch
-from engine_models.scene.scene import Scene
+from engine_models.reference.watch import Watch
+from engine_models.scene.parts import AnyScene
 
 #: Output intervals in a turn, and of a whole run at most: of what lies between them an engine that is run
 #: member by member tells nothing but its impacts.
@@ -22,7 +22,7 @@ class Task:
     ``step_s`` is the longest step, None where it is the whole run.
     """
 
-    scene: Scene
+    scene: AnyScene
     engine_name: str
     settings: Mapping[str, object]
     step_s: float | None
@@ -33,12 +33,17 @@ class Task:
         """The engine."""
         return make_engine(self.engine_name, **self.settings)
 
-    def member(self, values: Mapping[str, float]) -> Scene:
+    def member(self, values: Mapping[str, float]) -> AnyScene:
         """Return the scene of a member (see ``Watch.member``)."""
         return self.watch.member(self.scene, values)
 
-    def run_settings(self, scene: Scene) -> RunSettings:
-        """Return step and samples of a member's run; a whole number of samples makes a whole turn."""
+    def run_settings(self, scene: AnyScene) -> RunSettings:
+        """Return step and samples of a member's run; a whole number of samples makes a whole turn.
+
+        Where a tolerance chooses the steps, those of other mechanisms than plain ones are no longer than from
+        sample to sample: within a long step of a stiff contact an interpolant is far off.
+        """
         a_turn = max(1, min(TURN_SAMPLES, math.floor(MOST_SAMPLES / self.watch.turns)))
-        step = scene.end_time_s if self.step_s is None else min(self.step_s, scene.end_time_s)
-        return RunSettings(step, max(1, round(a_turn * self.watch.turns)))
+        samples, end_s = max(1, round(a_turn * self.watch.turns)), scene.end_time_s
+        longest_s = end_s if scene.is_plain else end_s / samples
+        return RunSettings(min(self.step_s or longest_s, end_s), samples)

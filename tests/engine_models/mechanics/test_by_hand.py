@@ -13,8 +13,9 @@ from engine_models.guards import guarded, unguarded
 from engine_models.mechanics.contact_law import LawNumbers, friction_force, normal_force, stiffness_of
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.joints import ContactForces
 from engine_models.mechanics.loads import slider_forces
-from engine_models.mechanics.reactions import ContactForces, guide_force, reactions
+from engine_models.mechanics.reactions import guides_by_balance, reactions
 from engine_models.pymunk.rigid_twin import rigid_twin
 from engine_models.reference import two_methods
 from engine_models.scene.drives import RampDrive
@@ -22,6 +23,7 @@ from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearance, Scene
 from studies.judges.ideal_truth import configuration, exact
+from tests.helpers.arrays import joint_forces
 
 STEEL = Clearance(
     radial_clearance_m=5e-4,
@@ -79,20 +81,23 @@ def test_reactions_are_the_closed_forms_wherever_the_centres_of_mass_are() -> No
     scene = odd()
     truth, speed = exact(scene, 20), scene.start.crank_speed_rad_s
     acceleration = configuration(scene, truth.position[:, 0, 2])[2] * speed**2
-    force, guide, torque = reactions(scene, truth.position, truth.velocity, acceleration, {})
-    scale = np.abs(truth.joint_force_N).max()
-    np.testing.assert_allclose(force, truth.joint_force_N, rtol=0, atol=1e-9 * scale)
-    assert guide is not None
-    assert truth.guide_force_N["guide"] is not None
+    found = reactions(scene, truth.time_s, truth.position, truth.velocity, acceleration, {})
+    scale = np.abs(joint_forces(truth)).max()
+    np.testing.assert_allclose(joint_forces(found), joint_forces(truth), rtol=0, atol=1e-9 * scale)
+    assert found.driver_torque_N_m is not None
     assert truth.driver_torque_N_m is not None
+    guide, torque = found.guide_force_N["guide"], found.driver_torque_N_m
     np.testing.assert_allclose(guide, truth.guide_force_N["guide"], rtol=0, atol=1e-9 * scale)
     np.testing.assert_allclose(torque, truth.driver_torque_N_m, rtol=0, atol=1e-9 * scale)
 
 
 def test_a_guide_carries_the_slider_and_what_its_pin_does_not() -> None:
-    force = np.zeros((1, 3, 2))
-    force[0, 2, 1] = -0.5
-    assert guide_force(ideal_driven(), force) == pytest.approx(0.14 * 9.81 + 0.5)
+    scene = ideal_driven().model_copy(update={"gravity_m_s2": 9.81})
+    still, force = np.zeros((1, 3, 3)), dict.fromkeys("OAB", np.zeros((1, 2)))
+    force["B"] = np.array([[0.0, -0.5]])
+    found, moment = guides_by_balance(scene, np.zeros(1), still, still, force, {})
+    assert found == {"guide": pytest.approx(0.14 * 9.81 + 0.5)}
+    assert moment == {"guide": pytest.approx(0.0)}
 
 
 def test_friction_in_a_bearing_turns_the_crank_by_the_bearings_lever() -> None:
@@ -102,8 +107,8 @@ def test_friction_in_a_bearing_turns_the_crank_by_the_bearings_lever() -> None:
     scene = scene.model_copy(update={"clearance": scene.clearance.model_copy(update={"A": STEEL, "B": None})})
     at_rest = np.zeros((1, 3, 3))
     rubbing = ContactForces(np.array([[5.2e-4, 0.0]]), np.array([2e-5]), np.zeros(1), np.array([3.0]))
-    *_, torque = reactions(scene, at_rest, at_rest, at_rest, {"A": rubbing})
-    assert torque == pytest.approx(3.0 * 0.05 + 3.0 * (0.01 + 1e-5))
+    found = reactions(scene, np.zeros(1), at_rest, at_rest, at_rest, {"A": rubbing})
+    assert found.driver_torque_N_m == pytest.approx(3.0 * 0.05 + 3.0 * (0.01 + 1e-5))
 
 
 def test_a_spring_pulls_from_its_free_position() -> None:

@@ -7,6 +7,7 @@ from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from engine_models.scene.scene import Scene
+from tests.helpers.arrays import joint_forces
 from tests.helpers.units import Units, in_units
 from tests.random_scenes.recipe import random_scene
 
@@ -33,7 +34,7 @@ def test_an_ideal_run_is_the_same_bit_for_bit(name: str, method: str) -> None:
         np.testing.assert_array_equal(length, own.position[..., :2])
         np.testing.assert_array_equal(angle, own.position[..., 2])
         force = units.factor("force_N")
-        np.testing.assert_array_equal(other.joint_force_N / force, own.joint_force_N)
+        np.testing.assert_array_equal(joint_forces(other) / force, joint_forces(own))
 
 
 #: Library scenes and random ones, ended where round-off has not grown beyond what is allowed.

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from engine_models.engine import Contact, Impacts, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.loads import slider_forces
+from engine_models.mechanics.samples import selected
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.model import build, pins
 from engine_models.scene.drives import ConstantSpeedDrive, FreeDrive, TorqueDrive
@@ -23,6 +24,7 @@ from engine_models.scene.library import (
 )
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+from tests.helpers.arrays import joint_forces
 
 SCENES = {**CLEARANCE_SCENES, **RIGID_SCENES}
 #: Short enough for a second in all, long enough for several contacts in each scene.
@@ -85,8 +87,8 @@ def test_every_scene_gives_a_whole_trajectory_from_its_own_start(name: str, arm:
     assert trajectory.time_s == pytest.approx(np.linspace(0, scene.end_time_s, n))
     assert trajectory.steps == STEPS
     assert trajectory.position.shape == trajectory.velocity.shape == (n, bodies, 3)
-    assert trajectory.joint_force_N.shape == (n, bodies, 2)
-    assert (trajectory.guide_force_N["guide"] is None) == (not scene.is_crank_slider)
+    assert joint_forces(trajectory).shape == (n, bodies, 2)
+    assert list(trajectory.guide_force_N) == ["guide"] * scene.is_crank_slider
     assert (trajectory.driver_work_J is None) == (scene.drive.kind == "free")
     assert tuple(trajectory.contacts) == scene.joints_with_clearance
     assert trajectory.position[0, 0, 2] == scene.start.crank_angle_rad
@@ -130,8 +132,7 @@ def test_forces_and_accelerations_agree_body_by_body(name: str) -> None:
     load = np.zeros((len(x), 2))
     load[:, 0] = sum(slider_forces(scene, x, velocity).values())
     kicked = slice(2, -1)  # kicks 0 and 1 are reported as what they should have been
-    force, guide = trajectory.joint_force_N, trajectory.guide_force_N["guide"]
-    assert guide is not None
+    force, guide = joint_forces(trajectory), trajectory.guide_force_N["guide"]
     crank, rod, slider = scene.crank_slider()
     size = np.abs(force[kicked]).max()
     weight = np.array([0.0, scene.weight_m_s2])
@@ -183,8 +184,9 @@ def test_what_the_energy_balance_leaves_over_falls_with_the_step(name: str) -> N
 def test_the_step_that_a_sample_falls_on_does_not_change_it(name: str) -> None:
     scene = short(SCENES[name]())
     each, some = run(scene, samples=STEPS), run(scene)
-    for part in ("position", "velocity", "joint_force_N", "guide_normal_force_N"):
-        assert np.array_equal(getattr(each, part)[:: STEPS // SAMPLES], getattr(some, part)), part
+    thinned = selected(each, slice(None, None, STEPS // SAMPLES))
+    for part in ("position", "velocity", "joint_force_N", "guide_force_N"):
+        assert same(getattr(thinned, part), getattr(some, part)), part
     for joint, contact in some.contacts.items():
         other = each.contacts[joint]
         assert same(contact.impacts, other.impacts)
@@ -383,7 +385,7 @@ def test_an_ideal_pendulum_swings_as_its_equation_says(drive: Any) -> None:
     error = []
     for steps in (1000, 2000):
         trajectory = run(scene, steps=steps)
-        assert trajectory.guide_force_N["guide"] is None
+        assert not trajectory.guide_force_N
         error.append(np.abs(trajectory.position[:, 0, 2] - truth[0]).max())
         s, theta, omega = crank.centre_of_mass_m, truth[0], truth[1]
         alpha = -pull * np.cos(theta) / inertia if free else 0 * theta

@@ -17,6 +17,7 @@ from engine_models.scene.library import (
 from engine_models.scene.loads import Loads
 from engine_models.scene.scene import Clearances, Scene
 from studies.judges.metrics import energy_balance_residual_J
+from tests.helpers.arrays import joint_forces
 
 SAMPLES = 10
 #: A contact is noticed up to a step late, by chance: a slope is that of the mean square over several steps.
@@ -118,7 +119,7 @@ def signals(trajectory: Trajectory) -> dict[str, FloatArray]:
     assert trajectory.driver_torque_N_m is not None
     assert trajectory.driver_work_J is not None
     return {
-        "joint_force_N": trajectory.joint_force_N,
+        "joint_force_N": joint_forces(trajectory),
         "driver_torque_N_m": trajectory.driver_torque_N_m,
         "driver_work_J": trajectory.driver_work_J,
         **trajectory.load_work_J,

@@ -19,6 +19,7 @@ from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Scene
 from studies.judges.ideal_truth import exact
 from tests.engine_models.pymunk.ideal_errors import ORDER_TOLERANCE, orders, run, worst
+from tests.helpers.arrays import joint_forces
 
 #: Relative to the largest force; as in the scenes of constant speed.
 FIRST_FORCES = 5e-5
@@ -125,8 +126,8 @@ def test_all_works_there_are_are_told_and_no_others(name: str) -> None:
 def test_tuned_the_first_forces_are_as_good_as_the_later_ones(name: str) -> None:
     scene = varied(SCENES[name], load=SCENES[name].load.slider, end_time_s=12e-5)
     trajectory, truth = run(scene, PymunkEngine(), samples=12), exact(scene, 12)
-    error = np.abs(trajectory.joint_force_N - truth.joint_force_N).max(axis=(1, 2))
-    assert (error[:2] < FIRST_FORCES * np.abs(truth.joint_force_N).max()).all(), error
+    error = np.abs(joint_forces(trajectory) - joint_forces(truth)).max(axis=(1, 2))
+    assert (error[:2] < FIRST_FORCES * np.abs(joint_forces(truth)).max()).all(), error
 
 
 def test_forces_in_the_two_steps_after_a_tables_entry_are_of_order_one_and_all_else_of_two() -> None:
@@ -134,8 +135,8 @@ def test_forces_in_the_two_steps_after_a_tables_entry_are_of_order_one_and_all_e
     scene = varied(DRIVEN, rough, crank_speed_rad_s=float(rough.spline()(0.0, 1)))
     between, at = {}, {}
     for steps in (1600, 3200, 6400):
-        force = run(scene, PymunkEngine(iterations=20), samples=steps).joint_force_N
-        error = np.abs(force - exact(scene, steps).joint_force_N).max(axis=(1, 2))
+        force = joint_forces(run(scene, PymunkEngine(iterations=20), samples=steps))
+        error = np.abs(force - joint_forces(exact(scene, steps))).max(axis=(1, 2))
         entry = np.arange(0, steps, steps // 8)[1:]
         after = np.concatenate([entry, entry + 1])
         at[steps], between[steps] = error[after].max(), np.delete(error, after).max()
@@ -159,8 +160,9 @@ def test_a_run_does_not_depend_on_blocks_or_on_how_often_it_is_looked_at(
 
 def signals(trajectory: Trajectory) -> dict[str, Any]:
     """Return motion, forces, torque and works by name."""
-    names = ("position", "velocity", "joint_force_N", "driver_torque_N_m", "driver_work_J")
-    return {name: getattr(trajectory, name) for name in names} | dict(trajectory.load_work_J)
+    names = ("position", "velocity", "driver_torque_N_m", "driver_work_J")
+    numbers = {name: getattr(trajectory, name) for name in names} | dict(trajectory.load_work_J)
+    return numbers | {"joint_force_N": joint_forces(trajectory)}
 
 
 @pytest.mark.parametrize("name", ["fluctuating, all", "table", "ramp"])

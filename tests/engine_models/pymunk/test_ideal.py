@@ -1,7 +1,6 @@
 """The Pymunk engine against the independent truth, closed forms and the mechanics it must not break."""
 
 import time
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -9,9 +8,10 @@ import pydantic
 import pymunk
 import pytest
 
-from engine_models.engine import SimulationFailed, Trajectory
+from engine_models.engine import SimulationFailed
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.reactions import reactions
+from engine_models.mechanics.samples import selected
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.model import build
 from engine_models.scene.library import IDEAL_SCENES, ideal_driven, ideal_free, ideal_torque
@@ -19,6 +19,7 @@ from engine_models.scene.scene import Scene
 from studies.judges.ideal_truth import configuration, crank_acceleration, exact
 from studies.judges.metrics import errors
 from tests.engine_models.pymunk.ideal_errors import ORDER_TOLERANCE, SAMPLES, orders, run, worst
+from tests.helpers.arrays import arrays, joint_forces
 
 #: Odd numbers of steps between samples, since an even one would hide a force that rings from step to step;
 #: above the steps where a phase error of a radian bends the slope, below those where round-off shows.
@@ -76,8 +77,8 @@ def test_out_of_the_box_every_signal_converges_at_order_one_once_started(name: s
 @pytest.mark.parametrize("steps", [1001, 10001])
 def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: int) -> None:
     scene = shorter(ideal_torque(), 0.01)
-    force = [run(scene, engine, steps, 1).joint_force_N[0, 1, 0] for engine in ARMS]
-    truth = exact(scene, 1).joint_force_N[0, 1, 0]
+    force = [run(scene, engine, steps, 1).joint_force_N["A"][0, 0] for engine in ARMS]
+    truth = exact(scene, 1).joint_force_N["A"][0, 0]
     assert force[0] == pytest.approx(truth, abs=1e-4), f"tuned {force[0]:.6g} N, truth {truth:.6g} N"
     assert 0.02 < abs(force[1] / truth - 1) < 0.1, f"out of the box {force[1]:.6g} N, truth {truth:.6g} N"
 
@@ -86,7 +87,7 @@ def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: i
 def test_tuned_the_first_forces_are_as_good_as_the_later_ones(name: str) -> None:
     scene = shorter(IDEAL_SCENES[name](), 12e-5)
     trajectory = run(scene, PymunkEngine(), samples=12)
-    error, size = errors(scene, trajectory, exact(scene, 12)), np.abs(trajectory.joint_force_N).max()
+    error, size = errors(scene, trajectory, exact(scene, 12)), np.abs(joint_forces(trajectory)).max()
     for signal in ("joint_A_force_error_N", "joint_B_force_error_N", "guide_normal_force_error_N"):
         assert (error[signal][:2] < FIRST_FORCES * size).all(), f"{signal}: {error[signal] / size}"
     velocity = np.abs(trajectory.velocity[:, -1, 0] - exact(scene, 12).velocity[:, -1, 0])
@@ -95,8 +96,8 @@ def test_tuned_the_first_forces_are_as_good_as_the_later_ones(name: str) -> None
 
 def test_without_the_half_kick_a_full_correction_makes_the_first_force_half_too_large() -> None:
     scene = shorter(ideal_driven(), 12e-5)
-    force = run(scene, PymunkEngine(iterations=20, half_kick_start=False), samples=12).joint_force_N[:, 1, 0]
-    ratio = force / exact(scene, 12).joint_force_N[:, 1, 0]
+    of, truth = run(scene, PymunkEngine(iterations=20, half_kick_start=False), samples=12), exact(scene, 12)
+    ratio = of.joint_force_N["A"][:, 0] / truth.joint_force_N["A"][:, 0]
     assert ratio[1] == pytest.approx(1.5, abs=0.01), ratio
     assert ratio[2:] == pytest.approx(1.0, abs=0.01), ratio
 
@@ -112,15 +113,15 @@ def test_the_momentum_balance_gives_the_exact_forces_of_an_exact_motion() -> Non
         else:
             theta_2 = motion.acceleration_rad_s2(truth.time_s)
         acceleration = X_1 * theta_2[:, None, None] + X_2 * (speed**2)[:, None, None]
-        force, guide, torque = reactions(scene, X, truth.velocity, acceleration, {})
-        assert guide is not None
-        size = np.abs(truth.joint_force_N).max()
-        worst_force = np.abs(force - truth.joint_force_N).max() / size
+        found = reactions(scene, truth.time_s, X, truth.velocity, acceleration, {})
+        size = np.abs(joint_forces(truth)).max()
+        worst_force = np.abs(joint_forces(found) - joint_forces(truth)).max() / size
         assert worst_force < ROUND_OFF, f"{scene.name}: {worst_force}"
-        assert truth.guide_force_N["guide"] is not None
-        assert np.abs(guide - truth.guide_force_N["guide"]).max() / size < ROUND_OFF
-        needed = 0.0 if truth.driver_torque_N_m is None else truth.driver_torque_N_m
-        assert np.abs(torque - needed).max() / size < ROUND_OFF, f"{scene.name}: {torque - needed}"
+        assert np.abs(found.guide_force_N["guide"] - truth.guide_force_N["guide"]).max() / size < ROUND_OFF
+        torque, needed = found.driver_torque_N_m, truth.driver_torque_N_m
+        assert (torque is None) == (needed is None)
+        if torque is not None and needed is not None:
+            assert np.abs(torque - needed).max() / size < ROUND_OFF, f"{scene.name}: {torque - needed}"
 
 
 def test_driven_pin_force_and_torque_have_the_values_of_the_closed_form() -> None:
@@ -128,7 +129,7 @@ def test_driven_pin_force_and_torque_have_the_values_of_the_closed_form() -> Non
     on_axis = plain.crank.model_copy(update={"centre_of_mass_m": 0.0})  # as the torque was computed
     scene = plain.model_copy(update={"crank": on_axis})
     trajectory = run(scene, PymunkEngine(), steps_per_sample=5, samples=2000)
-    pin, torque = trajectory.joint_force_N[0, 2, 0], trajectory.driver_torque_N_m
+    pin, torque = trajectory.joint_force_N["B"][0, 0], trajectory.driver_torque_N_m
     assert torque is not None
     assert trajectory.driver_work_J is not None
     assert -pin == pytest.approx(2718.71, abs=PIN_FORCE_ACCURACY), f"pin force {-pin} N"
@@ -192,32 +193,31 @@ def test_the_drivers_work_does_not_depend_on_how_often_it_is_looked_at() -> None
 def test_the_step_that_a_sample_falls_on_does_not_change_it(make: Any, samples: int) -> None:
     scene = shorter(make(), 42e-5)
     each, some = run(scene, PymunkEngine(), samples=42), run(scene, PymunkEngine(), 42 // samples, samples)
-    for name in ("position", "velocity", "joint_force_N", "guide_normal_force_N"):
-        assert np.array_equal(getattr(each, name)[:: 42 // samples], getattr(some, name)), name
+    thinned, own = arrays(selected(each, slice(None, None, 42 // samples))), arrays(some)
+    for name in ("position", "velocity", *(name for name in own if "force" in name)):
+        assert thinned[name] == own[name], name
 
 
 @pytest.mark.parametrize("samples", [1, 2])
 def test_a_run_of_one_or_two_steps_gives_forces(samples: int) -> None:
     scene = shorter(ideal_driven(), samples * 1e-5)
     force, truth = run(scene, PymunkEngine(), samples=samples), exact(scene, samples)
-    assert force.joint_force_N == pytest.approx(truth.joint_force_N, abs=0.5)
+    assert joint_forces(force) == pytest.approx(joint_forces(truth), abs=0.5)
 
 
 def test_two_runs_are_identical_to_the_last_bit() -> None:
     for make in IDEAL_SCENES.values():
         one, two = (run(make(), PymunkEngine(), 5) for _ in range(2))
-        for field in fields(Trajectory):
-            if field.name not in ("solve_time_s", "load_work_J"):
-                assert np.array_equal(getattr(one, field.name), getattr(two, field.name)), field.name
-        for part, work in one.load_work_J.items():
-            assert np.array_equal(work, two.load_work_J[part]), part
+        assert arrays(one) == arrays(two)
+        assert (one.step_s, one.steps) == (two.step_s, two.steps)
 
 
 def test_the_solve_time_is_the_stepping_alone() -> None:
     started = time.perf_counter()
     trajectory = run(ideal_driven(), PymunkEngine(), 81)
     wall = time.perf_counter() - started
-    assert 0.1 * wall < trajectory.solve_time_s < 0.8 * wall, f"{trajectory.solve_time_s} s of {wall} s"
+    # Reactions at every kick, for the work of the drive, take some ten times as long as the stepping.
+    assert 0.01 * wall < trajectory.solve_time_s < 0.8 * wall, f"{trajectory.solve_time_s} s of {wall} s"
 
 
 def started(scene: Scene, speed: float) -> Scene:

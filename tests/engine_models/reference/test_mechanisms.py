@@ -15,6 +15,7 @@ from engine_models.mechanics.states import lever_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
 from tests.engine_models.reference.mechanism_texts import ENDS, PARALLELOGRAM, TEXTS, four_bars, scene
+from tests.helpers.arrays import joint_forces
 from tests.helpers.orders import ORDER_TOLERANCE, slope
 
 SHARP, RK4 = ReferenceEngine(method="dop853", step_tolerance=1e-12), ReferenceEngine()
@@ -209,7 +210,7 @@ def test_joint_forces_obey_newton_and_euler(name: str) -> None:
     h, x = of.end_time_s / samples, run.position
     weights = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
     rates = sum(w * x[k : len(x) - 6 + k] for k, w in enumerate(weights)) / h**2
-    x, forces, data = x[3:-3], run.joint_force_N[3:-3], of.mechanism
+    x, forces, data = x[3:-3], joint_forces(run)[3:-3], of.mechanism
     load = np.zeros_like(x)
 
     def add(body: int, point: tuple[float, float], force: FloatArray) -> None:

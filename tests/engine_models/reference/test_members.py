@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from engine_models.engine import Contact, FloatArray, RunSettings, SimulationFailed, Trajectory
-from engine_models.mechanics.watch import Watch
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.members import Members, run_members, supports
+from engine_models.reference.watch import Watch
 from engine_models.scene.data import SceneError
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene

@@ -416,7 +416,6 @@ def test_general_files_are_simulated_and_shown(tmp_path: Path) -> None:
     [
         ("truth", (), ("SCENE: expected a crank-slider on a guide along +x through O or a pendulum",)),
         ("compare", (), ("for comparisons so far, got four-bar",)),
-        ("sweep", ("--vary", "end_time_s=0.1,0.2"), ("for sweeps so far, got four-bar",)),
         (
             "simulate",
             ("--engine", "pymunk"),

@@ -105,7 +105,7 @@ def test_the_pin_stays_in_its_bearing_and_is_only_pushed() -> None:
     assert past.max() < 1e-14, f"{past.max():.1e} m past the wall"  # round-off of 0.17 m
     following = found.closed[:, 0]
     assert 0.1 < following.mean() < 0.9
-    inward = -np.sum(found.joint_force_N["O"] * d, axis=1)
+    inward = -np.sum(found.joint_force_N[:, 0] * d, axis=1)
     assert inward[following].min() > 0
     assert not found.joint_force_N[~following].any()
 

@@ -189,7 +189,7 @@ def test_a_pin_slides_along_its_wall_as_a_pendulum_at_order_four() -> None:
         assert found.closed.all()
         assert not found.impacts
         errors["place"].append(float(np.abs(found.q[:, :2] - place).max()))
-        errors["force"].append(float(np.abs(found.joint_force_N["O"] - force).max()))
+        errors["force"].append(float(np.abs(found.joint_force_N[:, 0] - force).max()))
     for name, values in errors.items():
         order = -slope(counts, values)
         assert abs(order - 4) < ORDER_TOLERANCE, f"{name}: order {order:.3f} of {values}"

@@ -252,7 +252,7 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "engine that is none": ((*SIMULATE, "--engine", "os.path:join"), ("expected the methods check, twin",)),
     "film to stdout": ((*SIMULATE, "--animate", "-"), ("--animate: expected a file that ends in .html",)),
     "device": (("show", "/dev/null"), ("/dev/null: expected a file that can be read, got a device",)),
-    "sweep of an ideal scene": (("sweep", "ideal-free"), ("SCENE: expected a crank-slider with clearance",)),
+    "sweep of an ideal scene": (("sweep", "ideal-free"), ("SCENE: expected a joint with clearance",)),
     "sweep of nothing": (("sweep", LOOSE), ("--vary: expected FIELD=VALUES, or --members and --jitter",)),
     "sweep of a field that is none": (
         ("sweep", LOOSE, "--vary", "crank.mas_kg=1,2"),

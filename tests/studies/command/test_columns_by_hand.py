@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from engine_models.engine import Contact, Impacts, Trajectory
 from engine_models.scene.library import SCENES
@@ -39,8 +40,9 @@ def run() -> Trajectory:
         time_s=np.array([0.0, 1.0]),
         position=np.arange(1.0, 19.0).reshape(2, 3, 3),
         velocity=np.arange(21.0, 39.0).reshape(2, 3, 3),
-        joint_force_N=np.arange(41.0, 53.0).reshape(2, 3, 2),
-        guide_normal_force_N=np.array([61.0, 62.0]),
+        joint_force_N=dict(zip("OAB", np.arange(41.0, 53.0).reshape(2, 3, 2).swapaxes(0, 1), strict=True)),
+        guide_force_N={"guide": np.array([61.0, 62.0])},
+        guide_moment_N_m={"guide": np.array([65.0, 66.0])},
         driver_torque_N_m=np.array([63.0, 64.0]),
         driver_work_J=np.array([0.0, 5.0]),
         step_s=0.5,
@@ -90,10 +92,45 @@ def test_every_column_has_its_name_its_place_and_its_number() -> None:
         "contact_B_normal_force_N": (70.0, 0.0),
         "contact_B_friction_force_N": (7.0, 0.0),
         "dissipated_energy_J": (0.0, 0.07),
+        # The pin is pushed by 70 N along (-0.6, -0.8) and by 7 N along (-0.8, 0.6).
+        "slider_acceleration_m_s2": (-47.6 / 0.14, 0.0),
+        "rod_angle_rad": (6.0, 15.0),
+        "rod_speed_rad_s": (26.0, 35.0),
+        # Joint O is at the origin, the guide pushes at x = 7 m and at x = 16 m.
+        "ground_force_x_N": (-41.0, -47.0),
+        "ground_force_y_N": (-42.0 - 61.0, -48.0 - 62.0),
+        "ground_moment_N_m": (-7.0 * 61.0 - 65.0 - 63.0, -16.0 * 62.0 - 66.0 - 64.0),
     }
     assert list(columns) == list(expected)
     for name, values in expected.items():
         np.testing.assert_allclose(columns[name], values, rtol=1e-13, atol=1e-13, err_msg=name)
+
+
+def test_a_load_moves_the_slider_along_its_guide_and_pushes_back_on_the_ground() -> None:
+    """A force of -3 N and a damper of 2 N s/m, in a guide that rises by 3 in 5, 0.02 m off joint O."""
+    scene = SCENES["ideal-driven"]().replace(
+        {
+            "slider.guide_angle_rad": np.arctan2(3.0, 4.0),
+            "slider.guide_offset_m": 0.02,
+            "load.slider": {"force_N": -3.0, "viscous_N_s_m": 2.0},
+        }
+    )
+    columns = sample_columns(scene, replace(run(), contacts={}))
+    for sample, (at, v, (Bx, By), normal, rest) in enumerate(
+        [
+            ((7.0, 8.0), (27.0, 28.0), (45.0, 46.0), 61.0, 65.0 + 63.0),
+            ((16.0, 17.0), (36.0, 37.0), (51.0, 52.0), 62.0, 66.0 + 64.0),
+        ]
+    ):
+        load = -3.0 - 2.0 * (0.8 * v[0] + 0.6 * v[1])
+        along = (0.8 * Bx + 0.6 * By + load) / 0.14 - 0.6 * 9.81
+        assert columns["slider_acceleration_m_s2"][sample] == pytest.approx(along)
+        # The guide's force on the slider is along (-0.6, 0.8), the load's along (0.8, 0.6).
+        fx, fy = 0.6 * normal - 0.8 * load, -0.8 * normal - 0.6 * load
+        Ox, Oy = (41.0, 42.0) if sample == 0 else (47.0, 48.0)
+        assert columns["ground_force_x_N"][sample] == pytest.approx(fx - Ox)
+        assert columns["ground_force_y_N"][sample] == pytest.approx(fy - Oy)
+        assert columns["ground_moment_N_m"][sample] == pytest.approx(at[0] * fy - at[1] * fx - rest)
 
 
 def test_impacts_of_all_joints_are_in_the_order_of_time() -> None:

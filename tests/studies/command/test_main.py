@@ -28,6 +28,11 @@ FORCES = (
     ",".join(f"joint_{joint}_force_{axis}_N" for joint in "OAB" for axis in "xy") + ",guide_normal_force_N"
 )
 
+LAST = (
+    "slider_acceleration_m_s2,rod_angle_rad,rod_speed_rad_s"
+    ",ground_force_x_N,ground_force_y_N,ground_moment_N_m"
+)
+
 
 def test_scenes_lists_every_scene_with_its_description() -> None:
     listed = crankslider("scenes")
@@ -106,7 +111,7 @@ def test_simulate_writes_the_fixed_columns(name: str, engine: str) -> None:
     assert done.stderr.endswith(f"\nnote: {run.steps} steps{of}, the longest 1e-05 s\n")
     assert done.stdout.splitlines()[0] == (
         f"{MOTION},{FORCES}{torque},kinetic_energy_J,potential_energy_J,{WORKS.get(name, '')}"
-        "energy_balance_residual_J"
+        f"energy_balance_residual_J,{LAST}"
     )
     pd.testing.assert_frame_equal(
         table_of(done.stdout), pd.DataFrame(sample_columns(scene, run)), check_exact=True
@@ -164,7 +169,7 @@ def test_a_joint_with_clearance_has_its_own_columns(friction: str, tmp_path: Pat
     force = "contact_B_normal_force_N," + ("contact_B_friction_force_N," if friction else "")
     assert done.stdout.splitlines()[0] == (
         f"{MOTION},{FORCES},driver_torque_N_m,kinetic_energy_J,potential_energy_J,energy_balance_residual_J,"
-        f"clearance_B_x_m,clearance_B_y_m,contact_B_penetration_m,{force}dissipated_energy_J"
+        f"clearance_B_x_m,clearance_B_y_m,contact_B_penetration_m,{force}dissipated_energy_J,{LAST}"
     )
     samples = table_of(done.stdout)
     gap = np.hypot(samples["clearance_B_x_m"], samples["clearance_B_y_m"])

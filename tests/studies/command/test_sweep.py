@@ -89,7 +89,7 @@ def test_what_cannot_be_swept_is_refused_in_one_line(options: list[str], pieces:
 
 def test_a_scene_without_clearance_is_refused() -> None:
     done = crankslider("sweep", "ideal-driven", "--vary", f"{SPEED}=1,2")
-    require_refusal(done.stdout, done.stderr, done.code, "SCENE: expected a crank-slider with clearance")
+    require_refusal(done.stdout, done.stderr, done.code, "SCENE: expected a joint with clearance, got none")
 
 
 def test_a_picture_of_what_no_member_did_is_refused_in_one_line(tmp_path: Path) -> None:

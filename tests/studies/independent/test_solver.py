@@ -56,6 +56,10 @@ def assert_alike(scene: Scene, run: Trajectory, other: Trajectory) -> None:
     for (name, size), error in zip(sizes.items(), errors(scene, run, other).values(), strict=True):
         allowed = PLACE_M if name.startswith(PLACES) else PART * size
         assert error.max() <= allowed, f"{name} off by {error.max():.1e} of {size:.1e}"
+    largest_N = max(size for name, size in sizes.items() if name.endswith("force_N"))
+    for guide, moment in other.guide_moment_N_m.items():
+        lever_m = scene.crank.length_m
+        assert np.abs(run.guide_moment_N_m[guide] - moment).max() <= PART * largest_N * lever_m
     works = [(run.driver_work_J, other.driver_work_J)]
     works += [(run.load_work_J[part], work) for part, work in other.load_work_J.items()]
     for joint, contact in other.contacts.items():

@@ -55,10 +55,10 @@ def test_a_truth_at_other_times_is_none(driven: tuple[Scene, Trajectory]) -> Non
 
 def test_a_force_is_that_of_its_joint(driven: tuple[Scene, Trajectory]) -> None:
     scene, truth = driven
-    for place, joint in enumerate("OAB"):
-        force = truth.joint_force_N.copy()
-        force[2, place] += (3.0, -4.0)
-        off = errors(scene, replace(truth, joint_force_N=force), truth)
+    for joint in "OAB":
+        force = truth.joint_force_N[joint].copy()
+        force[2] += (3.0, -4.0)
+        off = errors(scene, replace(truth, joint_force_N={**truth.joint_force_N, joint: force}), truth)
         assert {name: e.max() for name, e in off.items() if e.any()} == {
             f"joint_{joint}_force_error_N": pytest.approx(5.0)
         }
@@ -89,8 +89,7 @@ def test_a_signal_of_which_too_little_is_seen_or_nothing_is_there_is_not_judged(
 ) -> None:
     scene, truth = driven
     seen = float(np.hypot(*truth.joint_force_N["B"].T).max())
-    assert truth.guide_force_N["guide"] is not None
-    truth = replace(truth, guide_normal_force_N=0 * truth.guide_force_N["guide"])
+    truth = replace(truth, guide_force_N={"guide": 0 * truth.guide_force_N["guide"]})
     for part, judged_at_all in ((0.995, True), (0.98, False)):
         row, _ = compared(judged_by(scene, truth, truth, 1.0, joint_B_force_N=seen / part))
         assert ("joint_B_force_error_N" in row) == judged_at_all
@@ -128,11 +127,11 @@ def test_what_is_conserved_is_judged_by_its_size(driven: tuple[Scene, Trajectory
 def test_the_first_repeat_that_parts_by_ten_nanometres_ends_the_comparison(
     driven: tuple[Scene, Trajectory],
 ) -> None:
-    _, truth = driven
+    scene, truth = driven
     near, far = shifted(truth, 0.9e-8, 1), shifted(truth, 1.1e-8, 4)
-    assert reach(truth, (near, far)) == 4
-    assert reach(truth, (far, near)) == 4
-    assert reach(truth, (near, near)) == len(truth.time_s)
+    assert reach(scene, truth, (near, far)) == 4
+    assert reach(scene, truth, (far, near)) == 4
+    assert reach(scene, truth, (near, near)) == len(truth.time_s)
 
 
 def test_a_truth_and_what_tells_its_uncertainty_are_found_in_different_ways() -> None:
@@ -185,8 +184,8 @@ def loose(**contacts: Contact) -> Trajectory:
         time_s=np.arange(float(n)),
         position=still,
         velocity=still,
-        joint_force_N=still[:, :, :2],
-        guide_normal_force_N=None,
+        joint_force_N=dict.fromkeys("OAB", still[:, 0, :2]),
+        guide_force_N={"guide": still[:, 0, 0]},
         driver_torque_N_m=None,
         driver_work_J=None,
         step_s=1.0,

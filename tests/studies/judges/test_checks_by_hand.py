@@ -60,9 +60,11 @@ def test_gains_and_losses_are_those_of_the_residual_in_first_impacts(monkeypatch
     monkeypatch.setattr(verdict, "checked", lambda *_: {"quality_failure": ""})
     touches = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 2.5])
     joint = SimpleNamespace(impacts=SimpleNamespace(time_s=touches))
-    truth: Any = SimpleNamespace(time_s=np.arange(4.0), slider_position_m=np.zeros(4), contacts={"B": joint})
-    place = np.array([0.0, 1e-6, -2e-6, 1.0])
-    run: Any = SimpleNamespace(time_s=np.arange(4.0), slider_position_m=place, contacts={})
+    still = np.zeros((4, 3, 3))
+    truth: Any = SimpleNamespace(time_s=np.arange(4.0), position=still, velocity=still, contacts={"B": joint})
+    place = still.copy()
+    place[:, -1, 0] = 0.0, 1e-6, -2e-6, 1.0
+    run: Any = SimpleNamespace(time_s=np.arange(4.0), position=place, velocity=still, contacts={})
     row = verdict.measured(SCENES["clearance-driven-0.5mm"](), run, truth, 4, 2.0)
     assert {name: row[name] for name in (verdict.GAIN, verdict.LOSS, verdict.VIOLATION, verdict.ERROR)} == (
         pytest.approx(

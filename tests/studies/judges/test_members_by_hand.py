@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from engine_models.engine import Contact, Impacts, RunSettings, Trajectory
-from engine_models.mechanics.watch import Watch
+from engine_models.reference.watch import Watch
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges import horizon, lyapunov
@@ -52,8 +52,8 @@ def member(scene: Scene) -> Trajectory:
         np.array(TIMES_S),
         position,
         0 * position,
-        np.zeros((9, 3, 2)),
-        None,
+        {joint: np.zeros((9, 2)) for joint in "OAB"},
+        {"guide": np.zeros(9)},
         None,
         None,
         0.01,

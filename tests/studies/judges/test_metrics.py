@@ -48,18 +48,18 @@ def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> N
 def test_an_error_is_found_in_its_signal_at_its_time_alone() -> None:
     scene = ideal_driven()
     truth = exact(scene, 4)
-    force = truth.joint_force_N.copy()
-    force[3, 1] += (3.0, 4.0)
-    curves = errors(scene, replace(truth, joint_force_N=force), truth)
+    force = truth.joint_force_N["A"].copy()
+    force[3] += (3.0, 4.0)
+    curves = errors(scene, replace(truth, joint_force_N={**truth.joint_force_N, "A": force}), truth)
     assert curves["joint_A_force_error_N"].tolist() == pytest.approx([0, 0, 0, 5, 0])
     assert all(not e.any() for name, e in curves.items() if name != "joint_A_force_error_N")
 
 
 def test_a_scale_is_the_largest_distance_from_the_mean_over_time() -> None:
     truth = exact(ideal_driven(), 2)
-    position, force = truth.position.copy(), truth.joint_force_N.copy()
+    position = truth.position.copy()
     position[:, 2, 0] = 1.0, 2.0, 6.0  # 3 on average
-    force[:, 1] = (0.0, 0.0), (3.0, 0.0), (0.0, 12.0)  # (1, 4) on average
+    force = {**truth.joint_force_N, "A": np.array([(0.0, 0.0), (3.0, 0.0), (0.0, 12.0)])}  # (1, 4) on average
     found = scales(ideal_driven(), replace(truth, position=position, joint_force_N=force))
     assert found["slider_position_scale_m"] == pytest.approx(3.0)
     assert found["joint_A_force_scale_N"] == pytest.approx(65.0**0.5)
@@ -86,8 +86,7 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
     momentum = np.einsum("b,nbk->nk", masses, truth.velocity[:, :, :2])
     h = truth.time_s[1]
     rate = (8 * (momentum[3:-1] - momentum[1:-3]) - (momentum[4:] - momentum[:-4])) / (12 * h)
-    outside = truth.joint_force_N[2:-2, 0].copy()
-    assert truth.guide_force_N["guide"] is not None
+    outside = truth.joint_force_N["O"][2:-2].copy()
     outside[:, 1] += truth.guide_force_N["guide"][2:-2] - masses.sum() * scene.gravity_m_s2
     scale = np.abs(outside).max()
     # h^4/30 times the fifth derivative: (n omega h)^4/30 of the force's n-th harmonic. Measured 3.4e-6 on

@@ -13,7 +13,7 @@ import pytest
 from distributed import Client, LocalCluster
 from pyarrow.parquet import read_table
 
-from engine_models.mechanics.watch import Watch
+from engine_models.reference.watch import Watch
 from engine_models.scene.library import SCENES
 from studies.predictability.sweeps.run import Sweep, run_sweep
 from studies.predictability.sweeps.task import Task

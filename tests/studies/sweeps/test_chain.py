@@ -9,7 +9,7 @@ import pytest
 
 from engine_models.mechanics.assembly import assembled, assembled_apart
 from engine_models.mechanics.joints import joint_gap
-from engine_models.mechanics.watch import SPEED, Watch
+from engine_models.reference.watch import SPEED, Watch
 from engine_models.scene.library import SCENES
 from studies.command.sweep import asked, options_of
 from studies.predictability.sweeps import run as running

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from engine_models.scene.library import SCENES
-from studies.predictability.sweeps.draws import ANGLE, Draw, Sample, drawn
+from studies.predictability.sweeps.draws import Draw, Sample, drawn
 from studies.predictability.sweeps.ranges import values_of
 from studies.running.failures import BadInput
 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
+ANGLE = "start.crank_angle_rad"
 SCENE = SCENES["clearance-driven-0.5mm"]()
 #: A logarithm and its inverse are each right to some units in the last place.
 ROUND_OFF = 1e-14

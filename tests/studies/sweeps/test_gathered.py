@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import crankslider as cs
-from engine_models.mechanics.watch import Watch
+from engine_models.reference.watch import Watch
 from studies.predictability.sweeps.gathered import row_of
 from studies.predictability.sweeps.task import Task
 

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from engine_models.mechanics.watch import Watch
+from engine_models.reference.watch import Watch
 from engine_models.scene.library import SCENES
 from studies.predictability.sweeps import run as running
 from studies.predictability.sweeps.chunk import Chunk, Trial, run_chunk, try_out

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from engine_models.mechanics.watch import Watch
+from engine_models.reference.watch import Watch
 from engine_models.scene.library import SCENES
 from studies.predictability.sweeps.chunk import Chunk, run_chunk
 from studies.predictability.sweeps.gathered import row_of
