@@ -84,8 +84,8 @@ def plain(scene: AnyScene, engine: str) -> Scene:
     if isinstance(scene, Scene) and scene.is_plain:
         return scene
     raise UnsupportedScene(
-        f"{engine} runs crank-sliders on a guide along +x through O and pendulums so far; the reference and "
-        f"scipy run other mechanisms (this is one by {scene.general_by})"
+        f"{engine} runs crank-sliders on a guide along +x through O and pendulums so far; the reference, "
+        f"scipy and exudyn run other mechanisms (this is one by {scene.general_by})"
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from engine_models.engine import T, UnsupportedScene
 from engine_models.mechanics.contact_law import damping_factor_of, minimum_impact_speed_of
-from engine_models.scene.scene import Clearance
+from engine_models.scene.parts import Clearance
 
 #: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.
 LARGEST_OF_MODEL_1, LARGEST_OF_CARVALHO_MARTINS = 1.5, 8 / 3

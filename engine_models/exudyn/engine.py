@@ -1,6 +1,8 @@
-"""Exudyn on the crank-slider: what its settings can and cannot express, and its runs."""
+"""Exudyn on planar mechanisms: what its settings can and cannot express, and its runs."""
 
+import math
 from dataclasses import replace
+from typing import ClassVar
 
 import pydantic
 
@@ -11,19 +13,25 @@ from engine_models.engine import (
     T,
     Trajectory,
     UnsupportedScene,
-    plain,
     require_finite,
 )
 from engine_models.exudyn.contact_law import native_twin
 from engine_models.exudyn.fast_build import load_build, require_build
-from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ORDERS, ExudynSettings, integrates_work, no_tree
+from engine_models.exudyn.settings import (
+    ADAPTIVE,
+    IMPLICIT,
+    ORDERS,
+    ExudynSettings,
+    integrates_work,
+    no_tree,
+    steps_as_they_come,
+)
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Scene
 
-#: What a recorded step takes, with what is made of it after the run (measured).
+#: What a recorded step of three bodies takes, with what is made of it after the run (measured).
 BYTES_PER_STEP, BYTES_PER_STEP_WITH_CONTACT = 550, 5_000
 #: The smallest tolerance that ``sharper`` goes to.
 SHARPEST = 1e-14
@@ -36,9 +44,10 @@ class ExudynEngine(ExudynSettings):
     See ``ExudynSettings``.
     """
 
+    any_mechanism: ClassVar[bool] = True
+
     def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
-        scene = plain(scene, "exudyn")
         native_twin(scene)
         if self.solver_of(scene) not in IMPLICIT:
             reason = no_tree(scene)
@@ -69,7 +78,6 @@ class ExudynEngine(ExudynSettings):
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
-        scene = plain(scene, "exudyn")
         self.check(scene)
         load_build(self.fast)
         from engine_models.exudyn.run import bare_run  # which imports Exudyn, in the build of the first run
@@ -84,7 +92,6 @@ class ExudynEngine(ExudynSettings):
             SimulationFailed: Exudyn gave up, stopped short, ran out of time or returned non-finite numbers;
                 or the driver's speed changes within a step.
         """
-        scene = plain(scene, "exudyn")
         self.check(scene)
         require_memory(scene, settings, *self._recorded(scene, settings))
         if self.solver_of(scene) not in ADAPTIVE:
@@ -94,9 +101,10 @@ class ExudynEngine(ExudynSettings):
 
         return unwound(scene, require_finite(exudyn_run(self, scene, settings)))
 
-    def _recorded(self, scene: Scene, run: RunSettings) -> tuple[int, int]:
+    def _recorded(self, scene: AnyScene, run: RunSettings) -> tuple[int, int]:
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""
-        if scene.joints_with_clearance:
-            return run.samples * run.steps_per_sample(scene.end_time_s), BYTES_PER_STEP_WITH_CONTACT
         steps = run.samples * run.steps_per_sample(scene.end_time_s)
-        return integrates_work(scene) * steps, BYTES_PER_STEP
+        threes = max(1, math.ceil(len(scene.mechanism.bodies) / 3))
+        if steps_as_they_come(self, scene):
+            return steps, threes * BYTES_PER_STEP_WITH_CONTACT
+        return integrates_work(scene) * steps, threes * BYTES_PER_STEP

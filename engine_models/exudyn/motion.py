@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
-from engine_models.exudyn.kinematic_tree import States, TreeLink, tree_states
+from engine_models.exudyn.kinematic_tree import Link, States, tree_states
 
 #: In shorter steps differences of coordinates are round-off to their rates: these are taken as linear.
 SHORTEST_FOR_DIFFERENCES_S = 1e-8
@@ -22,17 +22,15 @@ GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
 
 @dataclass(frozen=True)
 class Part:
-    """A node with its coordinates at the start (c,), and its one body or the links of its tree.
+    """A node with the links whose coordinates it has, (c,) at the start.
 
-    A crank that is a rotor is a tree of one link. ``sensors`` measure its coordinates, their rates and, in a
-    tree, their accelerations; in a tree model those of all parts.
+    ``sensors`` measure coordinates, rates and, where they are asked for, accelerations.
     """
 
     node: Any
+    links: tuple[Link, ...]
     start: FloatArray
     sensors: tuple[int, ...]
-    body: int = -1
-    links: tuple[TreeLink, ...] = ()
 
 
 def place_bodies(
@@ -43,11 +41,8 @@ def place_bodies(
     Its coordinates, with their rates and accelerations, are (n, c); accelerations may be unknown.
     """
     a = np.zeros_like(q) if a is None else a
-    if part.links:
-        for body, moving in tree_states(part.links, part.start + q, v, a):
-            states[:, :, body] = moving
-    else:  # the slider has x alone
-        states[:, :, part.body, : q.shape[1]] = part.start + q, v, a
+    for body, moving in tree_states(part.links, part.start + q, v, a):
+        states[:, :, body] = moving
 
 
 @dataclass(frozen=True)

@@ -1,31 +1,36 @@
 """Exudyn's runs as trajectories: of ideal joints on the steps' grid, of clearance at steps as they came."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from engine_models.engine import BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import BareRun, Contact, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral, place_bodies
-from engine_models.exudyn.settings import IMPLICIT, ExudynSettings
+from engine_models.exudyn.settings import IMPLICIT, ExudynSettings, steps_as_they_come
 from engine_models.exudyn.solver import evaluations, record_every, silence, simulation_settings, solve
 from engine_models.guards import guarded
 from engine_models.mechanics.crank_motion import crank_motion
-from engine_models.mechanics.joints import CRANK, SLIDER, contact_force
-from engine_models.mechanics.loads import integrated_parts, slider_forces
-from engine_models.mechanics.reactions import Reactions, guides_by_balance, reactions
-from engine_models.mechanics.trajectory import trajectory_of
-from engine_models.scene.scene import Scene
-from reference_solver.mechanism.motor import motor_torque
+from engine_models.mechanics.joints import ContactForces
+from engine_models.mechanics.loads import integrated_works, load_powers_W
+from engine_models.mechanics.reactions import Reactions, force_on_later, reactions
+from engine_models.mechanics.states import direction, way
+from engine_models.mechanics.trajectory import drive_torque, trajectory_of
+from engine_models.mechanics.wrenches import Wrenches, inertias
+from engine_models.scene.parts import AnyScene
 
 #: A recorded time may differ from its place on the grid by rounding, never by this part of an interval.
 TIME_TOLERANCE = 1e-6
+#: What joints with clearance do, by their names.
+Contacts = Mapping[str, Contact | ContactForces]
 
 
-def exudyn_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> Trajectory:
+def exudyn_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> Trajectory:
     """Run a scene that the engine supports; numbers may come out that are not finite.
 
     Raises:
@@ -34,12 +39,12 @@ def exudyn_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> Trajec
     with silence(), np.errstate(all="ignore"):  # require_finite is the judge
         model, settings = _model(engine, scene), simulation_settings(engine, scene, run)
         solve_time = solve(scene, model, settings, engine.timeout_s)
-        read_out = _with_clearance if scene.joints_with_clearance else _ideal
+        read_out = _as_they_came if steps_as_they_come(engine, scene) else _on_the_grid
         trajectory = read_out(scene, run, model, solve_time)
         return replace(trajectory, evaluations=evaluations(model, engine.solver_of(scene)))
 
 
-def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> BareRun:
+def bare_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> BareRun:
     """Return the same solve with nothing recorded but its ends; numbers may come out that are not finite.
 
     Raises:
@@ -55,11 +60,11 @@ def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> BareRun:
         return BareRun(solve_time, end[0, 0])
 
 
-def _model(engine: ExudynSettings, scene: Scene) -> Model:
+def _model(engine: ExudynSettings, scene: AnyScene) -> Model:
     return build_model(scene, tree=engine.solver_of(scene) not in IMPLICIT)
 
 
-def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
+def _on_the_grid(scene: AnyScene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
     """Return the run of a model of ideal joints whose sensors record every ``record_every`` steps."""
     per_sample, step = run.steps_per_sample(scene.end_time_s), run.step_used_s(scene.end_time_s)
     per_record = record_every(scene, run)
@@ -69,26 +74,24 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
     for part in model.parts:
         place_bodies(states, part, *(_read(model, sensor, grid) for sensor in part.sensors))
     forces = {name: _read(model, sensor, grid)[samples, :2] for name, sensor in model.joint_forces.items()}
-    powers, torque = _powers(scene, states[0], states[1]), None
+    powers, torque = _powers(scene, grid, states[0], states[1]), None
     if model.driver is not None:
         torque = -_read(model, model.driver, grid)[:, 0]
-        powers["driver"] = torque * states[1, :, CRANK, 2]
+        powers["driver"] = torque * _driven_speed(scene, states[0], states[1])
         torque = torque[samples]
     works = {
         name: cumulative_trapezoid(power, dx=step, initial=0.0)[samples] for name, power in powers.items()
     }
-    position, velocity, acceleration = states[:, samples].copy()  # not a view, which would keep all steps
-    forces["O"] = _pivot_force(scene, acceleration, forces.get("A"))
-    force, time = {name: forces[name] for name in scene.joints}, grid[samples]
-    guide, moment = guides_by_balance(scene, time, position, velocity, force, {})
+    sampled = states[:, samples].copy()  # not a view, which would keep all steps
+    found = _all_forces(scene, model, grid[samples], sampled, forces, {}, torque)
     return trajectory_of(
         scene,
-        time_s=time,
-        position=position,
-        velocity=velocity,
-        joint_force_N=force,
-        guide_force_N=guide,
-        guide_moment_N_m=moment,
+        time_s=grid[samples],
+        position=sampled[0],
+        velocity=sampled[1],
+        joint_force_N=found.joint_force_N,
+        guide_force_N=found.guide_force_N,
+        guide_moment_N_m=found.guide_moment_N_m,
         driver_torque_N_m=torque,
         driver_work_J=works.pop("driver", None),
         step_s=step,
@@ -98,132 +101,138 @@ def _ideal(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) ->
     )
 
 
-def _pivot_force(scene: Scene, acceleration: FloatArray, at_A_N: FloatArray | None) -> FloatArray:
-    """Return the ideal O's force on the crank (n, 2), which has no constraint there: from its momentum.
-
-    ``acceleration`` (n, bodies, 3) is all bodies', ``at_A_N`` (n, 2) acts on the rod, None without one.
-    """
-    gravity = np.array([0.0, scene.weight_m_s2])
-    force = scene.crank.mass_kg * (acceleration[:, CRANK, :2] + gravity)
-    return np.asarray(force if at_A_N is None else force + at_A_N)
-
-
-def _powers(scene: Scene, position: FloatArray, velocity: FloatArray) -> dict[str, FloatArray]:
-    """Return the powers (n,) in W, in states (n, bodies, 3), of what has no other work than their integral.
-
-    These are parts of the slider's load and, as "driver", a motor; a driver that prescribes the speed has
-    its torque from the run.
-    """
-    forces = slider_forces(scene, position, velocity)
-    powers = {part: forces[part] * velocity[:, SLIDER, 0] for part in integrated_parts(scene)}
-    if scene.drive.kind == "motor":
-        speed = velocity[:, CRANK, 2]
-        powers["driver"] = motor_torque(scene.drive.line, speed) * speed
-    return powers
-
-
-def _with_clearance(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
-    """Return the run of a model with clearance whose sensors record every step; samples lie between steps.
+def _as_they_came(scene: AnyScene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
+    """Return the run of a model whose sensors record every step; samples lie between steps.
 
     The motion is interpolated as ``Motion`` says. Forces of constraints are Exudyn's multipliers, linear
     between steps; without constraints they follow from the accelerations.
     """
-    motion = _recorded_motion(scene, model)
-    time = run.times_s(scene)
+    motion, time = _recorded_motion(scene, model), run.times_s(scene)
+    grid = np.union1d(motion.time_s, time)
+    sampled = np.searchsorted(grid, time)
+
+    def at_samples(sensor: int, values: slice, at: FloatArray = time) -> FloatArray:
+        columns = _stored(model, sensor)[:, 1:][:, values].T
+        return np.stack([np.interp(at, motion.time_s, column) for column in columns], axis=-1)
+
+    def forces_at(at: FloatArray, told: Mapping[str, FloatArray], torque: FloatArray | None) -> Reactions:
+        contacts = {name: contact_states(scene, name, motion, at) for name in scene.joints_with_clearance}
+        return _all_forces(scene, model, at, np.stack(motion.at(at)), told, contacts, torque)
+
+    def power(at: FloatArray) -> FloatArray:
+        torque = forces_at(at, {}, None).driver_torque_N_m
+        assert torque is not None, "a prescribed speed has one"
+        return (torque * _prescribed_speed(scene, at))[None]
+
+    forces = {name: at_samples(sensor, slice(2)) for name, sensor in model.joint_forces.items()}
+    works, torque = _works(scene, motion, grid, sampled), None
+    if model.driver is not None:
+        torque = -at_samples(model.driver, slice(1), grid)[:, 0]
+        power_W = torque * _prescribed_speed(scene, grid)
+        torque, works["driver"] = torque[sampled], cumulative_trapezoid(power_W, grid, initial=0.0)[sampled]
+    found = forces_at(time, forces, torque)
+    if model.tree and scene.mechanism.drive.prescribes:
+        torque, works["driver"] = found.driver_torque_N_m, integral(grid, power)[0][sampled]
     position, velocity, _ = motion.at(time)
-    if model.tree:
-        force, torque, work = _balances(scene, motion, time)
-    else:
-        force, torque, work = _multipliers(scene, model, motion, time)
-    works = _works(scene, motion, time)
-    contacts = {name: contact_record(scene, name, motion, time) for name in scene.joints_with_clearance}
-    guide, moment = guides_by_balance(scene, time, position, velocity, force, contacts)
     return trajectory_of(
         scene,
         time_s=time,
         position=position,
         velocity=velocity,
-        joint_force_N=force,
-        guide_force_N=guide,
-        guide_moment_N_m=moment,
+        joint_force_N=found.joint_force_N,
+        guide_force_N=found.guide_force_N,
+        guide_moment_N_m=found.guide_moment_N_m,
         driver_torque_N_m=torque,
-        driver_work_J=works.pop("driver", work),
+        driver_work_J=works.pop("driver", None),
         step_s=run.step_used_s(scene.end_time_s),
         steps=len(motion.time_s) - 1,
         solve_time_s=solve_time_s,
-        contacts=contacts,
+        contacts={name: contact_record(scene, name, motion, time) for name in scene.joints_with_clearance},
         load_work_J=works,
     )
 
 
-def _works(scene: Scene, motion: Motion, time_s: FloatArray) -> dict[str, FloatArray]:
-    """Return the integrals of ``_powers`` since t = 0, at the samples (n,)."""
+def _all_forces(
+    scene: AnyScene,
+    model: Model,
+    time_s: FloatArray,
+    states: FloatArray,
+    told: Mapping[str, FloatArray],
+    contacts: Contacts,
+    torque: FloatArray | None,
+) -> Reactions:
+    """Return all forces at times (n,) in states (3, n, bodies, 3), with those of joints that Exudyn tells.
 
-    def at(time: FloatArray) -> FloatArray:
-        return np.stack([*_powers(scene, *motion.at(time)[:2]).values()])
-
-    names = [*_powers(scene, *motion.at(time_s[:1])[:2])]
-    if not names:
-        return {}
-    grid = np.union1d(motion.time_s, time_s)
-    sums = integral(grid, at)[:, np.searchsorted(grid, time_s)]
-    return dict(zip(names, sums, strict=True))
-
-
-#: Joint forces (n, 2), driver torque (n,) and driver work (n,); these two for prescribed speeds only.
-Forces = tuple[dict[str, FloatArray], FloatArray | None, FloatArray | None]
-
-
-def _multipliers(scene: Scene, model: Model, motion: Motion, time_s: FloatArray) -> Forces:
-    """Return what the sensors of joints and driver recorded, at the samples (n,), with the force at O."""
-
-    def at_samples(values: FloatArray, time: FloatArray = time_s) -> FloatArray:
-        return np.stack([np.interp(time, motion.time_s, column) for column in values.T], axis=-1)
-
-    found = {name: at_samples(_stored(model, sensor)[:, 1:3]) for name, sensor in model.joint_forces.items()}
-    for name in scene.joints_with_clearance:
-        found[name] = contact_force(contact_states(scene, name, motion, time_s))
-    if "O" not in found:
-        found["O"] = _pivot_force(scene, motion.at(time_s)[2], found["A"])
-    force = {name: found[name] for name in scene.joints}
-    if model.driver is None:
-        return force, None, None
-    grid = np.union1d(motion.time_s, time_s)
-    torque = at_samples(-_stored(model, model.driver)[:, 1:2], grid)[:, 0]
-    work = cumulative_trapezoid(torque * _speed(scene, grid), grid, initial=0.0)
-    sampled = np.searchsorted(grid, time_s)
-    return force, torque[sampled], work[sampled]
+    Pins and guides that carry rotors and masses take what the body's momentum lacks of what else acts on it.
+    """
+    of, (position, velocity, acceleration) = scene.mechanism, states
+    if model.by_balance:
+        return reactions(scene, time_s, position, velocity, acceleration, contacts)
+    acting, forces = Wrenches(position), dict(told)
+    acting.loads(of, time_s, velocity)
+    if torque is not None:
+        acting.drive(of, torque)
+    for pin in of.pins:
+        if pin.clearance is not None:
+            acting.contact(pin, contacts[pin.name])
+            forces[pin.name] = force_on_later(pin.bearing_on_j, contacts[pin.name])
+        elif pin.name in forces:
+            acting.pin(pin, forces[pin.name])
+    lacking = inertias(of) * (acceleration - [*of.gravity_m_s2, 0.0]) - acting.total[:, :-1]
+    for pin in of.ideal:
+        forces.setdefault(pin.name, lacking[:, pin.body_j, :2])
+    across, moments = dict[str, FloatArray](), dict[str, FloatArray]()
+    for guide in of.guides:
+        across[guide.name] = np.sum(lacking[:, guide.body_j, :2] * direction(guide, position)[1], axis=1)
+        acting.line(guide, across[guide.name], across=True)
+        moments[guide.name] = -acting.total[:, guide.body_j, 2]
+    return Reactions({pin.name: forces[pin.name] for pin in of.pins}, across, moments, torque)
 
 
-def _balances(scene: Scene, motion: Motion, time_s: FloatArray) -> Forces:
-    """Return what the bodies' accelerations ask for, at the samples (n,)."""
-
-    def at(time: FloatArray) -> Reactions:
-        position, velocity, acceleration = motion.at(time)
-        contacts = {name: contact_states(scene, name, motion, time) for name in scene.joints_with_clearance}
-        return reactions(scene, time, position, velocity, acceleration, contacts)
-
-    def power(time: FloatArray) -> FloatArray:
-        torque = at(time).driver_torque_N_m
-        assert torque is not None, "a prescribed speed has one"
-        return (torque * _speed(scene, time))[None]
-
-    found = at(time_s)
-    if not scene.speed_is_prescribed:
-        return found.joint_force_N, None, None
-    grid = np.union1d(motion.time_s, time_s)
-    work = integral(grid, power)[0]
-    return found.joint_force_N, found.driver_torque_N_m, work[np.searchsorted(grid, time_s)]
+def _driven_speed(scene: AnyScene, position: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return how fast what is driven turns, or moves along its guide, (n,) in states (n, bodies, 3)."""
+    drive = scene.mechanism.drive
+    if drive.guide is None:
+        return velocity[:, drive.body, 2]
+    return way(scene.mechanism.guides[drive.guide], position, velocity)[1]
 
 
-def _speed(scene: Scene, time_s: FloatArray) -> FloatArray:
-    """Return the crank's prescribed speed at times (n,)."""
+def _prescribed_speed(scene: AnyScene, time_s: FloatArray) -> FloatArray:
     motion = crank_motion(scene)
     assert motion is not None
     return motion.speed_rad_s(time_s)
 
 
-def _recorded_motion(scene: Scene, model: Model) -> Motion:
+def _powers(
+    scene: AnyScene, time_s: FloatArray, position: FloatArray, velocity: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the powers (n,) in W, at times (n,) in states (n, bodies, 3), of what has no other work.
+
+    They are named as in ``integrated_works``; a driver that prescribes the speed has its torque from the run.
+    """
+    powers, drive = load_powers_W(scene, time_s, position, velocity), scene.mechanism.drive
+    if "driver" in integrated_works(scene) and not drive.prescribes:
+        torque = drive_torque(drive, time_s, velocity)
+        assert torque is not None
+        powers["driver"] = torque * velocity[:, drive.body, 2]
+    return powers
+
+
+def _works(
+    scene: AnyScene, motion: Motion, grid: FloatArray, sampled: NDArray[np.int64]
+) -> dict[str, FloatArray]:
+    """Return the integrals of ``_powers`` since t = 0 on a grid (g,), at the samples, which are in it."""
+
+    def at(time: FloatArray) -> FloatArray:
+        return np.stack([*_powers(scene, time, *motion.at(time)[:2]).values()])
+
+    names = [*_powers(scene, grid[:1], *motion.at(grid[:1])[:2])]
+    if not names:
+        return {}
+    return dict(zip(names, integral(grid, at)[:, sampled], strict=True))
+
+
+def _recorded_motion(scene: AnyScene, model: Model) -> Motion:
     """Return what the model's sensors recorded.
 
     Raises:

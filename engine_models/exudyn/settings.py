@@ -6,8 +6,10 @@ import pydantic
 from pydantic import Field
 
 from engine_models.engine import SETTINGS_CONFIG
-from engine_models.mechanics.loads import integrated_parts
-from engine_models.scene.scene import Scene
+from engine_models.exudyn.kinematic_tree import closes_a_loop, turns_above
+from engine_models.mechanics.loads import integrated_works
+from engine_models.scene.parts import AnyScene
+from reference_solver.mechanism.data import GROUND
 
 #: Fixed-step solvers by their orders.
 ORDERS = {
@@ -26,8 +28,9 @@ class ExudynSettings:
     """Settings of Exudyn's solvers; the defaults are its best practice.
 
     ``solver = auto`` is the implicit trapezoidal rule for ideal joints and DOPRI5 for joints with clearance,
-    wherever its model can be built. Implicit solvers run the absolute model: every ideal joint but O is a
-    constraint. Explicit ones run the tree model, which has no constraint, and only scenes with clearance.
+    wherever its model can be built. Implicit solvers run the absolute model: ideal joints are constraints,
+    but for a pin or a guide on the ground. Explicit ones run the tree model, which has no constraint, and
+    only scenes whose ideal joints close no loop.
     DOPRI5 and ODE23 choose their steps, up to the run's, for a local error of ``step_tolerance`` in m, rad,
     m/s and rad/s; the others take the run's step. With larger tolerances than are allowed runs have
     overflowed, and Exudyn then went on for ever. ``step_safety`` is the part that they take of the step that
@@ -41,10 +44,11 @@ class ExudynSettings:
     the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps. Newton's
     method ends when its increment, in m and rad, is below ``newton_tolerance``: residuals are forces, and no
     bound on those fits both a light mechanism and a heavy one. Without a value the bound goes by the angle
-    that the crank turns in a step (``solver.newton_bound``): the trapezoidal rule then takes two iterations
-    where 1e-12 asks for three to seven, the generalized-alpha method one, at the same errors. A bound that is
-    constant costs digits of forces once it is near the increments. ``modified_newton`` factorises one
-    Jacobian a step, not one an iteration: full Newton, and Jacobians kept over steps, are slower.
+    that the quickest body turns in a step (``solver.newton_bound``): on crank-sliders the trapezoidal rule
+    then takes two iterations where 1e-12 asks for three to seven, the generalized-alpha method one, at the
+    same errors. A bound that is constant costs digits of forces once it is near the increments.
+    ``modified_newton`` factorises one Jacobian a step, not one an iteration: full Newton, and Jacobians kept
+    over steps, are slower.
 
     ``fast`` takes Exudyn's build without range checks. A process has the build of its first run.
     A run that takes longer than ``timeout_s`` has failed.
@@ -71,22 +75,34 @@ class ExudynSettings:
     fast: bool = False
     timeout_s: Annotated[float, Field(gt=0)] = 120.0
 
-    def solver_of(self, scene: Scene) -> str:
+    def solver_of(self, scene: AnyScene) -> str:
         """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""
         if self.solver != "auto":
             return self.solver
-        return "TrapezoidalIndex2" if no_tree(scene) else "DOPRI5"
+        has_tree = scene.joints_with_clearance and not no_tree(scene)
+        return "DOPRI5" if has_tree else "TrapezoidalIndex2"
 
 
-def no_tree(scene: Scene) -> str:
+def no_tree(scene: AnyScene) -> str:
     """Return why the scene has no model without constraints, nothing if it has one."""
-    if not scene.joints_with_clearance:
+    of = scene.mechanism
+    drive = of.drive
+    if closes_a_loop(of):
         return "explicit solvers take no constraints, and ideal joints alone form a closed loop"
-    if scene.speed_is_prescribed and scene.joints_with_clearance == ("O",):
-        return "with clearance at O alone no coordinate is the crank's angle, whose speed is prescribed"
+    if drive.prescribes and drive.guide is None and turns_above(of, drive.body) != 1:
+        driven = of.bodies[drive.body].name
+        return f"no coordinate is the angle of {driven}, whose speed is prescribed, but a sum of them"
+    if drive.prescribes and drive.guide is not None and of.guides[drive.guide].body_i != GROUND:
+        guide = of.guides[drive.guide]
+        return f"guide {guide.name} is driven, and its line moves: explicit solvers drive one of the ground"
     return ""
 
 
-def integrates_work(scene: Scene) -> bool:
-    """Return whether a work of the driver or of the load is an integral over every step."""
-    return scene.speed_is_prescribed or scene.drive.kind == "motor" or bool(integrated_parts(scene))
+def integrates_work(scene: AnyScene) -> bool:
+    """Return whether a work of the driver or of a load is an integral over every step."""
+    return bool(integrated_works(scene))
+
+
+def steps_as_they_come(engine: ExudynSettings, scene: AnyScene) -> bool:
+    """Return whether samples may lie between steps: with clearance, and without constraints."""
+    return bool(scene.joints_with_clearance) or engine.solver_of(scene) not in IMPLICIT

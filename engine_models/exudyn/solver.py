@@ -12,11 +12,21 @@ import numpy as np
 from engine_models import progress
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
 from engine_models.exudyn.model import Model
-from engine_models.exudyn.settings import ADAPTIVE, IMPLICIT, ExudynSettings, integrates_work
+from engine_models.exudyn.settings import (
+    ADAPTIVE,
+    IMPLICIT,
+    ExudynSettings,
+    integrates_work,
+    steps_as_they_come,
+)
+from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.contact_law import stiffness_of
-from engine_models.mechanics.crank_motion import FEWEST_STEPS, expected_speeds_rad_s, quickest_s
+from engine_models.mechanics.crank_motion import FEWEST_STEPS, SPEEDS, crank_motion, quickest_s
+from engine_models.mechanics.states import lever_m, shortest_m
 from engine_models.pace import Pace
-from engine_models.scene.scene import Scene
+from engine_models.scene.mechanism import levers_m
+from engine_models.scene.parts import AnyScene
+from reference_solver.mechanism.data import Motor
 
 #: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
 #: keeps for ever what the multipliers pick up in steps of 1e-15 s (5 N in set R), so it is to need none; but
@@ -28,7 +38,7 @@ SHORTEST_STEP_S = {"explicit": 1e-100, "implicit": 1e-13}
 #: With error control the penetration is a part of the tolerance, so that events leave no larger error than
 #: steps do. It ends above round-off.
 LEAST_GAP_M = 1e-13
-#: Newton's bound grows up to steps in which the crank turns by this, and shrinks no further than to this.
+#: Newton's bound grows up to steps in which a body turns by this, and shrinks no further than to this.
 LARGEST_TURN_RAD, LEAST_INCREMENT = 0.1, 1e-12
 #: After an event steps may grow by this factor each: DOPRI5's (Hairer, Norsett, Wanner) and the others'.
 GROWTH_ADAPTIVE, GROWTH = 5.0, 2.0
@@ -51,7 +61,7 @@ def silence() -> Iterator[None]:
         exu.config.printToConsole, exu.config.suppressWarnings = before
 
 
-def record_every(scene: Scene, run: RunSettings) -> int:
+def record_every(scene: AnyScene, run: RunSettings) -> int:
     """Return how many steps of a run of ideal joints go by between two that are recorded.
 
     It is 1 where a work has to be integrated over every step, else samples are enough.
@@ -59,13 +69,14 @@ def record_every(scene: Scene, run: RunSettings) -> int:
     return 1 if integrates_work(scene) else run.steps_per_sample(scene.end_time_s)
 
 
-def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
+def simulation_settings(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
-    Of ideal joints every so manieth step is recorded, with clearance every one, however short.
+    Of equal steps every so manieth is recorded, of steps as they come every one, however short.
     """
     solver, steps = engine.solver_of(scene), run.samples * run.steps_per_sample(scene.end_time_s)
-    every = 0 if scene.joints_with_clearance else record_every(scene, run)
+    as_they_come = steps_as_they_come(engine, scene)
+    every = 0 if as_they_come else record_every(scene, run)
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.solution.sensors.writePeriod = (scene.end_time_s / steps) * every
@@ -73,7 +84,8 @@ def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) 
     settings.parallel.numberOfThreads = 1
     integration = settings.timeIntegration
     integration.solverType = getattr(exu.DynamicSolverType, solver)
-    integration.startTime, integration.endTime = 0.0, scene.end_time_s
+    integration.startTime = 0.0
+    integration.endTime = scene.end_time_s + OVERRUN_S * as_they_come
     integration.numberOfSteps = steps
     integration.adaptiveStep = integration.automaticStepSize = False
     if scene.joints_with_clearance:
@@ -88,26 +100,36 @@ def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) 
     return settings
 
 
-def newton_bound(scene: Scene, solver: str, step_s: float) -> float:
+def newton_bound(scene: AnyScene, solver: str, step_s: float) -> float:
     """Return the increment, in m and rad, below which Newton's method need not go on in steps of a length.
 
-    Powers are of the angle that the crank turns in a step. The first increment is of the second power, the
-    step's own error of the third. In the trapezoidal rule, whose Jacobian lacks what velocities owe to
-    coordinates, an iteration gains one power. Forces go by increments over the squared step, so that they
-    need two iterations, in every step: a single one in some of them costs all their digits. In the
+    Powers are of the angle that the quickest body turns in a step. The first increment is of the second
+    power, the step's own error of the third. In the trapezoidal rule, whose Jacobian lacks what velocities
+    owe to coordinates, an iteration gains one power. Forces go by increments over the squared step, so that
+    they need two iterations, in every step: a single one in some of them costs all their digits. In the
     generalized-alpha method an iteration doubles the power, and with ideal joints one is enough.
     """
-    speed = float(np.abs(expected_speeds_rad_s(scene)).max())
-    if scene.drive.kind in ("free", "torque"):  # whatever it starts with, it swings
-        speed = max(speed, math.sqrt(scene.weight_m_s2 / scene.crank.length_m))
-    turned = min(speed * step_s, LARGEST_TURN_RAD)
-    rod = scene.rod  # the norm of what it moves and turns by, for a crank that turns by 1 rad
-    size = 1.0 if rod is None else scene.crank.length_m * math.hypot(1.0, 1 / rod.length_m)
+    turned = min(_quickest_rad_s(scene) * step_s, LARGEST_TURN_RAD)
+    # The norm of what the longest link moves and turns by where the shortest one turns by 1 rad.
+    longest = max(levers_m(scene.mechanism))
+    size = shortest_m(scene) * math.hypot(1.0, 1 / longest) if len(scene.mechanism.bodies) > 1 else 1.0
     if scene.joints_with_clearance:  # no coarser than touch and release are told apart
         bound = min(size * turned**3 / 25, EVENT_GAP_M["implicit"])
     else:
         bound = size * (turned**2 if solver == "GeneralizedAlpha" else turned**3 / 25)
     return max(bound, LEAST_INCREMENT)
+
+
+def _quickest_rad_s(scene: AnyScene) -> float:
+    """Return how fast a body turns at the start, or is driven at the fastest; what is free may swing."""
+    of, motion, (_, velocity) = scene.mechanism, crank_motion(scene), start_state(scene)
+    if motion is not None:
+        speed = float(np.abs(motion.speed_rad_s(np.linspace(0.0, scene.end_time_s, SPEEDS))).max())
+        return speed if of.drive.guide is None else speed / lever_m(scene)
+    speed = float(np.abs(velocity[:, 2]).max())
+    if isinstance(of.drive.law, Motor):
+        return speed
+    return max(speed, math.sqrt(math.hypot(*of.gravity_m_s2) / lever_m(scene)))
 
 
 def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynSettings, bound: float) -> None:
@@ -143,7 +165,7 @@ def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynSettin
     The tolerance is absolute, in m, rad, m/s and rad/s. A relative one counts the sign of the coordinate:
     it makes the error's scale zero at a negative value.
     """
-    integration.automaticStepSize = True
+    integration.automaticStepSize, integration.minimumStepSize = True, SHORTEST_STEP_S["explicit"]
     integration.absoluteTolerance, integration.relativeTolerance = engine.step_tolerance, 0.0
     # Begin with the longest (0), but for what the driver does in a time that no error estimate would see.
     integration.initialStepSize = first_s if math.isfinite(first_s) else 0.0
@@ -151,14 +173,13 @@ def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynSettin
 
 
 def _set_events(
-    integration: exu.TimeIntegrationSettings, scene: Scene, engine: ExudynSettings, solver: str
+    integration: exu.TimeIntegrationSettings, scene: AnyScene, engine: ExudynSettings, solver: str
 ) -> None:
     """Set up how a contact's switching is treated: steps that end on it, or steps as they come."""
     kind = "implicit" if solver in IMPLICIT else "explicit"
     locate, gap = engine.locate_events, EVENT_GAP_M[kind]
     if solver in ADAPTIVE:
         gap = max(engine.event_gap * engine.step_tolerance, LEAST_GAP_M)
-    integration.endTime = scene.end_time_s + OVERRUN_S
     integration.minimumStepSize = SHORTEST_STEP_S[kind]
     integration.adaptiveStep = locate
     integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
@@ -172,7 +193,7 @@ def _set_events(
     switching.iterationTolerance = softest * gap if locate else 1.0
 
 
-def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
+def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:
     """Have Exudyn call back before every step to tell how far it has come; return what was raised there.
 
     Only if somebody listens: a call takes 1 to 3 us. It changes nothing in the run.
@@ -196,7 +217,7 @@ def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
     return raised
 
 
-def solve(scene: Scene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
+def solve(scene: AnyScene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
     """Run the solver; return its wall time in s.
 
     Raises:

@@ -1,4 +1,4 @@
-"""How the crank turns where its speed is prescribed: functions of the time since a run's start."""
+"""How what is driven moves where its speed is prescribed: functions of the time since a run's start."""
 
 import math
 from collections.abc import Callable
@@ -8,9 +8,12 @@ import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.guards import guarded
-from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
+from engine_models.scene.drives import FluctuatingDrive, RampDrive
+from engine_models.scene.mechanism import law_of
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism import data
+from reference_solver.mechanism.curves import curve_of
 
 #: Times at which a speed that changes is looked at.
 SPEEDS = 1001
@@ -34,25 +37,36 @@ class CrankMotion:
         return float(self.speed_rad_s(np.zeros(1))[0])
 
 
-def crank_motion(scene: Scene) -> CrankMotion | None:
-    """Return the crank's motion, None where its speed is not prescribed."""
-    drive, speed, clock = scene.drive, scene.start.crank_speed_rad_s, scene.start.time_s or 0.0
-    if not scene.speed_is_prescribed:
-        return None
-    if isinstance(drive, RampDrive):
-        own = _ramp(drive, speed)
-    elif isinstance(drive, FluctuatingDrive):
-        own = _fluctuating(drive, speed)
-    elif isinstance(drive, TableDrive):
-        own = _table(drive)
+def crank_motion(scene: AnyScene) -> CrankMotion | None:
+    """Return the motion of what is driven, None where its speed is not prescribed.
+
+    Along a guide the angle is a way in m, and so on.
+    """
+    if isinstance(scene, Scene) and scene.is_plain:  # sweeps have many, and no use for the rest of it
+        law, clock_s = law_of(scene.drive, scene.start.crank_speed_rad_s), scene.clock_s
     else:
-        own = (lambda t: speed * t, lambda t: np.full_like(t, speed), np.zeros_like)
+        law, clock_s = scene.mechanism.drive.law, scene.mechanism.drive.clock_s
+    match law:
+        case data.ConstantSpeed(speed):
+            own: tuple[OfTime, OfTime, OfTime] = (
+                lambda t: speed * t,
+                lambda t: np.full_like(t, speed),
+                np.zeros_like,
+            )
+        case data.Ramp():
+            own = _ramp(law)
+        case data.Fluctuation():
+            own = _fluctuating(law)
+        case data.Course():
+            own = _table(law)
+        case _:
+            return None
     angle, rate, acceleration = own
-    begin = angle(np.array([clock]))
+    begin = angle(np.array([clock_s]))
     return CrankMotion(
-        lambda t: angle(clock + t) - begin,
-        lambda t: rate(clock + t),
-        lambda t: acceleration(clock + t),
+        lambda t: angle(clock_s + t) - begin,
+        lambda t: rate(clock_s + t),
+        lambda t: acceleration(clock_s + t),
     )
 
 
@@ -87,8 +101,8 @@ def require_followed(scene: AnyScene, step_s: float) -> None:
         )
 
 
-def _ramp(drive: RampDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
-    gain, duration = drive.final_speed - speed, drive.ramp_time_s
+def _ramp(law: data.Ramp) -> tuple[OfTime, OfTime, OfTime]:
+    speed, gain, duration = law.first, law.last - law.first, law.duration_s
 
     def part(t: FloatArray) -> FloatArray:
         return np.clip(t / duration, 0.0, 1.0)
@@ -104,16 +118,16 @@ def _ramp(drive: RampDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
     )
 
 
-def _fluctuating(drive: FluctuatingDrive, speed: float) -> tuple[OfTime, OfTime, OfTime]:
-    a, rate, phase = drive.amplitude, 2 * math.pi * drive.frequency_Hz, drive.phase_rad
+def _fluctuating(law: data.Fluctuation) -> tuple[OfTime, OfTime, OfTime]:
+    a, rate, phase = law.amplitude, 2 * math.pi * law.frequency_Hz, law.phase_rad
     return (
         # Equal to -cos(rate t + phase) + cos(phase), without their difference.
-        lambda t: speed * t + 2 * a / rate * np.sin(rate * t / 2) * np.sin(rate * t / 2 + phase),
-        lambda t: speed + a * np.sin(rate * t + phase),
+        lambda t: law.mean * t + 2 * a / rate * np.sin(rate * t / 2) * np.sin(rate * t / 2 + phase),
+        lambda t: law.mean + a * np.sin(rate * t + phase),
         lambda t: a * rate * np.cos(rate * t + phase),
     )
 
 
-def _table(drive: TableDrive) -> tuple[OfTime, OfTime, OfTime]:
-    spline = drive.spline()
+def _table(law: data.Course) -> tuple[OfTime, OfTime, OfTime]:
+    spline = curve_of(law.table)
     return (lambda t: spline(t), lambda t: spline(t, 1), lambda t: spline(t, 2))

@@ -12,10 +12,12 @@ from engine_models.mechanics.states import point_motion, way
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.curves import curve_of
-from reference_solver.mechanism.data import Load, MechanismData
+from reference_solver.mechanism.data import Load, MechanismData, Motor, Spring, Table, Torque
 
 #: Parts of a slider's load whose works are integrals over time: those of the others follow from the states.
 INTEGRATED = ("viscous", "gas")
+#: Parts of any load whose works follow from the positions.
+EXACT = ("force", "spring", "torque")
 
 
 def parts_of(scene: Scene) -> tuple[str, ...]:
@@ -101,15 +103,60 @@ def spring_forces(of: MechanismData, position: FloatArray, velocity: FloatArray)
     """Return the force of each spring with its damper in N, (n,), by name: positive pulls."""
     forces = dict[str, FloatArray]()
     for spring in of.springs:
-        i = point_motion(spring.body_i, spring.point_i, position, velocity)
-        j = point_motion(spring.body_j, spring.point_j, position, velocity)
-        apart, rate = j.place_m - i.place_m, j.rate_m_s - i.rate_m_s
-        length = np.hypot(*apart.T)
-        stretching = np.sum(apart * rate, axis=1) / length
+        length, rate = _stretched(spring, position, velocity)
         forces[spring.name] = (
-            spring.stiffness_N_m * (length - spring.free_length_m) + spring.damping_N_s_m * stretching
+            spring.stiffness_N_m * (length - spring.free_length_m) + spring.damping_N_s_m * rate
         )
     return forces
+
+
+def _stretched(spring: Spring, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the length of a spring and its rate, (n,) each."""
+    i = point_motion(spring.body_i, spring.point_i, position, velocity)
+    j = point_motion(spring.body_j, spring.point_j, position, velocity)
+    apart = j.place_m - i.place_m
+    length = np.hypot(*apart.T)
+    return length, np.sum(apart * (j.rate_m_s - i.rate_m_s), axis=1) / length
+
+
+def load_powers_W(
+    scene: AnyScene, time_s: FloatArray, position: FloatArray, velocity: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the powers (n,), at times (n,) in states (n, bodies, 3), of what has no other work.
+
+    They are those of ``integrated_works`` but "driver".
+    """
+    of, powers = scene.mechanism, dict[str, FloatArray]()
+    short = "slider." if isinstance(scene, Scene) else ""
+    forces, torques = load_forces(of, time_s, position, velocity), load_torques(of, time_s, velocity)
+    for load in of.loads:
+        body = f"{of.bodies[load.body].name}."
+        kinds = [(torques, velocity[:, load.body, 2])]
+        if load.line is not None:
+            kinds.append((forces, way(load.line, position, velocity)[1]))
+        for parts, rate in kinds:
+            own = [name for name in parts if name.startswith(body)]
+            powers |= {name.removeprefix(short): parts[name] * rate for name in own}
+    for spring in of.springs:
+        powers[f"spring:{spring.name}"] = (
+            -spring.damping_N_s_m * _stretched(spring, position, velocity)[1] ** 2
+        )
+    return {name: powers[name] for name in integrated_works(scene) if name != "driver"}
+
+
+def integrated_works(scene: AnyScene) -> tuple[str, ...]:
+    """Return the works that an engine has to integrate, by the names of ``load_works_J``, and "driver"."""
+    of, short = scene.mechanism, "slider." if isinstance(scene, Scene) else ""
+    names = [
+        f"{of.bodies[load.body].name}.{part}".removeprefix(short)
+        for load in of.loads
+        for part in _parts(load)
+        if part not in EXACT
+    ]
+    names += [f"spring:{spring.name}" for spring in of.springs if spring.damping_N_s_m]
+    law = of.drive.law
+    by_time = isinstance(law, Torque) and isinstance(law.torque_N_m, Table)
+    return (*names, "driver") if of.drive.prescribes or by_time or isinstance(law, Motor) else (*names,)
 
 
 def load_works_J(

@@ -12,7 +12,6 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray
 from engine_models.mechanics.joints import ContactForces, contact_force
-from engine_models.mechanics.states import direction
 from engine_models.mechanics.trajectory import drive_torque
 from engine_models.mechanics.wrenches import Wrenches, accelerations, inertias
 from engine_models.scene.parts import AnyScene
@@ -62,35 +61,6 @@ def reactions(
     moments = {guide.name: next(rows) for guide in held(of)}
     ordered = {pin.name: forces[pin.name] for pin in of.pins}
     return Reactions(ordered, across, moments, next(rows) if of.drive.prescribes else told)
-
-
-def guides_by_balance(
-    scene: AnyScene,
-    time_s: FloatArray,
-    position: FloatArray,
-    velocity: FloatArray,
-    joint_force_N: Mapping[str, FloatArray],
-    contacts: Mapping[str, Contact | ContactForces],
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Return forces and moments, (n,) each, of guides of the ground, which keep their bodies still across.
-
-    Their bodies turn with the ground; forces of ideal joints, and of those with clearance, are told.
-    """
-    of, acting = scene.mechanism, Wrenches(position)
-    acting.loads(of, time_s, velocity)
-    for pin in of.pins:
-        if pin.name in contacts:
-            acting.contact(pin, contacts[pin.name])
-        else:
-            acting.pin(pin, joint_force_N[pin.name])
-    forces, moments = dict[str, FloatArray](), dict[str, FloatArray]()
-    for guide in of.guides:
-        own = acting.total[:, guide.body_j] + inertias(of)[guide.body_j] * [*of.gravity_m_s2, 0.0]
-        _, across = direction(guide, position)
-        forces[guide.name] = -np.sum(own[:, :2] * across, axis=1)
-        acting.line(guide, forces[guide.name], across=True)
-        moments[guide.name] = -acting.total[:, guide.body_j, 2]
-    return forces, moments
 
 
 def force_on_later(bearing_on_j: bool, contact: Contact | ContactForces) -> FloatArray:

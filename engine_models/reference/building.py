@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.start_check import checked_start
+from engine_models.mechanics.start_check import checked_start, unchecked_start
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.model import mechanism_of
 from engine_models.reference.watch import SPEED
@@ -100,6 +99,6 @@ def _start(scene: Scene) -> Start:
     crank, rod, _ = scene.crank_slider()
     lengths = crank.length_m, rod.length_m, abs(crank.centre_of_mass_m), abs(rod.centre_of_mass_m)
     # What the solver checks of a start this has checked: its pins are in no rigid bearing.
-    start = checked_start if scene.start.states or max(lengths) > LONGEST_M else start_state
+    start = checked_start if scene.start.states or max(lengths) > LONGEST_M else unchecked_start
     q, v = (part.ravel() for part in start(scene))
     return q, v

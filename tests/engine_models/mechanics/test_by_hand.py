@@ -15,7 +15,7 @@ from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.joints import ContactForces
 from engine_models.mechanics.loads import slider_forces
-from engine_models.mechanics.reactions import guides_by_balance, reactions
+from engine_models.mechanics.reactions import reactions
 from engine_models.pymunk.rigid_twin import rigid_twin
 from engine_models.reference import two_methods
 from engine_models.scene.drives import RampDrive
@@ -89,15 +89,6 @@ def test_reactions_are_the_closed_forms_wherever_the_centres_of_mass_are() -> No
     guide, torque = found.guide_force_N["guide"], found.driver_torque_N_m
     np.testing.assert_allclose(guide, truth.guide_force_N["guide"], rtol=0, atol=1e-9 * scale)
     np.testing.assert_allclose(torque, truth.driver_torque_N_m, rtol=0, atol=1e-9 * scale)
-
-
-def test_a_guide_carries_the_slider_and_what_its_pin_does_not() -> None:
-    scene = ideal_driven().model_copy(update={"gravity_m_s2": 9.81})
-    still, force = np.zeros((1, 3, 3)), dict.fromkeys("OAB", np.zeros((1, 2)))
-    force["B"] = np.array([[0.0, -0.5]])
-    found, moment = guides_by_balance(scene, np.zeros(1), still, still, force, {})
-    assert found == {"guide": pytest.approx(0.14 * 9.81 + 0.5)}
-    assert moment == {"guide": pytest.approx(0.0)}
 
 
 def test_friction_in_a_bearing_turns_the_crank_by_the_bearings_lever() -> None:
