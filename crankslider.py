@@ -72,7 +72,6 @@ with _home_first():
         SomeScene,
         as_arguments,
         read_engine,
-        read_plain_scene,
         read_scene,
     )
     from studies.running.failures import BadInput, Failed
@@ -136,7 +135,8 @@ def truth(scene: SomeScene, *, end: Duration | None = None, samples: Samples = 1
     """Return the reference solution of a scene, for the validation of other solvers.
 
     It is independent of all engines. Its samples end at the predictability horizon, where two solutions
-    diverge. ``certain_m`` is the uncertainty of the slider position up to there, in m.
+    diverge. ``certain_m`` is the uncertainty of the slider position, or of what else the scene observes, up
+    to there, in m: of an angle times the longest lever.
 
     Raises:
         BadInput: an argument or the scene is refused.
@@ -146,7 +146,7 @@ def truth(scene: SomeScene, *, end: Duration | None = None, samples: Samples = 1
 
     with as_arguments():
         options = SimulateOptions(end=end, samples=samples)
-        run = true_run(read_plain_scene("the truth", scene, end_s=options.end), options)
+        run = true_run(read_scene(scene, end_s=options.end), options)
     for doubt in run.warnings:
         warn(doubt, stacklevel=3)
     return run
@@ -169,7 +169,7 @@ def compare(scene: SomeScene, engines: Sequence[str] = (), folder: Place | None 
 
     with as_arguments(engine="engines", out="folder"):
         joined(engines)
-        physics = read_plain_scene("comparisons", scene)
+        physics = read_scene(scene)
         place = default_folder(physics) if folder is None else Path(folder)
         with running_in(place):
             return comparison(physics, str(getattr(scene, "name", scene)), engines, place)

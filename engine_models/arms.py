@@ -73,7 +73,7 @@ def _all_settings(engine: PymunkEngine) -> dict[str, Setting]:
 TUNED = Arm("pymunk", "tuned", _all_settings(PymunkEngine()))
 OUT_OF_THE_BOX = Arm("pymunk", "out of the box", _all_settings(PymunkEngine.out_of_the_box()))
 AS_THE_SCENE = Arm("pymunk", "as the scene", {"contact": "as-scene"})
-SHORTER_IN_CONTACT = Arm("pymunk", "shorter in contact", {"contact": "as-scene", "shorter_in_contact": 8.0})
+SHORTER_IN_CONTACT = Arm("pymunk", "shorter in contact", {"contact": "as-scene", "shorter_in_contact": 16.0})
 NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
 
 #: SciPy as it comes, and its methods.

@@ -1,16 +1,19 @@
-"""What every engine takes and gives: run settings, trajectory, the one method and its two refusals."""
+"""What every engine takes and gives: run settings, trajectory, the base class and its refusals."""
 
 import math
-from collections.abc import Mapping
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import ClassVar, Literal, NamedTuple, Protocol, TypeVar
+from typing import ClassVar, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
-from engine_models.guards import guarded
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
@@ -27,6 +30,26 @@ MOST_SAMPLES = 100_000
 
 #: Times that are so near to an equally spaced one, as a part of the interval, are that one.
 ROUNDING = 1e-9
+
+
+#: Guards are checks of ours that end a run with which its engine would go on, with joints that came apart, or
+#: with numbers that are not finite.
+_GUARDED = ContextVar("guarded", default=True)
+
+
+def guarded() -> bool:
+    """Return whether guards are to speak."""
+    return _GUARDED.get()
+
+
+@contextmanager
+def unguarded() -> Iterator[None]:
+    """Let engines run in this context as they do by themselves."""
+    before = _GUARDED.set(False)
+    try:
+        yield
+    finally:
+        _GUARDED.reset(before)
 
 
 #: Who says that there is no run: the engine itself; this project's model of it, its adapter, which does not
@@ -85,7 +108,7 @@ def plain(scene: AnyScene, engine: str) -> Scene:
         return scene
     raise UnsupportedScene(
         f"{engine} runs crank-sliders on a guide along +x through O and pendulums so far; the reference, "
-        f"scipy and exudyn run other mechanisms (this is one by {scene.general_by})"
+        f"scipy, exudyn, heyoka and pymunk run other mechanisms (this is one by {scene.general_by})"
     )
 
 
@@ -260,24 +283,25 @@ class BareRun(NamedTuple):
     position: FloatArray
 
 
-class Engine(Protocol):
-    """A frozen dataclass of an engine's own settings that can run scenes.
+class Engine(ABC):
+    """The base class of engines: a frozen dataclass of an engine's own settings that can run scenes.
 
-    Two more methods of ``(scene, settings)`` are for engines that have a use for them: ``bare_run`` returns
-    a ``BareRun`` where ``Trajectory.solve_time_s`` cannot leave the read-out out, and ``compile_time_s`` the
-    wall time in s of what is compiled for a scene on a machine that has nothing yet.
-    Where ``any_mechanism`` is true it runs scenes in the general form too. Where ``controls_error`` is true,
-    the step is but a limit; ``controlling_error()`` returns such an engine.
-
-    An attribute ``order`` states at which order the error of smooth motion falls with the step, None where a
-    tolerance of the engine's own chooses the steps; one ``accuracy_m``, if there is one, the error of the
-    slider's position in m that smooth motion has at most in steps of 0.2 ms, or at that tolerance.
-    ``crankslider conform`` holds the engine to both.
+    ``check`` and ``simulate`` are every engine's own. The rest has defaults: those of an engine that solves a
+    scene as it is.
     """
 
+    #: Whether it builds a scene from ``scene.mechanism``: others are given crank-sliders and pendulums alone.
+    any_mechanism: ClassVar[bool] = False
+    #: Whether it compiles for a scene what ``compile_time_s`` tells the time of.
+    compiles: ClassVar[bool] = False
+
+    @abstractmethod
     def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene, with the reason, if the engine at its settings cannot express the scene."""
-        ...
+
+    @abstractmethod
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+        """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
 
     def twin(self, scene: T) -> T:
         """Return the scene that the engine really solves: the same, or with its own law in the contacts.
@@ -288,15 +312,65 @@ class Engine(Protocol):
         Raises:
             UnsupportedScene: as ``check`` does.
         """
-        ...
+        self.check(scene)
+        return scene
 
     def sharper(self) -> "Engine":
         """Return the engine to take with half the step: its own tolerance, if it has one, a tenth."""
-        ...
+        return self
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-        """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
-        ...
+    @property
+    def order(self) -> float | None:
+        """The order at which the error of smooth motion falls with the step, None if a tolerance decides.
+
+        ``crankslider conform`` holds the engine to it.
+        """
+        return None
+
+    @property
+    def accuracy_m(self) -> float | None:
+        """The error in m that the slider's position has at most in smooth motion, None where none is stated.
+
+        It is that in steps of 0.2 ms, or at the engine's own tolerance. ``crankslider conform`` holds the
+        engine to it.
+        """
+        return None
+
+    @property
+    def controls_error(self) -> bool:
+        """Whether a tolerance decides, and the step is no more than a limit."""
+        return False
+
+    def controlling_error(self, step_tolerance: float | None = None) -> "Engine":  # noqa: ARG002
+        """Return the engine by a method that controls its error, to this tolerance, if it has one."""
+        return self
+
+    def idle(self) -> Mapping[str, str]:
+        """Return the settings other than their defaults that change nothing, with that which says so."""
+        return {}
+
+    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+        """Return the end of a run that records as little as the engine lets it.
+
+        Raises:
+            UnsupportedScene, SimulationFailed: as ``simulate`` does.
+        """
+        run = self.simulate(scene, settings)
+        return BareRun(run.solve_time_s, run.position[-1])
+
+    def set_up_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
+        """Return what a run takes besides its solve, in s: its model is built, and what it needs compiled.
+
+        Raises:
+            UnsupportedScene, SimulationFailed: as ``simulate`` does.
+        """
+        started = time.perf_counter()
+        solve_time_s = self.bare_run(scene, settings).solve_time_s
+        return time.perf_counter() - started - solve_time_s
+
+    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:  # noqa: ARG002
+        """Return what compiling for a run takes where there is nothing compiled yet, in s."""
+        return 0.0
 
 
 def require_finite(trajectory: Trajectory) -> Trajectory:

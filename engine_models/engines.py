@@ -18,7 +18,7 @@ from engine_models.scene.plain_words import meant, one_of, refusal, shown
 #: The group of entry points by which installed packages bring engines.
 GROUP = "crankslider.engines"
 #: What an engine's class has to have.
-METHODS = ("check", "twin", "sharper", "simulate")
+METHODS = ("check", "simulate")
 
 _CLASSES = {
     "reference": ("engine_models.reference.engine", "ReferenceEngine"),
@@ -57,7 +57,7 @@ def engine_module(name: str) -> str:
 
 
 def engine_class(name: str) -> Any:
-    """Return the settings class of an engine.
+    """Return the settings class of an engine; one from outside need not name its base class.
 
     Raises:
         ValueError: no engine has this name, or what has it cannot be imported, or is no engine.
@@ -76,7 +76,9 @@ def engine_class(name: str) -> Any:
     lacking = [method for method in METHODS if not callable(getattr(kind, method, None))]
     if lacking:
         raise ValueError(f"engine {name}: expected the methods {', '.join(METHODS)}, got no {lacking[0]}")
-    return kind
+    if issubclass(kind, Engine):
+        return kind
+    return type(kind.__name__, (kind, Engine), {"__doc__": kind.__doc__, "__module__": kind.__module__})
 
 
 def make_engine(name: str, **settings: object) -> Engine:

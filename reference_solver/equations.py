@@ -98,7 +98,7 @@ class Equations:
         baumgarte: Baumgarte | None = None,
         following: tuple[int, ...] = (),
     ) -> None:
-        self.mechanism, self._q_start, self._baumgarte = mechanism, q_start, baumgarte
+        self.mechanism, self.q_start, self._baumgarte = mechanism, q_start, baumgarte
         self.n, self.following = 3 * len(mechanism.bodies), following
         joints = [(k, mechanism.contacts[k]) for k in following]
         self._constraints = (*mechanism.constraints, *(wall_link(joint) for _, joint in joints))
@@ -129,7 +129,7 @@ class Equations:
 
     def system(self, t: Scalar, q: Array, v: Array) -> System:
         """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}."""
-        return system_of(self._constraints, State(q, v, t), t, self._q_start)
+        return system_of(self._constraints, State(q, v, t), t, self.q_start)
 
     def speeds(self, t: float) -> FloatArray:
         """Return {C} (m,) at a time."""

@@ -234,7 +234,6 @@ def _of_numbers_or_values(name: str, of_numbers: Callable[..., Any], doc: str) -
 cos = _of_numbers_or_values("cos", np.cos, "Return the cosine.")
 sin = _of_numbers_or_values("sin", np.sin, "Return the sine.")
 sqrt = _of_numbers_or_values("sqrt", np.sqrt, "Return the square root.")
-arcsin = _of_numbers_or_values("asin", np.arcsin, "Return the angle of a sine, at most a right one.")
 tanh = _of_numbers_or_values("tanh", np.tanh, "Return the hyperbolic tangent.")
 size = _of_numbers_or_values("abs", abs, "Return the absolute value.")
 larger = _of_numbers_or_values("max", max, "Return the larger of two.")

@@ -115,7 +115,7 @@ def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
     doubt = PEAK.replace("error", "uncertainty")
     percent = {PEAK: "impact_force_relative_error", doubt: "impact_force_relative_uncertainty"}
     rows = rows.assign(**{name: 100 * _numbers(rows, part) for name, part in percent.items()})
-    return with_largest(rows, FORCE, r"joint_\w+_force_error_N")
+    return with_largest(rows, FORCE, r"joint_[\w.-]+_force_error_N")
 
 
 def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:

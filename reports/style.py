@@ -159,7 +159,8 @@ def words(column: str) -> tuple[str, str]:
 
 
 def _in_words(name: str) -> str:
-    """Return a column's name without its unit in words."""
+    """Return a column's name without its unit in words, of what a scene observes by that alone: B x error."""
+    name = name.removeprefix("observed_")
     begin = next((begin for begin in WORDS if name.startswith(f"{begin}_")), "")
     return WORDS.get(begin, begin) + name[len(begin) :].replace("_", " ")
 

@@ -7,7 +7,7 @@ from engine_models.arms import Arm, Setting
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.judges.comparison import compared, judged
 from studies.judges.converged_truth import REFERENCE
 from studies.judges.kinds import require
@@ -49,7 +49,7 @@ def cases(full: bool) -> list[Case]:
     ]
 
 
-def cases_on(scene: Scene, full: bool) -> list[Case]:
+def cases_on(scene: AnyScene, full: bool) -> list[Case]:
     """Return the same for a scene of the user's.
 
     Raises:
@@ -59,7 +59,7 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
     return _cases_on(scene, full)
 
 
-def _cases_on(scene: Scene, full: bool) -> list[Case]:
+def _cases_on(scene: AnyScene, full: bool) -> list[Case]:
     out = []
     for arm in (*ARMS, *arms.newcomers()):
         out += [_by_step(scene, arm, count) for count in LADDER + (FINER if full else ())]
@@ -74,11 +74,11 @@ def _cases_on(scene: Scene, full: bool) -> list[Case]:
     return out + [_case(scene, arm, step, "iterations", {}) for arm in swept]
 
 
-def _by_step(scene: Scene, arm: Arm, steps_per_sample: float, **added: Setting) -> Case:
+def _by_step(scene: AnyScene, arm: Arm, steps_per_sample: float, **added: Setting) -> Case:
     return _case(scene, arm, scene.end_time_s / (SAMPLES * steps_per_sample), "step", added)
 
 
-def _case(scene: Scene, arm: Arm, step_s: float, varied: str, added: Mapping[str, Setting]) -> Case:
+def _case(scene: AnyScene, arm: Arm, step_s: float, varied: str, added: Mapping[str, Setting]) -> Case:
     run = RunSettings(step_s=step_s, samples=SAMPLES)
     return Case("agreement", scene, arm, run, added, columns={"step_s": run.step_s, "varied": varied})
 

@@ -9,7 +9,7 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.converged_truth import (
     converged,
@@ -56,7 +56,7 @@ END_S = {
 SAMPLES = 120
 
 
-def scenes(full: bool) -> list[Scene]:
+def scenes(full: bool) -> list[AnyScene]:
     """Return the scenes, cut to the time for which they are followed."""
     library = {**CLEARANCE_SCENES, **RIGID_SCENES}
     names = END_S if full else QUICK_LOOSE
@@ -69,7 +69,7 @@ def cases(full: bool) -> list[Case]:
     return [case for case in found if full or not only_full(case.arm, case.scene)]
 
 
-def cases_on(scene: Scene, full: bool) -> list[Case]:
+def cases_on(scene: AnyScene, full: bool) -> list[Case]:
     """Return the same for a scene of the user's, followed to its end.
 
     Raises:
@@ -79,7 +79,7 @@ def cases_on(scene: Scene, full: bool) -> list[Case]:
     return _cases_on(scene, full)
 
 
-def _cases_on(scene: Scene, full: bool) -> list[Case]:
+def _cases_on(scene: AnyScene, full: bool) -> list[Case]:
     out = [
         Case("clearance", scene, rung.arm, RunSettings(rung.step_s, SAMPLES), rung.added)
         for rung in clearance_ladder(scene, full, fast=False)
@@ -115,7 +115,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     return row, {**error_curves, **curves, "time_s": run.time_s}
 
 
-def _cross_check_m(scene: Scene, truth: Trajectory, until: int) -> float | None:
+def _cross_check_m(scene: AnyScene, truth: Trajectory, until: int) -> float | None:
     """Return how far the reference's slider is from the true one up to the horizon, None where it fails."""
     try:
         found = cross_check(scene, len(truth.time_s) - 1)
@@ -124,7 +124,7 @@ def _cross_check_m(scene: Scene, truth: Trajectory, until: int) -> float | None:
     return float(np.abs(observed_m(scene, found) - observed_m(scene, truth))[:until].max())
 
 
-def _model_differences(scene: Scene, own: Scene, samples: int) -> Row:
+def _model_differences(scene: AnyScene, own: AnyScene, samples: int) -> Row:
     """Return how far the true solution of the engine's own law is from that of the scene's.
 
     Both are at the times at which runs of the scene are judged, motion at equal ones.

@@ -9,10 +9,9 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.mechanics.energy import energy_in_play_J
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.judges.energy_ledger import constraint_speed_m_s, ledger
 from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
 from studies.judges.metrics import (
@@ -21,7 +20,7 @@ from studies.judges.metrics import (
     energy_balance_residual_J,
     numerical_gain_J,
 )
-from studies.ladders import turns_of
+from studies.ladders import speeds_rad_s, turns_of
 from studies.running.case import Case, Curves, Row
 
 
@@ -120,7 +119,7 @@ def cases(full: bool) -> list[Case]:
     return _affordable(every, full)
 
 
-def cases_on(scene: Scene, full: bool) -> list[Case]:
+def cases_on(scene: AnyScene, full: bool) -> list[Case]:
     """Return every engine and arm on a scene of the user's at a ladder of steps, to its end."""
     per_turn, steps = PER_TURN[bool(scene.joints_with_clearance)]
     wanted = math.ceil(per_turn * turns_of(scene))
@@ -144,12 +143,12 @@ def _affordable(every: list[Case], full: bool) -> list[Case]:
     ]
 
 
-def _scene(length: Length) -> Scene:
+def _scene(length: Length) -> AnyScene:
     changes = {"end_time_s": length.end_s, "name": length.name or length.scene}
     return SCENES[length.scene]().model_copy(update=changes)
 
 
-def _ladder(scene: Scene, length: Length) -> list[Case]:
+def _ladder(scene: AnyScene, length: Length) -> list[Case]:
     out = []
     tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
     for arm in (*_arms(scene), *arms.newcomers()):
@@ -172,8 +171,8 @@ def _lasting(name: str, turns: int, of: tuple[Arm, ...]) -> list[Case]:
     return out
 
 
-def _arms(scene: Scene) -> tuple[Arm, ...]:
-    laws = {getattr(scene.clearance, name).law for name in scene.joints_with_clearance}
+def _arms(scene: AnyScene) -> tuple[Arm, ...]:
+    laws = {room.law for room in scene.clearances.values()}
     return RIGID_ARMS if laws == {"rigid"} else CLEARANCE_ARMS if laws else IDEAL_ARMS
 
 
@@ -182,7 +181,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     scene = case.scene
     run = make_engine(case.engine, **case.settings).simulate(scene, case.run)
     gain = numerical_gain_J(scene, run)
-    turns = float(np.ptp(run.position[:, 0, 2])) / (2 * math.pi)
+    turns = float(np.ptp(run.position[:, scene.turning_body or 0, 2])) / (2 * math.pi)
     row: Row = {
         "steps": run.steps,
         "mean_step_s": scene.end_time_s / run.steps,
@@ -200,9 +199,9 @@ def measure(case: Case) -> tuple[Row, Curves]:
     return {**row, **drift}, {name: thinned(curve, KEPT) for name, curve in curves.items()}
 
 
-def _powers(scene: Scene, run: Trajectory, gain: FloatArray) -> Row:
+def _powers(scene: AnyScene, run: Trajectory, gain: FloatArray) -> Row:
     """Return the power that no physics accounts for with its interval, and mean powers over the whole run."""
-    nominal = abs(float(expected_speeds_rad_s(scene).mean())) * scene.end_time_s / (2 * math.pi)
+    nominal = abs(float(speeds_rad_s(scene).mean())) * scene.end_time_s / (2 * math.pi)
     rate = drift_rate(run.time_s, gain, blocks_of(nominal))
     row: Row = {
         "hidden_power_W": rate.per_s,
@@ -217,11 +216,11 @@ def _powers(scene: Scene, run: Trajectory, gain: FloatArray) -> Row:
     return row
 
 
-def _drift(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
+def _drift(scene: AnyScene, run: Trajectory) -> tuple[Row, Curves]:
     """Return the largest violation of the constraints in position and speed, and how each grows with time."""
     row: Row = {}
     curves: Curves = {}
-    if not scene.is_crank_slider and scene.joints_with_clearance:
+    if not (scene.mechanism.ideal or scene.mechanism.guides):
         return row, curves  # nothing is constrained
     angle = float(np.abs(run.position[:, :, 2]).max())
     round_off = (PLACES + PLACES_PER_RAD * angle) * float(np.finfo(float).eps)

@@ -23,7 +23,6 @@ from engine_models.scene.scene import ContactLaw, Scene
 from studies.command.trajectory_table import sample_columns
 from studies.judges.comparison import compared, judged
 from studies.judges.energy_ledger import ledger
-from studies.judges.ideal_motion import slider_position_m
 from studies.judges.metrics import checked, conserved
 from studies.ladders import QUICK_IDEAL, QUICK_LOOSE, Rung, clearance_ladder, ideal_ladder
 from studies.running.case import Case, Curves, Row
@@ -153,7 +152,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     Errors are those against the converged solution of the law that the engine solves, up to the horizon, and
     past it not a number. A ``whole`` scene has no truth beside it, and its own definition in its row.
     """
-    scene, engine = case.scene, make_engine(case.engine, **case.settings)
+    scene, engine = case.plain_scene, make_engine(case.engine, **case.settings)
     found = None if case.columns["view"] == "whole" else judged(engine, scene, case.run)
     run = found.plain if found else engine.simulate(scene, case.run)
     curves = _curves(scene, run)
@@ -170,7 +169,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
             "scene_text": SCENES[scene.name].__doc__ or "",
         }
         return row, {name: _short(curve[::WHOLE_EVERY]) for name, curve in curves.items()}
-    own, truth = found.own, selected(found.solved.truth, found.equal)
+    own, truth = engine.twin(scene), selected(found.solved.truth, found.equal)
     worst, errors = compared(found)
     row |= {**worst, **conserved(scene, run)[0]}
     beyond = len(run.time_s) - len(errors["slider_position_error_m"])
@@ -191,7 +190,9 @@ def _curves(scene: Scene, run: Trajectory) -> Curves:
     for joint, force in run.joint_force_N.items():
         curves[f"joint_{joint}_force_N"] = np.hypot(*force.T)
     if scene.is_crank_slider:
-        ideal = slider_position_m(scene, run.position[:, 0, 2])
+        crank, rod, _ = scene.crank_slider()
+        pin = crank.length_m * np.exp(1j * run.position[:, 0, 2])
+        ideal = pin.real + np.sqrt((rod.length_m - pin.imag) * (rod.length_m + pin.imag))
         curves["slider_deviation_m"] = observed_m(scene, run) - ideal
     return curves
 

@@ -11,7 +11,7 @@ from engine_models.engines import engine_class, make_engine
 from engine_models.scene import general, loads, parts, scene
 from engine_models.scene.data import SceneData
 from engine_models.scene.drives import Drive
-from engine_models.scene.library import SCENES
+from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.plain_words import expectation, fields, shown
 from studies.command.main import app
 
@@ -53,14 +53,14 @@ def engine(name: str) -> str:
     said = "\n\n".join(cleandoc(each.__doc__ or "") for each in kind.__mro__ if each is not object)
     settings = _table(("setting", "default", "allowed values"), _rows(kind))
     refusals: dict[str, list[str]] = {}
-    for scene_name, make in SCENES.items():
+    for scene_name, make in ALL_SCENES.items():
         try:
             make_engine(name).check(make())
         except UnsupportedScene as reason:
             refusals.setdefault(str(reason), []).append(f"`{scene_name}`")
-    count = len(SCENES) - sum(map(len, refusals.values()))
+    count = len(ALL_SCENES) - sum(map(len, refusals.values()))
     refused = _table(("reason", "scenes"), ((reason, ", ".join(them)) for reason, them in refusals.items()))
-    runs = f"With its defaults it runs {count} of the {len(SCENES)} library scenes."
+    runs = f"With its defaults it runs {count} of the {len(ALL_SCENES)} library scenes."
     what = f"{runs} It refuses the others:\n\n{refused}" if refusals else runs
     return f"## Model\n\n{said}\n\n## Settings\n\n{settings}\n\n## Refused scenes\n\n{what}\n"
 
@@ -68,10 +68,10 @@ def engine(name: str) -> str:
 def scenes() -> str:
     """Return a row for each scene of the library."""
     rows = []
-    for name, make in SCENES.items():
+    for name, make in ALL_SCENES.items():
         made, what = make(), (make.__doc__ or "").partition("\n")[0]
         loose = ", ".join(made.joints_with_clearance)
-        rows.append((f"`{name}`", made.drive.kind, loose, f"{made.end_time_s:g}", what))
+        rows.append((f"`{name}`", made.driven_by.kind, loose, f"{made.end_time_s:g}", what))
     return _table(("scene", "drive", "clearance", "end time in s", "description"), rows)
 
 

@@ -97,8 +97,7 @@ def doubts(engine: Engine, scene: AnyScene, run: Trajectory, to_tolerance: bool)
     if (failure := quality.failure()) is not None:
         raise SimulationFailed(failure)
     lines = [*doubts_of_tables(scene), *quality.warnings()]
-    if isinstance(engine, ReferenceEngine):
-        lines += [f"{name} changes nothing with {by}" for name, by in engine.idle().items()]
+    lines += [f"{name} changes nothing with {by}" for name, by in engine.idle().items()]
     # The readable face is slow, and its runs are those of the compiled one to round-off.
     if isinstance(engine, ReferenceEngine) and engine.kernel == "compiled" and not to_tolerance:
         try:

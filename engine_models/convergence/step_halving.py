@@ -66,7 +66,7 @@ def simulate_to_tolerance(engine: Engine, scene: AnyScene, tolerance_m: float, s
 
 def _ever_sharper(engine: Engine, scene: AnyScene, compared: int) -> Iterator[tuple[Engine, float]]:
     """Return the engine at ever shorter steps, or with ever smaller tolerances in steps that it chooses."""
-    if getattr(engine, "controls_error", False):
+    if engine.controls_error:
         while True:
             yield engine, scene.end_time_s
             if engine.sharper() == engine:

@@ -9,6 +9,7 @@ import pydantic
 from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
+    Engine,
     RunSettings,
     T,
     Trajectory,
@@ -38,7 +39,7 @@ SHARPEST = 1e-14
 
 
 @pydantic.dataclasses.dataclass(frozen=True, config=SETTINGS_CONFIG)
-class ExudynEngine(ExudynSettings):
+class ExudynEngine(ExudynSettings, Engine):
     """Exudyn's solvers on a scene, implicit and explicit; their defaults are its best practice.
 
     See ``ExudynSettings``.

@@ -8,13 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from engine_models.engine import BareRun, Contact, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import (
+    BareRun,
+    Contact,
+    FloatArray,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+    guarded,
+)
 from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral, place_bodies
 from engine_models.exudyn.settings import IMPLICIT, ExudynSettings, steps_as_they_come
 from engine_models.exudyn.solver import evaluations, record_every, silence, simulation_settings, solve
-from engine_models.guards import guarded
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import ContactForces
 from engine_models.mechanics.loads import integrated_works, load_powers_W
@@ -86,13 +93,10 @@ def _on_the_grid(scene: AnyScene, run: RunSettings, model: Model, solve_time_s: 
     found = _all_forces(scene, model, grid[samples], sampled, forces, {}, torque)
     return trajectory_of(
         scene,
+        **vars(replace(found, driver_torque_N_m=torque)),
         time_s=grid[samples],
         position=sampled[0],
         velocity=sampled[1],
-        joint_force_N=found.joint_force_N,
-        guide_force_N=found.guide_force_N,
-        guide_moment_N_m=found.guide_moment_N_m,
-        driver_torque_N_m=torque,
         driver_work_J=works.pop("driver", None),
         step_s=step,
         steps=run.samples * per_sample,
@@ -136,13 +140,10 @@ def _as_they_came(scene: AnyScene, run: RunSettings, model: Model, solve_time_s:
     position, velocity, _ = motion.at(time)
     return trajectory_of(
         scene,
+        **vars(replace(found, driver_torque_N_m=torque)),
         time_s=time,
         position=position,
         velocity=velocity,
-        joint_force_N=found.joint_force_N,
-        guide_force_N=found.guide_force_N,
-        guide_moment_N_m=found.guide_moment_N_m,
-        driver_torque_N_m=torque,
         driver_work_J=works.pop("driver", None),
         step_s=run.step_used_s(scene.end_time_s),
         steps=len(motion.time_s) - 1,

@@ -1,8 +1,6 @@
 """The equations of one system as heyoka's expressions: variables and rates, events, what follows them."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any
+from collections.abc import Sequence
 
 import heyoka as hy
 import numpy as np
@@ -10,12 +8,14 @@ import numpy as np
 from engine_models.engine import FloatArray
 from engine_models.heyoka.equations import Motion
 from engine_models.heyoka.expressions import Translation
+from engine_models.mechanics.equations.frames import ByCoordinate
 from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.tape import Scalar, larger, sqrt
 
-#: Events: a pin touches or leaves its wall; a force is clipped where it would pull, or resumes; the crank
-#: passes the upper or the lower end of a piece of the gas; the time is over, or that of a piece of the drive.
-TOUCH, CLIP, HIGHER, LOWER, OVER = range(5)
+#: Events: a pin touches or leaves its wall; a force is clipped where it would pull, or resumes; an angle or a
+#: speed passes the upper or the lower end of a piece of a function; the time is over, or that of a piece; a
+#: determinant is small, so that the independent coordinates are to be chosen anew.
+TOUCH, CLIP, HIGHER, LOWER, OVER, SMALL_STEP = range(6)
 #: A flight begins at the wall but for the error of its release, and heyoka may lose all roots of an event
 #: that begins at zero. So a touch is told past where the pin then is, by this part of the links' lengths: a
 #: few units in the last place of a pin's position.
@@ -23,7 +23,7 @@ PAST = 1e-15
 #: It leaves at this part of the root of the penetration that it has touched at.
 LEAVING = 0.5
 
-#: The kind of an event and its contact, 0 of what is no contact's.
+#: The kind of an event, and the number of its contact, function or step, 0 of the time.
 Event = tuple[int, int]
 
 
@@ -36,18 +36,20 @@ class Draft:
         self.variables = dict(zip(self.names, hy.make_vars(*self.names), strict=True))
         pars = {name: hy.par[k] for k, name in enumerate(self.parameters)}
         self._of = Translation({**self.variables, **pars})
-        self.stretched = bool(motion.touching)
+        self.partition, self.stretched = motion.partition, bool(motion.touching)
         self.periods = [round(2 * motion.joints[k].compliance.exponent) + 2 for k in motion.touching]
         self.alarms = self._alarms()
+        #: These and the others.
+        self.events = self.alarms | self._stops()
 
     def flow(self) -> list[tuple[hy.expression, hy.expression]]:
         """Return the variables and their rates."""
         motion, (slow, shares) = self._motion, self._motion.slowness()
-        accelerations = self._accelerations()
         rates = {name: hy.expression(0.0) for name in self.names}
-        for place in motion.places:
-            rates[f"z{place}"] = self._of(slow * motion.u[place])
-            rates[f"u{place}"] = self._of(slow) * accelerations[place] if shares else accelerations[place]
+        for k in motion.carried:
+            rates[f"z{k}"] = self._of(slow * motion.posture.rates[k])
+        for k, acceleration in self._accelerations().items():
+            rates[f"u{k}"] = self._of(slow) * acceleration if shares else acceleration
         for k, share in shares.items():
             rates[f"w{k}"] = self._of(0.5 * share * motion.rate(k))
         if "time" in rates:
@@ -55,36 +57,38 @@ class Draft:
         return [(self.variables[name], rate) for name, rate in rates.items()]
 
     def _accelerations(self) -> dict[int, hy.expression]:
-        """Return du/dt by place, of which pins that follow rigid walls take their part."""
-        found, _ = self._motion.accelerations()
-        out = {place: self._of(found[place]) for place in self._motion.places}
-        for k in self._motion.held:
-            answer, force = self._answer(k), self._holding(k)
-            out = {place: a + force * answer[place] for place, a in out.items()}
+        """Return z'' by coordinate, of which pins that follow rigid walls take their part."""
+        found, _ = self._motion.accelerations
+        out = {k: self._of(found[k]) for k in self._motion.independent}
+        for contact in self._motion.held:
+            answer, force = self._answer(contact), self._holding(contact)
+            out = {k: a + force * answer[k] for k, a in out.items()}
         return out
 
     def _answer(self, k: int) -> dict[int, hy.expression]:
-        """Return R of a contact by place."""
-        answer, _ = self._motion.answer_to(self._row(k))
-        return {place: self._of(answer[place]) for place in self._motion.places}
+        """Return R of a contact by coordinate."""
+        answer, _ = self._motion.posture.answer_to(self._row(k))
+        return {place: self._of(value) for place, value in answer.items()}
 
-    def _row(self, k: int) -> dict[int, Scalar]:
-        """Return by place what each rate makes of G = d.d'."""
+    def _row(self, k: int) -> ByCoordinate:
+        """Return by coordinate what each rate makes of G = d.d'."""
         return self._motion.row(k, self._motion.gap(k))
 
     def _mobility(self, k: int) -> hy.expression:
         """Return N.R of a contact."""
-        row, (answer, _) = self._row(k), self._motion.answer_to(self._row(k))
-        return self._of(sum(row[place] * answer[place] for place in self._motion.places))
+        row, posture = self._row(k), self._motion.posture
+        N, (R, _) = posture.reduced(row), posture.answer_to(row)
+        return self._of(sum(N[place] * R[place] for place in self._motion.independent))
 
     def _holding(self, k: int) -> hy.expression:
         """Return the force on a pin along d, as a part of it, that keeps it on a rigid wall."""
         motion, row = self._motion, self._row(k)
-        G, (found, _) = self._of(motion.speed(row)), motion.accelerations()
+        G, (found, _) = self._of(motion.speed(row)), motion.accelerations
         parts = [hy.diff(G, self.variables["time"])]
-        for place in motion.places:
-            parts.append(hy.diff(G, self.variables[f"z{place}"]) * self._of(motion.u[place]))
-            parts.append(self._of(row[place] * found[place]))
+        for place in motion.carried:
+            parts.append(hy.diff(G, self.variables[f"z{place}"]) * self._of(motion.posture.rates[place]))
+        N = motion.posture.reduced(row)
+        parts += [self._of(N[place] * found[place]) for place in motion.independent]
         return -hy.sum(parts) / self._mobility(k)
 
     def pressing(self, k: int) -> hy.expression:
@@ -108,16 +112,29 @@ class Draft:
                     alarms[CLIP, k] = -push if phase == CONTACT else push
         return alarms
 
-    def stops(self) -> dict[Event, hy.expression]:
-        """Return values that rise through zero where a piece ends, or the time."""
-        stops = dict[Event, hy.expression]()
-        if "gas_low" in self.parameters:
-            low, high = (hy.par[self.parameters.index(f"gas_{end}")] for end in ("low", "high"))
-            angle = self._of(self._motion.crank_angle)
-            stops |= {(HIGHER, 0): angle - high, (LOWER, 0): low - angle}
+    def _stops(self) -> dict[Event, hy.expression]:
+        """Return values that rise through zero where a piece ends, or the time, or a determinant is small."""
+        stops, pars = dict[Event, hy.expression](), self.parameters.index
+        for k, argument in self._motion.arguments.items():
+            value = self._of(argument)
+            stops[HIGHER, k] = value - hy.par[pars(f"high{k}")]
+            stops[LOWER, k] = hy.par[pars(f"low{k}")] - value
         if "until" in self.parameters:
-            stops[OVER, 0] = self.variables["time"] - hy.par[self.parameters.index("until")]
+            stops[OVER, 0] = self.variables["time"] - hy.par[pars("until")]
+        for k, determinant in self._motion.determinants.items():
+            stops[SMALL_STEP, k] = hy.par[pars(f"level{k}")] - self._of(determinant)
         return stops
+
+    @property
+    def determinants(self) -> list[hy.expression]:
+        """Return those of the steps that are watched."""
+        return [self._of(value) for value in self._motion.determinants.values()]
+
+    @property
+    def coordinates(self) -> list[hy.expression]:
+        """Return all coordinates, and their rates."""
+        posture = self._motion.posture
+        return [self._of(value) for value in (*posture.frames.u, *posture.rates)]
 
     def approaching(self, contacts: Sequence[int]) -> list[hy.expression]:
         """Return how far pins are past rigid walls that they approach, in m; of others -1."""
@@ -134,7 +151,11 @@ class Draft:
         With a ``restitution`` it is an impact at a rigid wall.
         """
         motion, (kind, k) = self._motion, event
-        known, joint, d = dict(self.variables), motion.joints[k], motion.gap(k)
+        known = dict(self.variables)
+        if kind == SMALL_STEP:
+            known |= {f"u{place}": self._of(rate) for place, rate in enumerate(motion.posture.rates)}
+            return [known[name] for name in to.names]
+        joint, d = motion.joints[k], motion.gap(k)
         distance, G = sqrt(d @ d), motion.speed(self._row(k))
         if restitution is not None:
             slow = self._of(joint.wall.minimum_impact_speed_m_s * distance > G)
@@ -154,21 +175,16 @@ class Draft:
             known |= {name: self._of(value) for name, value in begun.items() if name in to.names}
         return [known[name] for name in to.names]
 
-    def compiled(self, values: Sequence[hy.expression], pars: FloatArray) -> Callable[[FloatArray], Any]:
-        """Return expressions as a function of the state, with parameters that are looked up in every call."""
-        function = hy.cfunc(values, vars=[*self.variables.values()])
-        return partial(function, pars=pars) if function.nparams else function
-
     def told(self, names: Sequence[str]) -> list[hy.expression]:
         """Return q and v (3b,) each, powers by name, of what is no impact's, and dt/ds."""
         motion = self._motion
-        _, torque = motion.accelerations()
+        _, torque = motion.accelerations
         driving, (slow, _) = self._of(torque), motion.slowness()
         powers = {name: self._of(value) for name, value in motion.powers.items()}
         for k in motion.held:
             powers[f"normal{k}"] = self.pressing(k)
-            driving = driving + self._holding(k) * self._of(motion.answer_to(self._row(k))[1])
-        powers["drivers"] = driving * self._of(motion.crank_speed)
+            driving = driving + self._holding(k) * self._of(motion.posture.answer_to(self._row(k))[1])
+        powers["drivers"] = driving * self._of(motion.driver_speed)
         of_bodies = [self._of(value) for value in (*motion.q, *motion.v)]
         return [*of_bodies, *(powers.get(name, hy.expression(0.0)) for name in names), self._of(slow)]
 

@@ -4,7 +4,7 @@ import time
 from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
@@ -12,23 +12,23 @@ from pydantic.dataclasses import dataclass
 from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
+    Engine,
     RunSettings,
-    T,
     Trajectory,
     UnsupportedScene,
-    plain,
     require_finite,
 )
 from engine_models.mechanics.contact_law import exponent_of
-from engine_models.mechanics.minimal.scope import require_coordinates
+from engine_models.mechanics.equations.scope import require_coordinates
+from engine_models.mechanics.equations.trajectory import trajectory_of_solution
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
-from engine_models.reference.trajectory import trajectory_of_solution
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.scene.parts import AnyScene, Clearance
 
 if TYPE_CHECKING:
-    from engine_models.heyoka.run import Flight
+    from collections.abc import Callable
+
+    from engine_models.heyoka.run import Flight, Piece
     from engine_models.heyoka.systems import Systems
 
 #: The smallest tolerance: that of a double's last place.
@@ -36,7 +36,7 @@ SHARPEST = 2.3e-16
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
-class HeyokaEngine:
+class HeyokaEngine(Engine):
     """Taylor series of the equations of motion in minimal coordinates, by heyoka (Biscani and Izzo 2021).
 
     heyoka compiles the equations for their Taylor coefficients; the ``step_tolerance`` sets the order of the
@@ -44,7 +44,8 @@ class HeyokaEngine:
     follow after the solve from the multiplier equations at the samples, works and losses from Gauss's
     quadrature of the series. There is an integrator for flight, and one for every combination of contacts
     (see ``equations``); touch, release and clipping are its terminal events. So are the ends of the pieces of
-    a drive or a gas that has pieces. The run's longest step holds in flight.
+    drives, gas and other tables, and where coordinates cease to be fit as independent ones (see
+    ``equations.partition``). The run's longest step holds in flight.
 
     On rigid walls an impact is Newton's, without friction. Where bounces come together the pin follows its
     wall, until that would have to pull. The run fails, and says when, where two pins hit at one time, or one
@@ -56,10 +57,11 @@ class HeyokaEngine:
 
     step_tolerance: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-12
     max_steps: Annotated[int, Field(gt=0)] = 20_000_000
+    any_mechanism: ClassVar[bool] = True
+    compiles: ClassVar[bool] = True
 
     def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene where there is no heyoka, no ODE, or no Taylor series of a contact."""
-        scene = plain(scene, "heyoka")
         if find_spec("heyoka") is None:
             raise UnsupportedScene(
                 "heyoka is not installed: pip install heyoka (Linux, Python 3.11 or later), "
@@ -69,19 +71,6 @@ class HeyokaEngine:
         for joint, clearance in scene.clearances.items():
             if (reason := _without_series(clearance)) is not None:
                 raise UnsupportedScene(f"heyoka's model has no contact like that at {joint}: {reason}")
-
-    def twin(self, scene: T) -> T:
-        """Return the scene itself: what is supported is solved as it is.
-
-        Raises:
-            UnsupportedScene: see ``check``.
-        """
-        self.check(scene)
-        return scene
-
-    @property
-    def order(self) -> None:
-        """None: a tolerance chooses the steps."""
 
     def sharper(self) -> "HeyokaEngine":
         """Return the engine with a tenth of its tolerance."""
@@ -94,48 +83,57 @@ class HeyokaEngine:
             UnsupportedScene: see ``check``.
             SimulationFailed: a state that is not finite, or too many steps.
         """
-        scene = plain(scene, "heyoka")
         self.check(scene)
         require_memory(scene, settings)
         from engine_models.heyoka.reading import HeldDerivative, Reading
 
-        flight = self._flight(scene, settings)
         reading = Reading(HeldDerivative(scene), settings.times_s(scene))
-        flight.run(reading.take)
+        flight = self._flown(scene, settings, reading.take)
         solution = reading.solution(flight.steps)
-        longest, solve_time = (
-            min(settings.step_s, scene.end_time_s),
-            self.bare_run(scene, settings).solve_time_s,
-        )
+        longest = min(settings.step_s, scene.end_time_s)
+        solve_time = self.bare_run(scene, settings).solve_time_s
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))
 
     def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
-        """Return the same steps with no series kept.
+        """Return the same steps with no series kept; a first run before them compiles what they take.
 
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
-        scene = plain(scene, "heyoka")
         self.check(scene)
-        systems, flight = _systems(self, scene), self._flight(scene, settings)
-        compiled, started = systems.compiled_s, time.perf_counter()
+        if settings not in _systems(self, scene).run_with:
+            self._flown(scene, settings)
+        flight = self._flight(scene, settings)
+        started = time.perf_counter()
         flight.run()
-        solve_time = time.perf_counter() - started - (systems.compiled_s - compiled)
-        return BareRun(solve_time, flight.position())
+        return BareRun(time.perf_counter() - started, flight.position())
 
     def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
         """Return what heyoka takes to compile the integrators of a run, in s; it keeps none on disk."""
-        scene = plain(scene, "heyoka")
         self.check(scene)
         import heyoka
 
         _systems.cache_clear()
         heyoka.llvm_state.clear_memcache()
-        self.bare_run(scene, settings)
-        return _systems(self, scene).compiled_s
+        return self.set_up_time_s(scene, settings)
 
-    def _flight(self, scene: Scene, settings: RunSettings) -> "Flight":
+    def set_up_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
+        """Return what a run takes besides its solve, in s; that is timed in a run of its own."""
+        started = time.perf_counter()
+        self._flown(scene, settings)
+        return time.perf_counter() - started - self.bare_run(scene, settings).solve_time_s
+
+    def _flown(
+        self, scene: AnyScene, settings: RunSettings, take: "Callable[[Piece], None] | None" = None
+    ) -> "Flight":
+        """Return a run that has come to its end, whose pieces somebody may ``take``."""
+        flight = self._flight(scene, settings)
+        flight.run(take)
+        _systems(self, scene).run_with.add(settings)
+        return flight
+
+    def _flight(self, scene: AnyScene, settings: RunSettings) -> "Flight":
         from engine_models.heyoka.run import Flight  # which imports heyoka, where there is one
 
         longest = min(settings.step_s, scene.end_time_s)
@@ -143,7 +141,7 @@ class HeyokaEngine:
 
 
 @lru_cache(maxsize=1)
-def _systems(engine: HeyokaEngine, scene: Scene) -> "Systems":
+def _systems(engine: HeyokaEngine, scene: AnyScene) -> "Systems":
     """Return the integrators of a scene; of the same one again, the same."""
     from engine_models.heyoka.systems import Systems
 

@@ -7,28 +7,30 @@ variables, too, and the independent variable is s (after Sundman 1912) with
     dt/ds = W = the product of all w_k,  dw_k/ds = W/w_k delta_k'/2,  delta^n = w^(2n)
 
 which are analytic from touch to release. Both are at a w that is not zero but for its rounding (see
-``drafts``): pins that touch or leave together would wait there for ever. The time is a variable. A crank
-whose motion is prescribed is a function of the time, and no variable.
+``drafts``): pins that touch or leave together would wait there for ever. The time is a variable. What is
+driven is a function of the time, and no variable.
 
-A pin that follows a rigid wall is held by a force f along d: with G = d.d', N = dG/du and R the accelerations
-per unit of f, G' = 0 asks of it that  N.R f = -(dG/dz.u + dG/dt + N.u'),  u' those of no f. The same N and R
-make the impact at a rigid wall,  u+ = u - (1 + e) (G/N.R) R.
+A pin that follows a rigid wall is held by a force f along d: with G = d.d', N = dG/dz' and R the
+accelerations per unit of f, G' = 0 asks of it that  N.R f = -(dG/du.u' + dG/dt + N.z''),  z'' those of no f.
+The same N and R make the impact at a rigid wall,  z'+ = z' - (1 + e) (G/N.R) R.
 """
 
-from dataclasses import replace
-from functools import reduce
+from functools import cached_property, reduce
 from operator import mul
 
 import numpy as np
 
-from engine_models.heyoka.pieces import Piece, turn_of
-from engine_models.mechanics.minimal.tree import THETA, Posture, Tree
+from engine_models.heyoka.pieces import Knots, Polynomials, on_tape
+from engine_models.mechanics.equations.frames import ByCoordinate
+from engine_models.mechanics.equations.partition import Partition
+from engine_models.mechanics.equations.posture import Posture
+from engine_models.mechanics.equations.structure import Structure
+from engine_models.mechanics.equations.tree import Tree
 from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS
-from reference_solver.mechanism.mechanism import GasForce, Mechanism, PrescribedMotion, PrescribedSpeed
-from reference_solver.mechanism.points import State, ends_of
-from reference_solver.tape import Array, Scalar, Tape, array
+from reference_solver.mechanism.mechanism import GROUND, Mechanism
+from reference_solver.tape import Array, FloatArray, Scalar, Tape, array
 
 #: The phases of all contacts.
 Phases = tuple[float, ...]
@@ -37,91 +39,86 @@ Phases = tuple[float, ...]
 class Motion:
     """A mechanism in minimal coordinates on a tape, with its contacts in phases.
 
-    Variables are z and u = dz/dt without those of a driven crank; of a contact in flight ``reach``, the
-    square of the distance at which it touches, of one that has touched w and its approach ``speed``, if the
-    law asks for it; with contacts the ``time``. Parameters are ``until``, where the run is to stop, in s,
-    and the pieces of drive and gas (see ``pieces``), by the numbers of their coefficients.
+    Variables are the coordinates u that are integrated, as z0, z1, ..., and the independent rates z', as u0,
+    u1, ..., by their numbers (see ``equations.posture``); of a contact in flight ``reach``, the square of the
+    distance at which it touches, of one that has touched w and its approach ``speed``, if the law asks for
+    it; the ``time`` if it has events. Parameters are those of ``Knots``, and for every step of the partition
+    that is watched a ``level``, down to which its determinant may fall.
     """
 
-    def __init__(self, mechanism: Mechanism, angle: float, phases: Phases, terms: dict[str, int]) -> None:
-        self.phases, self.joints, tape = phases, mechanism.contacts, Tape()
-        tree, clock = Tree(mechanism), bool(phases)
-        self.parameters = ["until"] * clock
-        self.parameters += [name for of, n in terms.items() for name in _parameters_of(of, n)]
-        pieces = {
-            of: Piece(tape.input(f"{of}_begin"), array([tape.input(f"{of}{k}") for k in range(n)]))
-            for of, n in terms.items()
-        }
-        drivers = [c for c in mechanism.constraints if isinstance(c, PrescribedSpeed | PrescribedMotion)]
-        time = tape.input("time")
-        turn = turn_of(drivers[0], time, pieces.get("drive")) if drivers else None
-        self.places = [place for place in tree.coordinates if not (turn and place == THETA)]
-        z, u = ({place: tape.input(f"{of}{place}") for place in self.places} for of in "zu")
-        if turn:
-            z[THETA], u[THETA] = angle + turn[0], turn[1]
-        order, self._order, self.u = array([z[k] for k in tree.coordinates]), tree.coordinates, u
-        self._driven = turn[2] if turn else None
-        self._posture = Posture(tree, order, array([u[k] for k in tree.coordinates]))
-        self._still = Posture(tree, order, np.zeros(len(order)))
-        self.q, self.v = array(self._posture.q), array(self._posture.v)
-        #: States in which one coordinate alone moves, at a rate of 1.
-        self._moved = {
-            place: State(self.q, array(Posture(tree, order, unit).v))
-            for place, unit in zip(tree.coordinates, np.eye(len(order)), strict=True)
-        }
-        loads = [
-            replace(load, force_N=pieces["gas"]) if isinstance(load, GasForce) else load  # type: ignore[arg-type]
-            for load in mechanism.loads
-        ]
-        equations = Equations(replace(mechanism, loads=tuple(loads)), np.zeros(len(self.q)))
+    def __init__(
+        self,
+        structure: Structure,
+        partition: Partition,
+        mechanism: Mechanism,
+        tables: list[Polynomials],
+        q_start: FloatArray,
+        phases: Phases,
+        knots: Knots,
+    ) -> None:
+        self.phases, self.joints, self.partition, tape = phases, mechanism.contacts, partition, Tape()
+        self.carried, self.independent = structure.carried, partition.independent
+        mechanism, time = on_tape(mechanism, tables, tape), tape.input("time")
+        tree, driven = Tree(structure, mechanism, q_start), None
+        u = {k: tape.input(f"z{k}") for k in self.carried}
+        self.z = {k: tape.input(f"u{k}") for k in self.independent}
+        if structure.driven is not None:
+            u[structure.driven], speed, acceleration = tree.driven(time)
+            driven = speed, acceleration
+        self.posture = Posture(tree, partition, u, self.z, driven, subtracted=True)
+        self.q, self.v = array(self.posture.q), array(self.posture.v)
+        self.driver_speed = 0.0 if structure.driven is None else self.posture.rates[structure.driven]
+        equations = Equations(mechanism, np.zeros(len(self.q)))
         self._applied, self.powers, _ = equations.forces(time, self.q, self.v, None)
-        self.crank_angle, self.crank_speed = z[THETA], u[THETA]
+        self._gaps = [tree.gap(joint) for joint in self.joints]
+        self.arguments = {k: table.argument(self.q, self.v) for k, table in knots.others.items()}
         self.touching = [k for k, phase in enumerate(phases) if phase != FLIGHT and not self.joints[k].rigid]
         self.held = [k for k, phase in enumerate(phases) if phase != FLIGHT and self.joints[k].rigid]
-        self.names = [f"{of}{place}" for of in "zu" for place in self.places]
+        self.names = [f"z{k}" for k in self.carried] + [f"u{k}" for k in self.independent]
         for k, phase in enumerate(phases):
             if phase == FLIGHT:
                 self.names.append(f"reach{k}")
             elif k in self.touching:
                 self.names += [f"w{k}"] + [f"speed{k}"] * bool(self.joints[k].compliance.damping_factor)
-        self.names += ["time"] * clock
+        self.names += ["time"] * ("until" in knots.names)
+        self.parameters = [*knots.names, *(f"level{k}" for k in partition.watched)]
         self.inputs = {name: tape.input(name) for name in [*self.names, *self.parameters]}
 
-    def accelerations(self) -> tuple[dict[int, Scalar], Scalar]:
-        """Return du/dt by place, and a driver's torque, of no pin held; contacts enter ``powers``."""
-        pulls: dict[int, Scalar] = dict.fromkeys(self._order, 0.0)
+    @property
+    def determinants(self) -> dict[int, Scalar]:
+        """Those of the steps that are watched, positive where the partition was chosen."""
+        own, steps = self.posture.loops.determinants, self.partition.steps
+        return {k: steps[k].sign * own[k] for k in self.partition.watched}
+
+    @cached_property
+    def accelerations(self) -> tuple[ByCoordinate, Scalar]:
+        """z'' by coordinate, and a driver's torque or force, of no pin held; contacts enter ``powers``."""
+        pulls = ByCoordinate()
         for k in self.touching:
             for place, pull in self._pulls(k).items():
-                pulls[place] = pulls[place] + pull
-        found, torque = self._posture.accelerations(self._applied, self._driven, pulls)
-        return dict(zip(self._order, found, strict=True)), torque
-
-    def answer_to(self, row: dict[int, Scalar]) -> tuple[dict[int, Scalar], Scalar]:
-        """Return du/dt by place, and the driver's torque, of generalised forces by place alone."""
-        nothing, driven = np.zeros(len(self.q)), None if self._driven is None else 0.0
-        found, torque = self._still.accelerations(nothing, driven, row)
-        return dict(zip(self._order, found, strict=True)), torque
+                pulls[place] += pull
+        return self.posture.accelerations(self._applied, pulls)
 
     def gap(self, k: int) -> Array:
         """Return d (2,) of a contact."""
-        bearing, pin = ends_of(self.joints[k], self._moved[self._order[0]])
-        return pin.place - bearing.place
+        return array(self.posture.frames.vector(self._gaps[k]))
 
-    def row(self, k: int, direction: Array, twist: tuple[Scalar, Scalar] = (0.0, 0.0)) -> dict[int, Scalar]:
-        """Return by place what each rate makes of a pin's speed from its bearing along a direction.
+    def row(self, k: int, direction: Array, twist: tuple[Scalar, Scalar] = (0.0, 0.0)) -> ByCoordinate:
+        """Return by coordinate what each rate makes of a pin's speed from its bearing along a direction.
 
         ``twist`` adds parts of the angular velocities of bearing and pin.
         """
-        row = dict[int, Scalar]()
-        for place, state in self._moved.items():
-            bearing, pin = ends_of(self.joints[k], state)
-            row[place] = direction @ (pin.rate - bearing.rate)
-            row[place] = row[place] + twist[0] * bearing.spin + twist[1] * pin.spin
+        columns = self.posture.frames.columns(self._gaps[k])
+        joint, tree = self.joints[k], self.posture.tree
+        row = ByCoordinate({i: direction[0] * x + direction[1] * y for i, (x, y) in columns.items()})
+        for body, part in zip((joint.body_i, joint.body_j), twist, strict=True):
+            if (frame := tree.frame(body)) != GROUND:
+                row[frame] += part
         return row
 
-    def speed(self, row: dict[int, Scalar]) -> Scalar:
+    def speed(self, row: ByCoordinate) -> Scalar:
         """Return the speed that a row gives."""
-        return sum((part * self.u[place] for place, part in row.items()), start=0.0)
+        return sum((part * self.posture.rates[k] for k, part in row.items()), start=0.0)
 
     def rate(self, k: int) -> Scalar:
         """Return the rate of a penetration that is w^2."""
@@ -146,17 +143,17 @@ class Motion:
         others = {k: reduce(mul, [w for j, w in roots.items() if j != k], 1.0) for k in roots}
         return reduce(mul, roots.values(), 1.0), others
 
-    def _pulls(self, k: int) -> dict[int, Scalar]:
+    def _pulls(self, k: int) -> ByCoordinate:
         """Return a contact's generalised forces (see ``contact.force``); powers get what it adds up."""
         joint, w, n = self.joints[k], self.inputs[f"w{k}"], self._normal(k)
         law, row = joint.compliance, self.row(k, n)
         rate, elastic = self.speed(row), law.stiffness * reduce(mul, [w] * round(2 * law.exponent))
         if self.phases[k] != CONTACT:
             self.powers[f"clip{k}"] = -elastic * rate
-            return {}
+            return ByCoordinate()
         normal = elastic * self.push(k) + law.damping_N_s_m * rate
         self.powers |= {f"normal{k}": normal, f"loss{k}": (normal - elastic) * rate}
-        pulls = {place: -normal * part for place, part in row.items()}
+        pulls = ByCoordinate({place: -normal * part for place, part in row.items()})
         if joint.friction is None:
             return pulls
         arm_i = joint.bearing_radius_m + 0.5 * w * w
@@ -166,10 +163,4 @@ class Motion:
         share = FRICTION_LAWS[joint.friction.kind](joint.friction, sliding)
         tangential = -(joint.friction.coefficient * normal * share)
         self.powers[f"slide{k}"] = -tangential * sliding
-        return {place: pull + tangential * row[place] for place, pull in pulls.items()}
-
-
-def _parameters_of(of: str, terms: int) -> list[str]:
-    """Return the parameters of a piece with so many coefficients; gas has angles at which it ends."""
-    ends = ["gas_low", "gas_high"] if of == "gas" else []
-    return [*ends, f"{of}_begin", *(f"{of}{k}" for k in range(terms))]
+        return ByCoordinate({place: pulls[place] + tangential * part for place, part in row.items()})

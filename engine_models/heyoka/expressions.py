@@ -16,7 +16,6 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "pow": lambda x, y: x**y,
     "cos": hy.cos,
     "sin": hy.sin,
-    "asin": hy.asin,
     "sqrt": hy.sqrt,
     "tanh": hy.tanh,
     ">": hy.gt,

@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 from engine_models.engine import FloatArray
 from engine_models.heyoka.drafts import TOUCH
 from engine_models.heyoka.run import Piece
+from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.mechanics.impacts import along_steps, largest
-from engine_models.scipy_ivp.model import Derivative
 from reference_solver.contact.types import CONTACT, FLIGHT, Impact
 from reference_solver.contact.walls import Separation, separation
 from reference_solver.equations import Equations
@@ -142,7 +142,7 @@ class Reading:
         clock = system.clock(piece.series, ends)
         taken = len(self._rows)
         times = self._times[taken : np.searchsorted(self._times, clock[-1], side="right")]
-        at = np.array([self._when(piece, clock, t) for t in times.tolist()]) if system.phases else times
+        at = np.array([self._when(piece, clock, t) for t in times.tolist()]) if system.timed else times
         edges = np.union1d(ends, at)
         half, middle = np.diff(edges)[:, None] / 2, (edges[1:] + edges[:-1])[:, None] / 2
         told = self._told(piece, (middle + half * NODES).ravel())[:, 2 * self._n :]

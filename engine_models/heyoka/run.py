@@ -11,9 +11,10 @@ from engine_models.engine import AdapterCannot, EngineFailed, FloatArray, Simula
 from engine_models.heyoka.drafts import Event
 from engine_models.heyoka.series import Series
 from engine_models.heyoka.systems import Beyond, System, Systems
+from engine_models.mechanics.equations.partition import SingularPosition
 from engine_models.pace import Pace
 from engine_models.progress import tell
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 
 #: Steps after which a run tells how far it has come, and after which its pace is judged.
 PAUSE, OUTLASTING = 10_000, 30_000
@@ -50,13 +51,13 @@ class Flight:
     that runs, or has run last.
     """
 
-    def __init__(self, scene: Scene, systems: Systems, longest_s: float, max_steps: int) -> None:
+    def __init__(self, scene: AnyScene, systems: Systems, longest_s: float, max_steps: int) -> None:
         self._scene, self._systems = scene, systems
         self._longest_s, self._max_steps = longest_s, max_steps
         self._pace, self.steps = Pace(scene, OUTLASTING), 0
         try:
             self.system = systems.begin()
-        except Beyond as reason:
+        except (Beyond, SingularPosition) as reason:
             raise AdapterCannot(f"heyoka's model does not begin: {reason}") from None
 
     def run(self, take: Callable[[Piece], None] | None = None) -> None:
@@ -87,7 +88,7 @@ class Flight:
                 else:
                     way = system.ways[number] or systems.way(system, number)
                     following = way()
-        except Beyond as reason:
+        except (Beyond, SingularPosition) as reason:
             at = f"t = {self.system.time_s:.6g} s"
             raise AdapterCannot(f"heyoka's model ends at {at}: {reason}") from None
 
@@ -95,7 +96,7 @@ class Flight:
         """Return the bodies' coordinates at the end of what has been run, (b, 3)."""
         system = self.system
         (row,) = system.told((), system.state[None], system.pars)
-        return np.asarray(row[: 3 * len(self._scene.bodies)]).reshape(-1, 3)
+        return np.asarray(row[: 3 * len(self._scene.mechanism.bodies)]).reshape(-1, 3)
 
     def _paused(self, system: System, ended: Any) -> System | None:
         """Return the system that goes on where no event has been, None at the end of the run."""

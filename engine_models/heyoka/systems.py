@@ -5,41 +5,45 @@ an event that return the state from which the next integrator goes on.
 """
 
 import math
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import cache, partial
+from collections.abc import Callable, Sequence
+from functools import cache, cached_property, partial
 from typing import Any
 
 import heyoka as hy
 import numpy as np
 
-from engine_models.engine import FloatArray
-from engine_models.heyoka.drafts import CLIP, HIGHER, LOWER, OVER, PAST, TOUCH, Draft, Event
+from engine_models.engine import FloatArray, RunSettings
+from engine_models.heyoka.drafts import CLIP, HIGHER, LOWER, OVER, PAST, SMALL_STEP, TOUCH, Draft, Event
 from engine_models.heyoka.equations import Motion, Phases
-from engine_models.heyoka.pieces import Knots, drive_of, gas_of
+from engine_models.heyoka.pieces import Knots, in_pieces
 from engine_models.heyoka.series import Series
-from engine_models.mechanics.crank_motion import expected_speeds_rad_s
-from engine_models.mechanics.minimal.tree import THETA, Tree
+from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations.partition import SMALL, Partition, choose_partition
+from engine_models.mechanics.equations.structure import structure_of
+from engine_models.mechanics.equations.tree import Tree
 from engine_models.mechanics.start_check import checked_start
-from engine_models.reference.model import mechanism_of
-from engine_models.scene.scene import Scene
+from engine_models.mechanics.states import lever_m
+from engine_models.scene.parts import AnyScene
 from reference_solver.contact.types import CLIPPED, CONTACT, FLIGHT
+from reference_solver.mechanism.mechanism import ClearanceJoint
 
 #: Bounces between rigid walls have come together where a flight takes no longer than this part of what the
-#: crank takes for a radian: it is some 1e-13 m high.
+#: quickest body takes for a radian: it is some 1e-13 m high.
 SHORTEST = 1e-5
 #: Powers of every period in which series at touch have terms.
 POWERS = 3
 #: Pins that hit rigid walls are told apart by so many times the part of a length that ``PAST`` is.
 TOGETHER = 32.0
-#: By how many pieces of the gas an event goes on.
+#: By how many pieces of a function an event goes on.
 TURNED = {HIGHER: 1, LOWER: -1}
 
 
+#: A function of a system's state.
+OfState = Callable[[FloatArray], Any]
+
+
 class Beyond(Exception):
-    """What the model of rigid walls has no rule for; the message says what."""
+    """What the model has no rule for; the message says what."""
 
 
 def without_gaps(tolerance: float, periods: Sequence[int]) -> float:
@@ -54,55 +58,53 @@ def without_gaps(tolerance: float, periods: Sequence[int]) -> float:
     return tolerance
 
 
-@dataclass
 class System:
     """An integrator, by the phases of its contacts; ``state`` and ``pars`` are views of what is in it.
 
-    Where there are contacts the time is the last variable, else it is the integrator's own. ``ways`` has for
+    If it is ``timed`` the time is the last variable, else it is the integrator's own. ``ways`` has for
     every one of ``events`` what makes the next system ready and returns it, or None at the end of the run;
     what is not made yet is None itself. ``stretched`` says that the independent variable does not run as the
-    time does: pins touch walls that give. ``alarm`` is the draft's ``alarms`` as a function of the state.
+    time does: pins touch walls that give.
     """
 
-    draft: Draft
-    integrator: Any
-    events: list[Event]
-    state: FloatArray = field(init=False)
-    pars: FloatArray = field(init=False)
-    ways: list[Callable[[], "System | None"] | None] = field(init=False)
-    stretched: bool = field(init=False)
-    alarm: Callable[[FloatArray], Any] | None = field(init=False, default=None)
-    _told: dict[tuple[str, ...], Any] = field(init=False, default_factory=dict)
+    def __init__(self, draft: Draft, integrator: Any) -> None:
+        self.draft, self.integrator = draft, integrator
+        self.state, self.pars = integrator.state, integrator.pars
+        self.phases, self.stretched, self.timed = draft.phases, draft.stretched, "time" in draft.names
+        self.events: list[Event] = [*draft.events]
+        self.ways: list[Callable[[], System | None] | None] = [None] * len(self.events)
+        variables = [*draft.variables.values()]
+        self._told = cache(lambda names: hy.cfunc(draft.told(names), vars=variables))
 
-    def __post_init__(self) -> None:
-        """Take the views."""
-        self.state, self.pars = self.integrator.state, self.integrator.pars
-        self.ways, self.stretched = [None] * len(self.events), self.draft.stretched
+    def compiled(self, values: Sequence[hy.expression]) -> OfState:
+        """Return expressions as a function of the state, with the parameters at the time of the call."""
+        function = hy.cfunc(values, vars=[*self.draft.variables.values()])
+        return partial(function, pars=self.pars) if function.nparams else function
 
-    @property
-    def phases(self) -> Phases:
-        """The phases of its contacts."""
-        return self.draft.phases
+    @cached_property
+    def alarm(self) -> OfState:
+        """The draft's ``alarms``."""
+        return self.compiled([*self.draft.alarms.values()])
+
+    @cached_property
+    def determinants(self) -> OfState:
+        """Those of the steps that are watched."""
+        return self.compiled(self.draft.determinants)
 
     @property
     def time_s(self) -> float:
         """The time that the integrator has reached."""
-        return float(self.state[-1] if self.phases else self.integrator.time)
+        return float(self.state[-1] if self.timed else self.integrator.time)
 
     def clock(self, series: Series, own: FloatArray) -> FloatArray:
         """Return the times in s of values of the independent variable, (n,) each."""
-        return series.at(own)[:, -1] if self.phases else own
+        return series.at(own)[:, -1] if self.timed else own
 
     def told(self, names: Sequence[str], states: FloatArray, pars: FloatArray) -> FloatArray:
         """Return rows of q, v, powers by name, and dt/ds, of states (n, size), in a piece's parameters."""
-        key = tuple(names)
-        if key not in self._told:
-            self._told[key] = hy.cfunc(self.draft.told(key), vars=[*self.draft.variables.values()])
-        function, columns = self._told[key], np.ascontiguousarray(states.T)
-        if function.nparams:
-            of_all = np.ascontiguousarray(np.tile(pars[: function.nparams, None], len(states)))
-            return np.array(function(columns, pars=of_all).T)
-        return np.array(function(columns).T)
+        function, columns = self._told(tuple(names)), np.ascontiguousarray(states.T)
+        of_all = np.tile(pars[: function.nparams, None], len(states))
+        return np.array(function(columns, **({"pars": of_all} if function.nparams else {})).T)
 
     def resume(self) -> "System":
         """Make the integrator ready to go on with other parameters."""
@@ -114,16 +116,18 @@ class System:
 class Restart:
     """Goes from the state of one system to that of the next."""
 
-    def __init__(self, old: System, new: System, function: Callable[[FloatArray], FloatArray]) -> None:
+    def __init__(self, old: System, new: System, function: OfState) -> None:
         self._old, self._new, self._function, self._integrator = old, new, function, new.integrator
-        self._pars = None if new is old else old.pars
+        #: What both have in common: of another partition there are other levels, at the end.
+        levels = 0 if new.draft.partition == old.draft.partition else len(old.draft.partition.watched)
+        common = 0 if new is old else len(old.pars) - levels
+        self._own_pars, self._old_pars = new.pars[:common], old.pars[:common]
 
     def __call__(self) -> System:
         """Return the next system, which has come into its state."""
         new, integrator = self._new, self._integrator
         new.state[:] = self._function(self._old.state)
-        if self._pars is not None:
-            new.pars[:] = self._pars
+        self._own_pars[:] = self._old_pars
         integrator.time = 0.0
         integrator.reset_cooldowns()
         return new
@@ -144,45 +148,64 @@ class Bounce:
 
 
 class Systems:
-    """The integrators of a scene at a tolerance, made when they are first asked for.
+    """The integrators of a scene at a tolerance, compiled when a run first asks for them.
 
-    ``compiled_s`` is how long that has taken so far.
+    ``run_with`` has the settings of the runs that have been: to go through one again compiles nothing.
     """
 
-    def __init__(self, scene: Scene, tolerance: float) -> None:
-        q, v = checked_start(scene)
-        self.mechanism, self._tolerance = mechanism_of(scene), tolerance
-        tree, self._angle = Tree(self.mechanism), float(q[THETA // 3, 2])
-        names = [f"{of}{place}" for of in "zu" for place in tree.coordinates]
-        self._start = dict(zip(names, tree.start(q.ravel(), v.ravel()).tolist(), strict=True))
-        self._past_m = PAST * sum(link.length_m for link in (scene.crank, scene.rod) if link)
-        falling = np.sqrt(scene.weight_m_s2 / scene.crank.length_m)
-        quickest = max(float(np.abs(expected_speeds_rad_s(scene)).max()), falling)
+    def __init__(self, scene: AnyScene, tolerance: float) -> None:
+        q, v = (of.ravel() for of in checked_start(scene))
+        self.mechanism, self._tables = in_pieces(mechanism_of(scene))
+        self._tolerance, self._q, self._v = tolerance, q, v
+        self._structure = structure_of(self.mechanism, q)
+        self._tree = Tree(self._structure, self.mechanism, q)
+        self._u, self._rates = self._tree.coordinates(q, v)
+        self._past_m = PAST * max([*map(self._length, self.mechanism.contacts), lever_m(scene)])
+        falling = math.sqrt(math.hypot(*scene.gravity) / lever_m(scene))
+        fastest = [motion.fastest for motion in self.mechanism.prescribed]
+        quickest = max(np.abs(v[2::3]).max(), falling, *fastest)
         self._shortest_s = SHORTEST / quickest if quickest else 0.0
-        self._drive, self._gas = drive_of(self.mechanism), gas_of(self.mechanism)
-        self._knots = Knots(self._drive, self._gas, scene.end_time_s, self.timed)
-        self._made, self._bounces = dict[Phases, System](), list[Bounce]()
-        self.compiled_s, self._compiling = 0.0, False
+        self._knots = Knots(self._tables, scene.end_time_s, self.timed)
+        #: The integrator of a partition and of contacts in phases.
+        self._of, self._bounces = cache(self._make), list[Bounce]()
+        self.run_with = set[RunSettings]()
+
+    def _length(self, joint: ClearanceJoint) -> float:
+        """Return how long in m the arms between a bearing and its pin are, or a way there at the start."""
+        terms = self._tree.gap(joint).items()
+        ways = [float(abs(self._u[way])) for (_, way), _ in terms if way is not None]
+        return max(sum(math.hypot(*arm) for (_, way), arm in terms if way is None), *ways, 0.0)
 
     @property
     def timed(self) -> bool:
         """Whether the time is a variable, whose end is an event's."""
-        return bool(self.mechanism.contacts)
+        by_time = any(table.of is None for table in self._tables)
+        return bool(self.mechanism.contacts) or by_time or self._structure.driven is not None
 
     def begin(self) -> System:
-        """Return the system that a run begins with, in its state."""
+        """Return the system that a run begins with, in its state.
+
+        Raises:
+            SingularPosition: it is at one.
+            Beyond: it is at a rigid wall.
+        """
         for bounce in self._bounces:
             bounce.last_s = -np.inf
-        system = self._of((FLIGHT,) * len(self.mechanism.contacts))
-        reaches = {
-            f"reach{k}": (joint.radial_clearance_m + self._past_m) ** 2
-            for k, joint in enumerate(self.mechanism.contacts)
-        }
-        known = {**self._start, **reaches, "time": 0.0}
-        system.integrator.time = 0.0
+        system = self._of(choose_partition(self._tree, self._u), (FLIGHT,) * len(self.mechanism.contacts))
+        known = {f"z{k}": value for k, value in enumerate(self._u)}
+        known |= {f"u{k}": value for k, value in enumerate(self._rates)}
+        for k, joint in enumerate(self.mechanism.contacts):
+            known[f"reach{k}"] = (joint.radial_clearance_m + self._past_m) ** 2
+        known["time"] = system.integrator.time = 0.0
         system.state[:] = [known[name] for name in system.draft.names]
-        self._knots.begin(system.pars, self._angle)
+        self._knots.begin(system.pars, self._q, self._v)
+        self._set_levels(system)
         return self._settled(system.resume(), (TOUCH, CLIP))
+
+    def _set_levels(self, system: System) -> None:
+        """Set the levels down to which determinants may fall, by what they are now."""
+        if count := len(system.draft.partition.watched):
+            system.pars[-count:] = SMALL * system.determinants(system.state)
 
     def way(self, system: System, number: int) -> Callable[[], System | None]:
         """Return what makes the system ready that follows one of the events of a system.
@@ -190,50 +213,30 @@ class Systems:
         Raises:
             Beyond: the model has no rule for it.
         """
-        if system.ways[number] is None:
-            with self._timed():
-                system.ways[number] = self._way(system, system.events[number])
-        way = system.ways[number]
-        assert way is not None
+        way = system.ways[number] = system.ways[number] or self._way(system, system.events[number])
         return way
 
-    @contextmanager
-    def _timed(self) -> Iterator[None]:
-        """Add what is compiled in this block to the time that compiling has taken."""
-        began, inner, self._compiling = time.perf_counter(), self._compiling, True
-        yield
-        self._compiling = inner
-        if not inner:
-            self.compiled_s += time.perf_counter() - began
-
-    def _of(self, phases: Phases) -> System:
-        """Return the integrator of contacts in these phases."""
-        if phases not in self._made:
-            with self._timed():
-                self._made[phases] = self._make(phases)
-        return self._made[phases]
-
-    def _make(self, phases: Phases) -> System:
-        pieces = {"drive": self._drive, "gas": self._gas}
-        terms = {of: one.terms for of, one in pieces.items() if one is not None}
-        draft = Draft(Motion(self.mechanism, self._angle, phases, terms), self._past_m)
-        alarms = {**draft.alarms, **draft.stops()}
+    def _make(self, partition: Partition, phases: Phases) -> System:
+        of = self._structure, partition, self.mechanism, self._tables, self._q, phases, self._knots
+        draft = Draft(Motion(*of), self._past_m)
         rising = hy.event_direction.positive
         integrator = hy.taylor_adaptive(
             draft.flow(),
             [0.0] * len(draft.names),
             tol=without_gaps(self._tolerance, draft.periods),
-            t_events=[hy.t_event(value, direction=rising) for value in alarms.values()],
+            t_events=[hy.t_event(value, direction=rising) for value in draft.events.values()],
             fast_math=True,  # a third less time without contacts, as accurate to the last digit but one
         )
-        return System(draft, integrator, [*alarms])
+        return System(draft, integrator)
 
     def _way(self, system: System, event: Event) -> Callable[[], System | None]:
         kind, k = event
         if kind == OVER:
             return lambda: system.resume() if self._knots.pass_time(system.pars) else None
         if kind in TURNED:
-            return partial(self._turned, system, TURNED[kind])
+            return self._turned(system, k, TURNED[kind])
+        if kind == SMALL_STEP:
+            return self._rearranging(system, event)
         joint, phases = self.mechanism.contacts[k], system.phases
         if joint.rigid:
             return self._at_rigid_wall(system, k)
@@ -243,9 +246,34 @@ class Systems:
             after = CONTACT if phases[k] == FLIGHT else FLIGHT
         return self._then_settled(self._restart(system, (*phases[:k], after, *phases[k + 1 :]), event))
 
-    def _turned(self, system: System, by: int) -> System:
-        self._knots.pass_angle(system.pars, by)
-        return system.resume()
+    def _turned(self, system: System, k: int, by: int) -> Callable[[], System]:
+        """Return what goes on with another piece of a function."""
+        own, go_on = system.pars[self._knots.places[k]], self._knots.walks[k].go_on
+
+        def turned() -> System:
+            go_on(own, by)
+            return system.resume()
+
+        return turned
+
+    def _rearranging(self, system: System, event: Event) -> Callable[[], System]:
+        """Return what goes on with coordinates that are independent where the system is."""
+        coordinates = system.compiled(system.draft.coordinates)
+
+        @cache
+        def restart(partition: Partition) -> Restart:
+            to = self._of(partition, system.phases)
+            return Restart(system, to, system.compiled(system.draft.restart(to.draft, event)))
+
+        def rearrange() -> System:
+            u, own = coordinates(system.state)[: len(self._u)], system.integrator.time
+            new = restart(choose_partition(self._tree, u.tolist()))()
+            if not self.timed:
+                new.integrator.time = own
+            self._set_levels(new)
+            return new
+
+        return rearrange
 
     def _at_rigid_wall(self, system: System, k: int) -> Callable[[], System]:
         event, joint, phases = (TOUCH, k), self.mechanism.contacts[k], system.phases
@@ -256,13 +284,13 @@ class Systems:
         if held:
             raise Beyond("a pin hits its rigid wall while another follows its own")
         rebound = self._restart(system, phases, event, joint.wall.restitution)
-        close = cache(partial(self._closing, system, closed, event))
+        close = cache(partial(self._restart, system, closed, event, 0.0))
         bounce = Bounce(rebound, lambda: self._settled(close()()), self._shortest_s)
         self._bounces.append(bounce)
         others = [j for j, one in enumerate(self.mechanism.contacts) if one.rigid and j != k]
         if not others:
             return self._then_settled(bounce)
-        depths = system.draft.compiled(system.draft.approaching(others), system.pars)
+        depths = system.compiled(system.draft.approaching(others))
 
         def alone() -> System:
             if depths(system.state).max() > -TOGETHER * self._past_m:
@@ -271,16 +299,11 @@ class Systems:
 
         return alone
 
-    def _closing(self, system: System, phases: Phases, event: Event) -> Restart:
-        """Return what has a pin follow its wall, without its normal speed."""
-        with self._timed():
-            return self._restart(system, phases, event, 0.0)
-
     def _restart(
         self, system: System, phases: Phases, event: Event, restitution: float | None = None
     ) -> Restart:
-        to, draft = self._of(phases), system.draft
-        return Restart(system, to, draft.compiled(draft.restart(to.draft, event, restitution), system.pars))
+        to = self._of(system.draft.partition, phases)
+        return Restart(system, to, system.compiled(system.draft.restart(to.draft, event, restitution)))
 
     def _then_settled(self, restart: Callable[[], System]) -> Callable[[], System]:
         """Return the same, followed where there are more pins by what is due at the same time."""
@@ -301,8 +324,5 @@ class Systems:
         alarms = system.draft.alarms
         if not alarms:
             return None
-        if system.alarm is None:
-            with self._timed():
-                system.alarm = system.draft.compiled([*alarms.values()], system.pars)
         values = zip(alarms, system.alarm(system.state).tolist(), strict=True)
         return next((event for event, value in values if value >= 0 and event[0] in kinds), None)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.guards import guarded
+from engine_models.engine import FloatArray, SimulationFailed, guarded
 from engine_models.scene.drives import FluctuatingDrive, RampDrive
 from engine_models.scene.mechanism import law_of
 from engine_models.scene.parts import AnyScene
@@ -25,7 +24,10 @@ OfTime = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class CrankMotion:
-    """Functions of times (n,) in s: the angle turned since t = 0 in rad, speed and acceleration."""
+    """Functions of times (n,) in s: the angle turned since t = 0 in rad, speed and acceleration.
+
+    Along a guide they are the way in m, and its rates.
+    """
 
     turned_rad: OfTime
     speed_rad_s: OfTime
@@ -43,9 +45,14 @@ def crank_motion(scene: AnyScene) -> CrankMotion | None:
     Along a guide the angle is a way in m, and so on.
     """
     if isinstance(scene, Scene) and scene.is_plain:  # sweeps have many, and no use for the rest of it
-        law, clock_s = law_of(scene.drive, scene.start.crank_speed_rad_s), scene.clock_s
-    else:
-        law, clock_s = scene.mechanism.drive.law, scene.mechanism.drive.clock_s
+        law = law_of(scene.drive, scene.start.crank_speed_rad_s)
+        return motion_of(data.DriveData(0, law=law, clock_s=scene.clock_s))
+    return motion_of(scene.mechanism.drive)
+
+
+def motion_of(drive: data.DriveData) -> CrankMotion | None:
+    """Return the motion that a drive prescribes, in rad or along a guide in m; None without one."""
+    law, clock_s = drive.law, drive.clock_s
     match law:
         case data.ConstantSpeed(speed):
             own: tuple[OfTime, OfTime, OfTime] = (

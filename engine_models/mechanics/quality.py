@@ -134,14 +134,19 @@ def constraint_violation_m(scene: AnyScene, trajectory: Trajectory) -> FloatArra
 
     A body that has turned on its guide is off by its angle times the shortest distance of two joints.
     """
-    of, x, still = scene.mechanism, trajectory.position, np.zeros_like(trajectory.velocity)
-    violations = [np.zeros(len(trajectory.time_s))]
+    return open_by_m(scene, trajectory.position, trajectory.position[:1])
+
+
+def open_by_m(scene: AnyScene, position: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the same in positions (n, bodies, 3) of a run from a start (1, bodies, 3)."""
+    of, x, still = scene.mechanism, position, np.zeros_like(position)
+    violations = [np.zeros(len(position))]
     violations += [np.hypot(*pin_gap(pin, x, still).gap_m.T) for pin in of.ideal]
     for guide in of.guides:
         violations.append(np.abs(off_line(guide, x, still)[0]))
         if not guide.turns:
-            turned = turned_apart(guide, x)
-            violations.append(shortest_m(scene) * np.abs(turned - turned[0]))
+            turned = turned_apart(guide, x) - turned_apart(guide, start)
+            violations.append(shortest_m(scene) * np.abs(turned))
     return np.asarray(np.max(violations, axis=0))
 
 

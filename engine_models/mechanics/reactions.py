@@ -53,7 +53,7 @@ def reactions(
     missing = acceleration - accelerations(of, known.total)
     B = unit_wrenches(of, position)
     weighted = B / inertias(of).ravel()
-    found = _solved(weighted @ B.swapaxes(1, 2), B @ missing.reshape(len(B), -1, 1))
+    found = solve_systems(weighted @ B.swapaxes(1, 2), B @ missing.reshape(len(B), -1, 1))
     rows = iter(np.moveaxis(found, 1, 0))
     forces = {pin.name: np.stack([next(rows), next(rows)], axis=-1) for pin in of.ideal}
     forces |= {pin.name: force_on_later(pin.bearing_on_j, contacts[pin.name]) for pin in of.loose}
@@ -98,9 +98,16 @@ def unit_wrenches(of: MechanismData, position: FloatArray) -> FloatArray:
     return np.stack(on_bodies, axis=1) if rows else np.zeros((len(position), 0, 3 * len(of.bodies)))
 
 
-def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solutions (n, m) of n systems; of a singular one the shortest."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right)[..., 0])
-    except np.linalg.LinAlgError:
-        return np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right)[..., 0])
+def solve_systems(
+    matrix: FloatArray, right: FloatArray, singular: bool = False, zero: float = 1e-15
+) -> FloatArray:
+    """Return the solutions (n, m) of n systems, of ``singular`` ones the shortest.
+
+    Singular values are 0 below the part ``zero`` of the largest.
+    """
+    if not singular:
+        try:
+            return np.asarray(np.linalg.solve(matrix, right)[..., 0])
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray((np.linalg.pinv(matrix, zero, hermitian=True) @ right)[..., 0])

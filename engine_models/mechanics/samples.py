@@ -63,5 +63,8 @@ def joined(parts: Sequence[Record]) -> Record:
         if isinstance(value, np.ndarray):
             arrays[name] = np.concatenate(own)
         elif isinstance(value, Mapping):
-            arrays[name] = {key: np.concatenate([each[key] for each in own]) for key in value}
+            arrays[name] = {
+                key: (np.concatenate if isinstance(part, np.ndarray) else joined)([each[key] for each in own])
+                for key, part in value.items()
+            }
     return replace(parts[0], **arrays)

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
-from engine_models.guards import guarded
+from engine_models.engine import FloatArray, ImpossibleStart, Trajectory, guarded
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.contact_law import damping_factor_of
 from engine_models.mechanics.crank_motion import crank_motion

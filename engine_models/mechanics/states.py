@@ -69,10 +69,15 @@ def off_line(line: Line, position: FloatArray, velocity: FloatArray) -> tuple[Fl
     return _along(line, True, position, velocity)
 
 
+def line_angle_rad(line: Line, position: FloatArray) -> FloatArray:
+    """Return the angle of a line, (n,)."""
+    turned = 0.0 if line.body_i == GROUND else position[:, line.body_i, 2]
+    return np.asarray(line.angle_rad + turned + np.zeros(len(position)))
+
+
 def direction(line: Line, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the unit vectors along a line and to its left, (n, 2) each."""
-    turned = 0.0 if line.body_i == GROUND else position[:, line.body_i, 2]
-    angle = line.angle_rad + turned + np.zeros(len(position))
+    angle = line_angle_rad(line, position)
     u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return u, np.stack([-u[:, 1], u[:, 0]], axis=-1)
 

@@ -11,6 +11,7 @@ however short the step, with 256 a step takes 0.7 ms. As everywhere in Pymunk, N
 Coulomb's friction know nothing of energy: an impact that turns the sliding round may create some (Kane 1984).
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,11 @@ from numpy.typing import NDArray
 from pymunk._chipmunk_cffi import ffi, lib
 from pymunk.batch import ArbiterFields
 
+from engine_models.kernels import callback
 from engine_models.pymunk.compiled.native_callbacks import NATIVE, record, rewrite
 from engine_models.pymunk.exchange import STATE, Batch, address
-from engine_models.pymunk.model import Pin
-from engine_models.reference.kernels import callback
+from engine_models.scene.scene import Clearance
+from reference_solver.mechanism.data import Point
 
 #: Of a collision, a space and the handler's data.
 CALLBACK = types.void(types.uintp, types.uintp, types.uintp)
@@ -36,16 +38,21 @@ class NativeContact:
         self,
         space: pymunk.Space,
         number: int,
-        pin: Pin,
+        clearance: Clearance,
+        ends: Sequence[tuple[pymunk.Body, Point]],
         run: NDArray[Any],
         record_of_pin: NDArray[Any],
         kicks: NDArray[Any],
     ) -> None:
-        """Add to a space the contact of one of its pins, by its ``number``, with its records (1,)."""
-        clearance, bodies = pin.clearance, (pin.bearing, pin.pin)
+        """Add to a space the contact of a pin, by its ``number``, in its bearing.
+
+        The ``ends`` are the bodies of bearing and pin with the places of both on them. ``run`` and
+        ``record_of_pin`` are records (1,).
+        """
+        (bearing_body, bearing_at), (pin_body, pin_at) = ends
         radius = clearance.bearing_radius_m
-        bearing = pymunk.Circle(pin.bearing, radius, (pin.bearing_x, 0.0))
-        inside = pymunk.Circle(pin.pin, radius - clearance.radial_clearance_m, (pin.pin_x, 0.0))
+        bearing = pymunk.Circle(bearing_body, radius, bearing_at)
+        inside = pymunk.Circle(pin_body, radius - clearance.radial_clearance_m, pin_at)
         kinds = 2 * number + 1, 2 * number + 2
         for shape, kind in zip((bearing, inside), kinds, strict=True):
             shape.collision_type = kind  # no mass: bodies have their own, and one set here would replace it
@@ -58,7 +65,7 @@ class NativeContact:
         self._points, self._kept = ffi.new("cpContactPointSet *"), (run, record_of_pin, kicks)
         native = self._record = np.zeros(1, NATIVE)
         native["run"], native["pin"], native["kicks"] = (address(array) for array in self._kept)
-        native["bearing_body"], native["pin_body"] = (address(body._body) for body in bodies)
+        native["bearing_body"], native["pin_body"] = (address(body._body) for body, _ in ends)
         native["state"], native["at"] = self._state.record, address(self._state.numbers)
         native["impulse"], native["impulse_at"] = self._impulse.record, address(self._impulse.numbers)
         native["points"] = address(self._points)

@@ -29,4 +29,5 @@ def _rigid(name: str, clearance: Clearance) -> Clearance:
         law="rigid",
         restitution=1.0 if clearance.restitution is None else clearance.restitution,
         friction=clearance.friction,
+        bearing=clearance.bearing,
     )

@@ -1,60 +1,95 @@
 """One run of a Pymunk model: what the states and contacts of its steps say at the samples."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import (
+    BareRun,
     Contact,
     FloatArray,
     RunSettings,
     SimulationFailed,
     Trajectory,
+    guarded,
     require_finite,
 )
-from engine_models.guards import guarded
-from engine_models.mechanics.crank_motion import crank_motion
-from engine_models.mechanics.joints import CRANK, ROD, SLIDER, axis, gaps
-from engine_models.mechanics.reactions import Reactions, reactions
+from engine_models.mechanics.crank_motion import motion_of
+from engine_models.mechanics.joints import gaps
+from engine_models.mechanics.quality import open_by_m
+from engine_models.mechanics.reactions import reactions
 from engine_models.mechanics.samples import interpolated, joined, selected
+from engine_models.mechanics.states import lever_m, point_motion, way
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.pymunk.contact_log import ContactLog
-from engine_models.pymunk.model import crank_is_kinematic
-from engine_models.pymunk.stepping import Block, Model, Timing, run
-from engine_models.pymunk.works import DRIVER, Works
-from engine_models.scene.scene import Scene
+from engine_models.pymunk.joints.plan import Plan
+from engine_models.pymunk.stepping import Block, Model, run
+from engine_models.pymunk.works import DRIVE, Works
+from engine_models.scene.parts import AnyScene
 
-#: With a joint this many crank lengths apart the bodies are no mechanism any more, and the run has failed.
+#: With a joint this many levers apart the bodies are no mechanism any more, and the run has failed.
 LOST_GAP = 0.1
 
 
-def pymunk_run(model: Model, settings: RunSettings, half_kick_start: bool, shorter: float) -> Trajectory:
+def pymunk_run(model: Model, settings: RunSettings) -> Trajectory:
     """Run the model; see ``PymunkEngine`` for what is reported.
 
     Raises:
-        SimulationFailed: a joint came apart, a pin went through a wall, the rod turned over, or the numbers
-            overflowed.
+        SimulationFailed: a joint came apart, a pin went through a wall, or the numbers overflowed.
     """
-    samples = Samples(model, settings, half_kick_start, shorter)
-    return require_finite(samples.trajectory(run(model, samples.timing, half_kick_start, samples.take)))
+    samples = Samples(model, settings)
+    return require_finite(samples.trajectory(run(model, settings, samples.take)))
+
+
+def pymunk_bare_run(model: Model, settings: RunSettings) -> BareRun:
+    """Run the model without works or forces, and keep its end.
+
+    Raises:
+        SimulationFailed: see ``pymunk_run``.
+    """
+    scene, ends = model.scene, list[Block]()
+
+    def take(block: Block) -> None:
+        for number in range(len(scene.clearances)):
+            model.workspace.taken(number)
+        ends[:] = [block] if len(block.rows) else ends
+
+    solve_time_s = run(model, settings, take, bare=True)
+    position, time_s = ends[0].position[-1:], ends[0].rows["time_s"][-1:]
+    move_to_centres(model.plan, position, *np.zeros((3, *position.shape)))
+    require_the_mechanism(scene, model.plan, position, model.start[None], gaps(scene, position), time_s)
+    return BareRun(solve_time_s, position[0])
+
+
+@dataclass(frozen=True)
+class Part:
+    """A block's samples (n,), by the names of ``trajectory_of``; contacts without their impacts."""
+
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    driver_work_J: FloatArray | None
+    load_work_J: dict[str, FloatArray]
+    contacts: dict[str, Contact]
+    joint_force_N: dict[str, FloatArray]
+    guide_force_N: dict[str, FloatArray]
+    guide_moment_N_m: dict[str, FloatArray]
+    driver_torque_N_m: FloatArray | None
 
 
 class Samples:
     """The samples of a run, block by block, and what has to be known of all steps before them."""
 
-    def __init__(self, model: Model, settings: RunSettings, half_kick_start: bool, shorter: float) -> None:
-        self.timing = Timing(model.scene, settings, shorter)
-        self._scene, self._workspace = model.scene, model.workspace
-        self._clearances, self._half_kick_start = model.scene.clearances, half_kick_start
+    def __init__(self, model: Model, settings: RunSettings) -> None:
+        self._step_s = settings.step_used_s(model.scene.end_time_s)
+        self._scene, self._plan, self._start = model.scene, model.plan, model.start[None]
+        self._workspace, self._driven_way = model.workspace, model.inputs.driven_way
+        self._clearances, self._half_kick_start = model.scene.clearances, model.half_kick_start
         self._times_s, self._between = settings.times_s(model.scene), np.array(settings.at_s)
         self._logs = {name: ContactLog(room.law == "rigid") for name, room in self._clearances.items()}
-        self._parts: list[dict[str, FloatArray]] = []
-        self._forces: list[Reactions] = []
-        self._load_works: list[dict[str, FloatArray]] = []
-        self._contact_parts: dict[str, list[Contact]] = {name: [] for name in self._logs}
+        self._parts: list[Part] = []
         self._works = Works(model.scene)
 
     def take(self, block: Block) -> None:
@@ -76,7 +111,7 @@ class Samples:
         sample = rows["sample"] | self._beside(time_s)
         position, velocity, mean, acceleration = self._motion(block, struck)
         gap = gaps(scene, position)
-        require_the_mechanism(scene, position, gap, time_s)
+        require_the_mechanism(scene, self._plan, position, self._start, gap, time_s)
         # A kick's work is half done at its own time, unless it strikes: then all is to come (or all over).
         share = np.where(struck, 0.0 if self._half_kick_start else 1.0, 0.5)
         contacts = {
@@ -86,18 +121,10 @@ class Samples:
         felt = mean if self._half_kick_start else velocity  # by dampers in these kicks
         forces = reactions(scene, time_s, position, felt, acceleration, contacts)
         torque = forces.driver_torque_N_m
-        works = self._works.since_start(time_s, kick_s, share, position, felt, mean, torque)
-        arrays = {
-            "time_s": time_s,
-            "position": position,
-            "velocity": velocity,
-            "driver_work_J": works.pop(DRIVER, None),
-        }
-        self._parts.append({name: array[sample] for name, array in arrays.items() if array is not None})
-        self._forces.append(selected(forces, sample))
-        self._load_works.append({part: work[sample] for part, work in works.items()})
-        for name, contact in contacts.items():
-            self._contact_parts[name].append(selected(contact, sample))
+        works = self._works.since_start(time_s, kick_s, share, position, mean, torque)
+        work = works.pop(DRIVE, None)
+        part = Part(time_s, position, velocity, work, works, contacts, **vars(forces))
+        self._parts.append(selected(part, sample))
 
     def _beside(self, time_s: FloatArray) -> NDArray[np.bool_]:
         """Return which steps of a block, at times (n,), are beside a time asked for between steps."""
@@ -110,20 +137,17 @@ class Samples:
     def trajectory(self, solve_time_s: float) -> Trajectory:
         """Return the trajectory at all samples; between steps it is interpolated (see ``interpolated``)."""
         steps = int(self._workspace.run[0]["end"])
-        arrays: dict[str, Any] = _joined(self._parts)
+        whole = joined(self._parts)
         contacts = {
-            name: replace(joined(self._contact_parts[name]), impacts=log.impacts(steps))
-            for name, log in self._logs.items()
+            name: replace(contact, impacts=self._logs[name].impacts(steps))
+            for name, contact in whole.contacts.items()
         }
         trajectory = trajectory_of(
             self._scene,
-            **arrays,
-            **vars(joined(self._forces)),
-            step_s=self.timing.step_s,
+            **{**vars(whole), "contacts": contacts},
+            step_s=self._step_s,
             steps=steps,
             solve_time_s=solve_time_s,
-            contacts=contacts,
-            load_work_J=_joined(self._load_works),
         )
         trajectory = replace(trajectory, evaluations=steps)  # a kick each
         if len(self._between):
@@ -137,13 +161,14 @@ class Samples:
 
         The mean is that of the velocities before and after a kick.
         """
-        scene, before, after, acceleration = self._scene, block.before, block.after, block.acceleration
+        before, after, acceleration = block.before, block.after, block.acceleration
         if block.begin is not None:
-            _, kick_1, kick_2, kick_3, kick_4 = block.begin
+            _, kick_1, _, kick_3, kick_4, kick_5 = block.begin
             acceleration[0] = kick_1
             if self._half_kick_start:
-                acceleration[0] = 6 * kick_2 - 8 * kick_3 + 3 * kick_4
-                acceleration[block.rows["kick"] == 1] = 3 * kick_2 - 3 * kick_3 + kick_4
+                acceleration[0] = 10 * kick_3 - 15 * kick_4 + 6 * kick_5
+                acceleration[block.rows["kick"] == 1] = 6 * kick_3 - 8 * kick_4 + 3 * kick_5
+                acceleration[block.rows["kick"] == 2] = 3 * kick_3 - 3 * kick_4 + kick_5
         position, velocity, mean = block.position, after, after - acceleration * block.kick_s / 2
         if block.begin is not None:
             mean[0] = before[0]
@@ -152,58 +177,66 @@ class Samples:
             if block.begin is not None:
                 at_kick[0] = before[0]
             velocity = np.where(struck[:, None, None], before, at_kick)
-        if crank_is_kinematic(scene):
-            _place_driven_crank(scene, block.rows["time_s"], position, velocity, acceleration)
+        self._enter_driven(block.rows["time_s"], velocity, acceleration)
+        move_to_centres(self._plan, position, velocity, mean, acceleration)
         return position, velocity, mean, acceleration
 
+    def _enter_driven(self, time_s: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> None:
+        """Enter the motion of a kinematic body, of which the space knows positions alone."""
+        drive, motion = self._scene.mechanism.drive, motion_of(self._scene.mechanism.drive)
+        if motion is None or not self._plan.seats[drive.body].is_kinematic:
+            return
+        velocity[:, drive.body] = np.outer(motion.speed_rad_s(time_s), self._driven_way)
+        acceleration[:, drive.body] = np.outer(motion.acceleration_rad_s2(time_s), self._driven_way)
 
-def _joined(parts: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
-    """Return the arrays of all parts, put together by name."""
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
-
-def _place_driven_crank(
-    scene: Scene, time_s: FloatArray, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+def move_to_centres(
+    plan: Plan, position: FloatArray, velocity: FloatArray, mean: FloatArray, acceleration: FloatArray
 ) -> None:
-    """Fill in the motion of the crank's centre of mass, which circles about the kinematic body's origin O."""
-    motion, s = crank_motion(scene), scene.crank.centre_of_mass_m
-    assert motion is not None
-    omega, alpha = motion.speed_rad_s(time_s), motion.acceleration_rad_s2(time_s)
-    radial = axis(position[:, CRANK, 2])
-    tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=-1)
-    position[:, CRANK, :2] = s * radial
-    velocity[:, CRANK, :2], velocity[:, CRANK, 2] = (s * omega)[:, None] * tangential, omega
-    towards, along = (-s * omega * omega)[:, None] * radial, (s * alpha)[:, None] * tangential
-    acceleration[:, CRANK, :2], acceleration[:, CRANK, 2] = towards + along, alpha
+    """Make of what is known of the bodies' origins, (n, bodies, 3) each, that of their centres of mass."""
+    for body, seat in enumerate(plan.seats):
+        if seat.origin == (0.0, 0.0):
+            continue
+        spin, alpha = velocity[:, body, 2:], acceleration[:, body, 2:]
+        arm = point_motion(body, seat.place((0.0, 0.0)), position, velocity).place_m - position[:, body, :2]
+        across = np.stack([-arm[:, 1], arm[:, 0]], axis=-1)
+        position[:, body, :2] += arm
+        velocity[:, body, :2] += spin * across
+        mean[:, body, :2] += mean[:, body, 2:] * across
+        acceleration[:, body, :2] += alpha * across - spin * spin * arm
 
 
 def require_the_mechanism(
-    scene: Scene, position: FloatArray, gap_m: dict[str, FloatArray], time_s: FloatArray
+    scene: AnyScene,
+    plan: Plan,
+    position: FloatArray,
+    start: FloatArray,
+    gap_m: Mapping[str, FloatArray],
+    time_s: FloatArray,
 ) -> None:
     """Check that positions (n, bodies, 3) at times (n,), with the joints' gaps (n, 2), are the scene's still.
 
+    The run began at the ``start`` (1, bodies, 3).
+
     Raises:
-        SimulationFailed: at the first time when an ideal joint is too far apart or not finite, or a pin is
-            through the wall of its bearing, or when the rod has gone over the vertical, which one that is
-            longer than the crank and the clearances never does.
+        SimulationFailed: at the first time when an ideal joint or guide is too far open or not finite, a body
+            is beyond the end of its groove, or a pin is through the wall of its bearing.
     """
-    distance = {name: np.hypot(gap[:, 0], gap[:, 1]) for name, gap in gap_m.items()}
-    clearance_of = scene.clearances
+    still = np.zeros_like(position)
     checks = [
-        (distance[name] <= clearance.bearing_radius_m, f"pin through the wall of its bearing at joint {name}")
-        for name, clearance in clearance_of.items()
+        (
+            np.hypot(*gap_m[name].T) <= room.bearing_radius_m,
+            f"pin through the wall of its bearing at joint {name}",
+        )
+        for name, room in scene.clearances.items()
     ]
-    apart = [np.zeros(len(position)), *(distance[name] for name in scene.joints if name not in clearance_of)]
-    if scene.is_crank_slider:
-        apart.append(np.abs(position[:, SLIDER, 1]))
-        crank, rod, _ = scene.crank_slider()
-        reach = crank.length_m + sum(clearance.radial_clearance_m for clearance in clearance_of.values())
-        if rod.length_m >= reach:
-            checks.append((~(np.cos(position[:, ROD, 2]) <= 0), "rod turned over"))
-    worst = np.max(apart, axis=0)
-    checks.append(
-        (worst <= LOST_GAP * scene.crank.length_m, "constraints lost, a joint is {gap:.3g} m apart,")
-    )
+    for guide in scene.mechanism.guides:
+        on = np.abs(way(guide, position, still)[0]) <= plan.groove_m
+        checks.append(
+            (on | ~np.isfinite(position).all(axis=(1, 2)), f"body beyond the end of guide {guide.name}")
+        )
+    worst = open_by_m(scene, position, start)
+    checks.append((worst <= LOST_GAP * lever_m(scene), "constraints lost, a joint is {gap:.3g} m apart,"))
     failures = [(int(np.argmin(holds)), what) for holds, what in checks if not holds.all()]
     if failures and guarded():
         first, what = min(failures)

@@ -10,7 +10,10 @@ from pymunk._chipmunk_cffi import ffi, lib
 from engine_models.engine import UnsupportedScene
 from engine_models.pymunk.compiled import loop
 from engine_models.pymunk.compiled.chipmunk import FUNCTIONS, POINTS_AT, POINTS_SIZE
+from engine_models.pymunk.inputs import Inputs
+from engine_models.pymunk.joints.plan import Plan, Seat
 from engine_models.pymunk.workspace import Workspace
+from reference_solver.mechanism.data import BodyData, ConstantSpeed, DriveData, Load, MechanismData
 
 #: The same fields as cffi names them.
 POINTS_FIELDS = (
@@ -51,11 +54,13 @@ def _misstep() -> str | None:
     space, body = pymunk.Space(), pymunk.Body(2.0, 4.0)
     space.gravity, body.position, body.velocity = (0.0, -7.0), (1.5, -2.5), (3.5, 4.5)
     space.add(body)
-    work = Workspace(space, (body,), {}, 1)
+    driven = DriveData(0, law=ConstantSpeed(0.0))
+    turning = MechanismData((BodyData("body", 2.0, 4.0),), (), loads=(Load(0, torque_N_m=9.0),), drive=driven)
+    work = Workspace(space, (body,), Inputs(turning, Plan((Seat(2.0, 4.0, 2.0),), (), 1.0)), {}, 1)
     state = work.run[0]
-    state["end"], state["kick"], state["per_sample"], state["torque_N_m"] = 1, 0, 1, 9.0
+    state["end"], state["kick"], state["per_sample"] = 1, 0, 1
     state["step_s"] = state["flight_s"] = 0.5
-    work.advance(1, np.array([[0.25, -5.5]]), np.zeros((0, 5)))
+    work.advance(1, np.array([[0.25, -5.5]]))
     expected = [3.25, -0.25, -2.5, 3.5, 4.5, 0.0, 3.5, 1.0, -4.375]
     got = work.out[0, 0].tolist()
     return None if got == expected else f"a step: expected {expected}, got {got}"

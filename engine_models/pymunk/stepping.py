@@ -12,21 +12,25 @@ from numpy.typing import NDArray
 from pymunk._chipmunk_cffi import ffi, lib
 
 from engine_models.engine import FloatArray, RunSettings
+from engine_models.kernels import callback
+from engine_models.mechanics.loads import integrated_works
 from engine_models.progress import tell
 from engine_models.pymunk.compiled import loop
+from engine_models.pymunk.inputs import Inputs
+from engine_models.pymunk.joints.plan import Plan
+from engine_models.pymunk.joints.sweeps import Convergence
 from engine_models.pymunk.model import Bodies
 from engine_models.pymunk.self_test import require_usable
-from engine_models.pymunk.step_inputs import StepInputs
-from engine_models.pymunk.works import add_up
 from engine_models.pymunk.workspace import Workspace
-from engine_models.reference.kernels import callback
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 
 #: Sweeps in the first kicks of a half-kick start (see ``loop.START_KICKS``). They have no impulses of a like
-#: step to start from: kick 0 none at all, kicks 1 and 2 those of an unlike one; 3 and 4 share in telling the
+#: step to start from: kick 0 none at all, kicks 1 to 3 those of an unlike one; 3 to 5 share in telling the
 #: force at t = 0 (see PymunkEngine). 100 sweeps are enough. The change to fewer leaves a ripple of some 1e-4
-#: of the force at dt = 5e-5 s, of order 1, for the next eight kicks.
+#: of the force at dt = 5e-5 s, of order 1, for the next eight kicks; with a single sweep it is 1e-2.
 START_ITERATIONS = 200
+#: What is enough of them leaves of an open joint.
+LEFT_AT_START = 1e-10
 #: The number of a kick that no run comes to.
 NEVER = 2**62
 #: Of a body and a step.
@@ -35,12 +39,22 @@ POSITION_UPDATE = types.void(types.uintp, types.float64)
 
 @dataclass(frozen=True)
 class Model:
-    """A scene in Pymunk at t = 0: its space and bodies, and the memory of its run."""
+    """A scene in Pymunk at t = 0: its plan, space and bodies, what they are given, and the memory of its run.
 
-    scene: Scene
+    ``start`` (bodies, 3) are the positions of the centres of mass. Steps in contact are ``shorter`` so many
+    times.
+    """
+
+    scene: AnyScene
+    plan: Plan
+    start: FloatArray
     space: pymunk.Space
     bodies: Bodies
+    inputs: Inputs
     workspace: Workspace
+    convergence: Convergence
+    half_kick_start: bool
+    shorter: float
 
 
 @dataclass(frozen=True)
@@ -48,8 +62,8 @@ class Block:
     """Kicks that are taken, and then worked off, together.
 
     ``rows`` (n,) of ``records.ROW`` are those of which results are kept, with positions and velocities before
-    and after, (n, bodies, 3) each; accelerations are the changes of these over the time that loads act.
-    ``begin`` has those of the first kicks, (START_KICKS, bodies, 3), in the first block.
+    and after of the bodies' origins, (n, bodies, 3) each; accelerations are the changes of these over the
+    time that loads act. ``begin`` has those of the first kicks, (START_KICKS, bodies, 3), in the first block.
     """
 
     rows: NDArray[Any]
@@ -65,27 +79,8 @@ class Block:
         return np.asarray(self.rows["kick_s"][:, None, None])
 
 
-class Timing:
-    """The steps of a run: of one length, or in contact and before it ``shorter`` times as short."""
-
-    def __init__(self, scene: Scene, settings: RunSettings, shorter: float = 1.0) -> None:
-        self.step_s = settings.step_used_s(scene.end_time_s)
-        self._scene, self._samples, self._contact_s = scene, settings.samples, self.step_s / shorter
-        self._every_step = add_up(scene) or bool(settings.at_s)
-        self._per_sample = settings.steps_per_sample(scene.end_time_s)
-
-    def set(self, run: NDArray[Any]) -> None:
-        """Set the steps of a run (1,) of ``records.RUN``."""
-        run["flight_s"], run["contact_s"] = self.step_s, self._contact_s
-        run["interval_s"], run["samples"] = self._scene.end_time_s / self._samples, self._samples
-        varies, end = self._contact_s < self.step_s, self._samples * self._per_sample
-        run["per_sample"], run["end"] = (0, NEVER) if varies else (self._per_sample, end)
-        # Works need forces and torques at every step, and so do samples between steps.
-        run["every"] = 1 if self._every_step else run["per_sample"]
-
-
-def run(model: Model, timing: Timing, half_kick_start: bool, work_off: Callable[[Block], None]) -> float:
-    """Step the space through the blocks.
+def run(model: Model, settings: RunSettings, work_off: Callable[[Block], None], bare: bool = False) -> float:
+    """Step the space through the blocks; a ``bare`` run keeps what there is at its samples alone.
 
     Returns:
         The wall time in s of the compiled loop, which steps and reads.
@@ -95,18 +90,25 @@ def run(model: Model, timing: Timing, half_kick_start: bool, work_off: Callable[
         UnsupportedScene: the installed Pymunk is not what the loop has been written for.
     """
     require_usable()
-    work, state = model.workspace, model.workspace.run[0]
-    inputs = StepInputs(model.scene, float(model.bodies[0].angle), timing.step_s)
-    timing.set(work.run)
-    state["half_kick_start"] = half_kick_start
-    state["torque_N_m"], state["force_N"] = inputs.torque_N_m, inputs.force_N
-    gas = inputs.gas_table()
+    work, state, end_s = model.workspace, model.workspace.run[0], model.scene.end_time_s
+    driven, step_s = model.start[model.scene.mechanism.drive.body], settings.step_used_s(end_s)
+    per_sample, varies = settings.steps_per_sample(end_s), model.shorter > 1
+    state["half_kick_start"] = model.half_kick_start
+    state["flight_s"], state["contact_s"] = step_s, step_s / model.shorter
+    state["interval_s"], state["samples"] = end_s / settings.samples, settings.samples
+    state["per_sample"], state["end"] = (0, NEVER) if varies else (per_sample, settings.samples * per_sample)
+    # Works need forces and torques at every step, and so do samples between steps.
+    every_step = not bare and (integrated_works(model.scene) or settings.at_s)
+    state["every"] = 1 if every_step else state["per_sample"]
 
     def advance(last: int) -> float:
-        return work.advance(last, inputs.turns(np.arange(state["kick"] + 1, last + 1)), gas)
+        steps = np.arange(state["kick"] + 1, last + 1)
+        return work.advance(last, model.inputs.turns(steps, step_s, driven))
 
-    if half_kick_start:
-        model.space.iterations = max(model.space.iterations, START_ITERATIONS)
+    if model.half_kick_start:
+        rigid = any(room.law == "rigid" for room in model.scene.clearances.values())
+        most = START_ITERATIONS if rigid else min(START_ITERATIONS, model.convergence.sweeps(LEFT_AT_START))
+        model.space.iterations = max(model.space.iterations, most)
     with _staying(model.bodies):
         solve_time = advance(0)
     last = work.block_kicks - 1
@@ -123,7 +125,7 @@ def _block(work: Workspace, begins: bool) -> Block:
     """Return what has been read of a block."""
     count = int(work.run[0]["row"])
     work.run["row"] = 0
-    rows, out = work.rows[:count], work.out[:count]
+    rows, out = work.rows[:count], work.out[:count, work.row_of]
     acceleration = (out[..., 6:] - out[..., 3:6]) / rows["kick_s"][:, None, None]
     position, before, after = (out[rows["kept"], :, column : column + 3] for column in (0, 3, 6))
     begin = acceleration[: loop.START_KICKS] if begins else None

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
+from engine_models.kernels import callback, compiled
 from engine_models.reference import observer
-from engine_models.reference.kernels import callback, compiled
 from reference_solver.compiled.faces import CompiledFace, loop_of
 from reference_solver.compiled.kernel import Topology, parameters_of
 from reference_solver.compiled.store import callee

@@ -11,15 +11,14 @@ from engine_models.engine import (
     SETTINGS_CONFIG,
     EngineFailed,
     RunSettings,
-    T,
     Trajectory,
     UnsupportedScene,
     require_finite,
 )
+from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.pace import MOST_STEPS
-from engine_models.reference.kernels import compile_time_s
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
 from engine_models.scene.parts import AnyScene
 from reference_solver.equations import Baumgarte
@@ -39,7 +38,7 @@ SHARPEST, LOOSE = 1e-14, 1e-6
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
-class ReferenceEngine:
+class ReferenceEngine(CompiledEngine):
     """Settings of the reference solver.
 
     ``stabilisation`` holds drift back, by projection after every step or by Baumgarte's terms. Their gains in
@@ -96,11 +95,6 @@ class ReferenceEngine:
         default = ReferenceEngine()
         return {name: by for name, by in idle.items() if getattr(self, name) != getattr(default, name)}
 
-    def twin(self, scene: T) -> T:
-        """Return the scene itself: the reference solves every law."""
-        self.check(scene)
-        return scene
-
     def sharper(self) -> "ReferenceEngine":
         """Return the engine with a tenth of its tolerance; with RK4 the step alone decides."""
         if self.method == "rk4":
@@ -123,14 +117,14 @@ class ReferenceEngine:
         """Whether the tolerance decides, and the step is no more than a limit."""
         return self.method != "rk4"
 
-    def controlling_error(self, step_tolerance: float = LOOSE) -> "ReferenceEngine":
+    def controlling_error(self, step_tolerance: float | None = None) -> "ReferenceEngine":
         """Return the engine with DOP853 and a tolerance, with its events located and all bounces followed.
 
         Those left out are an error of the order of the square root of their height, which falls too slowly.
         """
         lowest = self.lowest_flight or LOWEST_FLIGHT
         located = replace(self, locate_events=True, lowest_flight=lowest)
-        return replace(located, method="dop853", step_tolerance=step_tolerance)
+        return replace(located, method="dop853", step_tolerance=step_tolerance or LOOSE)
 
     def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene.
@@ -148,10 +142,6 @@ class ReferenceEngine:
             raise EngineFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite
             raise EngineFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
-
-    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
-        """Return what compiling the kernels of a run takes where there are none yet, in s."""
-        return compile_time_s(self, scene, settings)
 
     def _run(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         choice, compiled = self.step_choice(scene, settings), self.kernel == "compiled"

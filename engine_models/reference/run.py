@@ -8,11 +8,11 @@ from dataclasses import replace
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.crank_motion import require_followed
+from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations.trajectory import trajectory_of_solution
 from engine_models.mechanics.start_check import checked_start
 from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell
-from engine_models.reference.model import mechanism_of
-from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
@@ -111,7 +111,7 @@ def taken(
 
 def _watch(scene: AnyScene, solver: Solver, most_steps: float) -> Callable[[float], None]:
     """Return what tells how far a run has come, and ends one whose steps, or events, have collapsed."""
-    if not scene.joints_with_clearance:
+    if not scene.joints_with_clearance and most_steps >= MOST_STEPS:
         return tell
     look_up = LOOK_UP_STEPS if most_steps >= MOST_STEPS else int(LIMITED * LOOK_UP_STEPS)
     steps, events = Pace(scene, look_up, most_steps), Pace(scene, LOOK_UP_EVENTS, MOST_EVENTS)

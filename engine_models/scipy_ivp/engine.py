@@ -13,20 +13,18 @@ from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
     RunSettings,
-    T,
     Trajectory,
     UnsupportedScene,
-    plain,
     require_finite,
 )
-from engine_models.mechanics.minimal.scope import require_coordinates
+from engine_models.kernels import CompiledEngine
+from engine_models.mechanics.equations.derivative import Derivative
+from engine_models.mechanics.equations.scope import require_coordinates
+from engine_models.mechanics.equations.trajectory import trajectory_of_solution
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
-from engine_models.reference.kernels import compile_time_s
-from engine_models.reference.trajectory import trajectory_of_solution
 from engine_models.scene.parts import AnyScene
 from engine_models.scipy_ivp.calls import COMPILED, Calls, Choice
-from engine_models.scipy_ivp.model import Derivative
 from engine_models.scipy_ivp.run import LocatedRun, switching_run
 
 #: Room for rounding in the longest step, so that as many of them fill a run as should.
@@ -38,7 +36,7 @@ SHARPEST = 1e-13
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
-class ScipyEngine:
+class ScipyEngine(CompiledEngine):
     """Settings of SciPy's integrators: the ``method``; ``rtol`` and ``atol``, the tolerances of a step.
 
     It integrates the multiplier equations (1)-(10) by the reference's compiled right-hand side, so that the
@@ -47,9 +45,10 @@ class ScipyEngine:
     it: drift is part of the error and falls with the tolerance. ``atol`` is in m, rad, m/s and rad/s alike.
     Work, impulses and losses are integrated along but left out of the error control.
 
-    With ``coordinates = minimal`` it integrates as many coordinates as there are freedoms, those that
-    ``minimal.tree`` derives: the crank's angle alone, or with clearance those of an open tree. That gives the
-    motion alone; joint forces follow after the solve from the multiplier equations at the samples.
+    With ``coordinates = minimal`` it integrates the coordinates of a tree over the joints, with the rates of
+    as many of them as there are freedoms (see ``equations.posture``). That gives the motion alone; joint
+    forces follow after the solve from the multiplier equations at the samples. Where the independent
+    coordinates become unfit, ``solve_ivp`` stops and others take their place; the compiled loops fail there.
 
     Steps are chosen by the method, up to the run's longest, as if there were no samples: these come from the
     method's own interpolant, which is as good as the steps but for Radau's, of order 3. (The first step of
@@ -84,8 +83,7 @@ class ScipyEngine:
     def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene where there is no ODE, or its events need what the method has not.
 
-        On minimal coordinates an ideal mechanism at a prescribed speed has none; only plain crank-sliders
-        and pendulums have such coordinates here.
+        On minimal coordinates an ideal mechanism whose motion is prescribed has none.
         """
         if self.method in COMPILED and scene.joints_with_clearance:
             raise UnsupportedScene(
@@ -104,24 +102,7 @@ class ScipyEngine:
                     f"(clearance.{joint}.restitution = 0)"
                 )
         if self.coordinates == "minimal":
-            require_coordinates("scipy", plain(scene, "scipy with coordinates = minimal"))
-
-    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
-        """Return what compiling the right-hand side takes where there is none yet, in s."""
-        return compile_time_s(self, scene, settings)
-
-    def twin(self, scene: T) -> T:
-        """Return the scene itself: every compliant law is solved as it is.
-
-        Raises:
-            UnsupportedScene: see ``check``.
-        """
-        self.check(scene)
-        return scene
-
-    @property
-    def order(self) -> None:
-        """None: a tolerance chooses the steps."""
+            require_coordinates("scipy", scene)
 
     def sharper(self) -> "ScipyEngine":
         """Return the engine with a tenth of its tolerances."""
@@ -147,10 +128,8 @@ class ScipyEngine:
         else:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
-        samples, reader = derivative.absolute(record.y), derivative
-        if self.coordinates == "minimal":
-            reader = Derivative(scene)
-        solution = reader.solution(times, samples, record.phases, record.ends, calls.steps)
+        reader = Derivative(scene) if self.coordinates == "minimal" else derivative
+        solution = reader.solution(times, record.y, record.phases, record.ends, calls.steps)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
 

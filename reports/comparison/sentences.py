@@ -19,7 +19,7 @@ from reports.tables import plain, setting
 #: The part of the energy in play from which on unaccounted energy is reported; any run has less.
 REPORTED_ENERGY = 1e-6
 #: The names of joint forces among the signals that are not compared.
-JOINT_FORCES = r"^joint_\w+_force_N$"
+JOINT_FORCES = r"^joint_[\w.-]+_force_N$"
 
 
 def sentences(standings: Standings, given: str) -> Iterator[str]:
@@ -74,7 +74,7 @@ def _recommended(standings: Standings, chosen: Choice, given: str) -> Iterator[s
         yield f"Closest: {chosen.label} at {chosen.setting}."
     yield f"Command: {command(row, given)}"
     error = measured(row[standings.column], standings.floor, unit)
-    yield f"{what.capitalize()}: {error}; asked for: {wanted}."
+    yield f"{what[:1].upper()}{what[1:]}: {error}; asked for: {wanted}."
     timed = standings.rows[(standings.rows["label"] == chosen.label) & standings.rows["round"].notna()]
     solve, build = quantity(chosen.time_s, "s"), quantity(timed["build_time_s"].median(), "s")
     yield f"Time of the solve: {solve}; building the model and reading out take {build} more."

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.arguments import Place, check_arguments
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from reports.comparison.page import page
 from reports.comparison.sentences import not_run, sentences
 from reports.comparison.standing import Standings, standings_table
@@ -42,7 +42,7 @@ class Comparison:
     is no recommendation. ``given`` is the scene as it is typed in a command.
     """
 
-    scene: Scene
+    scene: AnyScene
     results: Results
     run: Run | None
     given: str
@@ -99,12 +99,12 @@ class Comparison:
         return self.recommendation
 
 
-def default_folder(scene: Scene) -> Path:
+def default_folder(scene: AnyScene) -> Path:
     """Return the default folder of a scene's comparison."""
     return Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", scene.name))
 
 
-def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path) -> Comparison:
+def comparison(scene: AnyScene, given: str, engines: Collection[str], folder: Path) -> Comparison:
     """Run the cases of a comparison that ``folder`` lacks, on the named engines or on all, and return it.
 
     ``given`` is the scene as it is typed in a command.
@@ -129,7 +129,7 @@ def comparison(scene: Scene, given: str, engines: Collection[str], folder: Path)
     return Comparison(scene, results, run, given)
 
 
-def _question(scene: Scene, pool: Processes) -> Question:
+def _question(scene: AnyScene, pool: Processes) -> Question:
     try:
         with progress_console().status(f"reference solution of {scene.name}"):
             return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
@@ -172,5 +172,5 @@ def _shown(case: Case, pool: Processes) -> Run | None:
     return Run(case.scene, case.engine, engine, None, trajectory, ())
 
 
-def _simulated(engine: Engine, scene: Scene, run: RunSettings) -> Trajectory:
+def _simulated(engine: Engine, scene: AnyScene, run: RunSettings) -> Trajectory:
     return engine.simulate(scene, run)

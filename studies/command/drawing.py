@@ -5,11 +5,21 @@ from dataclasses import dataclass
 from statistics import median_low
 
 import numpy as np
-import pandas as pd
 
-from engine_models.engine import FloatArray
+from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.loads import load_forces, load_torques
-from engine_models.mechanics.states import GROUND, Line, Pin, Point, Spring, point_motion, way
+from engine_models.mechanics.states import (
+    GROUND,
+    Line,
+    Pin,
+    Point,
+    Spring,
+    direction,
+    guide_column,
+    line_angle_rad,
+    point_motion,
+    way,
+)
 from engine_models.mechanics.wrenches import sum_of
 from engine_models.scene.parts import AnyScene
 from reports.run.film import Drawing, Force, Guide, Joint, Mark
@@ -24,20 +34,19 @@ OF_DIAGONAL, OF_LONGEST = 0.25, 0.1
 
 @dataclass
 class Shape:
-    """A mechanism in states (n, bodies, 3) at n times, with its table of samples, of which a film is made.
+    """A mechanism in the n samples of a run, of which a film is made.
 
     Gaps are drawn ``exaggerate`` times as large: the pin of a joint is moved away from its bearing, or the
     bearing from a pin on the ground or on a block.
     """
 
     scene: AnyScene
-    frame: pd.DataFrame
-    position: FloatArray
-    velocity: FloatArray
+    run: Trajectory
     exaggerate: float = 1.0
 
     def __post_init__(self) -> None:
-        self.of, self.time_s = self.scene.mechanism, self.frame.index.to_numpy()
+        self.of, self.time_s = self.scene.mechanism, self.run.time_s
+        self.position, self.velocity = self.run.position, self.run.velocity
         self.blocks = {guide.body_j for guide in self.of.guides if not guide.turns}
         self.moved: dict[End, FloatArray] = {}
         held = {GROUND, *self.blocks}
@@ -123,12 +132,9 @@ class Shape:
 
     def _guide(self, line: Line, has_block: bool) -> Guide:
         ends = [self.place(_on(line, way_m)) for way_m in self._reach_m(line)]
-        return Guide(self.place(_ends(line)[1]), np.stack(ends, axis=1), self._direction(line), has_block)
-
-    def _direction(self, line: Line) -> FloatArray:
-        """Return the angle of a line in rad, (n,)."""
-        turned = np.zeros(len(self.time_s)) if line.body_i == GROUND else self.position[:, line.body_i, 2]
-        return line.angle_rad + turned
+        return Guide(
+            self.place(_ends(line)[1]), np.stack(ends, axis=1), line_angle_rad(line, self.position), has_block
+        )
 
     def _reach_m(self, line: Line) -> tuple[float, float]:
         """Return how far a line's point goes along it, both ways."""
@@ -143,7 +149,9 @@ class Shape:
             name = self.of.names[load.body]
             force, torque = (sum_of(parts, f"{name}.", len(self.time_s)) for parts in (forces, torques))
             if load.line is not None:
-                yield Mark(self.place(_ends(load.line)[1]), self._direction(load.line), np.sign(force))
+                yield Mark(
+                    self.place(_ends(load.line)[1]), line_angle_rad(load.line, self.position), np.sign(force)
+                )
             if torque.any():
                 yield Mark(self.place((load.body, (0.0, 0.0))), None, np.sign(torque))
 
@@ -157,27 +165,23 @@ class Shape:
             return None
         if drive.guide is not None:
             guide = self.of.guides[drive.guide]
-            return Mark(self.place(_ends(guide)[1]), self._direction(guide), np.ones(len(self.time_s)))
+            return Mark(
+                self.place(_ends(guide)[1]), line_angle_rad(guide, self.position), np.ones(len(self.time_s))
+            )
         pivots = [_ends(pin)[1] for pin in self.of.pins if (pin.body_i, pin.body_j) == (GROUND, drive.body)]
-        sense = self.velocity[:, drive.body, 2] if drive.prescribes else self.frame["driver_torque_N_m"]
+        sense = self.velocity[:, drive.body, 2] if drive.prescribes else self.run.driver_torque_N_m
         return Mark(self.place([*pivots, (drive.body, (0.0, 0.0))][0]), None, np.sign(np.asarray(sense)))
 
     def _forces(self) -> Iterator[tuple[str, Force]]:
         """Yield the forces of joints, each on the body named later, and of guides, by what they are."""
+        run, names = self.run, self.of.names
         for pin in self.of.pins:
-            columns = [f"joint_{pin.name}_force_{axis}_N" for axis in "xy"]
-            force = self.frame[columns].to_numpy()
-            yield (
-                f"joint {pin.name} on the {self.of.names[pin.body_j]}",
-                Force(self.place(_ends(pin)[1]), force),
-            )
+            force = Force(self.place(_ends(pin)[1]), run.joint_force_N[pin.name])
+            yield f"joint {pin.name} on the {names[pin.body_j]}", force
         for guide in self.of.guides:
-            names = {"guide": "guide", f"guide_{guide.name}": f"guide {guide.name}"}
-            for name in names.keys() & {column.removesuffix("_normal_force_N") for column in self.frame}:
-                normal, angle = self.frame[f"{name}_normal_force_N"].to_numpy(), self._direction(guide)
-                force = normal[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
-                on = f"{names[name]} on the {self.of.names[guide.body_j]}"
-                yield on, Force(self.place(_ends(guide)[1]), force)
+            across = direction(guide, self.position)[1] * run.guide_force_N[guide.name][:, None]
+            name = guide_column(self.scene, guide.name).removesuffix("_normal_force_N").replace("_", " ", 1)
+            yield f"{name} on the {names[guide.body_j]}", Force(self.place(_ends(guide)[1]), across)
 
 
 def _ends(linked: Pin | Spring | Line) -> tuple[End, End]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from engine_models.engine import MOST_SAMPLES, Engine, Trajectory
 from engine_models.mechanics.quality import Quality, quality_of
+from engine_models.mechanics.samples import selected
 from engine_models.progress import tell
 from engine_models.scene.arguments import Place, check_arguments
 from engine_models.scene.data import Positive
@@ -137,9 +138,8 @@ class Run:
         from reports.run.film import film_bytes, pictured
         from studies.command.drawing import Shape
 
-        run, samples = self.trajectory, pictured(len(self.trajectory.time_s))
-        states = run.position[samples], run.velocity[samples]
-        shape = Shape(self.scene, self.frame.iloc[samples], *states, exaggerate)
+        shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
+        shape = Shape(self.scene, shown, exaggerate)
         return film_bytes(shape.drawing(), self.scene.name, ending, tell)
 
     @property
@@ -160,7 +160,8 @@ class Run:
 
     def notes(self) -> list[str]:
         """Return a line each on the quality, the steps and the largest force of the run."""
-        of_method = f" of {self.engine.method}" if hasattr(self.engine, "method") else ""
+        method = vars(self.engine).get("method")
+        of_method = f" of {method}" if method else ""
         steps, allowed_s = self.trajectory.steps, self.trajectory.step_s
         mean_s = self.trajectory.time_s[-1] / max(steps, 1)
         how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"

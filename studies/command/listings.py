@@ -7,7 +7,7 @@ from textwrap import indent, shorten
 
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import ENGINES, engine_class, make_engine
-from engine_models.scene.library import SCENES
+from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.plain_words import expectation, fields, meant, one_of, shown
 from studies.running.failures import BadInput
 
@@ -18,10 +18,10 @@ LONGEST_CHOICE, LONGEST_CLAUSE = 60, 100
 def scene_listing() -> str:
     """Return a line for each library scene: name, drive, joints with clearance, end time, description."""
     rows = [("scene", "drive", "clearance", "end time", "")]
-    for name, make in SCENES.items():
+    for name, make in ALL_SCENES.items():
         scene = make()
         joints = ", ".join(scene.joints_with_clearance) or "none"
-        rows.append((name, scene.drive.kind, joints, f"{scene.end_time_s:g} s", _summary(make)))
+        rows.append((name, scene.driven_by.kind, joints, f"{scene.end_time_s:g} s", _summary(make)))
     return _aligned(rows)
 
 
@@ -74,7 +74,7 @@ def _explained(setting: str, documentation: str) -> str:
 def _support(engine: str) -> str:
     """Return the library scenes that an engine runs at its defaults, and those that it refuses, by reason."""
     runs, refused = list[str](), dict[str, list[str]]()
-    for name, make in SCENES.items():
+    for name, make in ALL_SCENES.items():
         try:
             make_engine(engine).check(make())
             runs.append(name)

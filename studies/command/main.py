@@ -36,9 +36,9 @@ def _version(wanted: bool) -> None:
 
 def _scenes(begun: str) -> Iterator[str]:
     """Yield the library scenes whose names start with ``begun``, for completion in a shell."""
-    from engine_models.scene.library import SCENES
+    from engine_models.scene.library.mechanisms import ALL_SCENES
 
-    yield from (name for name in SCENES if name.startswith(begun))
+    yield from (name for name in ALL_SCENES if name.startswith(begun))
 
 
 def _engines(begun: str) -> Iterator[str]:
@@ -209,7 +209,7 @@ def truth(
     from studies.command.truth import true_run
 
     numbers = options.checked(options.SimulateOptions, "--", {"end": end, "samples": samples})
-    physics = options.read_plain_scene("the truth", scene, changes or [], numbers.end)
+    physics = options.read_scene(scene, changes or [], numbers.end)
     files = [outputs.samples(out)]
     if impacts is not None:
         files.append(outputs.impacts(impacts, physics))
@@ -376,10 +376,10 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
-    from studies.command.options import read_plain_scene
+    from studies.command.options import read_scene
     from studies.command.study_run import joined, running_in
 
-    physics = read_plain_scene("comparisons", scene, changes or [])
+    physics = read_scene(scene, changes or [])
     joined(engines or [])
     from rich.console import Console
 

@@ -15,10 +15,9 @@ from engine_models.engine import MOST_SAMPLES, SETTINGS_CONFIG, Engine
 from engine_models.engines import engine_class
 from engine_models.scene.data import Duration, Positive
 from engine_models.scene.file import SceneError, load, sources
-from engine_models.scene.library import SCENES
+from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import expect, fields, meant, no_numbers, one_of, refusal, shown, typed
-from engine_models.scene.scene import Scene
 from studies.running.failures import BadInput
 
 if sys.version_info >= (3, 11):
@@ -31,11 +30,12 @@ T = TypeVar("T")
 #: A number of equal output intervals.
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
 #: A scene as users may give one.
-SomeScene = Annotated[InstanceOf[AnyScene] | str | Path, expect(f"{one_of(list(SCENES))}, or a TOML file")]
+SomeScene = Annotated[
+    InstanceOf[AnyScene] | str | Path, expect(f"{one_of(list(ALL_SCENES))}, or a TOML file")
+]
 #: Endings of the files of figures and of animations.
 PICTURES, FILMS = (".png", ".svg", ".pdf"), (".html", ".gif", ".mp4")
 #: What runs in all engines, in truths and in studies.
-PLAIN = "a crank-slider on a guide along +x through O or a pendulum"
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
@@ -113,8 +113,8 @@ def read_scene(
     own: AnyScene
     if isinstance(scene, AnyScene):
         own = scene
-    elif (name := str(scene)) in SCENES:
-        own = SCENES[name]()
+    elif (name := str(scene)) in ALL_SCENES:
+        own = ALL_SCENES[name]()
     else:
         return load(_scene_file(name), changes, "--with")
     try:
@@ -123,35 +123,12 @@ def read_scene(
         raise BadInput(f"--with {error}" if fields else str(error)) from None
 
 
-def read_plain_scene(
-    what: str, scene: str | Path | AnyScene, assignments: Sequence[str] = (), end_s: float | None = None
-) -> Scene:
-    """Return a scene as ``read_scene`` does, for ``what`` runs plain crank-sliders and pendulums alone.
-
-    Raises:
-        BadInput: as ``read_scene`` does, or it is another mechanism.
-    """
-    return require_plain("SCENE", f" for {what}", read_scene(scene, assignments, end_s))
-
-
-def require_plain(option: str, what: str, scene: AnyScene) -> Scene:
-    """Return a plain crank-slider or pendulum as it is.
-
-    Raises:
-        BadInput: it is another mechanism.
-    """
-    if isinstance(scene, Scene) and scene.is_plain:
-        return scene
-    came = f"{scene.name}, another mechanism (by {scene.general_by})"
-    raise BadInput(f"{option}: expected {PLAIN}{what} so far, got {came}")
-
-
 def _scene_file(name: str) -> Path:
     if not os.path.exists(name):  # pathlib's raises for a name that is too long
         if "/" in name or name.endswith(".toml"):
             raise BadInput(f"SCENE: expected a TOML file that is there, got {shown(name)} (no such file)")
-        expected = f"{one_of(list(SCENES))}, or a TOML file"
-        raise BadInput(f"SCENE: expected {expected}, got {shown(name)}{meant(name, SCENES)}")
+        expected = f"{one_of(list(ALL_SCENES))}, or a TOML file"
+        raise BadInput(f"SCENE: expected {expected}, got {shown(name)}{meant(name, ALL_SCENES)}")
     return Path(name)
 
 
@@ -186,7 +163,7 @@ def assigned(option: str, form: str, assignments: Sequence[str]) -> dict[str, st
 
 def is_source(file: Path, scene: str, assignments: Sequence[str] = ()) -> bool:
     """Return whether a file is one that a scene was read from, with some changes."""
-    if scene in SCENES or not Path(scene).is_file():
+    if scene in ALL_SCENES or not Path(scene).is_file():
         return False
     try:
         return any(file.samefile(source) for source in sources(Path(scene), _fields(assignments)))
@@ -236,7 +213,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     except ValueError as reason:
         raise BadInput(f"--{reason}") from None
     engine: Engine = checked(kind, "--set ", settings)
-    if to_tolerance and hasattr(engine, "controlling_error") and "method" not in settings:
+    if to_tolerance and "method" not in settings:
         given = {"step_tolerance": vars(engine)["step_tolerance"]} if "step_tolerance" in settings else {}
         engine = engine.controlling_error(**given)
     return engine
@@ -250,7 +227,7 @@ def longest_step_s(options: SimulateOptions, end_time_s: float, engine: Engine) 
     """
     if options.step is not None and options.tolerance is not None:
         raise BadInput(f"--tolerance: expected nothing beside --step, got {options.tolerance:g}")
-    default = end_time_s if getattr(engine, "controls_error", False) else min(DEFAULT_STEP_S, end_time_s)
+    default = end_time_s if engine.controls_error else min(DEFAULT_STEP_S, end_time_s)
     step = options.step or default
     shortest = SHORTEST_STEP_PART * end_time_s
     if options.tolerance is None and not shortest <= step <= end_time_s:

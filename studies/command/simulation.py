@@ -12,9 +12,9 @@ from engine_models.engine import (
     UnsupportedScene,
     plain,
 )
+from engine_models.kernels import KernelsRefused
 from engine_models.memory import TooLarge
 from engine_models.reference.inspection import inspect
-from engine_models.reference.kernels import KernelsRefused
 from engine_models.scene.parts import AnyScene
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions, longest_step_s
@@ -30,7 +30,7 @@ def simulated(scene: AnyScene, engine_name: str, engine: Engine, options: Simula
     """
     longest_step = longest_step_s(options, scene.end_time_s, engine)
     try:
-        if not getattr(engine, "any_mechanism", False):
+        if not engine.any_mechanism:
             plain(scene, engine_name)
         with np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
             if options.tolerance is not None:

@@ -5,10 +5,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from engine_models.engines import join
-from engine_models.reference.kernels import KernelsRefused, writable_folder
+from engine_models.kernels import KernelsRefused, writable_folder
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import meant, one_of, shown
-from engine_models.scene.scene import Scene
-from studies.command.options import read_engine, read_plain_scene
+from studies.command.options import read_engine, read_scene
 from studies.running.failures import BadInput, note, terminated_as_interrupted, writing
 from studies.running.finished_cases import DamagedRows
 from studies.running.folder_lock import FolderHeld
@@ -37,21 +37,21 @@ def require_studies(names: Sequence[str]) -> None:
             raise BadInput(f"STUDY: expected {expected}, got {shown(name)}{meant(name, STUDIES)}")
 
 
-def given_scenes(names: Sequence[str]) -> list[Scene]:
+def given_scenes(names: Sequence[str]) -> list[AnyScene]:
     """Return the scenes on which studies are to run.
 
     Raises:
         BadInput: there is no such scene, or its name is not unique or cannot be a file name.
     """
     try:
-        scenes = [read_plain_scene("studies", name) for name in names]
+        scenes = [read_scene(name) for name in names]
     except BadInput as reason:
         raise BadInput(str(reason).replace("SCENE:", "--scene:", 1)) from None
     require_names(scenes)
     return scenes
 
 
-def studies_of(scenes: Sequence[Scene], full: bool) -> list[str]:
+def studies_of(scenes: Sequence[AnyScene], full: bool) -> list[str]:
     """Return the studies that accept all scenes; a note names the others, with the reason."""
     names = []
     for name in STUDIES:

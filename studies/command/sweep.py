@@ -14,8 +14,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene, plain
+from engine_models.kernels import KernelsRefused, writable_folder
 from engine_models.mechanics.assembly import start_angle, start_state, started_from
-from engine_models.reference.kernels import KernelsRefused, writable_folder
 from engine_models.reference.members import LISTS, numbers_of
 from engine_models.reference.watch import SPEED, Watch, turning_speed_rad_s
 from engine_models.scene.arguments import check_arguments
@@ -121,9 +121,9 @@ def asked(
         raise BadInput(f"SCENE: expected a joint with clearance, got none in {scene.name}")
     engine = read_engine(engine_name, settings, to_tolerance=True)
     step_s = options.step
-    if step_s is None and not getattr(engine, "controls_error", False):
+    if step_s is None and not engine.controls_error:
         step_s = DEFAULT_STEP_S
-    if exponent and engine_name != "reference" and getattr(engine, "order", None) is None:
+    if exponent and engine_name != "reference" and engine.order is None:
         expected = "the reference, or an engine with a fixed step"
         raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
     assert isinstance(scene, Scene | GeneralParts)
@@ -291,7 +291,7 @@ def _require_scenes(task: Task, changes: Mapping[str, FloatArray]) -> None:
     for member in looked_at:
         try:
             scene = task.member(member)
-            if not getattr(task.engine, "any_mechanism", False):
+            if not task.engine.any_mechanism:
                 plain(scene, task.engine_name)
             task.engine.check(scene)
         except SceneError as error:

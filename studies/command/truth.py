@@ -8,16 +8,18 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeGuard, cast
 
 import numpy as np
 import pandas as pd
 
 from engine_models.convergence.doubts import doubts_of_tables
 from engine_models.engine import Engine, FloatArray, Impacts, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.kernels import KernelsRefused
 from engine_models.mechanics.samples import selected
-from engine_models.reference.kernels import KernelsRefused
+from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.command.finished_run import Run
@@ -32,7 +34,11 @@ SAMPLES, DIGITS = 120, "%.14g"
 
 @dataclass(frozen=True, repr=False)
 class TrueRun(Run):
-    """A reference solution up to the predictability horizon; ``certain_m`` is the slider's uncertainty."""
+    """A reference solution up to the predictability horizon.
+
+    ``certain_m`` is the uncertainty of the slider, of a pendulum's pin along its arc, or of what the scene
+    observes: of an angle times the longest lever.
+    """
 
     certain_m: float
     by: str
@@ -44,14 +50,19 @@ class TrueRun(Run):
 
     def notes(self) -> list[str]:
         """Return a line each on the uncertainty, the method and the end, and on the largest force."""
-        is_slider = isinstance(self.scene, Scene) and self.scene.is_crank_slider
-        end, what = self.trajectory.time_s[-1], "slider" if is_slider else "crank's pin"
-        known = f"the {what} is certain to {self.certain_m:.1e} m until t = {end:.6g} s"
+        end = self.trajectory.time_s[-1]
+        known = f"{_observed(self.scene)} is certain to {self._certain} until t = {end:.6g} s"
         by = "independent equations" if self.by == INDEPENDENT else "the reference engine"
         return [f"{known}, by {by}", *self._notes_of_force()]
 
+    @property
+    def _certain(self) -> str:
+        if self.scene.observed.what == "angle":
+            return f"{self.certain_m / lever_m(self.scene):.1e} rad"
+        return f"{self.certain_m:.1e} m"
 
-def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
+
+def true_run(scene: AnyScene, options: SimulateOptions) -> TrueRun:
     """Return the reference solution of a scene.
 
     Raises:
@@ -70,7 +81,7 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
     if not count:
         raise Failed("no reference solution was found: two solutions diverge before the first sample")
     apart = max(float(np.abs(_place(scene, one) - _place(scene, truth))[:count].max()) for one in repeats)
-    resolution = float(np.spacing(max(np.abs(_place(scene, truth)).max(), scene.crank.length_m)))
+    resolution = float(np.spacing(max(np.abs(_place(scene, truth)).max(), lever_m(scene))))
     known, warnings = _until(truth, impacts, count), doubts_of_tables(scene)
     if count <= options.samples:
         warnings.append(f"two solutions diverge after t = {known.time_s[-1]:.6g} s; samples end there")
@@ -78,9 +89,20 @@ def true_run(scene: Scene, options: SimulateOptions) -> TrueRun:
     return TrueRun(scene, "truth", solver, None, known, tuple(warnings), certain, by)
 
 
-def _place(scene: Scene, run: Trajectory) -> FloatArray:
-    """Return the slider position in m, or the arc length of the end of a pendulum."""
-    return run.position[:, -1, 0] if scene.is_crank_slider else scene.crank.length_m * run.position[:, 0, 2]
+def _is_pendulum(scene: AnyScene) -> TypeGuard[Scene]:
+    return isinstance(scene, Scene) and scene.is_plain and not scene.is_crank_slider
+
+
+def _place(scene: AnyScene, run: Trajectory) -> FloatArray:
+    """Return what is observed in m, or the arc length of the end of a pendulum."""
+    return lever_m(scene) * run.position[:, 0, 2] if _is_pendulum(scene) else observed_m(scene, run)
+
+
+def _observed(scene: AnyScene) -> str:
+    """Return in words what the uncertainty is of."""
+    if isinstance(scene, Scene) and scene.is_crank_slider:
+        return "the slider"
+    return "the crank's pin" if _is_pendulum(scene) else scene.observed.name
 
 
 def _until(truth: Trajectory, impacts_of: Mapping[str, Impacts], count: int) -> Trajectory:

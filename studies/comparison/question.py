@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import Trajectory, UnsupportedScene
-from engine_models.scene.scene import Scene
+from engine_models.mechanics.states import lever_m
+from engine_models.scene.parts import AnyScene
 from studies.judges.converged_truth import GRID, converged, followed
+from studies.judges.metrics import signals, with_suffix
 
-#: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank what
-#: a workshop measures. Where the crank is prescribed so is the ideal slider, and a torque sensor is good to
-#: a thousandth.
+#: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank, or
+#: of the longest lever, what a workshop measures. Where the crank is prescribed so is the ideal slider, and a
+#: torque sensor is good to a thousandth.
 CLEARANCE_PART, CRANK_PART, TORQUE_PART = 1e-2, 1e-6, 1e-3
 
 
@@ -26,7 +28,7 @@ class Question:
     compared_until_s: float
 
 
-def asked(scene: Scene) -> Question:
+def asked(scene: AnyScene) -> Question:
     """Return the question for a scene, for which its truth is found.
 
     Raises:
@@ -39,15 +41,18 @@ def asked(scene: Scene) -> Question:
     return Question(*_judged(scene, truth), float(truth.time_s[samples - 1]))
 
 
-def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
+def _effort(scene: AnyScene) -> str:
+    return "driver_torque_error_N_m" if scene.mechanism.drive.guide is None else "driver_force_error_N"
+
+
+def _judged(scene: AnyScene, truth: Trajectory) -> tuple[str, float]:
     rooms = scene.clearances.values()
     if not rooms and scene.speed_is_prescribed:
         assert truth.driver_torque_N_m is not None
         if peak_N_m := float(np.abs(truth.driver_torque_N_m).max()):
-            return "driver_torque_error_N_m", TORQUE_PART * peak_N_m
-    wanted_m = CRANK_PART * scene.crank.length_m
+            return _effort(scene), TORQUE_PART * peak_N_m
+    wanted_m = CRANK_PART * lever_m(scene)
     if rooms:
         wanted_m = CLEARANCE_PART * min(room.radial_clearance_m for room in rooms)
-    if scene.is_crank_slider:
-        return "slider_position_error_m", wanted_m
-    return "crank_angle_error_rad", wanted_m / scene.crank.length_m
+    name, _ = next(signals(scene, truth))
+    return with_suffix(name, "error"), wanted_m / (lever_m(scene) if name.endswith("_rad") else 1.0)

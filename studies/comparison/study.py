@@ -8,7 +8,7 @@ from random import Random
 
 from engine_models import arms
 from engine_models.engine import RunSettings
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies import agreement, clearance
 from studies.comparison.question import Question
 from studies.ladders import Rung
@@ -36,7 +36,7 @@ LIMITS = Limits(time_limit_s=60.0, memory_limit_bytes=4 * 2**30)
 LIMITS_OF_TRUTH = Limits(time_limit_s=300.0, memory_limit_bytes=8 * 2**30)
 
 
-def cases(scene: Scene, question: Question, engines: Collection[str]) -> list[Case]:
+def cases(scene: AnyScene, question: Question, engines: Collection[str]) -> list[Case]:
     """Return the recorded run of every rung of the engines named, or of all, then rounds of bare runs."""
     rungs = [rung for rung in _rungs(scene) if not engines or rung.arm.engine in engines]
     out = [_case(scene, question, rung, SAMPLES) for rung in rungs]
@@ -46,14 +46,14 @@ def cases(scene: Scene, question: Question, engines: Collection[str]) -> list[Ca
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
-def _rungs(scene: Scene) -> list[Rung]:
+def _rungs(scene: AnyScene) -> list[Rung]:
     """Return the ladders of all engines; one that has none here is asked once, so that it says why."""
     rungs = [rung for rung in work_precision.ladder(scene, full=False) if rung.arm not in LEFT_OUT]
     there = {rung.arm.engine for rung in rungs}
     return rungs + [Rung(arm, scene.end_time_s) for arm in AS_THEY_COME if arm.engine not in there]
 
 
-def _case(scene: Scene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
+def _case(scene: AnyScene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
     judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
     columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}

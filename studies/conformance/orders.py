@@ -8,7 +8,7 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from reports.analysis.convergence import observed_order
 from studies.conformance.claims import SAMPLES, Finding
-from studies.judges.ideal_truth import exact
+from studies.judges.converged_truth import converged
 
 #: Smooth motion on which orders are measured, and until when in s.
 SMOOTH, END_S = "ideal-free", 0.1
@@ -30,10 +30,9 @@ def states_its_order(engine: Engine) -> Finding:
     scene = _smooth()
     if refused := _refused(engine, scene):
         return refused
-    if not hasattr(engine, "order"):
-        return Finding(False, "no attribute 'order': a number, or None where a tolerance chooses the steps")
-    order: float | None = engine.order
-    return _falls_with_tolerance(engine, scene) if order is None else _falls_with_step(engine, scene, order)
+    if engine.order is None:
+        return _falls_with_tolerance(engine, scene)
+    return _falls_with_step(engine, scene, engine.order)
 
 
 def states_its_accuracy(engine: Engine) -> Finding:
@@ -41,7 +40,7 @@ def states_its_accuracy(engine: Engine) -> Finding:
     scene = _smooth()
     if refused := _refused(engine, scene):
         return refused
-    stated: float | None = getattr(engine, "accuracy_m", None)
+    stated = engine.accuracy_m
     if stated is None:
         return Finding(True, "no accuracy_m is stated")
     off, step_s = _error(engine, scene, LONGEST_S)
@@ -83,5 +82,5 @@ def _falls_with_tolerance(engine: Engine, scene: Scene) -> Finding:
 def _error(engine: Engine, scene: Scene, step_s: float) -> tuple[float, float]:
     """Return the largest error of the slider's position in m, and the step that was taken in s."""
     run = engine.simulate(scene, RunSettings(step_s, SAMPLES))
-    truth = exact(scene, SAMPLES)
+    truth, _ = converged(scene, SAMPLES)
     return float(np.abs(observed_m(scene, run) - observed_m(scene, truth)).max()), run.step_s

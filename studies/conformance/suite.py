@@ -5,8 +5,8 @@ from functools import cache
 import pytest
 
 from engine_models.engines import make_engine
-from engine_models.scene.library import SCENES
 from studies.conformance.claims import CLAIMS, Trial
+from studies.conformance.mechanisms import NAMES, scene_of
 from studies.conformance.verdicts import OF_ENGINE, tried
 
 
@@ -18,10 +18,10 @@ def engine_name(pytestconfig: pytest.Config) -> str:
 
 @cache
 def _trial(engine_name: str, scene: str) -> Trial:
-    return Trial(make_engine(engine_name), SCENES[scene]())
+    return Trial(make_engine(engine_name), scene_of(scene))
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", NAMES)
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_claim(engine_name: str, scene: str, claim: str) -> None:
     """Hold the engine to a claim on a scene that it runs."""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
 from engine_models.engine import Engine, UnsupportedScene
-from engine_models.scene.library import SCENES
 from studies.conformance.claims import CLAIMS, Finding, Trial
+from studies.conformance.mechanisms import NAMES, scene_of
 from studies.conformance.orders import states_its_accuracy, states_its_order
 
 Subject = TypeVar("Subject")
@@ -26,12 +26,12 @@ OF_ENGINE: dict[str, Callable[[Engine], Finding]] = {
 
 
 def scenes_of(engine: Engine) -> tuple[list[str], dict[str, str]]:
-    """Return the library scenes that an engine runs, and those that it refuses, with the reason."""
+    """Return the scenes that an engine runs, and those that it refuses, with the reason."""
     runs: list[str] = []
     refused: dict[str, str] = {}
-    for name, make in SCENES.items():
+    for name in NAMES:
         try:
-            engine.check(make())
+            engine.check(scene_of(name))
             runs.append(name)
         except UnsupportedScene as reason:
             refused[name] = str(reason)
@@ -48,7 +48,7 @@ def verdicts(engine: Engine) -> Iterator[Verdict]:
     for claim, holds_of in OF_ENGINE.items():
         yield Verdict(claim, "", tried(holds_of, engine))
     for scene in scenes_of(engine)[0]:
-        trial = Trial(engine, SCENES[scene]())
+        trial = Trial(engine, scene_of(scene))
         for claim, holds in CLAIMS.items() if not trial.refusal else ():
             yield Verdict(claim, scene, tried(holds, trial))
 

@@ -9,9 +9,7 @@ from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.scene import Clearances, Scene
 from studies.extremes.case import Check
-from studies.extremes.truth import braked_wheel, dropped_wheel, swinging_pendulum
 from studies.judges.converged_truth import converged, followed
-from studies.judges.ideal_truth import exact
 
 Errors = Mapping[str, float]
 #: Turns after which a motion that settles has settled.
@@ -25,10 +23,14 @@ def _off(value: FloatArray, true: FloatArray, size: float) -> float:
     return float(distance.max() / size)
 
 
+def _truth(scene: Scene, run: Trajectory) -> Trajectory:
+    """Return the true trajectory at the samples of a run."""
+    return converged(scene, len(run.time_s) - 1)[0]
+
+
 def ideal_motion(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a scene of ideal joints by the motion in one coordinate: crank, slider, force at B."""
-    samples = len(run.time_s) - 1
-    truth = exact(scene, samples)
+    """Judge a scene of ideal joints by its true motion: crank, slider, force at B."""
+    truth = _truth(scene, run)
     force, angle = truth.joint_force_N["B"], truth.position[:, 0, 2]
     return {
         "slider position": _off(observed_m(scene, run), observed_m(scene, truth), scene.crank.length_m),
@@ -77,7 +79,7 @@ def settled(scene: Scene, run: Trajectory) -> Errors:
 
 def nearly_ideal(scene: Scene, run: Trajectory) -> Errors:
     """Judge a clearance of next to nothing by the ideal joint's slider: the walls give less than is right."""
-    ideal = exact(scene.model_copy(update={"clearance": Clearances()}), len(run.time_s) - 1)
+    ideal = _truth(scene.model_copy(update={"clearance": Clearances()}), run)
     off = _off(observed_m(scene, run), observed_m(scene, ideal), scene.crank.length_m)
     return {"slider position": off}
 
@@ -93,23 +95,17 @@ def slider_by(truth: Callable[[Scene, FloatArray], FloatArray]) -> Check:
 
 
 def dropped(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a wheel on the bearing's vertical by its height, in parts of the height it moves through."""
-    height = dropped_wheel(scene, run.time_s)
-    travel = float(np.ptp(height))
-    place = run.position[:, 0, :2]
-    return {"height": _off(place, np.stack([np.zeros_like(height), height], axis=-1), travel)}
+    """Judge a wheel on the bearing's vertical by its place, in parts of the height it moves through."""
+    true = _truth(scene, run).position[:, 0, :2]
+    return {"height": _off(run.position[:, 0, :2], true, float(np.ptp(true[:, 1])))}
 
 
 def bounced(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a wheel that bounces once between two samples, by its height and the impulse told of impacts.
-
-    All that the wall gave is the momentum that the wheel has at the first sample after, and lost to weight.
-    """
-    time, height, g = run.time_s, dropped_wheel(scene, run.time_s), scene.weight_m_s2
-    rising = (height[-1] - height[-2]) / (time[-1] - time[-2]) + g * (time[-1] - time[-2]) / 2
-    impulse = scene.crank.mass_kg * (rising + g * time[-2])
-    told = float(run.contacts["O"].impacts.normal_impulse_N_s.sum())
-    return {**dropped(scene, run), "impulse of the bounce": abs(told / impulse - 1)}
+    """Judge a wheel that bounces between two samples by its height and the impulse told of impacts."""
+    told, true = (
+        float(each.contacts["O"].impacts.normal_impulse_N_s.sum()) for each in (run, _truth(scene, run))
+    )
+    return {**dropped(scene, run), "impulse of the bounce": abs(told / true - 1)}
 
 
 def resting(scene: Scene, run: Trajectory) -> Errors:
@@ -119,26 +115,19 @@ def resting(scene: Scene, run: Trajectory) -> Errors:
 
 
 def braked(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a wheel on a dry bearing by its spin, the angle it turned and its place in the bearing."""
-    spin, angle = braked_wheel(scene, run.time_s)
+    """Judge a wheel on a dry bearing by its spin and the angle it turned."""
+    truth = _truth(scene, run)
+    spin, angle = truth.velocity[:, 0, 2], truth.position[:, 0, 2]
     return {
         "spin": _off(run.velocity[:, 0, 2], spin, float(spin[0])),
-        "angle turned": _off(run.position[:, 0, 2] - run.position[0, 0, 2], angle, float(np.ptp(angle))),
+        "angle turned": _off(run.position[:, 0, 2], angle, float(np.ptp(angle))),
     }
-
-
-def stopped(scene: Scene, run: Trajectory) -> Errors:
-    """Judge a wheel on a dry bearing by the angle it turned until it stood, and after.
-
-    What it rolls back then, by no more than the clearance and the depth over the pin's radius, is below 3e-4
-    of that angle.
-    """
-    return {"angle turned": braked(scene, run)["angle turned"]}
 
 
 def swung(scene: Scene, run: Trajectory) -> Errors:
     """Judge a pendulum on a dry bearing by its angle and its pin's place in the bearing."""
-    angle, place = swinging_pendulum(scene, run.time_s)
+    truth = _truth(scene, run)
+    angle, place = truth.position[:, 0, 2], truth.contacts["O"].gap_m
     return {
         "angle": _off(run.position[:, 0, 2], angle, float(np.ptp(angle))),
         "place in the bearing": _off(run.contacts["O"].gap_m, place, float(np.hypot(*place.T).max())),

@@ -15,9 +15,9 @@ from engine_models.engine import (
     SimulationFailed,
     Trajectory,
     UnsupportedScene,
+    unguarded,
 )
 from engine_models.engines import make_engine
-from engine_models.guards import unguarded
 from engine_models.scene.file import SceneError, from_toml
 from engine_models.scene.scene import Scene
 from studies.extremes import contacts, dead_centres, loose_joints, mechanisms, wheels
@@ -150,7 +150,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     Raises:
         ImpossibleScene: no scene can be so, as a scene's file says in the same words.
     """
-    scene, engine = _valid(case.scene), make_engine(case.engine, **case.settings)
+    scene, engine = _valid(case.plain_scene), make_engine(case.engine, **case.settings)
     simulate = engine.simulate if case.columns["guarded"] else partial(_bare_run, engine)
     with np.errstate(over="ignore"):  # of a mass that is no number's inverse, of joints very far apart
         run = simulate(scene, case.run)

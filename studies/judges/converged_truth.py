@@ -1,14 +1,14 @@
-"""The true solution of any scene, with repeats that tell how far, and until when, it can be followed.
+"""The true solution of any scene, with a repeat that tells how far, and until when, it can be followed.
 
-It shares nothing with the solvers. Ideal cranks that can turn have ``ideal_truth``, scenes with clearance
-the minimal coordinates of ``studies.independent``: by Radau's collocation, and again by extrapolation, a
-method of another kind at another tolerance, begun a unit in the last place beside. The repeat's error is the
-larger by far, so that their distance bounds the truth's (see ``metrics.COVERAGE``). The reference by
-DOP853 is a cross-check, and no more. Where the independent equations have no solution it stands in, with
-repeats of its own, as for ideal pendulums and rods no longer than their crank. Scenes are followed up to the
-horizon, where repeats or runs begun a hair beside part. All are kept on disk (see ``run_cache``).
+It is that of ``studies.truth``, which shares nothing with the solvers: by Radau's collocation, and again by
+extrapolation, a method of another kind at another tolerance, begun some units in the last place beside. The
+repeat's error is the larger by far, so that their distance bounds the truth's (see ``metrics.COVERAGE``). The
+reference by DOP853 is a cross-check, and no more. Only where the truth refuses, as past a position in which
+loops are singular, it stands in, with repeats of its own. Scenes are followed up to the horizon, where
+repeats, or runs begun a hair beside, part. All are kept on disk (see ``run_cache``).
 """
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -23,26 +23,29 @@ from engine_models.engine import (
     SimulationFailed,
     Trajectory,
     UnsupportedScene,
+    require_samples,
 )
 from engine_models.mechanics.impacts import BESIDE, POINTS, instants_in, with_largest
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.scene import Scene
-from studies.independent.solver import IndependentSolver
+from engine_models.scene.parts import AnyScene
 from studies.judges.horizon import PERTURBATION_RAD, a_place_off, moved
-from studies.judges.ideal_truth import exact, exact_repeats
-from studies.judges.kinds import has_closed_form
 from studies.judges.metrics import sizes
 from studies.judges.run_cache import kept, kept_run
+from studies.truth.solver import TrueSolver
 
 #: The solver of the truth: at 1e-14 the slider of the library's scenes is elsewhere by 4e-12 m at most, at
 #: 1e-11, for six tenths of the steps, by 3e-10.
-COLLOCATION = IndependentSolver("collocation", 1e-13)
+COLLOCATION = TrueSolver("collocation", 1e-13)
 #: Those of its repeats, which leave out shorter flights between rigid walls.
-EXTRAPOLATION = IndependentSolver("extrapolation", 1e-14, shortest_flight_s=1e-9)
-COARSER = IndependentSolver("collocation", 1e-12, shortest_flight_s=1e-9)
+EXTRAPOLATION = TrueSolver("extrapolation", 1e-14, shortest_flight_s=1e-9)
+COARSER = TrueSolver("collocation", 1e-12, shortest_flight_s=1e-9)
+#: So many units in the last place beside the truth's start a repeat begins. What comes of one place is no
+#: more than of rounding in the truth, and less by chance: between rigid walls up to half of others
+#: were beyond three times that.
+PLACES = 8.0
 #: The cross-check, and what stands in with it: its runs at ten times the tolerance, and by RK4 at this step.
 SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", step_tolerance=at) for at in (1e-13, 1e-12))
 RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
@@ -74,22 +77,24 @@ class Solved(NamedTuple):
         return Solved(selected(self.truth, which), repeats, self.by)
 
 
-def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
+def converged(scene: AnyScene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
     """Return the true trajectory and its repeats, at equally spaced times.
 
     Raises:
+        ValueError: there are no samples.
         UnsupportedScene, SimulationFailed: see ``solved``.
     """
+    require_samples(samples)
     found = _on_equal(scene, samples)
     return found.truth, found.repeats
 
 
-def truth_by(scene: Scene, samples: int) -> str:
+def truth_by(scene: AnyScene, samples: int) -> str:
     """Return what the truth of a scene is by: ``INDEPENDENT`` equations, or the ``REFERENCE``."""
     return _on_equal(scene, samples).by
 
 
-def times_between_s(scene: Scene, samples: int) -> tuple[float, ...]:
+def times_between_s(scene: AnyScene, samples: int) -> tuple[float, ...]:
     """Return the times, beside equal samples, at which runs of a scene with clearance are judged.
 
     They are those of ``GRID``, where the samples are some of them; those within every impact of the true
@@ -99,18 +104,17 @@ def times_between_s(scene: Scene, samples: int) -> tuple[float, ...]:
     return tuple(_judging(scene, _at_least(samples)).times_s(scene).tolist())
 
 
-def _judging(scene: Scene, samples: int) -> RunSettings:
+def _judging(scene: AnyScene, samples: int) -> RunSettings:
     """Return the settings of a true run to judge by."""
     return RunSettings(scene.end_time_s, samples, _telling_times_s(scene))
 
 
 @lru_cache(maxsize=64)
-def solved(scene: Scene, samples: int) -> Solved:
+def solved(scene: AnyScene, samples: int) -> Solved:
     """Return the true solution at all times at which runs with so many samples are judged.
 
     Raises:
-        UnsupportedScene, SimulationFailed: the independent equations have no solution, nor has the reference,
-            or not a good one.
+        UnsupportedScene, SimulationFailed: the truth and the reference refuse, or have no good solution.
     """
     if not scene.joints_with_clearance:
         return _on_equal(scene, samples)
@@ -121,10 +125,8 @@ def solved(scene: Scene, samples: int) -> Solved:
 
 
 @lru_cache(maxsize=64)
-def _on_equal(scene: Scene, samples: int) -> Solved:
+def _on_equal(scene: AnyScene, samples: int) -> Solved:
     """Return the true solution at equally spaced times."""
-    if has_closed_form(scene):
-        return Solved(exact(scene, samples), tuple(exact_repeats(scene, samples)), INDEPENDENT)
     if _at_least(samples) > samples:
         return _on_equal(scene, GRID).selected(slice(None, None, GRID // samples))
     return _solved(scene, RunSettings(scene.end_time_s, samples))
@@ -136,13 +138,13 @@ def _at_least(samples: int) -> int:
 
 
 @lru_cache(maxsize=64)
-def _telling_times_s(scene: Scene) -> tuple[float, ...]:
+def _telling_times_s(scene: AnyScene) -> tuple[float, ...]:
     """Return the times within the impacts of the true solution, and those at which a signal is large."""
     dense = RunSettings(scene.end_time_s, DENSE)
     return kept(__name__, COLLOCATION, scene, dense, lambda: _found_telling(scene, dense))
 
 
-def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
+def _found_telling(scene: AnyScene, dense: RunSettings) -> tuple[float, ...]:
     run = _sampled(scene, dense)
     times = [run.time_s[_peaks(size)] for size in sizes(scene, run).values()]
     giving = [joint for joint, room in scene.clearances.items() if room.law != "rigid"]
@@ -167,7 +169,7 @@ def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
     return tuple(np.unique(np.concatenate(times)).tolist())
 
 
-def _sampled(scene: Scene, dense: RunSettings) -> Trajectory:
+def _sampled(scene: AnyScene, dense: RunSettings) -> Trajectory:
     try:
         return COLLOCATION.simulate(scene, dense)
     except (UnsupportedScene, SimulationFailed):
@@ -191,9 +193,9 @@ def _begins_and_ends_s(run: Trajectory, contact: Contact) -> FloatArray:
     return ends
 
 
-def _solved(scene: Scene, whole: RunSettings) -> Solved:
+def _solved(scene: AnyScene, whole: RunSettings) -> Solved:
     """Return what solves a scene, and its solution, at the times of a run in whole steps."""
-    fine, beside = replace(whole, step_s=RK4_STEP_S), a_place_off(scene)
+    fine, beside = replace(whole, step_s=RK4_STEP_S), a_place_off(scene, PLACES)
     try:
         truth, repeat = kept_run(COLLOCATION, scene, whole), _repeat(beside, whole)
         return Solved(require_quality(scene, truth), (require_quality(scene, repeat),), INDEPENDENT)
@@ -203,7 +205,7 @@ def _solved(scene: Scene, whole: RunSettings) -> Solved:
         return Solved(truth, tuple(others), REFERENCE)
 
 
-def true_at(scene: Scene, run: RunSettings) -> Trajectory:
+def true_at(scene: AnyScene, run: RunSettings) -> Trajectory:
     """Return the true trajectory at the times of a run.
 
     Raises:
@@ -212,7 +214,7 @@ def true_at(scene: Scene, run: RunSettings) -> Trajectory:
     return _solved(scene, run).truth
 
 
-def _repeat(scene: Scene, whole: RunSettings) -> Trajectory:
+def _repeat(scene: AnyScene, whole: RunSettings) -> Trajectory:
     """Return the repeat: the explicit method's, or if that takes too many steps a coarser implicit one."""
     try:
         return kept_run(EXTRAPOLATION, scene, whole)
@@ -220,7 +222,7 @@ def _repeat(scene: Scene, whole: RunSettings) -> Trajectory:
         return kept_run(COARSER, scene, whole)
 
 
-def cross_check(scene: Scene, samples: int) -> Trajectory:
+def cross_check(scene: AnyScene, samples: int) -> Trajectory:
     """Return the reference's sharpest run of a scene.
 
     Raises:
@@ -230,23 +232,23 @@ def cross_check(scene: Scene, samples: int) -> Trajectory:
 
 
 @lru_cache(maxsize=64)
-def followed(scene: Scene, samples: int) -> int:
+def followed(scene: AnyScene, samples: int) -> int:
     """Return how many samples of the true trajectory come before the scene's horizon.
 
-    That is where a repeat parts from it, or a run of the reference with the crank angle moved by
-    PERTURBATION_RAD to either side. What starts with the state of every body has no such angle, and ideal
-    joints no horizon.
+    That is where a repeat parts from it, or with clearance a run of the reference with the turning body's
+    angle moved by PERTURBATION_RAD to either side, if the start tells that angle.
     """
     truth, repeats = converged(scene, samples)
-    if scene.joints_with_clearance and not scene.start.states:
-        whole = RunSettings(scene.end_time_s, samples)
-        sides = (moved(scene, side * PERTURBATION_RAD) for side in (-1, 1))
-        repeats = (*repeats, *(kept_run(SHARP, side, whole) for side in sides))
+    whole, sides = RunSettings(scene.end_time_s, samples), list[AnyScene]()
+    if scene.joints_with_clearance:
+        with suppress(ValueError):
+            sides = [moved(scene, side * PERTURBATION_RAD) for side in (-1, 1)]
+    repeats = (*repeats, *(kept_run(SHARP, side, whole) for side in sides))
     return reach(scene, truth, repeats)
 
 
 def reach(
-    scene: Scene, truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M
+    scene: AnyScene, truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M
 ) -> int:
     """Return how many samples come before what is observed is off by more than a tolerance in a repeat."""
     apart = np.max(

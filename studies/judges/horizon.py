@@ -1,4 +1,4 @@
-"""The predictability horizon: until when the position of a scene's slider can be told at all.
+"""The predictability horizon: until when what a scene observes can be told at all.
 
 Two things part from a run of the reference: its perturbed runs, begun at a crank angle that is off by far
 less than anybody could build or measure, and its own run at half the step. The horizon for a tolerance is the
@@ -15,8 +15,8 @@ from engine_models.mechanics.assembly import start_angle
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.data import SceneData
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.data import Parts, SceneData
+from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.scene import Scene
 
 T = TypeVar("T", bound=AnyScene)
@@ -49,29 +49,39 @@ def moved(scene: T, by_rad: float) -> T:
     return scene.replace(path, angle + by_rad)
 
 
-def a_place_off(scene: Scene, sign: float = 1.0) -> Scene:
-    """Return the scene started one unit in the last place off, up or down: nobody knows a start better.
+def a_place_off(scene: T, places: float = 1.0) -> T:
+    """Return the scene started a unit in the last place off, or so many: nobody knows a start better.
 
-    So are the crank's angle and speed, or the state of every body. A place of an angle is one of a radian at
-    least, and of another number that is zero none.
+    So are the angles and speeds that the start tells, or the state of every body. A place of an angle is one
+    of a radian at least, and of another number that is zero none.
     """
-    return scene.model_copy(update={"start": _a_place_off(scene.start, sign)})
+    assert isinstance(scene, Scene | GeneralParts)
+    start = _a_place_off(scene.start, places)
+    if isinstance(scene, Scene):
+        return scene.model_copy(update={"start": start})
+    return scene.replace("start", start.model_dump(exclude_none=True))
 
 
-def _a_place_off(state: SceneData, sign: float) -> SceneData:
+def _a_place_off(state: SceneData, places: float) -> SceneData:
     changes: dict[str, object] = {}
     for name, value in state:
         if isinstance(value, SceneData):
-            changes[name] = _a_place_off(value, sign)
-        elif name.endswith("angle_rad"):
-            changes[name] = value + sign * float(np.spacing(max(abs(value), 1.0)))
-        elif value and name != "time_s":
-            changes[name] = value + sign * float(np.spacing(abs(value)))
+            changes[name] = _a_place_off(value, places)
+        elif isinstance(value, dict):
+            changes[name] = Parts({key: _place_off(name, number, places) for key, number in value.items()})
+        elif isinstance(value, float) and name != "time_s":
+            changes[name] = _place_off(name, value, places)
     return state.model_copy(update=changes)
 
 
+def _place_off(name: str, value: float, places: float) -> float:
+    if name.endswith("angle_rad"):
+        return value + places * float(np.spacing(max(abs(value), 1.0)))
+    return value + places * float(np.spacing(abs(value))) if value else value
+
+
 def apart(
-    scene: Scene,
+    scene: AnyScene,
     samples: int,
     sizes: tuple[float, ...] = SIZES,
     step_s: float = STEP_S,
@@ -86,7 +96,7 @@ def apart(
     """
     reference = ReferenceEngine()
 
-    def position(of: Scene, step: float) -> FloatArray:
+    def position(of: AnyScene, step: float) -> FloatArray:
         return observed_m(of, require_quality(of, reference.simulate(of, RunSettings(step, samples))))
 
     base = position(scene, step_s)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import started_from
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.judges.metrics import in_flight
 from studies.running.case import Row
 
@@ -30,7 +30,7 @@ def windows(truth: Trajectory, until: int) -> NDArray[np.intp]:
     return np.asarray(pairs[some])
 
 
-def local_errors(engine: Engine, scene: Scene, truth: Trajectory, run: RunSettings, until: int) -> Row:
+def local_errors(engine: Engine, scene: AnyScene, truth: Trajectory, run: RunSettings, until: int) -> Row:
     """Return median and largest error of position over one window, and how many windows there are.
 
     Of all bodies' centres of mass the largest error counts: an impact at O moves the slider late.

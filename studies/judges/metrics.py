@@ -56,7 +56,8 @@ def signals(scene: AnyScene, trajectory: Trajectory) -> Iterator[tuple[str, Floa
     for guide, normal in trajectory.guide_force_N.items():
         yield guide_column(scene, guide), normal
     if scene.speed_is_prescribed and trajectory.driver_torque_N_m is not None:
-        yield "driver_torque_N_m", trajectory.driver_torque_N_m
+        along = scene.mechanism.drive.guide is not None
+        yield "driver_force_N" if along else "driver_torque_N_m", trajectory.driver_torque_N_m
     for joint, contact in trajectory.contacts.items():
         yield f"clearance_{joint}_m", contact.gap_m
         yield f"contact_{joint}_normal_force_N", contact.normal_force_N

@@ -12,22 +12,22 @@ from typing import Protocol, TypeVar
 from llvmlite.binding import get_host_cpu_name
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.reference.kernels import made_once, read_checked, write_checked
-from engine_models.scene.scene import Scene
+from engine_models.kernels import made_once, read_checked, write_checked
+from engine_models.scene.parts import AnyScene
 from studies.running.provenance import engine_fingerprint
 
 Kept = TypeVar("Kept")
 
 
 class Solver(Protocol):
-    """A frozen dataclass of settings that can run scenes: an engine, or the independent solver."""
+    """A frozen dataclass of settings that can run scenes: an engine, or the solver of the truth."""
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
         ...
 
 
-def kept_run(engine: Solver, scene: Scene, settings: RunSettings) -> Trajectory:
+def kept_run(engine: Solver, scene: AnyScene, settings: RunSettings) -> Trajectory:
     """Return an engine's run, made now or before by the engine's same code on the same kind of processor.
 
     Its ``solve_time_s`` is that of the run that was made.
@@ -40,7 +40,9 @@ def kept_run(engine: Solver, scene: Scene, settings: RunSettings) -> Trajectory:
     return kept(made_by, engine, scene, settings, lambda: engine.simulate(scene, settings))
 
 
-def kept(made_by: str, engine: Solver, scene: Scene, settings: RunSettings, make: Callable[[], Kept]) -> Kept:
+def kept(
+    made_by: str, engine: Solver, scene: AnyScene, settings: RunSettings, make: Callable[[], Kept]
+) -> Kept:
     """Return what a module makes of an engine's run of a scene, now or before by the same code."""
     kind = type(engine)
     code = made_by, *map(engine_fingerprint, (made_by, kind.__module__)), kind.__qualname__

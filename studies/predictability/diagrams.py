@@ -95,7 +95,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         "exponent_1_s": whole["exponent_1_s"].to_numpy(),
         "exponent_half_1_s": half["exponent_1_s"].to_numpy(),
     }
-    row: Row = {"crank_speed_rad_s": case.scene.start.crank_speed_rad_s}
+    row: Row = {"crank_speed_rad_s": case.plain_scene.start.crank_speed_rad_s}
     row["failed_members"] = int((found["status"] != "ok").sum() + (whole["status"] != "ok").sum())
     return row, curves
 

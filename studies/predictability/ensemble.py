@@ -45,7 +45,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 def _ran(case: Case) -> tuple[SweepRow, Row]:
     """Return a sweep's row of a member, and what the check of its samples says, if it has any."""
-    engine, scene = make_engine(case.engine, **case.settings), case.scene
+    engine, scene = make_engine(case.engine, **case.settings), case.plain_scene
     if not (isinstance(engine, ReferenceEngine) and supports(engine, scene, [])):
         run = engine.simulate(scene, case.run)
         return gathered(WATCH, scene, run), checked(scene, run)

@@ -12,6 +12,7 @@ from statistics import median
 
 from engine_models.engines import make_engine
 from studies.judges import horizon, lyapunov
+from studies.judges.kinds import turns_steadily
 from studies.predictability import basins, chains, diagrams, ensemble
 from studies.predictability import cases as parts
 from studies.predictability.scenes import period_s
@@ -52,8 +53,8 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
         "largest_distance_perturbed_m": float(parted.perturbed_m.max()),
         "largest_distance_halved_m": float(parted.halved_m.max()),
     }
-    if case.scene.drive.kind == "constant-speed":
-        row["revolutions"] = case.scene.end_time_s / period_s(case.scene)
+    if turns_steadily(case.scene):
+        row["revolutions"] = case.scene.end_time_s / period_s(case.plain_scene)
     for words, tolerance in TOLERANCES_M.items():
         times = [horizon.first_beyond_s(parted.time_s, one, tolerance) for one in parted.perturbed_m]
         halved = horizon.first_beyond_s(parted.time_s, parted.halved_m, tolerance)
@@ -74,7 +75,7 @@ def _exponent(case: Case) -> tuple[Row, Curves]:
     A motion that settles to continuous contact has none, nor has a part that was not followed to its end; of
     the whole, half is enough.
     """
-    period, (skipped, used) = period_s(case.scene), parts.EXPONENT_REVOLUTIONS
+    period, (skipped, used) = period_s(case.plain_scene), parts.EXPONENT_REVOLUTIONS
     engine = make_engine(case.engine, **case.settings)
     growth = lyapunov.growth(engine, case.scene, case.run.step_s, period, case.run.samples)
     followed = float(growth.time_s[-1])

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from engine_models.arms import Arm, Setting
 from engine_models.engine import FloatArray, RunSettings
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.running.execution import Limits
 
@@ -28,13 +29,19 @@ class Case:
     """
 
     study: str
-    scene: Scene
+    scene: AnyScene
     arm: Arm
     run: RunSettings
     added: Mapping[str, Setting] = field(default_factory=dict)
     timed: bool = False
     limits: Limits | None = None
     columns: Mapping[str, Value] = field(default_factory=dict)
+
+    @property
+    def plain_scene(self) -> Scene:
+        """The scene, in a study of crank-sliders and pendulums alone."""
+        assert isinstance(self.scene, Scene)
+        return self.scene
 
     @property
     def engine(self) -> str:

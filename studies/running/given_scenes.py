@@ -5,15 +5,15 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import BadInput, shown
-from engine_models.scene.scene import Scene
 from studies.running.case import Case, Study, Value
 
 #: The column of what is in a scene of the user's: another one may have had its name.
 CONTENT = "scene_content"
 
 
-def cases_of(name: str, study: Study, full: bool, scenes: Sequence[Scene]) -> list[Case]:
+def cases_of(name: str, study: Study, full: bool, scenes: Sequence[AnyScene]) -> list[Case]:
     """Return a study's cases, on these scenes if there are any.
 
     Raises:
@@ -27,7 +27,7 @@ def cases_of(name: str, study: Study, full: bool, scenes: Sequence[Scene]) -> li
     return [_told_apart(case, scene) for scene in scenes for case in on(scene, full)]
 
 
-def require_names(scenes: Sequence[Scene]) -> None:
+def require_names(scenes: Sequence[AnyScene]) -> None:
     """Raise BadInput unless every scene has a name of its own that can be a file's."""
     for place, scene in enumerate(scenes):
         if not re.fullmatch(r"\w[\w.+-]*", scene.name):
@@ -42,6 +42,6 @@ def contents(cases: Sequence[Case]) -> dict[str, Value]:
     return {case.scene.name: case.columns.get(CONTENT) for case in cases}
 
 
-def _told_apart(case: Case, scene: Scene) -> Case:
+def _told_apart(case: Case, scene: AnyScene) -> Case:
     content = hashlib.sha256(scene.model_dump_json().encode()).hexdigest()[:8]
     return replace(case, columns={**case.columns, CONTENT: content})

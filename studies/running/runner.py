@@ -17,7 +17,7 @@ from typing import ParamSpec, TypeVar, cast
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models import engines
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.running.case import Case, Curves, Row
 from studies.running.execution import NO_RESULT, NOT_BEGUN, ROOMY, LimitedExecutor, Limits, RunBroken
 from studies.running.failures import progress_console
@@ -84,7 +84,7 @@ def run_studies(
     executor: Executors | None = None,
     retry_failed: bool = False,
     only: Collection[str] = (),
-    scenes: Sequence[Scene] = (),
+    scenes: Sequence[AnyScene] = (),
 ) -> None:
     """Run the named studies into ``out/NAME``, skipping every case that is there already.
 

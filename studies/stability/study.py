@@ -242,7 +242,7 @@ def _cell(case: Case, engine: Engine) -> Row:
     except (SimulationFailed, OverflowError) as failure:
         return {**ended("failed", failure), **judged(DIVERGED, str(failure))}
     energy = float(str(case.columns["impact_energy_J"]))
-    verdict = measured(case.scene, run, truth, followed(own, case.run.samples), energy)
+    verdict = measured(case.plain_scene, run, truth, followed(own, case.run.samples), energy)
     taken: Row = {"steps": run.steps, "mean_step_s": case.scene.end_time_s / run.steps}
     if case.columns["method"] is None:
         taken["contact_step_s"] = _step_in_contact(case, engine, truth)

@@ -26,6 +26,8 @@ UNSEEN = ("ideal-compressor", "clearance-driven-AB", "clearance-compressor", "ri
 #: Some settings have no end: Exudyn's DOPRI5 at its shortest step tries again and again. Compiling counts.
 LIMITS = Limits(time_limit_s=60.0, memory_limit_bytes=4 * 2**30)
 
+#: What Pymunk's model is built of, and the order of its joints.
+OF_PYMUNK: dict[str, tuple[Setting, ...]] = {"joints": ("all",), "joint_order": ("reversed",)}
 #: Settings tried in place of an arm's own, one at a time.
 KNOBS: dict[Arm, dict[str, tuple[Setting, ...]]] = {
     arms.LOCATED: {"steps_per_contact": (12.0, 25.0, 100.0, 200.0), "stabilisation": ("none", "baumgarte")},
@@ -43,10 +45,19 @@ KNOBS: dict[Arm, dict[str, tuple[Setting, ...]]] = {
     },
     arms.DOPRI5: {"fast": (False,), "step_safety": (0.7, 0.9), "event_gap": (1e-3, 1e-2, 0.03)},
     arms.WIDE_GAP: {"step_safety": (0.8, 0.9), "event_gap": (0.01, 0.1)},
-    arms.TUNED: {"iterations": (4, 6, 8, 10, 20), "half_kick_start": (False,), "error_bias": (1e-6,)},
-    arms.AS_THE_SCENE: {"iterations": (4, 8, 12, 20, 40)},
-    arms.SHORTER_IN_CONTACT: {"iterations": (8, 20, 40), "shorter_in_contact": (2.0, 4.0, 16.0)},
-    arms.NATIVE_CONTACT: {"contact_iterations": (50, 100, 400), "iterations": (8, 20)},
+    arms.TUNED: {
+        **OF_PYMUNK,
+        "iterations": (1, 2, 3, 4, 8),
+        "half_kick_start": (False,),
+        "error_bias": (1e-6,),
+    },
+    arms.AS_THE_SCENE: {**OF_PYMUNK, "iterations": (2, 4, 8)},
+    arms.SHORTER_IN_CONTACT: {
+        **OF_PYMUNK,
+        "iterations": (2, 4, 8),
+        "shorter_in_contact": (4.0, 8.0, 12.0),
+    },
+    arms.NATIVE_CONTACT: {**OF_PYMUNK, "contact_iterations": (50, 100, 400), "iterations": (2, 4, 8)},
     arms.SCIPY_DOP853: {"method": ("RK45",)},
     arms.SCIPY_DOP853_MINIMAL: {"method": ("RK45", "Radau"), "atol": (1e-14,)},
     arms.LSODA: {"atol": (1e-10, 1e-14)},

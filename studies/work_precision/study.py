@@ -6,19 +6,20 @@ machine that has no kernels yet is measured apart.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from random import Random
-from typing import Any
 
 import numpy as np
 
 from engine_models import arms
-from engine_models.engine import BareRun, Engine, FloatArray, RunSettings, SimulationFailed
+from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed
 from engine_models.engines import engine_class, make_engine
+from engine_models.mechanics.assembly import start_angle
+from engine_models.mechanics.states import lever_m
 from engine_models.scene.library import IDEAL_SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies import clearance
 from studies.judges.comparison import compared, judged
 from studies.judges.horizon import moved
@@ -63,7 +64,7 @@ OTHER_STARTS, OTHER_RAD = 3, 1e-3
 COMPILED = ("ideal-driven", "clearance-driven-0.5mm", "clearance-free-OAB", "rigid-free-0.5mm")
 
 
-def scenes(full: bool) -> list[Scene]:
+def scenes(full: bool) -> list[AnyScene]:
     """Return the scenes, those with clearance cut to the time for which they are followed."""
     ideal = IDEAL_SCENES if full else QUICK_IDEAL
     loose = [scene for scene in clearance.scenes(True) if full or scene.name in QUICK]
@@ -82,13 +83,13 @@ def cases(full: bool) -> list[Case]:
     return [case for case in found if full or not only_full(case.arm, case.scene)]
 
 
-def cases_on(scene: Scene, full: bool) -> list[Case]:
+def cases_on(scene: AnyScene, full: bool) -> list[Case]:
     """Return the same for a scene of the user's, for which kernels are compiled as well."""
     return _cases_on([scene], (scene.name,), full, (scene.name,) if full else ())
 
 
 def _cases_on(
-    scenes: Sequence[Scene], compiled: Sequence[str], full: bool, finer: Sequence[str]
+    scenes: Sequence[AnyScene], compiled: Sequence[str], full: bool, finer: Sequence[str]
 ) -> list[Case]:
     """Return the cases on scenes, those named in ``finer`` with ladders of more and finer rungs."""
     rungs = [(scene, rung) for scene in scenes for rung in ladder(scene, scene.name in finer)]
@@ -99,14 +100,23 @@ def _cases_on(
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
     out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
-    told = [scene for scene in scenes if not scene.start.states]
+    told = [scene for scene in scenes if _tells_an_angle(scene)]
     # The finest rung of the quick set, which both sets have: coarser ones of some engines fail.
     once = {(scene.name, rung.arm.label): (scene, rung) for scene in told for rung in ladder(scene, False)}
     out += [case_of(NAME, scene, rung, 1, timed=True, other_start=1) for scene, rung in once.values()]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 
 
-def ladder(scene: Scene, full: bool) -> list[Rung]:
+def _tells_an_angle(scene: AnyScene) -> bool:
+    """Return whether the start tells an angle by which it can be moved."""
+    try:
+        start_angle(scene)
+    except ValueError:
+        return False
+    return True
+
+
+def ladder(scene: AnyScene, full: bool) -> list[Rung]:
     """Return all engines' ladders for a scene."""
     if not scene.joints_with_clearance:
         return ideal_ladder(scene, full)
@@ -114,11 +124,11 @@ def ladder(scene: Scene, full: bool) -> list[Rung]:
 
 
 def _compiles(rung: Rung) -> bool:
-    return hasattr(engine_class(rung.arm.engine), "compile_time_s")
+    return bool(engine_class(rung.arm.engine).compiles)
 
 
 def case_of(
-    study: str, scene: Scene, rung: Rung, samples: int, timed: bool = False, **columns: Value
+    study: str, scene: AnyScene, rung: Rung, samples: int, timed: bool = False, **columns: Value
 ) -> Case:
     """Return a rung's run, at the step of the recorded one, with the columns that tell it from others."""
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
@@ -129,7 +139,7 @@ def case_of(
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return the largest error of every signal of a recorded run, or the times of a bare one."""
     if "compiled_anew" in case.columns:
-        engine: Any = make_engine(case.engine, **case.settings)
+        engine = make_engine(case.engine, **case.settings)
         return {"compile_time_s": engine.compile_time_s(case.scene, case.run)}, {}
     if "other_start" in case.columns:
         return {"other_start_time_s": other_start_time_s(case)}, {}
@@ -146,30 +156,21 @@ def _errors(case: Case) -> Row:
     return {**row, **errors, **loose, **checked(case.scene, found.plain)}
 
 
-def _bare_run(engine: Engine, scene: Scene, run: RunSettings) -> BareRun:
-    """Return a run that records as little as the engine lets it."""
-    bare: Callable[[Scene, RunSettings], BareRun] | None = getattr(engine, "bare_run", None)
-    if bare:
-        return bare(scene, run)
-    made = engine.simulate(scene, run)
-    return BareRun(made.solve_time_s, made.position[-1])
-
-
 @cache
-def _recorded_end(engine: Engine, scene: Scene, run: RunSettings) -> FloatArray:
+def _recorded_end(engine: Engine, scene: AnyScene, run: RunSettings) -> FloatArray:
     """Return all bodies' positions at a recorded run's end, made once in a process: it loads kernels too."""
     end: FloatArray = engine.simulate(scene, run).position[-1]
     return end
 
 
-def require_same_end(scene: Scene, bare: FloatArray, recorded: FloatArray) -> float:
+def require_same_end(scene: AnyScene, bare: FloatArray, recorded: FloatArray) -> float:
     """Return how far a bare run ends from the recorded one: centres of mass, of positions (bodies, 3).
 
     Raises:
-        SimulationFailed: by more than ``APART`` of the crank's length, or by no finite number.
+        SimulationFailed: by more than ``APART`` of the longest lever, the crank's, or by no finite number.
     """
     off = float(np.hypot(*(bare - recorded)[:, :2].T).max())
-    if not off <= APART * scene.crank.length_m:
+    if not off <= APART * lever_m(scene):
         what = f"off by {off:.3g} m from the recorded run's" if np.isfinite(off) else "not finite"
         raise SimulationFailed(f"the timed run's end at t = {scene.end_time_s:.6g} s is {what}")
     return off
@@ -181,14 +182,9 @@ def other_start_time_s(case: Case) -> float:
     That is building the model and, of an engine that compiles the start with the scene, compiling it anew.
     """
     engine = make_engine(case.engine, **case.settings)
-    _bare_run(engine, case.scene, case.run)
-    more: list[float] = []
-    for k in range(1, OTHER_STARTS + 1):
-        other = moved(case.scene, k * OTHER_RAD)
-        start = time.perf_counter()
-        solve_time_s = _bare_run(engine, other, case.run).solve_time_s
-        more.append(time.perf_counter() - start - solve_time_s)
-    return float(np.median(more))
+    engine.bare_run(case.scene, case.run)
+    others = [moved(case.scene, k * OTHER_RAD) for k in range(1, OTHER_STARTS + 1)]
+    return float(np.median([engine.set_up_time_s(other, case.run) for other in others]))
 
 
 def times(case: Case, samples: int = SAMPLES) -> Row:
@@ -199,7 +195,7 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
     Raises:
         SimulationFailed: the recorded run, or a bare one, fails, or the ends differ (``require_same_end``).
     """
-    engine: Any = make_engine(case.engine, **case.settings)
+    engine = make_engine(case.engine, **case.settings)
     recorded = _recorded_end(engine, case.scene, replace(case.run, samples=samples))
     solves: list[float] = []
     builds: list[float] = []
@@ -207,7 +203,7 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
     # The first one may build for as long as all others take.
     while not solves or (sum(solves) + sum(builds[1:]) < REPEAT_S and len(solves) < REPEATS):
         start = time.perf_counter()
-        solve_time, end = _bare_run(engine, case.scene, case.run)
+        solve_time, end = engine.bare_run(case.scene, case.run)
         builds.append(time.perf_counter() - start - solve_time)
         solves.append(solve_time)
         apart = max(apart, require_same_end(case.scene, end, recorded))

@@ -116,8 +116,9 @@ def test_a_run_that_fails_is_no_number() -> None:
     (subject,) = (
         s for s in subjects.subjects() if s.key == ("agreement", "ideal-driven", "reference (none)")
     )
-    failing = replace(subject.cases[0], arm=arms.with_iterations(1), added={})
-    with pytest.raises(NotMeasured, match=r"pymunk \(1 iterations\) on ideal-driven .* 'failed: "):
+    arm = Arm("pymunk", "1 sweep", {"joints": "all", "iterations": 1})
+    failing = replace(subject.cases[0], arm=arm, added={})
+    with pytest.raises(NotMeasured, match=r"pymunk \(1 sweep\) on ideal-driven .* 'failed: "):
         measured(Subject((failing,)))
 
 

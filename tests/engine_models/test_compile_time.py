@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from engine_models.arms import NAMED
-from engine_models.engine import Engine, RunSettings, T, Trajectory
+from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.engines import engine_class, make_engine
-from engine_models.reference.kernels import compile_time_s
+from engine_models.kernels import CompiledEngine
 from engine_models.scene.library import ideal_driven
 from engine_models.scene.parts import AnyScene
 from reference_solver.compiled.store import compiled_anew, kernel_folder, load_kernel
@@ -29,7 +29,7 @@ def machine_code() -> set[Path]:
     return set(kernel_folder().rglob("*.nbc"))
 
 
-class Watched:
+class Watched(CompiledEngine):
     """An engine, and how many functions each of its runs compiled."""
 
     def __init__(self, engine: Engine) -> None:
@@ -37,12 +37,6 @@ class Watched:
 
     def check(self, scene: AnyScene) -> None:
         self.engine.check(scene)
-
-    def twin(self, scene: T) -> T:
-        return self.engine.twin(scene)
-
-    def sharper(self) -> Engine:
-        return self.engine.sharper()
 
     def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         before = machine_code()
@@ -52,7 +46,7 @@ class Watched:
 
 
 def test_engines_that_compile_say_so() -> None:
-    saying = {name for name in NAMED if hasattr(engine_class(name), "compile_time_s")}
+    saying = {name for name in NAMED if engine_class(name).compiles}
     assert saying == {"reference", "scipy", "heyoka", "pymunk"}
 
 
@@ -61,7 +55,7 @@ def test_of_two_runs_the_first_compiles_and_the_kernels_kept_are_left_alone(name
     scene, engine = ideal_driven(), Watched(make_engine(name))
     engine.simulate(scene, SETTINGS)
     times_before = {path: path.stat().st_mtime_ns for path in cache.rglob("*")}
-    assert compile_time_s(engine, scene, SETTINGS) > 0.0
+    assert engine.compile_time_s(scene, SETTINGS) > 0.0
     before, first, second = engine.compiled
     assert (first, second) == (before, 0)
     assert before > 0

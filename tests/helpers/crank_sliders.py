@@ -4,13 +4,13 @@ import numpy as np
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
-from engine_models.reference.model import mechanism_of
+from engine_models.mechanics.equations.mechanism import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES, SCENES
 from engine_models.scene.scene import Link, Scene, Start
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice, solve
-from studies.independent.solver import IndependentSolver
 from studies.judges.converged_truth import COLLOCATION
+from studies.truth.solver import TrueSolver
 
 #: How far each scene is followed: until two independent integrations still agree within the tolerances below,
 #: and short enough for a test. Joints touch 5 to 20 times in that time.
@@ -41,9 +41,7 @@ def touches(run: Solution) -> np.ndarray:
     return np.asarray(run.events[run.events["what"] == 1])
 
 
-def in_minimal_coordinates(
-    scene: Scene, samples: int = 30, solver: IndependentSolver = COLLOCATION
-) -> Trajectory:
+def in_minimal_coordinates(scene: Scene, samples: int = 30, solver: TrueSolver = COLLOCATION) -> Trajectory:
     """Return the independent solution of a scene."""
     return solver.simulate(scene, RunSettings(scene.end_time_s, samples))
 

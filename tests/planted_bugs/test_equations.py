@@ -17,15 +17,15 @@ import pytest
 from engine_models.engine import FloatArray
 from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
+from engine_models.mechanics.equations.mechanism import mechanism_of
 from engine_models.mechanics.loads import slider_forces
-from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearances, Scene
 from reference_solver.contact.types import CONTACT
 from reference_solver.equations import Equations
 from reference_solver.tape import Node, Scalar, Tape, Value
-from studies.judges.ideal_motion import configuration, crank_acceleration
+from tests.studies.truth.closed_forms.crank_slider import configuration, crank_acceleration
 
 #: Parts of the largest: what the tape and the independent numbers differ by, since a depth of a micrometre is
 #: the difference of lengths near a tenth of a metre, and what an alteration has to differ by at least.

@@ -1,23 +1,23 @@
 """Make the truths of random scenes: ``python -m tests.random_scenes.make [compliant | rigid] [SCENES]``.
 
 What is in the files already is kept, unless the recipe makes another scene of its seed now; without a file
-all is made anew. Every scene is integrated several times in minimal coordinates, by other methods, at other
-tolerances, and from a crank angle that is off by round-off. The uncertainty at a time is twice the largest
-difference of any two until then.
+all is made anew. Every scene is integrated several times by ``studies.truth``, by other methods, at other
+tolerances, and from a start that is a unit in the last place off. The uncertainty at a time is twice the
+largest difference of any two until then.
 """
 
 import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 
 from engine_models.scene.scene import Scene
-from studies.independent.motion import Motion
-from studies.independent.rigid_walls import Paradox
-from studies.independent.stepping import collocated, extrapolated, extrapolation, radau
+from studies.judges.horizon import a_place_off
+from studies.truth.motion import Motion
+from studies.truth.rigid_walls import Paradox
+from studies.truth.stepping import collocated, extrapolated, extrapolation, radau
 from tests.random_scenes.recipe import random_scene
 from tests.random_scenes.truths import (
     DEFAULT,
@@ -40,44 +40,37 @@ COMPARED, FEWEST = 240, 5
 #: Most steps of an integration; one that takes more is left out. The scene stops without the best one or
 #: a second.
 STEPS, STEPS_COMPLIANT_IMPLICIT = 60_000, 300_000
-#: By how much the crank's angle is off in the integration begun elsewhere.
-MOVED_RAD = 4e-16
 #: The shortest flights between rigid walls. What a bounce's end leaves out is in proportion to them.
 FLIGHTS_S = 2e-10, 1e-9, 4e-10
 
 
-class Integration(Protocol):
-    """A scene on its way, for so many steps at most."""
-
-    steps: float
-
-    def to(self, time_s: float) -> bool:
-        """Go on to a time; return whether it was reached."""
-        ...
+class Integration(Motion):
+    """A crank-slider in motion."""
 
     @property
     def slider_m(self) -> float:
         """Where the slider is."""
-        ...
+        self.answer()
+        return float(self.bodies()[0][-1, 0])
 
 
 def compliant_integrations(scene: Scene) -> list[Callable[[], Integration]]:
     """Return what makes each integration of a scene; the first one is the best."""
-    implicit = STEPS_COMPLIANT_IMPLICIT
+    implicit, beside = STEPS_COMPLIANT_IMPLICIT, a_place_off(scene)
     return [
-        lambda: Motion(scene, collocated, radau(7, 1e-11), implicit),
-        lambda: Motion(scene, collocated, radau(6, 1e-12), implicit, MOVED_RAD),
-        lambda: Motion(scene, extrapolated, extrapolation(1e-14), STEPS),
+        lambda: Integration(scene, collocated, radau(7, 1e-11), implicit),
+        lambda: Integration(beside, collocated, radau(6, 1e-12), implicit),
+        lambda: Integration(scene, extrapolated, extrapolation(1e-14), STEPS),
     ]
 
 
 def rigid_integrations(scene: Scene) -> list[Callable[[], Integration]]:
     """As ``compliant_integrations``; converging bounces end at other flights in each."""
-    first, second, third = FLIGHTS_S
+    (first, second, third), beside = FLIGHTS_S, a_place_off(scene)
     return [
-        lambda: Motion(scene, collocated, radau(7, 1e-11), STEPS, 0.0, first),
-        lambda: Motion(scene, collocated, radau(6, 1e-12), STEPS, MOVED_RAD, second),
-        lambda: Motion(scene, extrapolated, extrapolation(1e-14), STEPS, 0.0, third),
+        lambda: Integration(scene, collocated, radau(7, 1e-11), STEPS, first),
+        lambda: Integration(beside, collocated, radau(6, 1e-12), STEPS, second),
+        lambda: Integration(scene, extrapolated, extrapolation(1e-14), STEPS, third),
     ]
 
 

@@ -9,13 +9,13 @@ import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.equations.mechanism import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.model import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Body
-from studies.judges.ideal_truth import exact, exact_repeats
+from studies.judges.converged_truth import converged
 from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
@@ -24,6 +24,7 @@ from studies.judges.metrics import (
     signals,
     uncertainties,
 )
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 200
 EPS = float(np.finfo(float).eps)
@@ -75,8 +76,8 @@ def test_every_signal_converges_at_order_four(name: str, variant: str) -> None:
 @pytest.mark.parametrize("steps_per_sample", LADDERS["ideal-driven"])
 def test_the_projection_leaves_a_driven_mechanism_round_off_at_any_step(steps_per_sample: int) -> None:
     scene, trajectory = run(*WITHOUT_ERROR, steps_per_sample)
-    truth = exact(scene, SAMPLES)
-    floor = uncertainties(scene, truth, exact_repeats(scene, SAMPLES)).values()
+    truth, repeats = converged(scene, SAMPLES)
+    floor = uncertainties(scene, truth, list(repeats)).values()
     for (signal, error), unit in zip(errors(scene, trajectory, truth).items(), floor, strict=True):
         assert error.max() < ROUND_OFF * unit, f"{signal}: {error.max():.1e} of {unit:.1e}"
 

@@ -21,7 +21,7 @@ from reference_solver.mechanism.mechanism import (
 from reference_solver.solver import solve
 from tests.helpers.kernels import straight_guide
 from tests.helpers.orders import ORDER_TOLERANCE, slope
-from tests.studies.independent.mechanisms import GRAVITY, FourBar, Rod, TriplePendulum
+from tests.studies.truth.closed_forms.linkages import GRAVITY, FourBar, Rod, TriplePendulum
 
 PENDULUM = TriplePendulum((Rod(0.3, 0.5, 4e-3, 0.12), Rod(0.2, 0.4, 2e-3, 0.1), Rod(0.25, 0.3, 2e-3, 0.15)))
 PENDULUM_ANGLES, PENDULUM_RATES = np.array([-0.3, -1.2, 0.4]), np.array([1.0, -2.0, 3.0])

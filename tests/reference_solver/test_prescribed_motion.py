@@ -8,8 +8,8 @@ import pytest
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.assembly import started_from
 from engine_models.mechanics.energy import energy_balance_residual_J, kinetic_energy_J
+from engine_models.mechanics.equations.mechanism import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.model import mechanism_of
 from engine_models.reference.run import reference_run
 from engine_models.scene.drives import FluctuatingDrive, FreeDrive, MotorDrive, RampDrive, TableDrive
 from engine_models.scene.library import clearance, ideal_compressor, ideal_driven
@@ -24,10 +24,10 @@ from reference_solver.mechanism.tables import PiecewiseCubic, piece
 from reference_solver.solver import Stabilisation, StepChoice
 from reference_solver.tape import Array, Scalar
 from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import errors
 from tests.helpers.arrays import joint_forces
 from tests.helpers.crank_sliders import in_minimal_coordinates
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, END_S = 40, 0.016
 SPEED = ideal_driven().start.crank_speed_rad_s

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from reports.chapters.energy import drift, prepared
@@ -12,8 +13,9 @@ from reports.results import frame
 from studies import agreement
 from studies.running.finished_cases import opened
 from studies.running.given_scenes import CONTENT, cases_of, contents
-from studies.running.outcome import load_study
+from studies.running.outcome import load_study, run_case
 from studies.running.registry import STUDIES
+from tests.engine_models.reference.mechanism_texts import ANDREWS, FOUR_BAR, FOUR_BAR_CLEARANCE
 from tests.helpers.row_files import read_rows
 
 #: A library scene that each study takes, but for the gallery, which has its own.
@@ -45,6 +47,31 @@ def test_a_study_runs_the_scene_that_it_is_given_and_no_other(study: str) -> Non
         assert case.scene.gravity_m_s2 == mine(TAKEN[study]).gravity_m_s2
         Scene.model_validate(case.scene.model_dump())
     assert len({case.key("") for case in cases}) == len(cases)
+
+
+OTHERS = {
+    "agreement": FOUR_BAR,
+    "energy": ANDREWS,
+    "clearance": FOUR_BAR_CLEARANCE,
+    "predictability": FOUR_BAR_CLEARANCE,
+}
+
+
+@pytest.mark.parametrize("study", OTHERS)
+def test_a_study_takes_other_mechanisms(study: str) -> None:
+    """The errors and horizons of one run of the reference are those of what the scene observes."""
+    scene = from_toml(OTHERS[study]).replace("end_time_s", 0.004)
+    cases = cases_of(study, load_study(study), False, [scene])
+    assert {case.engine for case in cases} >= {"reference"}
+    case = next(case for case in cases if case.engine == "reference")
+    row, curves = run_case(case)
+    assert row["status"] == "ok", row["reason"]
+    if study in ("agreement", "clearance"):
+        error = row["observed_B_x_error_m"]
+        assert isinstance(error, float)
+        assert error < 1e-4
+        assert row["observed_B_x_uncertainty_m"] < 1e-12  # type: ignore[operator]
+        assert len(curves["observed_B_x_error_m"]) == case.run.samples + 1
 
 
 def test_given_scenes_are_run_at_the_settings_of_the_studys_own() -> None:

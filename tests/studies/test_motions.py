@@ -113,4 +113,4 @@ def test_a_refusal_is_a_row_with_its_reason_and_who_says_it() -> None:
 def test_no_scene_is_followed_past_a_revolution() -> None:
     for of in motions.cases(full=True):
         if of.columns["view"] == "revolution" and of.scene.speed_is_prescribed:
-            assert of.scene.end_time_s * of.scene.start.crank_speed_rad_s <= 2 * math.pi * (1 + 1e-12)
+            assert of.scene.end_time_s * of.plain_scene.start.crank_speed_rad_s <= 2 * math.pi * (1 + 1e-12)

@@ -22,7 +22,6 @@ from reports.plots.motions import motions
 from reports.results import read_study, with_columns
 from studies.extremes.scenes import GRAVITY_M_S2, wheel
 from studies.judges.horizon import apart, first_beyond_s, moved
-from studies.judges.ideal_truth import slider_position_m
 from studies.judges.lyapunov import growth
 from studies.predictability import basins, chains, diagrams, study
 from studies.predictability.cases import EXPONENT, HORIZON, MEMBERS, moves_rad
@@ -32,6 +31,7 @@ from studies.running.case import Case, Row
 from studies.running.outcome import run_case
 from studies.running.runner import run_study
 from tests.helpers.row_files import read_rows, write_rows
+from tests.studies.truth.closed_forms.crank_slider import slider_position_m
 
 REVOLUTION_S = 0.012
 ROOM_M = 5e-4
@@ -287,10 +287,11 @@ def test_a_start_in_a_basin_is_the_run_that_a_user_makes_of_it() -> None:
     place, rate = basins.starts_of(case)
     assert sorted({*place}) == pytest.approx([0.17 - 9e-5, 0.17 + 9e-5])
     assert sorted({*rate}) == [-0.5, 0.5]
-    slider = case.scene.start.slider
+    slider = case.plain_scene.start.slider
     assert slider is not None
     begun = slider.model_copy(update={"x_m": float(place[1]), "velocity_x_m_s": float(rate[1])})
-    scene = case.scene.model_copy(update={"start": case.scene.start.model_copy(update={"slider": begun})})
+    start = case.plain_scene.start.model_copy(update={"slider": begun})
+    scene = case.plain_scene.model_copy(update={"start": start})
     turn_s = 2 * np.pi / basins.SPEED_RAD_S
     scene = scene.model_copy(update={"end_time_s": 3 * turn_s})
     run = make_engine("reference", **case.settings).simulate(scene, RunSettings(1.0, 3))

@@ -2,6 +2,7 @@
 
 import pytest
 
+from engine_models.scene.scene import Scene
 from reports.results import frame
 from reports.shared_tables import reliability, runs_tables
 from studies.running.case import Case
@@ -26,7 +27,7 @@ def test_a_row_of_any_study_has_the_columns_of_the_check(study: str) -> None:
     scene, row = next((scene, row) for scene, row in ran if row["status"] == "ok")
     assert [isinstance(row.get(column), float) for column in COLUMNS] == [
         True,
-        scene.is_crank_slider,
+        isinstance(scene, Scene) and scene.is_crank_slider,
         bool(scene.joints_with_clearance),
     ]
     assert isinstance(row["quality_failure"], str)

@@ -14,7 +14,6 @@ from engine_models.engine import BareRun, FloatArray, Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES, ideal_driven
 from studies import clearance, energy
-from studies.judges.ideal_truth import exact
 from studies.ladders import ideal_ladder
 from studies.predictability.scenes import tighter
 from studies.running import provenance
@@ -22,6 +21,7 @@ from studies.running.case import Case
 from studies.running.finished_cases import opened
 from studies.work_precision import study as work_precision
 from studies.work_precision.reach import reach
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 
 def test_a_case_is_another_where_the_scene_differs_by_more_than_its_name() -> None:

@@ -180,8 +180,8 @@ def bounce() -> tuple[Case, Trajectory]:
 
 
 def judged(case: Case, run: Trajectory, true: Trajectory) -> dict[str, Value]:
-    energy, _ = theory.first_impact(case.scene)
-    return verdict.measured(case.scene, run, true, len(true.time_s), energy)
+    energy, _ = theory.first_impact(case.plain_scene)
+    return verdict.measured(case.plain_scene, run, true, len(true.time_s), energy)
 
 
 def test_a_trajectory_is_judged_by_its_own_numbers(bounce: tuple[Case, Trajectory]) -> None:
@@ -244,7 +244,7 @@ def test_no_number_that_is_not_finite_is_overlooked(bounce: tuple[Case, Trajecto
 
 def test_what_an_engine_refuses_or_fails_at_has_a_verdict() -> None:
     case = the_case("pymunk", "native contact", 1e-5, crank_speed_rpm=5000.0)
-    room = case.scene.clearance.B
+    room = case.plain_scene.clearance.B
     assert room is not None
     soft = room.model_copy(
         update={
@@ -255,7 +255,9 @@ def test_what_an_engine_refuses_or_fails_at_has_a_verdict() -> None:
             "poisson_ratio": None,
         }
     )
-    scene = case.scene.model_copy(update={"clearance": case.scene.clearance.model_copy(update={"B": soft})})
+    scene = case.scene.model_copy(
+        update={"clearance": case.plain_scene.clearance.model_copy(update={"B": soft})}
+    )
     row, _ = stability.measure(replace(case, scene=scene))
     assert (row["status"], row["verdict"]) == ("unsupported", "refused")
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import BareRun, FloatArray
+from engine_models.engine import BareRun, Engine, FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.running.outcome import run_case
 from studies.work_precision import study as work_precision
@@ -38,8 +39,15 @@ def test_another_start_takes_the_median_of_what_its_runs_take_besides_the_solve(
     """An engine on a clock of its own: it compiles each start for 1, 2, 9 and 3 s, and solves for 5 s."""
     now, compiled, angles = [0.0], iter([1.0, 2.0, 9.0, 3.0]), list[float]()
 
-    class Compiling:
-        def bare_run(self, scene: Scene, _: object) -> BareRun:
+    class Compiling(Engine):
+        def check(self, scene: AnyScene) -> None:
+            raise NotImplementedError
+
+        def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+            raise NotImplementedError
+
+        def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:  # noqa: ARG002
+            assert isinstance(scene, Scene)
             angles.append(scene.start.crank_angle_rad)
             now[0] += next(compiled) + 5.0
             return BareRun(5.0, np.zeros((3, 3)))
@@ -131,7 +139,7 @@ def test_a_timed_run_of_exudyn_that_overflows_has_failed(safety: float) -> None:
     added = {"step_tolerance": 1e-7, "step_safety": safety}
     rung = next(r for r in work_precision.ladder(scene, False) if r.arm is arms.DOPRI5)
     case = work_precision.case_of("work-precision", scene, replace(rung, added=added), 1, timed=True)
-    bare = make_engine("exudyn", **case.settings).bare_run(scene, case.run)  # type: ignore[attr-defined]
+    bare = make_engine("exudyn", **case.settings).bare_run(scene, case.run)
     row, _ = run_case(case)
     assert np.isfinite(bare.position).all() == (row["status"] == "ok") == (safety == 0.8)
     assert row["status"] == "ok" or "non-finite state at t = 0.0" in str(row["reason"])

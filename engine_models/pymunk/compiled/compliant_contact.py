@@ -11,6 +11,7 @@ from numba.extending import register_jitable
 
 from engine_models.mechanics import contact_law
 from engine_models.pymunk.compiled.chipmunk import INNER
+from engine_models.pymunk.compiled.loads import push_at
 from engine_models.pymunk.compiled.pin import speeds
 from engine_models.pymunk.compiled.records import OVERFLOWN
 
@@ -33,17 +34,9 @@ def push(pin, state, loads, kick_s, kick):
         return
     n_x, n_y = pin.n_x, pin.n_y
     f_x, f_y = -normal * n_x - friction * n_y, -normal * n_y + friction * n_x
-    arm_x, arm_y = pin.b_x + pin.pin_lever * n_x, pin.b_y + pin.pin_lever * n_y
-    _add(loads[pin.pin], f_x, f_y, arm_x * f_y - arm_y * f_x)
+    push_at(loads[pin.pin], pin.b_x + pin.pin_lever * n_x, pin.b_y + pin.pin_lever * n_y, f_x, f_y)
     arm_x, arm_y = pin.a_x + pin.bearing_lever * n_x, pin.a_y + pin.bearing_lever * n_y
-    _add(loads[pin.bearing], -f_x, -f_y, arm_y * f_x - arm_x * f_y)
+    push_at(loads[pin.bearing], arm_x, arm_y, -f_x, -f_y)
     kick.normal_N_s, kick.friction_N_s, kick.spring_N_s = normal * kick_s, friction * kick_s, spring * kick_s
     kick.rate_before, kick.mean_rate, kick.mean_sliding = rate, rate, sliding
     kick.clipped, kick.depth_m, kick.kick_s = clipped, pin.depth, kick_s
-
-
-@register_jitable(**INNER)
-def _add(load, x, y, torque):
-    load.x += x
-    load.y += y
-    load.torque += torque

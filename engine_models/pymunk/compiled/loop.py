@@ -6,18 +6,19 @@ from numba.extending import register_jitable
 
 from engine_models.mechanics import contact_law
 from engine_models.pymunk.compiled import chipmunk, compliant_contact, pin, records
+from engine_models.pymunk.compiled import loads as loads_of
 from engine_models.pymunk.compiled.chipmunk import INNER, OPTIONS, read, set_sweeps, space_step, write
 from engine_models.pymunk.compiled.compliant_contact import push
+from engine_models.pymunk.compiled.loads import add_line, add_spring, add_torque, hold
 from engine_models.pymunk.compiled.pin import enter_means, locate, touches_within
 from engine_models.pymunk.compiled.records import CONTACT, LOST
 
 #: Modules whose text the machine code has taken over, and the options that it is compiled with.
-COMPILED_WITH = (chipmunk, compliant_contact, contact_law, pin, records)
-__all__ = ["COMPILED_WITH", "OPTIONS", "START_KICKS", "advance", "gas_force", "stay"]
+COMPILED_WITH = (chipmunk, compliant_contact, contact_law, loads_of, pin, records)
+__all__ = ["COMPILED_WITH", "OPTIONS", "START_KICKS", "advance", "stay"]
 
 #: Kicks that have the full number of sweeps (see ``stepping``), and are read.
-START_KICKS = 5
-CRANK, SLIDER = 0, 2
+START_KICKS = 6
 #: Steps of flight before a touch that are short: a joint answers to a change of the step for two of them.
 AHEAD = 2.0
 #: How many times shorter a step may be than the one before it. Joints close in it what the longer one has
@@ -27,20 +28,24 @@ AT_ONCE = 8.0
 ROOM = 1e-6
 
 
-def advance(run, bodies, state, loads, turn, weights, pins, kicks, turns, gas, rows, out):
+def advance(
+    run, bodies, state, before, at, loads, turn, held, lines, torques, springs, curves, pieces, pins, kicks,
+    turns, rows, out,
+):  # fmt: skip
     """Take the kicks of a run (1,) up to the last of a block or the run's end, or until a pin is lost.
 
-    ``state`` (bodies + 1,), ``loads`` (bodies + 1,) and ``turn`` (2,) are the buffers of its space,
-    ``weights`` (bodies,) in N pull its bodies down; ``pins`` (p,) are its contacts, and ``kicks`` (p, kicks)
-    their logs. Of every kick ``turns`` (kicks, 2) has the crank's angle before the step and its speed, none
-    where the space knows them. ``gas`` (pieces, 5) is the slider's load by the crank's angle, see
-    ``gas_force``. Of those kicks that are read ``rows`` (n,) get the times, and ``out`` (n, bodies, 9)
-    positions, velocities before and velocities after.
+    ``state`` (bodies + 1,), ``loads`` (bodies + 1,) and ``turn`` (2 or 4,) are the buffers of its space;
+    ``before`` and ``at`` (bodies + 1,) have the velocities of the kick before, and the state that loads which
+    feel velocities are given. ``held`` (bodies,) tells how the space has each body. ``lines``, ``torques``
+    and ``springs`` are the loads, with the ``pieces`` (n, 5) of their ``curves``; ``pins`` (p,) are its
+    contacts, and ``kicks`` (p, kicks) their logs. Of every kick ``turns`` (kicks, 2 or 4) has angle and speed
+    of the driven body before the step, or its place and velocity; none where the space knows them. Of those
+    kicks that are read ``rows`` (n,) get the times, and ``out`` (n, bodies, 9) positions, velocities before
+    and velocities after.
     """
     of = run[0]
-    loaded = of.torque_N_m != 0.0 or of.force_N != 0.0 or len(gas) > 0
     varies, first = of.per_sample == 0, of.kick + 1
-    follows = varies or len(pins) > 0 or len(gas) > 0
+    followed, driven = bodies[: of.followed], bodies[of.driven : of.driven + 1]
     read(bodies, of.io.state)
     while of.kick < of.last and not (of.kick >= of.end and of.kick >= START_KICKS - 1):
         of.kick += 1
@@ -52,30 +57,34 @@ def advance(run, bodies, state, loads, turn, weights, pins, kicks, turns, gas, r
         if reading:
             _enter_velocities(out, of.row, 3, state)
         if len(turns) > 0:
-            turn[0], turn[1] = turns[of.kick - first, 0], turns[of.kick - first, 1]
-            write(bodies[:1], of.io.turn)
-            state[CRANK].phi, state[CRANK].spin = turn[0], turn[1]
-        _locate_all(pins, state, drift_s)
+            for k in range(len(turn)):
+                turn[k] = turns[of.kick - first, k]
+            write(driven, of.io.turn)
+            _enter_turn(state[of.driven], turn)
+        _move(of, state, drift_s)
+        if of.feels:
+            _foresee(of, state, before, at, drift_s)
+        touching = _locate_all(pins, state)
         next_s = _next_step(of, pins, state) if varies else of.flight_s
         kick_s = (drift_s + next_s) / 2
         step_s = drift_s if of.kick > 0 else kick_s
         # A step kicks for as long as it moves; loads are to act for as long as from its middle to the next's.
         share = kick_s / step_s if abs(next_s - drift_s) > ROOM * next_s else 1.0
-        touching = _in_contact(pins)
-        if loaded or touching or share != 1.0:
-            _clear(of, loads)
-            if len(gas) > 0:
-                loads[SLIDER].x += gas_force(gas, state[CRANK].phi + drift_s * state[CRANK].spin)
+        if of.loaded > 0 or touching or share != 1.0:
+            changed = of.followed if touching else of.loaded
+            changed = len(bodies) if share != 1.0 else changed
+            _clear(loads)
+            felt = at if of.feels else state
+            _add_loads(of, state, felt, loads, lines, torques, springs, curves, pieces)
             _push_all(of, pins, state, loads, kick_s, kicks)
-            if share != 1.0:
-                _stretch(loads, weights, share)
-            write(bodies, of.io.loads)
+            hold(held[:changed], state, loads, share)
+            write(bodies[:changed], of.io.loads)
         if _any_lost(pins):
             return
         if of.kick > 0 or of.half_kick_start:
             space_step(of.io.space, step_s)
-        if follows or reading or _is_read(of, of.kick + 1):
-            read(bodies, of.io.state)
+        all_next = _is_read(of, of.kick + 1) or (varies and of.leads)
+        read(bodies if reading or all_next else followed, of.io.state)
         if _any_lost(pins):
             return
         if touching:
@@ -84,7 +93,54 @@ def advance(run, bodies, state, loads, turn, weights, pins, kicks, turns, gas, r
             _enter_velocities(out, of.row, 6, state)
             _enter_row(of, rows[of.row], out, state, kick_s, sample)
             of.row += 1
-        of.step_s = next_s
+        of.step_s, of.kick_s = next_s, kick_s
+
+
+@register_jitable(**INNER)
+def _enter_turn(body, turn):
+    """Set what a driven body has been given: angle and speed, or place and velocity."""
+    if len(turn) == 2:
+        body.phi, body.spin = turn[0], turn[1]
+    else:
+        body.x, body.y, body.v_x, body.v_y = turn[0], turn[1], turn[2], turn[3]
+
+
+@register_jitable(**INNER)
+def _move(of, state, drift_s):
+    """Move the followed bodies to where the step will have moved them."""
+    for b in range(of.followed):
+        body = state[b]
+        body.x += body.v_x * drift_s
+        body.y += body.v_y * drift_s
+        body.phi += body.spin * drift_s
+
+
+@register_jitable(**INNER)
+def _foresee(of, state, before, at, drift_s):
+    """Set the state in which the followed bodies, once they are moved, are kicked.
+
+    Their velocity then is the one of half a step before and half of what the last kick changed, as those
+    half a step after are not known yet. Without half a kick at the start it is the one that a user reads.
+    """
+    on = drift_s / (2 * of.kick_s) if of.kick > 0 and of.half_kick_start else 0.0
+    for b in range(of.followed):
+        now, old, then = state[b], before[b], at[b]
+        then.x, then.y, then.phi = now.x, now.y, now.phi
+        then.v_x, then.v_y = now.v_x + on * (now.v_x - old.v_x), now.v_y + on * (now.v_y - old.v_y)
+        then.spin = now.spin + on * (now.spin - old.spin)
+        old.v_x, old.v_y, old.spin = now.v_x, now.v_y, now.spin
+
+
+@register_jitable(**INNER)
+def _add_loads(of, state, felt, loads, lines, torques, springs, curves, pieces):
+    """Add the loads of the mechanism, its drive's torque among them, with the velocities that each feels."""
+    time_s = of.clock_s + of.time_s
+    for n in range(len(lines)):
+        add_line(lines[n], state if lines[n].own else felt, loads, curves, pieces, time_s)
+    for n in range(len(torques)):
+        add_torque(torques[n], state if torques[n].own else felt, loads, curves, pieces, time_s)
+    for n in range(len(springs)):
+        add_spring(springs[n], felt, loads)
 
 
 @register_jitable(**INNER)
@@ -123,24 +179,6 @@ def _next_step(of, pins, state):
 
 
 @register_jitable(**INNER)
-def gas_force(gas, angle):
-    """Return the force in N at a crank angle from a periodic cubic spline.
-
-    A row has where a piece begins, in rad, and its coefficients, of the third power first.
-    """
-    at = gas[0, 0] + (angle - gas[0, 0]) % (2 * math.pi)
-    low, high = 0, len(gas)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if gas[middle, 0] <= at:
-            low = middle
-        else:
-            high = middle
-    x = at - gas[low, 0]
-    return ((gas[low, 1] * x + gas[low, 2]) * x + gas[low, 3]) * x + gas[low, 4]
-
-
-@register_jitable(**INNER)
 def _enter_velocities(out, row, column, state):
     for b in range(out.shape[1]):
         out[row, b, column], out[row, b, column + 1] = state[b].v_x, state[b].v_y
@@ -148,27 +186,18 @@ def _enter_velocities(out, row, column, state):
 
 
 @register_jitable(**INNER)
-def _clear(of, loads):
-    """Leave of the loads the constant ones."""
+def _clear(loads):
     for b in range(len(loads)):
         loads[b].x = loads[b].y = loads[b].torque = 0.0
-    loads[CRANK].torque = of.torque_N_m
-    if len(loads) > SLIDER:
-        loads[SLIDER].x = of.force_N
 
 
 @register_jitable(**INNER)
-def _locate_all(pins, state, drift_s):
-    for p in range(len(pins)):
-        if not pins[p].native:
-            locate(pins[p], state[pins[p].bearing], state[pins[p].pin], drift_s)
-
-
-@register_jitable(**INNER)
-def _in_contact(pins):
+def _locate_all(pins, state):
+    """Locate the pins of compliant contacts; return whether one touches."""
     touching = False
     for p in range(len(pins)):
-        touching = touching or (pins[p].phase == CONTACT and not pins[p].native)
+        if not pins[p].native and locate(pins[p], state[pins[p].bearing], state[pins[p].pin]):
+            touching = True
     return touching
 
 
@@ -182,17 +211,6 @@ def _push_all(of, pins, state, loads, kick_s, kicks):
             push(contact, state, loads, kick_s, entry)
             entry.step, entry.time_s = of.kick, of.time_s
             contact.kicks += 1
-
-
-@register_jitable(**INNER)
-def _stretch(loads, weights, share):
-    """Have loads act for another time than the step, and the bodies' weights with them."""
-    for b in range(len(loads)):
-        loads[b].x *= share
-        loads[b].y *= share
-        loads[b].torque *= share
-    for b in range(len(weights)):
-        loads[b].y -= (share - 1.0) * weights[b]
 
 
 @register_jitable(**INNER)

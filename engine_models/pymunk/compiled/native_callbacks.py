@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine_models.pymunk.compiled import chipmunk, pin, records
+from engine_models.pymunk.compiled import chipmunk, loads, pin, records
 from engine_models.pymunk.compiled.chipmunk import (
     BODY,
     BUFFER,
@@ -21,7 +21,7 @@ from engine_models.pymunk.compiled.pin import enter_means, locate, speeds
 from engine_models.pymunk.compiled.records import CONTACT, KICK, PIN, RUN
 
 #: Modules whose text the machine code has taken over, and the options that it is compiled with.
-COMPILED_WITH = (chipmunk, pin, records)
+COMPILED_WITH = (chipmunk, loads, pin, records)
 __all__ = ["COMPILED_WITH", "NATIVE", "OPTIONS", "record", "rewrite"]
 
 #: What a collision's functions find: the records of run and pin, and where the pin's kicks are entered; the
@@ -49,7 +49,7 @@ def rewrite(arbiter, space, data):
     get_state(native.pin_body, into)
     bearing, of_pin = record_at(native.at, BODY), record_at(native.at + BODY_SIZE, BODY)
     touched = contact.phase == CONTACT
-    touches = locate(contact, bearing, of_pin, 0.0)
+    touches = locate(contact, bearing, of_pin)
     set_process_collision(arbiter, touches)
     if touches != touched:
         run.touching += 1 if touches else -1

@@ -9,20 +9,14 @@ import math
 from numba.extending import register_jitable
 
 from engine_models.pymunk.compiled.chipmunk import INNER
+from engine_models.pymunk.compiled.loads import apart, drift
 from engine_models.pymunk.compiled.records import CONTACT, FLIGHT, LOST
 
 
 @register_jitable(**INNER)
-def locate(pin, bearing, of_pin, drift_s):
-    """Set a pin's phase and geometry once its bodies have moved on for so long; return whether it touches."""
-    spin, turned = bearing.phi + bearing.spin * drift_s, of_pin.phi + of_pin.spin * drift_s
-    a_x, a_y, b_x, b_y = 0.0, 0.0, 0.0, 0.0  # most places are at the origin and need no turning
-    if pin.bearing_x != 0.0:
-        a_x, a_y = pin.bearing_x * math.cos(spin), pin.bearing_x * math.sin(spin)
-    if pin.pin_x != 0.0:
-        b_x, b_y = pin.pin_x * math.cos(turned), pin.pin_x * math.sin(turned)
-    d_x = of_pin.x + of_pin.v_x * drift_s - (bearing.x + bearing.v_x * drift_s) - a_x + b_x
-    d_y = of_pin.y + of_pin.v_y * drift_s - (bearing.y + bearing.v_y * drift_s) - a_y + b_y
+def locate(pin, bearing, of_pin):
+    """Set a pin's phase and geometry, with its bodies where they are; return whether it touches."""
+    a_x, a_y, b_x, b_y, d_x, d_y = apart(pin, bearing, of_pin)
     distance = math.hypot(d_x, d_y)
     pin.d_x, pin.d_y, pin.a_x, pin.a_y, pin.b_x, pin.b_y = d_x, d_y, a_x, a_y, b_x, b_y
     if not distance > pin.clearance:
@@ -38,7 +32,7 @@ def locate(pin, bearing, of_pin, drift_s):
 @register_jitable(**INNER)
 def touches_within(pin, bearing, of_pin, time_s):
     """Return whether a pin, where it has been located, touches or will within a time, at its present rate."""
-    rate_x, rate_y = _rate(pin, bearing, of_pin)
+    rate_x, rate_y = drift(bearing, of_pin, pin.a_x, pin.a_y, pin.b_x, pin.b_y)
     square = rate_x * rate_x + rate_y * rate_y
     outward = pin.d_x * rate_x + pin.d_y * rate_y
     inside = pin.clearance * pin.clearance - pin.d_x * pin.d_x - pin.d_y * pin.d_y
@@ -49,17 +43,9 @@ def touches_within(pin, bearing, of_pin, time_s):
 @register_jitable(**INNER)
 def speeds(pin, bearing, of_pin):
     """Return the rate of the penetration and the pin's sliding speed along t in m/s, at its contact."""
-    rate_x, rate_y = _rate(pin, bearing, of_pin)
+    rate_x, rate_y = drift(bearing, of_pin, pin.a_x, pin.a_y, pin.b_x, pin.b_y)
     turning = of_pin.spin * pin.pin_lever - bearing.spin * pin.bearing_lever
     return pin.n_x * rate_x + pin.n_y * rate_y, pin.n_x * rate_y - pin.n_y * rate_x + turning
-
-
-@register_jitable(**INNER)
-def _rate(pin, bearing, of_pin):
-    """Return the rate of d in m/s."""
-    rate_x = of_pin.v_x - of_pin.spin * pin.b_y - bearing.v_x + bearing.spin * pin.a_y
-    rate_y = of_pin.v_y + of_pin.spin * pin.b_x - bearing.v_y - bearing.spin * pin.a_x
-    return rate_x, rate_y
 
 
 @register_jitable(**INNER)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from engine_models.engine import RunSettings
 from reports.analysis.convergence import observed_order
 from studies.conformance.baselines.subjects import Subject
+from studies.judges.converged_truth import INDEPENDENT, REFERENCE
 from studies.judges.metrics import UNITS
 from studies.running.case import Case, Row, Value
 from studies.running.outcome import run_case
@@ -15,9 +16,8 @@ from studies.running.outcome import run_case
 #: What a number is held against: nothing, a balance that an exact run closes, or a truth.
 ITSELF, PHYSICS = "none, a count or a size of the run", "physics: a balance that an exact run closes"
 TRUTHS = {
-    "agreement": "one coordinate, closed-form reactions",
-    "independent": "minimal coordinates by collocation",
-    "reference": "the reference by DOP853",
+    INDEPENDENT: "minimal coordinates by collocation",
+    REFERENCE: "the reference by DOP853",
 }
 #: What the columns have in their names that are held against a truth, and those against physics.
 OF_TRUTH = ("_error", "_uncertainty_", "_model_difference_", "cross_check", "impacts_")
@@ -76,7 +76,7 @@ def measured(subject: Subject) -> dict[Key, Number]:
     if subject.key[0] == OF_ORDERS:
         coarse, fine = rows.values()
         for name, order in orders([coarse, _row(_between(*subject.cases)), fine]).items():
-            out[Key(*subject.key, "both steps", name)] = Number(order, "1", TRUTHS[OF_ORDERS])
+            out[Key(*subject.key, "both steps", name)] = Number(order, "1", TRUTHS[INDEPENDENT])
     return out
 
 
@@ -129,7 +129,7 @@ def _number(name: str, value: float, row: Row) -> Number:
 
 def _truth(name: str, row: Row) -> str:
     if any(word in name for word in OF_TRUTH):
-        return TRUTHS[str(row.get("truth", "agreement"))]
+        return TRUTHS[str(row.get("truth", INDEPENDENT))]
     return PHYSICS if any(word in name for word in OF_PHYSICS) else ITSELF
 
 

@@ -103,7 +103,7 @@ def without_wheel() -> dict[str, str]:
 
 def _cases(engines: Collection[str]) -> Iterator[Case]:
     others = [arm for arm in arms.newcomers() if arm.engine in engines]
-    stepping = [arm for arm in others if getattr(make_engine(arm.engine), "order", None) is not None]
+    stepping = [arm for arm in others if make_engine(arm.engine).order is not None]
     by_step = [arm for arm in (*BY_STEP, *stepping) if arm.engine in engines]
     choosing = [arm for arm in others if arm not in stepping]
     by_tolerance = [arm for arm in (*BY_TOLERANCE, *choosing) if arm.engine in engines]
@@ -122,7 +122,7 @@ def _cases(engines: Collection[str]) -> Iterator[Case]:
     ledgers = (case for case in energy.cases(full=True) if case.columns["rung"] == LEDGER_RUNG)
     for case in ledgers:
         wanted = case.scene.name in LEDGERS and case.engine in engines
-        if wanted and _supporting([case.arm], case.scene):
+        if wanted and _supporting([case.arm], case.plain_scene):
             yield case
 
 

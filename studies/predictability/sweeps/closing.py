@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.reactions import held, unit_wrenches
+from engine_models.mechanics.reactions import held, solve_systems, unit_wrenches
 from engine_models.mechanics.states import off_line, pin_gap, turned_apart
 from engine_models.mechanics.wrenches import inertias
 from engine_models.scene.parts import AnyScene
@@ -54,7 +54,8 @@ def closed(scene: AnyScene, position: FloatArray, turning: int | None) -> FloatA
         q, step = begun, np.full(len(begun), np.inf)
         for _ in range(MOST_STEPS):
             B = rows(q)
-            force = _solved(weights * B @ B.swapaxes(1, 2), gaps(q, begun)[..., None], dependent)
+            weighted, open_by = weights * B @ B.swapaxes(1, 2), gaps(q, begun)[..., None]
+            force = solve_systems(weighted, open_by, dependent, (DEPENDENT / 10) ** 2)
             move = weights * np.einsum("nmk,nm->nk", B, force)
             step, turn = np.abs(move).max(axis=1), np.abs(move[:, 2::3]).max(axis=1)
             q = q - (move * np.minimum(1.0, TURN_RAD / np.maximum(turn, TURN_RAD))[:, None]).reshape(q.shape)
@@ -62,13 +63,3 @@ def closed(scene: AnyScene, position: FloatArray, turning: int | None) -> FloatA
                 break
         found[begin : begin + AT_ONCE] = np.where((step <= SHORT)[:, None, None], q, np.nan)
     return found
-
-
-def _solved(matrix: FloatArray, right: FloatArray, dependent: bool) -> FloatArray:
-    """Return the solutions (n, m) of n systems; of singular ones the shortest."""
-    if not dependent:
-        try:
-            return np.asarray(np.linalg.solve(matrix, right)[..., 0])
-        except np.linalg.LinAlgError:
-            pass
-    return np.asarray((np.linalg.pinv(matrix, (DEPENDENT / 10) ** 2, hermitian=True) @ right)[..., 0])

@@ -11,7 +11,7 @@ from engine_models.mechanics.contact_law import friction_force, law_numbers, nor
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.scene.scene import Clearance, Friction
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
-from studies.independent.mechanism import damping_of
+from studies.truth.physics import damping_of
 
 #: a(e) of each law at e = 0.5 and 0.9: Hunt and Crossley 1975, Lankarani and Nikravesh 1990, Gonthier et al.
 #: 2004, Zhiying and Qishao 2006, Flores et al. 2011, Hu and Guo 2015, Carvalho and Martins 2019.

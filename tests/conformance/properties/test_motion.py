@@ -11,9 +11,9 @@ from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.drives import FreeDrive, TorqueDrive
 from engine_models.scene.scene import Link, Scene, Slider, Start
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J
 from tests.helpers.arrays import joint_forces
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, STEPS_PER_SAMPLE = 20, 10
 #: Of 60 rad in 200 steps RK4's error is some 1e-6 of the crank; what is compared with itself is at round-off.

@@ -7,10 +7,10 @@ from engine_models.convergence.own_uncertainty import simulate_with_uncertainty
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
-from studies.judges.ideal_truth import exact
 from tests.helpers.arrays import joint_forces
 from tests.helpers.crank_sliders import in_minimal_coordinates
 from tests.helpers.engines import supporting
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 20
 #: The solution that a run is held against is far sharper: what is left is its own uncertainty, which is below

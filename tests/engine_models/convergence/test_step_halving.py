@@ -6,9 +6,9 @@ from engine_models.engine import SimulationFailed
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_truth import exact
 from tests.helpers.arrays import joint_forces
 from tests.helpers.engines import supporting
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 IDEAL = list(IDEAL_SCENES)
 #: An order of 1, the hardest case for the estimate: each halving only halves the error.

@@ -24,8 +24,8 @@ from engine_models.scene.drives import Drive, FluctuatingDrive, MotorDrive, Ramp
 from engine_models.scene.library import IDEAL_SCENES, clearance, ideal_driven, ideal_free
 from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Clearances, Scene
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import energy_balance_residual_J, errors
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 #: Both implicit solvers are of order 2; the rest is what a regression over a factor of 4 in the step leaves.
 ORDER, ORDER_TOLERANCE = 2.0, 0.06

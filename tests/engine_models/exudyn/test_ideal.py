@@ -18,8 +18,8 @@ from engine_models.exudyn.solver import simulation_settings
 from engine_models.scene.drives import TorqueDrive
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 #: Both solvers are of order 2; the rest is what a regression over a factor of 7 in the step leaves open.
 ORDER, ORDER_TOLERANCE = 2.0, 0.05

@@ -14,10 +14,10 @@ from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, SCENES
 from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
 from engine_models.scipy_ivp.engine import ScipyEngine
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import energy_balance_residual_J, errors, kinetic_energy_J
 from tests.helpers.arrays import joint_forces
 from tests.helpers.crank_sliders import in_minimal_coordinates
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 pytest.importorskip("heyoka", reason="heyoka is not installed")
 

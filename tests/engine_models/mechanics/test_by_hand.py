@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory, guarded, unguarded
 from engine_models.exudyn.contact_law import native_law, native_twin
 from engine_models.exudyn.motion import integral
-from engine_models.guards import guarded, unguarded
 from engine_models.mechanics.contact_law import LawNumbers, friction_force, normal_force, stiffness_of
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import elastic_energy_J
@@ -22,8 +21,8 @@ from engine_models.scene.drives import RampDrive
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearance, Scene
-from studies.judges.ideal_truth import configuration, exact
 from tests.helpers.arrays import joint_forces
+from tests.studies.truth.closed_forms.crank_slider import configuration, exact
 
 STEEL = Clearance(
     radial_clearance_m=5e-4,

@@ -14,7 +14,7 @@ from engine_models.mechanics.energy import kinetic_energy_J
 from engine_models.mechanics.quality import quality_of, require_quality
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_truth import exact
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, WRONG_FROM = 20, 8
 Planted = tuple[Scene, Trajectory]

@@ -8,7 +8,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.drives import Drive, FluctuatingDrive, RampDrive
 from engine_models.scene.library import ideal_driven
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_truth import exact
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, STEP_S = 20, 1e-5
 RAMP = RampDrive(kind="ramp", final_speed_rad_s=-50.0, ramp_time_s=1e-6)

@@ -7,11 +7,11 @@ import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import energy_in_play_J
+from engine_models.mechanics.equations.mechanism import mechanism_of
 from engine_models.mechanics.reactions import reactions
 from engine_models.mechanics.states import lever_m
 from engine_models.mechanics.wrenches import accelerations, wrenches
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.model import mechanism_of
 from engine_models.scene.parts import AnyScene
 from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.equations import Equations

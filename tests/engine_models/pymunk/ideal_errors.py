@@ -5,8 +5,8 @@ import numpy as np
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 160
 #: What a regression over a factor of 4 to 8 in the step leaves of the next term of the error.

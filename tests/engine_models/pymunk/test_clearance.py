@@ -10,9 +10,7 @@ from scipy.integrate import solve_ivp
 
 from engine_models.engine import Contact, Impacts, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.loads import slider_forces
-from engine_models.mechanics.samples import selected
 from engine_models.pymunk.engine import PymunkEngine
-from engine_models.pymunk.model import build, pins
 from engine_models.scene.drives import ConstantSpeedDrive, FreeDrive, TorqueDrive
 from engine_models.scene.library import (
     CLEARANCE_SCENES,
@@ -124,7 +122,7 @@ def test_two_runs_are_identical_to_the_last_bit(name: str) -> None:
 def test_forces_and_accelerations_agree_body_by_body(name: str) -> None:
     scene = with_friction(short(SCENES[name]()), 0.1)
     # What a native contact takes back of its penetration moves bodies without a force: not here.
-    trajectory = run(scene, PymunkEngine(collision_bias=1.0), samples=STEPS)
+    trajectory = run(scene, PymunkEngine(joints="all", collision_bias=1.0), samples=STEPS)
     dt, x = trajectory.step_s, trajectory.position
     acceleration = np.zeros_like(x)
     acceleration[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) / dt**2
@@ -184,9 +182,9 @@ def test_what_the_energy_balance_leaves_over_falls_with_the_step(name: str) -> N
 def test_the_step_that_a_sample_falls_on_does_not_change_it(name: str) -> None:
     scene = short(SCENES[name]())
     each, some = run(scene, samples=STEPS), run(scene)
-    thinned = selected(each, slice(None, None, STEPS // SAMPLES))
-    for part in ("position", "velocity", "joint_force_N", "guide_force_N"):
-        assert same(getattr(thinned, part), getattr(some, part)), part
+    for part in ("position", "velocity"):
+        assert np.array_equal(getattr(each, part)[:: STEPS // SAMPLES], getattr(some, part)), part
+    assert np.array_equal(joint_forces(each)[:: STEPS // SAMPLES], joint_forces(some))
     for joint, contact in some.contacts.items():
         other = each.contacts[joint]
         assert same(contact.impacts, other.impacts)
@@ -323,15 +321,14 @@ def test_a_law_that_names_no_restitution_has_no_rigid_twin() -> None:
 
 def test_only_what_a_scene_needs_is_built() -> None:
     for name, shapes, constraints in (
-        ("clearance-driven-0.5mm", 0, 2),
+        ("clearance-driven-0.5mm", 0, 1),
         ("rigid-driven-0.5mm", 2, 2),
-        ("clearance-free-OAB", 0, 1),
+        ("clearance-free-0.5mm", 0, 1),
+        ("clearance-free-OAB", 0, 0),
         ("rigid-free-OAB", 6, 1),
     ):
-        model = PymunkEngine()._model(SCENES[name](), 1e-5)
+        model = PymunkEngine()._model(SCENES[name](), RunSettings(1e-5, 1))
         assert (len(model.space.shapes), len(model.space.constraints)) == (shapes, constraints), name
-    space, bodies = build(ideal_free(), 20, 0.0)
-    assert not pins(ideal_free(), space, bodies)
 
 
 @pytest.mark.parametrize(("engine", "steps"), [(PymunkEngine(), 500), (PymunkEngine(contact="rigid"), 30)])

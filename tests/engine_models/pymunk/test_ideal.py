@@ -8,18 +8,16 @@ import pydantic
 import pymunk
 import pytest
 
-from engine_models.engine import SimulationFailed
+from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.reactions import reactions
-from engine_models.mechanics.samples import selected
 from engine_models.pymunk.engine import PymunkEngine
-from engine_models.pymunk.model import build
 from engine_models.scene.library import IDEAL_SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_truth import configuration, crank_acceleration, exact
 from studies.judges.metrics import errors
 from tests.engine_models.pymunk.ideal_errors import ORDER_TOLERANCE, SAMPLES, orders, run, worst
 from tests.helpers.arrays import arrays, joint_forces
+from tests.studies.truth.closed_forms.crank_slider import configuration, crank_acceleration, exact
 
 #: Odd numbers of steps between samples, since an even one would hide a force that rings from step to step;
 #: above the steps where a phase error of a radian bends the slope, below those where round-off shows.
@@ -49,6 +47,9 @@ REVOLUTION_ACCURACY = 1e-5
 #: Steps of 10 us leave 3e-5 of the force (driven, t = 0); kick 0 itself would be off by all of it, and with
 #: fewer kicks at the full number of sweeps it would be 2e-4 (free, joint B).
 FIRST_FORCES = 5e-5
+#: Round-off of a place of 0.17 m over the square of 1e-6 s, by the coefficients 10, 15 and 6 of the parabola
+#: behind the first forces, on 0.14 kg: 1.2e-4 N, measured 1.1e-4; 7e-7 N at steps ten times as long.
+FIRST_ROUNDING_N = 2e-4
 
 
 def shorter(scene: Scene, end_time_s: float) -> Scene:
@@ -77,9 +78,9 @@ def test_out_of_the_box_every_signal_converges_at_order_one_once_started(name: s
 @pytest.mark.parametrize("steps", [1001, 10001])
 def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: int) -> None:
     scene = shorter(ideal_torque(), 0.01)
-    force = [run(scene, engine, steps, 1).joint_force_N["A"][0, 0] for engine in ARMS]
-    truth = exact(scene, 1).joint_force_N["A"][0, 0]
-    assert force[0] == pytest.approx(truth, abs=1e-4), f"tuned {force[0]:.6g} N, truth {truth:.6g} N"
+    force = [joint_forces(run(scene, engine, steps, 1))[0, 1, 0] for engine in ARMS]
+    truth = joint_forces(exact(scene, 1))[0, 1, 0]
+    assert force[0] == pytest.approx(truth, abs=FIRST_ROUNDING_N), f"tuned {force[0]:.6g} N of {truth:.6g} N"
     assert 0.02 < abs(force[1] / truth - 1) < 0.1, f"out of the box {force[1]:.6g} N, truth {truth:.6g} N"
 
 
@@ -96,8 +97,8 @@ def test_tuned_the_first_forces_are_as_good_as_the_later_ones(name: str) -> None
 
 def test_without_the_half_kick_a_full_correction_makes_the_first_force_half_too_large() -> None:
     scene = shorter(ideal_driven(), 12e-5)
-    of, truth = run(scene, PymunkEngine(iterations=20, half_kick_start=False), samples=12), exact(scene, 12)
-    ratio = of.joint_force_N["A"][:, 0] / truth.joint_force_N["A"][:, 0]
+    engine = PymunkEngine(joints="all", iterations=20, half_kick_start=False)
+    ratio = joint_forces(run(scene, engine, samples=12))[:, 1, 0] / joint_forces(exact(scene, 12))[:, 1, 0]
     assert ratio[1] == pytest.approx(1.5, abs=0.01), ratio
     assert ratio[2:] == pytest.approx(1.0, abs=0.01), ratio
 
@@ -115,12 +116,15 @@ def test_the_momentum_balance_gives_the_exact_forces_of_an_exact_motion() -> Non
         acceleration = X_1 * theta_2[:, None, None] + X_2 * (speed**2)[:, None, None]
         found = reactions(scene, truth.time_s, X, truth.velocity, acceleration, {})
         size = np.abs(joint_forces(truth)).max()
-        worst_force = np.abs(joint_forces(found) - joint_forces(truth)).max() / size
+        worst_force = (
+            np.abs(np.stack(list(found.joint_force_N.values()), axis=1) - joint_forces(truth)).max() / size
+        )
         assert worst_force < ROUND_OFF, f"{scene.name}: {worst_force}"
-        assert np.abs(found.guide_force_N["guide"] - truth.guide_force_N["guide"]).max() / size < ROUND_OFF
-        torque, needed = found.driver_torque_N_m, truth.driver_torque_N_m
-        assert (torque is None) == (needed is None)
-        if torque is not None and needed is not None:
+        guide = found.guide_force_N["guide"] - truth.guide_force_N["guide"]
+        assert np.abs(guide).max() / size < ROUND_OFF, f"{scene.name}: {guide}"
+        needed, torque = truth.driver_torque_N_m, found.driver_torque_N_m
+        assert (needed is None) == (torque is None)
+        if needed is not None and torque is not None:
             assert np.abs(torque - needed).max() / size < ROUND_OFF, f"{scene.name}: {torque - needed}"
 
 
@@ -148,27 +152,27 @@ def test_free_slider_is_where_the_converged_value_says() -> None:
 @pytest.mark.parametrize("iterations", [4, 5])
 def test_five_sweeps_are_too_few_and_are_caught(make: Any, iterations: int) -> None:
     with pytest.raises(SimulationFailed, match=r"^constraints lost, .* at t = 0\.\d+ s$"):
-        run(make(), PymunkEngine(iterations=iterations), 41)
+        run(make(), PymunkEngine(joints="all", iterations=iterations), 41)
 
 
 @pytest.mark.parametrize("make", [ideal_free, ideal_driven, ideal_torque])
 def test_twenty_sweeps_are_as_good_as_a_hundred_and_six_nearly(make: Any) -> None:
     scene = make()
-    x = {n: run(scene, PymunkEngine(iterations=n), 41).position[:, -1, 0] for n in (6, 20, 100)}
+    x = {n: run(scene, PymunkEngine(joints="all", iterations=n), 41).position[:, -1, 0] for n in (6, 20, 100)}
     error = np.abs(x[100] - exact(scene, SAMPLES).position[:, -1, 0]).max()
     assert np.abs(x[20] - x[100]).max() < 0.02 * error, f"{np.abs(x[20] - x[100]).max()} of {error}"
     assert np.abs(x[6] - x[100]).max() < 0.2 * error, f"{np.abs(x[6] - x[100]).max()} of {error}"
 
 
+@pytest.mark.parametrize("joints", ["fewest", "all"])
 @pytest.mark.parametrize("name", IDEAL_SCENES)
-def test_an_ideal_scene_has_no_shapes_and_nothing_but_its_joints(name: str) -> None:
-    space, bodies = build(IDEAL_SCENES[name](), 20, 0.0)
-    driven = name in ("ideal-driven", "ideal-fluctuating")
-    kinds = [type(joint) for joint in space.constraints]
-    assert len(space.shapes) == 0
-    assert len(space.bodies) == 3
-    assert sorted(kind.__name__ for kind in kinds) == ["GrooveJoint"] + ["PivotJoint"] * (2 if driven else 3)
-    kinematic = [body.body_type == pymunk.Body.KINEMATIC for body in bodies]
+def test_an_ideal_scene_has_no_shapes_and_nothing_but_its_joints(name: str, joints: Any) -> None:
+    model = PymunkEngine(joints=joints)._model(IDEAL_SCENES[name](), RunSettings(1e-6, 1))
+    driven, space = name in ("ideal-driven", "ideal-fluctuating"), model.space
+    kinds = sorted(type(joint).__name__ for joint in space.constraints)
+    assert (len(space.shapes), len(space.bodies)) == (0, 3)
+    assert kinds == ["GrooveJoint"] + ["PivotJoint"] * (3 if joints == "all" and not driven else 2)
+    kinematic = [body.body_type == pymunk.Body.KINEMATIC for body in model.bodies]
     assert kinematic == [driven, False, False]
 
 
@@ -193,9 +197,10 @@ def test_the_drivers_work_does_not_depend_on_how_often_it_is_looked_at() -> None
 def test_the_step_that_a_sample_falls_on_does_not_change_it(make: Any, samples: int) -> None:
     scene = shorter(make(), 42e-5)
     each, some = run(scene, PymunkEngine(), samples=42), run(scene, PymunkEngine(), 42 // samples, samples)
-    thinned, own = arrays(selected(each, slice(None, None, 42 // samples))), arrays(some)
-    for name in ("position", "velocity", *(name for name in own if "force" in name)):
-        assert thinned[name] == own[name], name
+    for name in ("position", "velocity"):
+        assert np.array_equal(getattr(each, name)[:: 42 // samples], getattr(some, name)), name
+    assert np.array_equal(joint_forces(each)[:: 42 // samples], joint_forces(some))
+    assert np.array_equal(each.guide_force_N["guide"][:: 42 // samples], some.guide_force_N["guide"])
 
 
 @pytest.mark.parametrize("samples", [1, 2])
@@ -216,7 +221,6 @@ def test_the_solve_time_is_the_stepping_alone() -> None:
     started = time.perf_counter()
     trajectory = run(ideal_driven(), PymunkEngine(), 81)
     wall = time.perf_counter() - started
-    # Reactions at every kick, for the work of the drive, take some ten times as long as the stepping.
     assert 0.01 * wall < trajectory.solve_time_s < 0.8 * wall, f"{trajectory.solve_time_s} s of {wall} s"
 
 
@@ -231,7 +235,14 @@ def started(scene: Scene, speed: float) -> Scene:
         (ideal_driven(), PymunkEngine.out_of_the_box(), 20, "constraints lost"),
         (started(ideal_free(), 1e200), PymunkEngine(), 100, "constraints lost"),
         (started(ideal_driven(), 1e300), PymunkEngine(), 100, "constraints lost"),
-        (with_rod(ideal_driven(), 0.051), PymunkEngine(iterations=20), 20000, "rod turned over"),
+        # The joints come open before the rod is turned over: up to ten sweeps, and at twenty all is well.
+        (with_rod(ideal_driven(), 0.051), PymunkEngine(iterations=10), 20000, "constraints lost"),
+        (
+            with_rod(ideal_driven(), 0.051),
+            PymunkEngine(joints="all", iterations=20),
+            20000,
+            "constraints lost",
+        ),
     ],
 )
 def test_a_failure_names_time_and_reason_in_one_line_and_prints_nothing(

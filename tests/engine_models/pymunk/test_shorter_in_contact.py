@@ -64,9 +64,9 @@ def test_samples_are_landed_on_and_tell_forces_and_impulses() -> None:
     scene = hertzian(1e11)
     true = truth(scene)
     run = PymunkEngine(shorter_in_contact=16.0).simulate(scene, RunSettings(1e-6, SAMPLES))
-    force = joint_forces(true)
     assert np.array_equal(run.time_s, true.time_s)
-    assert joint_forces(run) == pytest.approx(force, abs=1e-2 * np.abs(force).max())
+    own, other = joint_forces(run), joint_forces(true)
+    assert own == pytest.approx(other, abs=1e-2 * np.abs(other).max())
     assert np.abs(run.velocity - true.velocity).max() < 1e-3 * np.abs(true.velocity).max()
     for part, accuracy in (("time_s", 1e-4), ("duration_s", 0.02), ("normal_impulse_N_s", 1e-4)):
         own, other = (getattr(one.contacts["B"].impacts, part) for one in (run, true))
@@ -86,7 +86,6 @@ def test_the_driver_does_the_work_that_the_energy_needs() -> None:
     ("name", "settings", "reason"),
     [
         ("clearance-start-up", {}, "got drive.kind = ramp"),
-        ("clearance-compressor", {}, "got drive.kind = .*|got load.slider.viscous_N_s_m"),
         ("rigid-driven-0.5mm", {}, "got clearance.B.law = rigid"),
         ("clearance-driven-AB", {"contact": "rigid"}, "got clearance.A.law = rigid, clearance.B.law = rigid"),
         ("clearance-free-0.5mm", {"half_kick_start": False}, "got half_kick_start = False"),

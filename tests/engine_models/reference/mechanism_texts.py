@@ -5,9 +5,15 @@ loops by Newton's method at every evaluation, and takes DOP853's steps at a tole
 multipliers nor absolute coordinates, nothing in common with the reference but the data.
 """
 
+from pathlib import Path
+
+from engine_models.scene import library
 from engine_models.scene.file import from_toml
 from engine_models.scene.general import GeneralScene
 from engine_models.scene.scene import Scene
+
+#: Of the files of the library's mechanisms.
+FOLDER = Path(library.__file__).parent
 
 CRANK_SLIDER = """
 name = "crank-slider"
@@ -19,8 +25,17 @@ slider = { mass_kg = 0.14, inertia_kg_m2 = 0.0001 }
 start = { crank_angle_rad = 0.0, crank_speed_rad_s = 62.83185307179586 }
 drive = { kind = "free" }
 """
-OFFSET_CRANK_SLIDER = CRANK_SLIDER.replace(
-    "0.0001 }", "0.0001, guide_offset_m = 0.02, guide_angle_rad = 0.3 }"
+FOUR_BAR, FOUR_BAR_CLEARANCE, ANDREWS, SCOTCH_YOKE, QUICK_RETURN, V_TWIN, OFFSET_CRANK_SLIDER = (
+    (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+    for name in (
+        "four-bar",
+        "four-bar-clearance",
+        "andrews-squeezer",
+        "scotch-yoke",
+        "quick-return",
+        "v-twin",
+        "offset-crank-slider",
+    )
 )
 WALL = """
 radial_clearance_m = 5e-4
@@ -38,116 +53,6 @@ CRANK_SLIDER_CLEARANCE = (
     .replace("free", "constant-speed")
     + f"[clearance.B]{WALL}"
 )
-FOUR_BAR = """
-name = "four-bar"
-end_time_s = 0.5
-gravity_m_s2 = 9.81
-observe = "B.x"
-ground.pins_m = { O = [0.0, 0.0], C = [0.28, 0.0] }
-[body]
-crank = { pins_m = { O = 0.0, A = 0.1 }, mass_kg = 0.4, inertia_kg_m2 = 4e-4, centre_of_mass_m = 0.04 }
-coupler = { pins_m = { A = 0.0, B = 0.25 }, mass_kg = 0.3, inertia_kg_m2 = 2e-3, centre_of_mass_m = 0.1 }
-rocker = { pins_m = { C = 0.0, B = 0.2 }, mass_kg = 0.35, inertia_kg_m2 = 1.2e-3, centre_of_mass_m = 0.09 }
-[start]
-angle_rad = { crank = 0.7, coupler = 0.5, rocker = 1.8 }
-hold = ["crank"]
-speed_rad_s = { crank = 20.0 }
-"""
-FOUR_BAR_CLEARANCE = FOUR_BAR.replace("0.5\n", "0.1\n", 1).replace("= 20.0", "= 60.0") + (
-    f'[drive]\nkind = "constant-speed"\nbody = "crank"\n[clearance.B]{WALL}'
-)
-ANDREWS = """
-name = "andrews-squeezer"
-end_time_s = 0.03
-observe = "K3.angle"
-ground.pins_m = { O = 0.0, A = [-0.06934, -0.00227], B = [-0.03635, 0.03273], C = [0.014, 0.072] }
-[body]
-K1 = { pins_m = { O = -92e-5, P = 608e-5 }, mass_kg = 0.04325, inertia_kg_m2 = 2.194e-6 }
-K2 = { pins_m = { P = 115e-4, E = -165e-4 }, mass_kg = 0.00365, inertia_kg_m2 = 4.410e-7 }
-K4 = { pins_m = { G = [0.0, 579e-5], E = [0.0, -1421e-5] }, mass_kg = 0.00706, inertia_kg_m2 = 5.667e-7 }
-K6 = { pins_m = { H = -579e-5, E = 1421e-5 }, mass_kg = 0.00706, inertia_kg_m2 = 5.667e-7 }
-[body.K3]
-pins_m = { B = [-1043e-5, 1874e-5], E = [-1043e-5, -1626e-5], D = [957e-5, 74e-5] }
-mass_kg = 0.02373
-inertia_kg_m2 = 5.255e-6
-[body.K5]
-pins_m = { A = [-2308e-5, -916e-5], G = [1692e-5, -916e-5] }
-mass_kg = 0.07050
-inertia_kg_m2 = 1.169e-5
-[body.K7]
-pins_m = { H = [449e-5, -2772e-5], A = [449e-5, 1228e-5] }
-mass_kg = 0.05498
-inertia_kg_m2 = 1.912e-5
-[spring.D]
-between = ["ground.C", "K3.D"]
-stiffness_N_m = 4530.0
-free_length_m = 0.07785
-[drive]
-kind = "torque"
-body = "K1"
-torque_N_m = 0.033
-[start]
-angle_rad = { K1 = -0.0617138900142764496, K2 = -0.06, K3 = 0.46, K4 = 0.71, K5 = 0.49, K6 = 1.0, K7 = 1.23 }
-hold = ["K1"]
-speed_rad_s = { K1 = 0.0 }
-"""
-SCOTCH_YOKE = """
-name = "scotch-yoke"
-end_time_s = 0.3
-gravity_m_s2 = 9.81
-observe = "Y.x"
-ground.pins_m = { O = 0.0 }
-[body]
-crank = { pins_m = { O = 0.0, A = 0.05 }, centre_of_mass_m = 0.02, mass_kg = 0.4, inertia_kg_m2 = 4e-4 }
-yoke = { pins_m = { Y = 0.0 }, mass_kg = 0.6, inertia_kg_m2 = 1e-3 }
-[guide]
-frame = { body = "yoke", pin = "Y" }
-slot = { body = "crank", pin = "A", on = "yoke", angle_rad = 1.5707963267948966, turns = true }
-[start]
-angle_rad = { crank = 0.4 }
-hold = ["crank"]
-speed_rad_s = { crank = 30.0 }
-"""
-QUICK_RETURN = """
-name = "quick-return"
-end_time_s = 0.5
-gravity_m_s2 = 9.81
-observe = "E.x"
-ground.pins_m = { C = 0.0, O = [0.0, 0.20] }
-[body]
-crank = { pins_m = { O = 0.0, A = 0.08 }, mass_kg = 1.0, inertia_kg_m2 = 2e-3 }
-block = { pins_m = { A = 0.0 }, mass_kg = 0.2, inertia_kg_m2 = 5e-5 }
-lever = { pins_m = { C = 0.0, D = 0.40 }, centre_of_mass_m = 0.2, mass_kg = 1.5, inertia_kg_m2 = 2e-2 }
-rod = { pins_m = { D = 0.0, E = 0.15 }, centre_of_mass_m = 0.075, mass_kg = 0.3, inertia_kg_m2 = 6e-4 }
-ram = { pins_m = { E = 0.0 }, mass_kg = 2.0, inertia_kg_m2 = 1e-2 }
-[guide]
-slot = { body = "block", pin = "A", on = "lever" }
-bed = { body = "ram", pin = "E", through_m = [0.0, 0.42] }
-[start]
-angle_rad = { crank = 0.3, lever = 1.2, block = 1.2, rod = 0.2 }
-hold = ["crank"]
-speed_rad_s = { crank = 12.0 }
-"""
-V_TWIN = """
-name = "v-twin"
-end_time_s = 0.2
-gravity_m_s2 = 9.81
-observe = "B.x"
-ground.pins_m = { O = 0.0 }
-[body]
-crank = { pins_m = { O = 0.0, A = 0.05 }, mass_kg = 1.0, inertia_kg_m2 = 2e-3 }
-rod1 = { pins_m = { A = 0.0, B = 0.15 }, centre_of_mass_m = 0.05, mass_kg = 0.3, inertia_kg_m2 = 6e-4 }
-rod2 = { pins_m = { A = 0.0, D = 0.15 }, centre_of_mass_m = 0.05, mass_kg = 0.3, inertia_kg_m2 = 6e-4 }
-piston1 = { pins_m = { B = 0.0 }, mass_kg = 0.25, inertia_kg_m2 = 1e-4 }
-piston2 = { pins_m = { D = 0.0 }, mass_kg = 0.25, inertia_kg_m2 = 1e-4 }
-[guide]
-left = { body = "piston1", pin = "B", angle_rad = 2.356194490192345 }
-right = { body = "piston2", pin = "D", angle_rad = 0.7853981633974483 }
-[start]
-angle_rad = { crank = 0.1, rod1 = 2.3, rod2 = 0.8 }
-hold = ["crank"]
-speed_rad_s = { crank = 40.0 }
-"""
 #: A crank and a rocker of one length on a base of another: flat, and singular, whenever the crank is along x.
 PARALLELOGRAM = """
 name = "parallelogram"

@@ -13,7 +13,7 @@ from engine_models.reference.watch import Watch
 from engine_models.scene.data import SceneError
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_motion import slider_position_m
+from tests.studies.truth.closed_forms.crank_slider import slider_position_m
 
 DOP853, RK4 = ReferenceEngine(method="dop853", step_tolerance=1e-8), ReferenceEngine()
 CLEARANCE, SPEED, ANGLE = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s", "start.crank_angle_rad"

@@ -1,6 +1,7 @@
 """What files of mechanisms may say, and how it is read."""
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from engine_models.scene.schema import scene_schema
 from reference_solver.mechanism.data import GROUND, Guide, Table, Torque
-from tests.engine_models.scene.mechanism_texts import ANDREWS, FOUR_BAR, QUICK_RETURN, ROOM, TWIN, YOKE
+from tests.engine_models.reference.mechanism_texts import ANDREWS, SCOTCH_YOKE
+from tests.engine_models.scene.mechanism_texts import FOUR_BAR, QUICK_RETURN, ROOM, TWIN
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
 
@@ -25,7 +27,7 @@ TEXTS = {
     "quick return": QUICK_RETURN,
     "twin": TWIN,
     "Andrews": ANDREWS,
-    "yoke": YOKE,
+    "yoke": SCOTCH_YOKE,
 }
 #: A bar whose ends slide on two lines.
 TRAMMEL = """
@@ -104,9 +106,8 @@ def test_a_bearing_is_on_the_body_named_first_unless_it_is_named() -> None:
 
 
 def test_a_guide_is_a_line_of_what_it_is_on() -> None:
-    text = changed(
-        YOKE, ('on = "yoke"', 'on = "yoke"\nthrough_m = ["10 mm", 0]'), ("1.5707963267948966", '"90 deg"')
-    )
+    through = 'on = "yoke", through_m = ["10 mm", 0]'
+    text = changed(SCOTCH_YOKE, ('on = "yoke"', through), ("1.5707963267948966", '"90 deg"'))
     frame, slot = general(text).mechanism.guides
     assert frame == Guide(GROUND, (0.0, 0.0), 0.0, 1, (0.0, 0.0), "frame", False)
     assert slot == Guide(1, (0.01, 0.0), math.pi / 2, 0, (0.05 - 0.02, 0.0), "slot", True)
@@ -411,29 +412,24 @@ def test_general_files_are_simulated_and_shown(tmp_path: Path) -> None:
     assert crankslider("check", file).stdout.startswith("four-bar: 3 bodies, 4 joints; 8 rows of rank 8, 1 ")
 
 
-@pytest.mark.parametrize(
-    ("command", "options", "pieces"),
-    [
-        ("truth", (), ("SCENE: expected a crank-slider on a guide along +x through O or a pendulum",)),
-        ("compare", (), ("for comparisons so far, got four-bar",)),
-        (
-            "simulate",
-            ("--engine", "pymunk"),
-            ("--engine: expected one that can run", "the reference, scipy and exudyn run other"),
-        ),
-    ],
-)
-def test_what_runs_crank_sliders_alone_refuses_other_mechanisms(
-    command: str, options: tuple[str, ...], pieces: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_the_truth_of_a_general_file_says_of_what_it_is_certain(tmp_path: Path) -> None:
     file = tmp_path / "four-bar.toml"
     file.write_text(FOUR_BAR)
-    done = crankslider(command, file, *options)
-    require_refusal(done.stdout, done.stderr, done.code, *pieces, "by body")
+    told = crankslider("truth", file, "--end", 0.02, "--samples", 5, "--out", tmp_path / "true.csv")
+    assert told.code == 0, told.stderr
+    assert re.search(r"B\.x is certain to \d\.\de-1\d m until t = 0\.02 s, by independent eq", told.stderr)
+    of_angle = cs.truth(from_toml(FOUR_BAR).replace("observe", "rocker.angle"), end=0.02, samples=5)
+    assert re.match(r"rocker\.angle is certain to \d\.\de-1\d rad until", of_angle.notes()[0])
+    assert of_angle.certain_m < 1e-14
+    assert {"observed_rocker_angle_rad", "coupler_x_m"} < {*of_angle.frame.columns}
 
 
-def test_studies_refuse_other_mechanisms(tmp_path: Path) -> None:
+def test_what_is_of_crank_sliders_alone_refuses_other_mechanisms(tmp_path: Path) -> None:
     file = tmp_path / "four-bar.toml"
     file.write_text(FOUR_BAR)
-    done = crankslider("run", "energy", "--scene", file)
-    require_refusal(done.stdout, done.stderr, done.code, "--scene: expected a crank-slider", "by body")
+    done = crankslider("run", "stability", "--scene", file)
+    expected = (
+        "expected a crank at constant speed and one clearance",
+        "got another mechanism with ideal joints",
+    )
+    require_refusal(done.stdout, done.stderr, done.code, "--scene four-bar: ", *expected)

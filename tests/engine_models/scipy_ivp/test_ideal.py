@@ -6,14 +6,14 @@ from pydantic import ValidationError
 from scipy.special import ellipj
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory
+from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.scene.drives import FreeDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven
 from engine_models.scene.scene import Scene, Start
 from engine_models.scipy_ivp.engine import ScipyEngine
-from engine_models.scipy_ivp.model import Derivative
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors, kinetic_energy_J
 from tests.helpers.arrays import joint_forces
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 20
 #: Methods, and the tolerances at which each is above round-off and not slow.

@@ -1,23 +1,32 @@
-"""Any mechanism by SciPy's integrators, in multipliers, where an independent integration ends."""
+"""Any mechanism by SciPy's integrators, in multipliers and in minimal coordinates."""
+
+import re
+from typing import Literal
 
 import numpy as np
 import pytest
 
 from engine_models.convergence.step_halving import simulate_to_tolerance
-from engine_models.engine import RunSettings, UnsupportedScene
+from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.scipy_ivp.engine import ScipyEngine
-from tests.engine_models.reference.mechanism_texts import ENDS, OFFSET_CRANK_SLIDER, TEXTS, scene
+from tests.engine_models.reference.mechanism_texts import ENDS, TEXTS, scene
+from tests.engine_models.scipy_ivp.loaded_mechanisms import FLAT, FLAT_S, FLAT_WITHIN_S
+from tests.engine_models.scipy_ivp.loaded_mechanisms import scene as loaded
 
-SHARP = ScipyEngine(rtol=1e-12, atol=1e-13)
-#: Largest errors in m and rad: 5.9e-11 measured with ideal joints, 1.5e-10 after 37 impacts.
-IDEAL, LOOSE = 2e-10, 1e-9
+#: Largest errors in m and rad: 1.5e-10 measured with ideal joints, 2.7e-10 after 37 impacts.
+IDEAL, LOOSE = 3e-10, 1e-9
 
 
+@pytest.mark.parametrize("coordinates", ["absolute", "minimal"])
 @pytest.mark.parametrize("name", TEXTS)
-def test_scipy_ends_where_an_independent_integration_does(name: str) -> None:
+def test_scipy_ends_where_an_independent_integration_does(
+    name: str, coordinates: Literal["absolute", "minimal"]
+) -> None:
     of = scene(TEXTS[name])
-    run = SHARP.simulate(of, RunSettings(of.end_time_s, 20))
+    run = ScipyEngine(rtol=1e-12, atol=1e-13, coordinates=coordinates).simulate(
+        of, RunSettings(of.end_time_s, 20)
+    )
     off = np.abs(run.position[-1] - [ENDS[name][body] for body in of.mechanism.names]).max()
     assert off < (LOOSE if of.joints_with_clearance else IDEAL)
     residual = np.abs(energy_balance_residual_J(of, run)).max()
@@ -30,7 +39,22 @@ def test_a_tolerance_is_kept_by_scipy_too() -> None:
     assert abs(run.position[-1, -1, 0] - ENDS["quick-return"]["ram"][0]) <= 1e-8
 
 
-def test_minimal_coordinates_are_of_plain_crank_sliders() -> None:
-    for text in (TEXTS["four-bar"], OFFSET_CRANK_SLIDER):
-        with pytest.raises(UnsupportedScene, match="coordinates = minimal runs crank-sliders"):
-            ScipyEngine(coordinates="minimal").check(scene(text))
+def test_loops_of_compiled_methods_say_what_takes_events() -> None:
+    of = loaded("swinging")
+    for method in ("odeint", "dop853"):
+        with pytest.raises(
+            SimulationFailed, match=r"become independent, which takes events: method = DOP853"
+        ):
+            ScipyEngine(method=method, coordinates="minimal").simulate(of, RunSettings(of.end_time_s, 20))
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-7, 1e-11])
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau"])
+def test_a_parallelogram_ends_where_it_is_flat(
+    method: Literal["DOP853", "RK45", "Radau"], rtol: float
+) -> None:
+    engine = ScipyEngine(method=method, rtol=rtol, atol=rtol / 100, coordinates="minimal")
+    with pytest.raises(SimulationFailed, match="singular position") as refused:
+        engine.simulate(scene(FLAT), RunSettings(1.0, 20))
+    (found,) = re.findall(r"t = (\S+) s", str(refused.value))
+    assert abs(float(found) - FLAT_S) < FLAT_WITHIN_S, f"{float(found) - FLAT_S:.1e} s"

@@ -12,7 +12,6 @@ from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearanc
 from engine_models.scene.scene import Clearances, Scene
 from reference_solver.solver import StepChoice
 from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J
 from tests.helpers.crank_sliders import (
     FINE,
@@ -23,6 +22,7 @@ from tests.helpers.crank_sliders import (
     solved,
     touches,
 )
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 
 @pytest.mark.parametrize("name", CLEARANCE_SCENES)

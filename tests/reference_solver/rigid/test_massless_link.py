@@ -17,7 +17,7 @@ from reference_solver.mechanism.mechanism import (
 from reference_solver.solver import solve
 from tests.helpers.kernels import VARIANTS, check_faces, straight_guide
 from tests.helpers.orders import ORDER_TOLERANCE, slope
-from tests.studies.independent.mechanisms import GRAVITY, Rod, TriplePendulum
+from tests.studies.truth.closed_forms.linkages import GRAVITY, Rod, TriplePendulum
 
 FloatArray = NDArray[np.float64]
 #: The two faces sum in different orders (see test_reference_kernel).

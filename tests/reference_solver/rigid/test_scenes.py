@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from engine_models.engine import Trajectory
 from engine_models.mechanics.assembly import start_state
-from engine_models.reference.model import loads_of, mechanism_of
+from engine_models.mechanics.equations.mechanism import loads_of, mechanism_of
 from engine_models.scene.drives import RampDrive
 from engine_models.scene.library import RIGID_SCENES
 from engine_models.scene.loads import Loads, SliderLoad
 from engine_models.scene.scene import Clearances, Friction, Scene
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice, solve
-from studies.independent.equations import CONTACT, FOLLOWS
-from studies.independent.motion import Motion
-from studies.independent.stepping import collocated, radau
 from studies.judges.horizon import moved
+from studies.truth.equations import CONTACT, FOLLOWS
+from studies.truth.motion import Motion
+from studies.truth.stepping import collocated, radau
 from tests.helpers.crank_sliders import in_minimal_coordinates
 from tests.helpers.mechanism_energy import energy_residual_J
 
@@ -147,6 +147,7 @@ class Following(Motion):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene, collocated, radau(7, 1e-11))
+        self.names = scene.joints_with_clearance
         self.changes: list[tuple[float, tuple[str, ...]]] = []
 
     def _settle(self, joint: int) -> None:
@@ -156,7 +157,7 @@ class Following(Motion):
             self.changes.append((self.time_s, self._following()))
 
     def _following(self) -> tuple[str, ...]:
-        return tuple("OAB"[k] for k in np.flatnonzero(self.phases[:, CONTACT] == FOLLOWS))
+        return tuple(self.names[k] for k in np.flatnonzero(self.phases[: self.joints, CONTACT] == FOLLOWS))
 
 
 def first_difference(some: Hits, others: Hits) -> float | None:

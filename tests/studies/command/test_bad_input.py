@@ -249,7 +249,7 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         (*SIMULATE, "--engine", "nomod:E"),
         ("--engine nomod:E: expected a class", "nomod"),
     ),
-    "engine that is none": ((*SIMULATE, "--engine", "os.path:join"), ("expected the methods check, twin",)),
+    "engine that is none": ((*SIMULATE, "--engine", "os.path:join"), ("the methods check, simulate",)),
     "film to stdout": ((*SIMULATE, "--animate", "-"), ("--animate: expected a file that ends in .html",)),
     "device": (("show", "/dev/null"), ("/dev/null: expected a file that can be read, got a device",)),
     "sweep of an ideal scene": (("sweep", "ideal-free"), ("SCENE: expected a joint with clearance",)),

@@ -13,9 +13,10 @@ from engine_models.arms import BAUMGARTE
 from engine_models.engine import RunSettings
 from engine_models.scene.library import SCENES
 from reports.run.command import command
-from studies.judges.ideal_truth import exact
 from studies.running.case import Case
+from tests.engine_models.reference.mechanism_texts import FOUR_BAR_CLEARANCE
 from tests.helpers.command import Finished, crankslider
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 pytestmark = pytest.mark.system
 
@@ -87,6 +88,18 @@ def test_a_second_call_from_python_runs_nothing_again(
     assert set(found.frame["engine"]) == {"reference"}
     assert "No other engine ran." in found.recommendation
     assert "unsupported" not in capfd.readouterr().err
+
+
+def test_other_mechanisms_are_compared_by_what_they_observe(tmp_path: Path) -> None:
+    file = tmp_path / "four-bar.toml"
+    file.write_text(FOUR_BAR_CLEARANCE)
+    short, engine = ("--with", "end_time_s=0.004"), ("--engine", "reference")
+    done = crankslider("compare", file, *short, *engine, "--out", tmp_path / "page")
+    assert done.code in (0, None), done.stderr
+    assert re.search(r"^B x error: .*; asked for: 5 µm\.$", done.stdout, re.MULTILINE)
+    page = (tmp_path / "page/index.html").read_text("utf-8")
+    assert "B x error so far [m]" in page
+    assert "slider position" not in page
 
 
 def test_the_command_of_a_setting_has_its_engine_its_step_and_what_it_sets() -> None:

@@ -13,11 +13,12 @@ import crankslider as cs
 from engine_models.engine import RunSettings
 from engine_models.engines import ENGINES, make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
+from engine_models.scene.library.mechanisms import ALL_SCENES
 from studies.command.trajectory_table import sample_columns
-from studies.judges.ideal_truth import exact
 from tests.helpers.command import crankslider, table_of
 from tests.helpers.engines import INSTALLED, supporting
 from tests.helpers.running import HEAR
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 IDEAL = list(IDEAL_SCENES)
 SHORT = ("--end", 0.01, "--samples", 4)
@@ -38,10 +39,10 @@ def test_scenes_lists_every_scene_with_its_description() -> None:
     listed = crankslider("scenes")
     lines = listed.stdout.splitlines()
     assert (listed.code, listed.stderr) == (0, "")
-    assert [line.split()[0] for line in lines] == ["scene", *SCENES]
-    for make, line in zip(SCENES.values(), lines[1:], strict=True):
+    assert [line.split()[0] for line in lines] == ["scene", *ALL_SCENES]
+    for make, line in zip(ALL_SCENES.values(), lines[1:], strict=True):
         scene = make()
-        assert scene.drive.kind in line
+        assert scene.driven_by.kind in line
         assert f"{scene.end_time_s:g} s" in line
         assert (make.__doc__ or "").splitlines()[0] in line
 
@@ -61,7 +62,7 @@ def test_engines_lists_every_setting_and_what_runs() -> None:
         runs = next(line for line in block.splitlines() if line.startswith("  runs "))
         assert all(scene in runs for scene in IDEAL) or block.startswith("heyoka")
         refused = [line for line in block.splitlines() if line.startswith("  not ")]
-        run_or_refused = [scene in runs or any(scene in line for line in refused) for scene in SCENES]
+        run_or_refused = [scene in runs or any(scene in line for line in refused) for scene in ALL_SCENES]
         assert all(run_or_refused), "every scene is run or refused with a reason"
 
 

@@ -11,18 +11,18 @@ from engine_models.engine import Contact, Impacts, RunSettings, Trajectory
 from engine_models.scene.library import CLEARANCE_SCENES, ideal_driven, ideal_free
 from engine_models.scene.scene import Scene
 from studies.extremes.checks import ideal_motion
-from studies.judges import converged_truth, ideal_truth
+from studies.judges import converged_truth
 from studies.judges.comparison import Judged, compared
 from studies.judges.converged_truth import Solved, reach
 from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.energy_rates import drift_rate, growth_exponent
 from studies.judges.horizon import first_beyond_s
-from studies.judges.ideal_truth import exact
 from studies.judges.impact_matching import impact_errors
 from studies.judges.local_error import local_errors
 from studies.judges.lyapunov import Growth
 from studies.judges.metrics import conserved, errors, in_flight, sizes, uncertainties
 from studies.stability.theory import RK4, leading_loss
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 POSITION = "slider_position_error_m"
 EPS = 2.0**-52
@@ -137,9 +137,6 @@ def test_the_first_repeat_that_parts_by_ten_nanometres_ends_the_comparison(
 def test_a_truth_and_what_tells_its_uncertainty_are_found_in_different_ways() -> None:
     assert converged_truth.COLLOCATION.method != converged_truth.EXTRAPOLATION.method
     assert converged_truth.EXTRAPOLATION.tolerance < converged_truth.COLLOCATION.tolerance
-    cuts = (ideal_truth.PIECES, *ideal_truth.REPEAT_PIECES)
-    assert len(set(cuts)) == len(cuts) == 3
-    assert all(max(cuts) % cut for cut in cuts if cut != max(cuts)), "no cut is a part of another"
 
 
 def test_an_error_of_the_gallery_is_the_largest_in_cranks() -> None:
@@ -271,7 +268,7 @@ def test_a_start_from_rest_has_truth_too() -> None:
     """A crank held level falls as fast as its moments of inertia and weight say."""
     start = ideal_free().start.model_copy(update={"crank_speed_rad_s": 0.0})
     scene = ideal_free().model_copy(update={"start": start, "end_time_s": 1e-4})
-    truth = exact(scene, 10)
+    truth, _ = converged_truth.converged(scene, 10)
     # At theta = 0 the slider stands still, and of the rod only its pin moves, up and down: y at its centre
     # is r/2 theta, its own turning -r/L theta.
     r, length = 0.05, 0.12

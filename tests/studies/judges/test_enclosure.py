@@ -13,9 +13,8 @@ from engine_models.scene.data import SceneData
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.clearance import END_S, SAMPLES
-from studies.judges.converged_truth import COLLOCATION, converged, followed
+from studies.judges.converged_truth import COLLOCATION, PLACES, converged, followed
 from studies.judges.horizon import a_place_off
-from studies.judges.ideal_truth import exact, exact_repeats
 from studies.judges.metrics import errors, uncertainties
 
 #: Solutions of each scene, and how many of their numbers at how many ends have to be enclosed.
@@ -50,25 +49,21 @@ def enclosed(
     return {name: float(np.mean(each)) for name, each in inside.items()}
 
 
-@pytest.mark.parametrize("name", ["clearance-free-0.5mm", "clearance-driven-0.5mm", "clearance-driven-AB"])
+LOOSE = ("clearance-free-0.5mm", "clearance-driven-0.5mm", "clearance-driven-AB")
+RIGID = ("rigid-free-0.5mm", "rigid-compressor")
+
+
+@pytest.mark.parametrize("name", ["ideal-driven", *LOOSE, *RIGID])
 def test_solutions_of_rounded_numbers_lie_within_the_uncertainty(name: str) -> None:
-    scene = SCENES[name]().model_copy(update={"end_time_s": END_S[name]})
+    scene = SCENES[name]()
+    scene = scene.model_copy(update={"end_time_s": END_S.get(name, scene.end_time_s)})
     truth, repeats = converged(scene, SAMPLES)
-    assert [one.position[0, 0, 2] for one in (truth, *repeats)] == [0.0, np.spacing(1.0)], "a place off"
+    begun = [one.position[0, 0, 2] for one in (truth, *repeats)]
+    assert begun == pytest.approx([0.0, PLACES * np.spacing(1.0)], abs=1e-25), "some places off"
     run = RunSettings(scene.end_time_s, SAMPLES)
     draws = (rounded(scene, np.random.default_rng(seed)) for seed in range(DRAWS))
     others = (SHARPER.simulate(draw, run) for draw in draws if isinstance(draw, Scene))
     parts = enclosed(scene, truth, list(repeats), others, followed(scene, SAMPLES))
-    assert min(parts.values()) >= ENCLOSED, parts
-
-
-@pytest.mark.parametrize("name", ["ideal-free", "ideal-driven"])
-def test_closed_forms_of_rounded_numbers_lie_within_the_uncertainty(name: str) -> None:
-    scene = SCENES[name]()
-    truth, repeats = exact(scene, SAMPLES), exact_repeats(scene, SAMPLES)
-    draws = (rounded(scene, np.random.default_rng(seed)) for seed in range(DRAWS))
-    others = (exact(draw, SAMPLES) for draw in draws if isinstance(draw, Scene))
-    parts = enclosed(scene, truth, repeats, others, SAMPLES + 1)
     assert min(parts.values()) >= ENCLOSED, parts
 
 

@@ -17,13 +17,13 @@ from studies.judges.energy_ledger import (
     stored,
 )
 from studies.judges.energy_rates import drift_rate
-from studies.judges.ideal_truth import exact
 from studies.judges.metrics import (
     constraint_violation_m,
     energy_balance_residual_J,
     kinetic_energy_J,
     numerical_gain_J,
 )
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,11 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
-from studies.judges.ideal_truth import exact
+from studies.judges.converged_truth import converged
 from studies.judges.lyapunov import growth
 from studies.judges.metrics import constraint_violation_m, errors, scales, with_suffix
 from studies.running.outcome import load_study
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 SHIFT = 1e-3
 #: Error of the differences that stand for derivatives.
@@ -110,7 +111,7 @@ def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
         ):
             errors(scene, exact(scene, 100), truth)
     with pytest.raises(ValueError, match="samples: expected an integer >= 1 and <= 100000, got 0"):
-        exact(scene, 0)
+        converged(scene, 0)
 
 
 def test_what_is_no_study_and_what_has_no_exponent_are_refused() -> None:

@@ -2,11 +2,24 @@
 
 import pytest
 
+from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.comparison.question import asked
+from tests.engine_models.reference.mechanism_texts import ANDREWS, FOUR_BAR_CLEARANCE
 from tests.helpers.crank_sliders import HELD, pendulum, short_rod
 
+#: A lift of 2 kg, driven upwards.
+LIFT = """
+name = "lift"
+end_time_s = 0.5
+gravity_m_s2 = 9.81
+observe = "rail.along"
+body.car = { pins_m = { P = 0.0 }, mass_kg = 2.0, inertia_kg_m2 = 0.1 }
+guide.rail = { body = "car", pin = "P", angle_rad = 1.5707963267948966 }
+start.speed_m_s = { rail = 0.4 }
+drive = { kind = "constant-speed", guide = "rail" }
+"""
 #: A millionth of the crank, and a thousandth of the torque that is held.
 QUESTIONS = [
     (pendulum(), "crank_angle_error_rad", 1e-6, 1.0),
@@ -19,12 +32,16 @@ QUESTIONS = [
         5e-8,
         0.1,
     ),
+    # A hundredth of the clearance; a millionth of the longest lever, of an angle by itself.
+    (from_toml(FOUR_BAR_CLEARANCE), "observed_B_x_error_m", 5e-6, 0.1),
+    (from_toml(ANDREWS), "observed_K3_angle_error_rad", 1e-6, 0.03),
+    (from_toml(LIFT), "driver_force_error_N", 1e-3 * 2 * 9.81, 0.5),
 ]
 
 
 @pytest.mark.parametrize(("scene", "column", "wanted", "until_s"), QUESTIONS)
 def test_every_mechanism_has_a_signal_and_an_error_to_be_judged_by(
-    scene: Scene, column: str, wanted: float, until_s: float
+    scene: AnyScene, column: str, wanted: float, until_s: float
 ) -> None:
     """Held without a load there is no torque, and a thousandth of none is nothing that a run can keep."""
     question = asked(scene)

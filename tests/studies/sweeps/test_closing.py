@@ -7,9 +7,9 @@ from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.wrenches import inertias
 from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
-from studies.judges.ideal_motion import configuration
 from studies.predictability.sweeps.closing import AT_ONCE, closed
 from tests.engine_models.reference.mechanism_texts import FOUR_BAR_CLEARANCE, QUICK_RETURN, WALL
+from tests.studies.truth.closed_forms.crank_slider import configuration
 
 #: How far bodies are off at random before they are put together, in m and rad, and round-off of places.
 OFF, ROUND_OFF = 1e-3, 1e-14

@@ -1,0 +1,428 @@
+"""The reference's equations as a right-hand side y' = f(t, y) that an integrator from outside can call.
+
+y = (q, q', sums) holds coordinates, n velocities, and integrals since t = 0: a driver's work where there is
+one, then what every contact adds up (``contact.rates_of``), then works of loads. The text is the reference's
+own, (1)-(10) without stabilisation; or y = (u, z', sums) has the coordinates of a tree, and the rates of
+those that are independent (see ``equations.posture``). ``right`` and the watched functions are one compiled
+call each, without Numba's look at their arguments, which would take longer than the equations do.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_models.engine import AdapterCannot, FloatArray, SimulationFailed
+from engine_models.mechanics.equations.kernel import MinimalKernel, Plan
+from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations.partition import SMALL, SingularPosition, choose_partition
+from engine_models.mechanics.equations.posture import Posture
+from engine_models.mechanics.equations.rebounds import Rebounds
+from engine_models.mechanics.equations.structure import structure_of
+from engine_models.mechanics.equations.tree import Tree
+from engine_models.mechanics.start_check import checked_start
+from engine_models.scene.parts import AnyScene
+from reference_solver.compiled.kernel import Draft, Kernel, Topology, places
+from reference_solver.compiled.store import load_kernel
+from reference_solver.contact import types
+from reference_solver.contact.force import gap
+from reference_solver.equations import Equations
+from reference_solver.failures import SolverError
+from reference_solver.mechanism.contact_laws import stored_J
+from reference_solver.mechanism.points import State
+from reference_solver.solution import Solution
+from reference_solver.solver import contact_record
+from reference_solver.tape import Scalar, choose
+
+#: Part of the largest coordinate by which rounding may keep apart two pins that touch at one instant.
+ROUND_OFF = 8 * float(np.finfo(float).eps)
+#: Flights between rigid walls as low as so many times the distance's round-off are not followed: touches are
+#: located to some units of that.
+LOWEST_FLIGHT = 64.0
+#: Fields of a gap (see ``contact.types.GAP_RECORD``) whose zeros are watched.
+WATCHED = ("g", "rate", "push")
+
+
+def derivative_source(topology: Topology, plan: Plan | None) -> str:
+    """Return a module with ``evaluate``, and for contacts ``gaps`` and watched functions.
+
+    ``evaluate(p, contacts, t, y, rate, forces)`` writes y', and in ``forces`` {lambda} and the contacts'
+    forces, and tells whether it could: else y' is not finite. In minimal coordinates, of a ``plan``, there
+    are no ``forces``, and ``bodies(p, contacts, t, y, out)`` writes q and q'. The watched functions of
+    contact k, ``<one of WATCHED><k>(p, contacts, sign, level, t, y)``, return sign times what is watched less
+    a level; so do those of a plan's steps that are watched, ``step<k>``, of their determinants.
+    """
+    forces = list[Scalar]()
+    kernel = Kernel(topology) if plan is None else MinimalKernel(topology, plan)
+    draft = kernel.begin()
+    if isinstance(kernel, MinimalKernel):
+        rates, powers, ok = kernel.rates(draft)
+    else:
+        answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+        powers, ok, forces = answer.powers, answer.ok, [*answer.multipliers]
+        first, *others = answer.accelerations
+        rates = [*draft.v, choose(ok, first, math.inf), *others]
+        for k, friction in enumerate(answer.friction_N):
+            forces += [powers[f"normal{k}"], friction]
+    sums = [powers[name] for name in _integrated(draft.equations)]
+    stores = places("rate[{}]", [*rates, *sums]) + places("forces[{}]", forces)
+    kernel.entry("evaluate", ["p", "contacts", "t", "y", "rate", "forces"], draft, ok, stores, "y")
+    if topology.mechanism.contacts:
+        kernel.gaps()
+    for k in range(len(topology.mechanism.contacts)):
+        _watched(kernel, k)
+    if isinstance(kernel, MinimalKernel) and plan is not None:
+        draft = kernel.begin()
+        stores = places("out[{}]", [*draft.q, *draft.v])
+        kernel.entry("bodies", ["p", "contacts", "t", "y", "out"], draft, True, stores, "y")
+        for k in plan.partition.watched:
+            draft = kernel.begin()
+            _watch(kernel, f"step{k}", draft, kernel.determinant(draft, k))
+    return kernel.source()
+
+
+def _watched(kernel: Kernel, contact: int) -> None:
+    """Write the watched functions of a contact."""
+    for field in WATCHED:
+        draft = kernel.begin()
+        joint, (phase, memory) = draft.equations.mechanism.contacts[contact], draft.phases[contact]
+        _watch(kernel, f"{field}{contact}", draft, gap(joint, phase, memory, State(draft.q, draft.v))[field])
+
+
+def _watch(kernel: Kernel, name: str, draft: Draft, value: Scalar) -> None:
+    """Write a watched function of a value."""
+    value = draft.tape.input("sign") * value - draft.tape.input("level")
+    kernel.entry(name, ["p", "contacts", "sign", "level", "t", "y"], draft, value, [], "y")
+
+
+def _integrated(equations: Equations) -> list[str]:
+    """Return the names of the powers that are not zero at all times."""
+    driven = equations.mechanism.prescribed or any(c != 0 for c in equations.C)
+    return equations.power_names[0 if driven else 1 :]
+
+
+_source_of = cache(derivative_source)
+
+
+class Derivative:
+    """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
+
+    The contacts are in flight to begin with (see ``contact.loop``).
+    ``start`` is y at t = 0; of it ``motion`` numbers are of the motion, the last ``n`` of them velocities,
+    and ``sums`` names the integrals behind them. If ``minimal``, there are the coordinates of a tree in place
+    of q, and fewer velocities (see ``equations.posture``).
+    """
+
+    def __init__(self, scene: AnyScene, minimal: bool = False) -> None:
+        q, v = checked_start(scene)
+        mechanism = mechanism_of(scene)
+        self._topology, self._q_start = Topology(mechanism), q.ravel()
+        self.readable = Equations(mechanism, self._q_start)
+        self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self.readable.C)
+        self._forces = np.empty(self._rows + 2 * len(self._joints))
+        self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
+        self.sums = tuple(_integrated(self.readable))
+        self.contact_count = len(self._joints)
+        self._rigid = {
+            k: scene.joints_with_clearance[k] for k, joint in enumerate(self._joints) if joint.rigid
+        }
+        self._rebounds = Rebounds(mechanism, self._q_start, LOWEST_FLIGHT) if self._rigid else None
+        #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
+        clipped = [k for k, joint in enumerate(self._joints) if not joint.rigid and joint.compliance.clipped]
+        self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
+        self._refused: tuple[float, FloatArray] | None = None
+        #: Where determinants that are watched are small, by their steps' numbers.
+        self.levels = dict[int, float]()
+        self._tree: Tree | None = None
+        self._plan: Plan | None = None
+        sums = np.zeros(len(self.sums))
+        if minimal:
+            self._tree = Tree(structure_of(mechanism, self._q_start), mechanism, self._q_start)
+            u, rates = self._tree.coordinates(q.ravel(), v.ravel())
+            self.start = self._arranged(0.0, u, rates, sums)
+        else:
+            self.n, self.motion = q.size, 2 * q.size
+            self.start = np.concatenate([q, v, sums], axis=None)
+            self._load(None)
+
+    def _load(self, plan: Plan | None) -> None:
+        """Load the compiled functions, or compile them, out of any timing."""
+        self._plan = plan
+        self._kernel = load_kernel(_source_of(self._topology.marked(), plan))
+        self._parameters = self._topology.parameters(self._kernel, self._q_start)
+        self._evaluate = self._direct("evaluate", 0.0, self.start, self.start.copy(), self._forces)
+        if plan is not None:
+            row = np.empty(2 * self.readable.n + len(self.sums))
+            self._bodies = self._direct("bodies", 0.0, self.start, row)
+        #: By field and contact: functions of sign, level, t and y, sign times the field less the level.
+        fields = [*product(WATCHED, range(self.contact_count))]
+        fields += [("step", k) for k in (plan.partition.watched if plan else ())]
+        self.watched = {
+            (field, k): self._direct(f"{field}{k}", 1.0, 0.0, 0.0, self.start) for field, k in fields
+        }
+        if self._joints:
+            self.gaps(self.start)
+
+    def _arranged(self, t: float, u: Sequence[float], rates: Sequence[float], sums: FloatArray) -> FloatArray:
+        """Choose which coordinates are independent, at coordinates and rates of all; return y.
+
+        Raises:
+            SimulationFailed: the position is singular.
+        """
+        assert self._tree is not None
+        try:
+            partition = choose_partition(self._tree, u)
+        except SingularPosition as reason:
+            raise SimulationFailed(f"t = {t:.6g} s: {reason}") from None
+        plan = Plan(self._tree.structure, partition)
+        y = np.array([*(u[k] for k in plan.carried), *(rates[k] for k in plan.rated), *sums])
+        self.n, self.motion, self.start = len(plan.rated), len(plan.carried) + len(plan.rated), y
+        if plan != self._plan:
+            self._load(plan)
+        found = {k: float(self.watched["step", k](1.0, 0.0, t, y)) for k in partition.watched}
+        self.levels = {k: SMALL * value for k, value in found.items()}
+        return y
+
+    def rearranged(self, t: float, y: FloatArray) -> FloatArray:
+        """Return y where the independent coordinates have been chosen anew.
+
+        Raises:
+            SimulationFailed: the position is singular.
+        """
+        posture = self._posture(y)
+        return self._arranged(t, posture.frames.u, posture.rates, y[self.motion :])
+
+    def _posture(self, y: FloatArray) -> Posture:
+        """Return the posture at y (size,)."""
+        assert self._tree is not None
+        assert self._plan is not None
+        count = self.motion - self.n
+        return self._plan.posture(self._tree, [*y[:count]], [*y[count : self.motion]])
+
+    def _direct(self, name: str, *arguments: object) -> Callable[..., Any]:
+        """Return a function of the kernel behind p and contacts, which does not look at its arguments.
+
+        They have to be of the kinds of these, and arrays contiguous.
+        """
+        function = getattr(self._kernel, name)
+        function(self._parameters, self._contacts, *arguments)
+        compiled = [*getattr(function, "overloads", {}).values()]
+        return partial(compiled[0].entry_point if compiled else function, self._parameters, self._contacts)
+
+    def right(self, t: float, y: FloatArray) -> FloatArray:
+        """Return y' in the present phases, not finite where [B] has lost rank: that rejects a step.
+
+        It is written over a copy of y, which is contiguous, as the compiled function takes for granted.
+        """
+        rate: FloatArray = y.copy()
+        self._evaluate(t, rate, rate, self._forces)
+        return rate
+
+    def __call__(self, t: float, y: FloatArray) -> FloatArray:
+        """Return the same, and keep in mind where there is none."""
+        rate: FloatArray = y.copy()
+        if not self._evaluate(t, rate, rate, self._forces):
+            self._refused = (t, y.copy())
+        return rate
+
+    def diagnosis(self, since_s: float) -> str:
+        """Return what is wrong at the last state without y', empty if there was none since a time."""
+        if self._refused is None or self._refused[0] < since_s or not np.isfinite(self._refused[1]).all():
+            return ""
+        t, y = self._refused
+        (absolute,) = self.absolute([y])
+        q, v = np.split(absolute[: 2 * self.readable.n], 2)
+        try:
+            self.readable.accelerations(t, q, v, self.phases().reshape(-1, 2))
+        except SolverError as error:
+            return str(error)
+        return f"the constraint matrix is about to lose rank at t = {t:.6g} s"
+
+    def forces(self, t: float, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return {lambda} (m,), and every contact's normal force and friction (2K,), in its present phase."""
+        self(t, y)
+        return self._forces[: self._rows].copy(), self._forces[self._rows :].copy()
+
+    def solution(
+        self,
+        time_s: FloatArray,
+        samples: Sequence[FloatArray],
+        phases: Sequence[FloatArray],
+        impacts: Sequence[types.Impact],
+        steps: int,
+    ) -> Solution:
+        """Return a run with samples of y and phases at times as a solution, with the forces at them."""
+        y, forces = np.array(samples), []
+        for t, at, then in zip(time_s, y, phases, strict=True):
+            self.set_phases(then)
+            forces.append(self.forces(t, at))
+        multipliers, of_contacts = (np.array(column) for column in zip(*forces, strict=True))
+        return Solution(
+            mechanism=self.mechanism,
+            time_s=time_s,
+            q=y[:, : self.readable.n],
+            v=y[:, self.readable.n : 2 * self.readable.n],
+            multipliers=multipliers,
+            phases=np.reshape(phases, (len(y), -1, 2)),
+            normal_force_N=of_contacts[:, ::2],
+            friction_force_N=of_contacts[:, 1::2],
+            sums=self.named_sums(y),
+            events=np.zeros(0, types.EVENT_RECORD),
+            impacts=tuple(impacts),
+            mode_changes=(),
+            steps=steps,
+        )
+
+    def absolute(self, samples: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return samples of y with q and q' in place of minimal coordinates."""
+        if self._tree is None:
+            return [*samples]
+        count, rows = 2 * self.readable.n, list[FloatArray]()
+        for y in samples:
+            row = np.empty(count + len(self.sums))
+            row[count:] = y[self.motion :]
+            self._bodies(0.0, y, row)
+            rows.append(row)
+        return rows
+
+    def named_sums(self, y: FloatArray) -> dict[str, FloatArray]:
+        """Return the integrals in y, (..., size), by name."""
+        last = y[..., y.shape[-1] - len(self.sums) :]
+        return dict(zip(self.sums, np.moveaxis(last, -1, 0), strict=True))
+
+    def close_clipped(self, before: FloatArray, later: Sequence[FloatArray]) -> None:
+        """Set in later y what clipped contacts have lost since ``before``: the energy of their springs.
+
+        No force acts there, so that a solver's steps are long, and a quadrature over them is of no use.
+        """
+        for k in np.flatnonzero(self._contacts["phase"] == types.CLIPPED):
+            place, stored = self.motion + self.sums.index(f"clip{k}"), self._stored_J(before)[k]
+            for y in later:
+                y[place] = before[place] + stored - self._stored_J(y)[k]
+
+    def _stored_J(self, y: FloatArray) -> FloatArray:
+        """Return what every contact's spring stores, (K,)."""
+        return stored_J(self._contacts["stiffness"], self._contacts["exponent"], self.gaps(y)["depth"])
+
+    def gaps(self, y: FloatArray) -> NDArray[np.void]:
+        """Return every contact's gap (K,), records of ``GAP_RECORD``."""
+        gaps = np.zeros(len(self._joints), types.GAP_RECORD)
+        self._kernel.gaps(self._parameters, self._contacts, 0.0, types.Motion(self.n, y, gaps))
+        return gaps
+
+    def pressed(self, y: FloatArray) -> FloatArray:
+        """Return every contact's normal force in N, in its present phase, and penetration, (K, 2)."""
+        gaps, pushing = self.gaps(y), self._contacts["phase"] == types.CONTACT
+        return np.column_stack([np.where(pushing, gaps["elastic"] * gaps["push"], 0.0), gaps["depth"]])
+
+    def phases(self) -> FloatArray:
+        """Return every contact's phase and a/v0, (2K,)."""
+        return np.column_stack([self._contacts["phase"], self._contacts["memory"]]).ravel()
+
+    def set_phases(self, phases: FloatArray) -> None:
+        """Set every contact's phase and a/v0, (2K,)."""
+        self._contacts["phase"], self._contacts["memory"] = phases[::2], phases[1::2]
+
+    def flying(self, contact: int) -> bool:
+        """Return whether a contact is in flight."""
+        return bool(self._contacts["phase"][contact] == types.FLIGHT)
+
+    def alarm_of(self, contact: int, kind: int) -> tuple[str, float]:
+        """Return the watched field, and its sign past an event, 0 if there is none in the present phase.
+
+        Of kind 0 that is touch or release, of kind 1 clip or resume.
+        """
+        phase = self._contacts["phase"][contact]
+        if kind == 0:
+            return "g", 1.0 if phase == types.FLIGHT else -1.0
+        return "push", 0.0 if phase == types.FLIGHT else -1.0 if phase == types.CONTACT else 1.0
+
+    def alarm(self, contact: int, kind: int, y: FloatArray) -> float:
+        """Return a number positive past an event (see ``alarm_of``)."""
+        field, sign = self.alarm_of(contact, kind)
+        return float(self.watched[field, contact](sign, 0.0, 0.0, y))
+
+    def due(self, contact: int, kind: int, y: FloatArray) -> bool:
+        """Return whether an event has come: its alarm is on, or a pin less than round-off short of it."""
+        alarm, (_, sign) = self.alarm(contact, kind, y), self.alarm_of(contact, kind)
+        if kind != 0 or (alarm > 0 and not self.rigid(contact)):
+            return alarm > 0
+        rate = sign * self.gaps(y)["rate"][contact]
+        return bool(rate > 0 and -alarm < ROUND_OFF * np.abs(y[: self.motion - self.n]).max())
+
+    def rigid(self, contact: int) -> bool:
+        """Return whether a contact is with a rigid wall, from which its pin rebounds."""
+        return contact in self._rigid
+
+    def rebound(self, t: float, y: FloatArray) -> tuple[FloatArray, list[types.Impact]]:
+        """Return y after the impacts of the pins that touch rigid walls, and what these did.
+
+        Raises:
+            AdapterCannot: bounces have accumulated: a pin is to follow its wall, which takes rows that come
+                and go.
+            SimulationFailed: there is no way on.
+        """
+        assert self._rebounds is not None
+        (absolute,) = self.absolute([y])
+        q, v = np.split(absolute[: 2 * self.readable.n], 2)
+        try:
+            after = self._rebounds(t, q, v)
+        except SolverError as error:
+            raise SimulationFailed(str(error)) from error
+        if after.following:
+            joint = self._rigid[after.following[0]]
+            raise AdapterCannot(
+                f"bounces accumulate at t = {t:.6g} s: pin {joint} comes to rest on its wall, and this "
+                f"project's model of the engine has none that follows it (clearance.{joint}.law = 'rigid')"
+            )
+        gains = {"drivers": after.driver_work_J}
+        for impact in after.impacts:
+            for of, gain in (("normal", impact.normal_impulse_N_s), ("impact", impact.energy_lost_J)):
+                gains[f"{of}{impact.contact}"] = gains.get(f"{of}{impact.contact}", 0.0) + gain
+        rates = after.v
+        if self._tree is not None:
+            assert self._plan is not None
+            of_all = self._tree.coordinates(q, after.v)[1]
+            rates = np.array([of_all[k] for k in self._plan.rated])
+        sums = y[self.motion :] + [gains.get(name, 0.0) for name in self.sums]
+        return np.concatenate([y[: self.motion - self.n], rates, sums]), after.impacts
+
+    def switch(self, contact: int, kind: int, y: FloatArray) -> None:
+        """Change a contact's phase at an event, where a touch stores its a/v0."""
+        phase = self._contacts["phase"]
+        if kind == 1:
+            phase[contact] = types.CLIPPED if phase[contact] == types.CONTACT else types.CONTACT
+        elif self.flying(contact):
+            self._contacts["memory"][contact] = self._memory(contact, self.gaps(y)["rate"][contact])
+            phase[contact] = types.CONTACT
+        else:
+            phase[contact] = types.FLIGHT
+
+    def sense(self, y: FloatArray, memory: FloatArray) -> None:
+        """Set every phase by the signs of penetration and force at y.
+
+        ``memory`` (K,) has the contacts' a/v0; where that is NaN the present speed stands for v0.
+        """
+        gaps, contacts = self.gaps(y), self._contacts
+        for k in range(len(memory)):
+            contacts["phase"][k] = types.CONTACT if gaps["g"][k] > 0 else types.FLIGHT
+            if gaps["g"][k] > 0:
+                new = self._memory(k, abs(gaps["rate"][k]))
+                contacts["memory"][k] = new if np.isnan(memory[k]) else memory[k]
+        clipped = (
+            (contacts["phase"] == types.CONTACT) & (contacts["clipped"] > 0) & (self.gaps(y)["push"] < 0)
+        )
+        contacts["phase"][clipped] = types.CLIPPED
+
+    def remember(self, y: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the memory after a step that ended at y: a/v0 of contacts begun in it, NaN in flight."""
+        self.sense(y, memory)
+        return np.where(self._contacts["phase"] == types.FLIGHT, np.nan, self._contacts["memory"])
+
+    def _memory(self, contact: int, speed_m_s: float) -> float:
+        law = self._joints[contact].compliance
+        return law.damping_factor / max(speed_m_s, law.minimum_impact_speed_m_s)

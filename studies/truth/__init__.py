@@ -1,0 +1,1 @@
+"""The independent truth of any planar mechanism; read ``tree``, then ``equations``, then ``motion``."""

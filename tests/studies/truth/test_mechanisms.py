@@ -1,0 +1,268 @@
+"""The truth of any mechanism: published and independent ends, closed forms, and the reference as a peer."""
+
+import dataclasses
+import math
+from types import ModuleType
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from engine_models.engine import Contact, RunSettings, SimulationFailed, Trajectory
+from engine_models.mechanics.states import observed
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
+from studies.extremes.dead_centres import dead_centres
+from studies.judges.metrics import energy_balance_residual_J
+from studies.running.closure import closure
+from studies.truth import equations, motion, rigid_walls, stepping
+from studies.truth.solver import TrueSolver
+from tests.engine_models.reference.mechanism_texts import (
+    ENDS,
+    FOUR_BAR,
+    QUICK_RETURN,
+    SCOTCH_YOKE,
+    TEXTS,
+    four_bars,
+    scene,
+)
+from tests.studies.truth.closed_forms.wheels import turning_rod
+from tests.studies.truth.scenes import RIGID_WALL, RUBBING, loosened
+
+COLLOCATION, EXTRAPOLATION = TrueSolver("collocation", 1e-13), TrueSolver("extrapolation", 1e-14)
+METHODS = (COLLOCATION, EXTRAPOLATION)
+#: Twice to ten times what is measured, with round-off of the integration that the ends come from.
+ENDS_WITHIN = {
+    "crank-slider": 2e-11,
+    "offset-crank-slider": 2e-11,
+    "four-bar": 2e-12,
+    "andrews": 5e-12,
+    "scotch-yoke": 3e-13,
+    "quick-return": 1e-13,
+    "v-twin": 1e-12,
+    "four-bar-clearance": 1e-10,
+    "crank-slider-clearance": 2e-12,
+}
+
+
+def solved(of: AnyScene, solver: TrueSolver = COLLOCATION, samples: int = 40) -> Trajectory:
+    return solver.simulate(of, RunSettings(of.end_time_s, samples))
+
+
+@pytest.mark.parametrize("solver", METHODS, ids=lambda solver: solver.method)
+@pytest.mark.parametrize("name", TEXTS)
+def test_it_ends_where_another_integration_ends(name: str, solver: TrueSolver) -> None:
+    of = scene(TEXTS[name])
+    run = solved(of, solver, 1)
+    expected = np.array([ENDS[name][body] for body in of.mechanism.names])
+    off = np.abs(run.position[-1] - expected).max()
+    assert off < ENDS_WITHIN[name], f"off by {off:.1e}"
+    if name == "four-bar-clearance":
+        assert len(run.contacts["B"].impacts.time_s) == 36, "and one more that has not ended"
+
+
+def test_andrews_squeezer_has_the_published_angles() -> None:
+    """Those of the IVP test set at 0.03 s; they are right to 2.7e-10 of an angle."""
+    of = scene(TEXTS["andrews"])
+    angle = dict(zip(of.mechanism.names, solved(of, samples=1).position[-1, :, 2].tolist(), strict=True))
+    found = {
+        "beta": (angle["K1"], 15.81077119629904),
+        "Theta": (angle["K2"] - angle["K1"], -15.75637105984298),
+        "gamma": (angle["K3"], 0.04082224013073101),
+        "phi": (angle["K4"] - angle["K5"], -0.5347301163226948),
+        "delta": (angle["K5"], 0.5244099658805304),
+        "Omega": (angle["K6"] - angle["K7"], 0.5347301163226948),
+        "epsilon": (angle["K7"], 1.048080741042263),
+    }
+    for name, (mine, published) in found.items():
+        off = abs(mine / published - 1)
+        # gamma is the difference of the others: its relative error is their absolute one.
+        assert off < (3e-9 if name == "gamma" else 5e-10), f"{name} off by {off:.1e} of it"
+
+
+DOUBLE_PENDULUM = """
+name = "double-pendulum"
+end_time_s = 10.0
+gravity_m_s2 = 9.81
+observe = "B.x"
+ground.pins_m = { O = 0.0 }
+[body]
+arm = { pins_m = { O = 0.0, A = 1.0 }, centre_of_mass_m = 1.0, mass_kg = 1.0, inertia_kg_m2 = 0.1 }
+tip = { pins_m = { A = 0.0, B = 0.4 }, centre_of_mass_m = 0.4, mass_kg = 0.2, inertia_kg_m2 = 0.01 }
+[start]
+angle_rad = { arm = 0.0, tip = 0.0 }
+speed_rad_s = { arm = 0.0, tip = 0.0 }
+"""
+
+
+def test_a_double_pendulum_swings_as_scipy_integrates_it() -> None:
+    """DOP853 at 1e-12: angles of the first arm, and of the second against it, and their speeds."""
+    run = solved(scene(DOUBLE_PENDULUM), samples=1)
+    (first, second), (rate, other) = run.position[-1, :, 2], run.velocity[-1, :, 2]
+    found = first, second - first, rate, other - rate
+    np.testing.assert_allclose(found, (-0.449808, 2.722998, 2.358602, 9.483477), rtol=0, atol=2e-6)
+
+
+def test_a_row_of_four_bars_is_a_pendulum_up_to_its_singular_position() -> None:
+    """theta'' = -(G/I) cos theta, by links of one length; at theta = 0, after 0.717 s, loops are singular.
+
+    There are two ways on from there, and round-off would choose: the truth says that it does not know.
+    """
+    count, end_s = 3, 0.7
+    inertia, weight = (count + 1) / 3 + count, 9.81 * ((count + 1) / 2 + count)
+    swing = solve_ivp(
+        lambda _, y: [y[1], -weight / inertia * math.cos(y[0])],
+        (0.0, end_s),
+        [math.pi / 2, -1.0],
+        "DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+    )
+    angles = solved(scene(four_bars(count, end_s)), samples=1).position[-1, : count + 1, 2]
+    off = np.abs(angles - swing.y[0, -1]).max()
+    assert off < 1e-11, f"off by {off:.1e} rad"
+    with pytest.raises(SimulationFailed, match=r"step.*by t = 0\.7084"):
+        TrueSolver("extrapolation", 1e-14).simulate(scene(four_bars(1, 0.8)), RunSettings(1.0, 1))
+
+
+@pytest.mark.parametrize("solver", METHODS, ids=lambda solver: solver.method)
+def test_a_rod_that_turns_while_the_crank_swings_changes_coordinates(solver: TrueSolver) -> None:
+    """With a rod of 0.8 crank lengths neither angle makes the other follow all the way round."""
+    case = next(each for each in dead_centres() if each.scene.name == "L = 0.8 r, free")
+    of = case.scene
+    assert isinstance(of, Scene)
+    run = solved(of, solver)
+    assert abs(run.position[-1, 1, 2]) > 2 * math.pi
+    off = np.abs(run.position[:, 2, 0] - turning_rod(of, run.time_s)).max()
+    assert off < 1e-9, f"off by {off:.1e} m"  # by DOP853 at 1e-12
+    assert np.abs(energy_balance_residual_J(of, run)).max() < 1e-12
+
+
+ANGLES = [k * 4 * math.pi / 24 for k in range(25)]
+FORCES = [80 * math.cos(a / 2) + 30 * math.sin(a) for a in ANGLES[:-1]]
+#: A quick return with everything that acts, two-stroke gas and a load along the turning lever among it.
+LOADED = f"""{QUICK_RETURN}
+[spring.pull]
+between = ["ground.O", "lever.D"]
+stiffness_N_m = 400.0
+free_length_m = 0.1
+damping_N_s_m = 5.0
+[load.block]
+force_N = 4.0
+viscous_N_s_m = 3.0
+spring_N_m = 200.0
+free_position_m = 0.2
+torque_N_m = 0.5
+[load.ram]
+gas = {{ angle_rad = {ANGLES}, force_N = {[*FORCES, FORCES[0]]}, body = "crank", interpolation = "spline" }}
+by_time = {{ time_s = [0.0, 0.1, 0.3, 0.6], force_N = [0.0, 20.0, -10.0, 5.0] }}
+[load.lever]
+viscous_N_m_s = 0.4
+by_time = {{ time_s = [0.0, 0.2, 0.6], torque_N_m = [0.0, 3.0, -2.0], interpolation = "linear" }}
+"""
+DRIVES = {
+    "free": "",
+    "fluctuating": 'kind = "fluctuating"\namplitude_rad_s = 3.0\nfrequency_Hz = 4.0\nphase_rad = 0.4\n',
+    "table": (
+        'kind = "table"\ntime_s = [0.0, 0.1, 0.2, 0.35, 0.6]\nangle_rad = [0.0, 1.2, 2.6, 4.0, 8.0]\n'
+        "end_slopes = [12.0, 9.0]\n"
+    ),
+    "motor": (
+        'kind = "motor"\nspeed_rad_s = [0.0, 5.0, 10.0, 20.0]\ntorque_N_m = [30.0, 20.0, 5.0, -10.0]\n'
+        'interpolation = "linear"\n'
+    ),
+    "torque": 'kind = "torque"\ntime_s = [0.0, 0.1, 0.3, 0.6]\ntorque_N_m = [5.0, 10.0, -5.0, 0.0]\n',
+    "guide": 'kind = "ramp"\nguide = "bed"\nfinal_speed_m_s = 0.2\nramp_time_s = 0.1\n',
+}
+CRANK_STARTS = 'hold = ["crank"]\nspeed_rad_s = { crank = 12.0 }'
+
+
+def driven(drive: str, gas: str = "spline") -> AnyScene:
+    text = LOADED.replace('interpolation = "spline"', f'interpolation = "{gas}"')
+    if drive == "guide":
+        text = text.replace(CRANK_STARTS, "speed_m_s = { bed = 0.8 }")
+    body = "" if drive == "guide" else 'body = "crank"\n'
+    return scene(text + (f"[drive]\n{body}{DRIVES[drive]}" if DRIVES[drive] else ""))
+
+
+def numbers(run: Trajectory) -> dict[str, NDArray[np.float64]]:
+    """Return all that a run tells, by name."""
+    found: dict[str, NDArray[np.float64] | None] = {"position": run.position, "velocity": run.velocity}
+    found |= {"effort": run.driver_torque_N_m, "work": run.driver_work_J}
+    maps = {"joint": run.joint_force_N, "guide": run.guide_force_N, "moment": run.guide_moment_N_m}
+    for kind, by_name in (maps | {"load": run.load_work_J}).items():
+        found |= {f"{kind} {name}": value for name, value in by_name.items()}
+    for joint, contact in run.contacts.items():
+        fields = [field.name for field in dataclasses.fields(Contact) if field.name != "impacts"]
+        found |= {f"{joint} {name}": getattr(contact, name) for name in fields}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def assert_alike(mine: Trajectory, other: Trajectory, part: float) -> None:
+    """Assert that runs tell the same, and within a part of each signal's largest value."""
+    own, theirs = numbers(mine), numbers(other)
+    assert own.keys() == theirs.keys()
+    for name, value in theirs.items():
+        off = np.abs(own[name] - value).max() / (np.abs(value).max() or 1.0)
+        assert off <= part, f"{name} off by {off:.1e} of it"
+
+
+def reference(of: AnyScene) -> Trajectory:
+    return ReferenceEngine(method="dop853", step_tolerance=1e-13).simulate(of, RunSettings(1e-3, 40))
+
+
+@pytest.mark.parametrize("gas", ["spline", "linear"])
+@pytest.mark.parametrize("drive", DRIVES)
+def test_drives_loads_and_reactions_are_the_reference_s(drive: str, gas: str) -> None:
+    of = driven(drive, gas)
+    run, again = solved(of), solved(of, EXTRAPOLATION)
+    assert_alike(again, run, 1e-11)
+    assert_alike(run, reference(of), 1e-10)
+    residual = np.abs(energy_balance_residual_J(of, run)).max()
+    assert residual < 1e-11 * np.abs(run.velocity).max() ** 2, f"{residual:.1e} J of the balance missing"
+
+
+LOOSE = {
+    "bearing on the other body": (FOUR_BAR, "A", 0.05, 'bearing = "coupler"\n' + RUBBING),
+    "a loop of loose pins alone": (FOUR_BAR, "OABC", 0.02, RUBBING),
+    "among guides and loads": (LOADED, "AD", 0.03, RUBBING),
+}
+
+
+@pytest.mark.parametrize("name", LOOSE)
+def test_joints_with_clearance_are_the_reference_s(name: str) -> None:
+    """Stiff contacts make 1e-8 of a force of what the motion is off by."""
+    of = loosened(*LOOSE[name])
+    run, again = solved(of), solved(of, EXTRAPOLATION)
+    assert sum(len(contact.impacts.time_s) for contact in run.contacts.values()) > 10
+    assert_alike(again, run, 1e-6)
+    assert_alike(run, reference(of), 3e-6)
+    assert np.abs(run.position - again.position).max() < 1e-11
+
+
+def test_rigid_walls_of_a_four_bar_are_the_reference_s() -> None:
+    of = loosened(FOUR_BAR, "B", 0.06, "", RIGID_WALL)
+    run = solved(of)
+    assert len(run.contacts["B"].impacts.time_s) > 5
+    assert_alike(solved(of, EXTRAPOLATION), run, 1e-10)
+    assert_alike(run, reference(of), 1e-9)
+
+
+def test_a_turned_slot_observes_what_its_crank_does() -> None:
+    """A Scotch yoke's way is r cos(theta), whatever acts."""
+    of = scene(SCOTCH_YOKE + "[load.yoke]\nspring_N_m = 500.0\nfree_position_m = 0.0\nviscous_N_s_m = 2.0\n")
+    run = solved(of)
+    value, _ = observed(of, run)
+    np.testing.assert_allclose(value, 0.05 * np.cos(run.position[:, 0, 2]), rtol=0, atol=1e-16)
+
+
+@pytest.mark.parametrize("module", [equations, stepping, motion, rigid_walls], ids=lambda m: m.__name__)
+def test_machine_code_is_kept_by_the_text_of_all_that_is_compiled_with_it(module: ModuleType) -> None:
+    own = {name for name in closure(module.__name__).files if name.startswith("studies.truth.")}
+    by_text = {module.__name__, *(part.__name__ for part in module.COMPILED_WITH)}
+    python = {"studies.truth.mechanism", "studies.truth.rigid_walls"}
+    if module is rigid_walls:  # of its pieces of friction Python runs the text
+        python |= {"studies.truth.switches", "studies.truth.stepping"}
+    assert own - by_text <= python, "which is Python"
