@@ -110,7 +110,7 @@ def test_an_engine_is_held_to_the_accuracy_that_it_states(
 @pytest.mark.parametrize(
     ("off_m", "order", "broken"),
     [
-        (0.099, 2, "The slider is where"),
+        (0.099, 2, "What the scene observes is where"),
         (0.0, 3, "2.00, and 3 is stated"),
         (0.0, None, "m, 3 times sharper"),
     ],
@@ -191,7 +191,7 @@ def test_pytest_holds_it_to_the_claims_in_the_users_own_project(written: Path) -
     done = subprocess.run([*command, "-k", "ideal-free"], cwd=written, capture_output=True, text=True)
     failed = {line for line in done.stdout.splitlines() if line.startswith("FAILED")}
     assert done.returncode == 1, done.stdout + done.stderr
-    assert any("The slider is where" in line for line in failed), done.stdout
+    assert any("What the scene observes is where" in line for line in failed), done.stdout
     assert not any("ledger" in line for line in failed)
 
 
@@ -199,7 +199,7 @@ def test_pytest_holds_it_to_the_claims_in_the_users_own_project(written: Path) -
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("my_module:Nothing", "expected the methods check, twin, sharper, simulate, got no check"),
+        ("my_module:Nothing", "expected the methods check, simulate, got no check"),
         ("my_module:Nobody", "expected a class that can be imported, got"),
         ("no_module:MyEngine", "got 'No module named 'no_module''"),
         ("my_module:", "expected reference, exudyn, pymunk"),
