@@ -1,9 +1,10 @@
-"""The first screen: for every need the recommended setting, its cost, and where it fails."""
+"""The first screen: for every need the setting to use, and how engines stand beside the paper's method."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from shlex import quote
+from typing import Any
 
 import pandas as pd
 
@@ -16,12 +17,10 @@ from reports.analysis.equal_error import (
     candidates,
     ratio,
     settings_by_scene,
-    with_other_start,
 )
-from reports.analysis.verdicts import answers, wrong_results
 from reports.chapters.cost import IDEAL, LOOSE, RIGID, cost_panel, prepared
 from reports.chapters.cost import STUDY as COST
-from reports.chapters.energy import KEPT, EnergyPart, at_middle, energy_parts
+from reports.chapters.energy import KEPT, UNACCOUNTED, EnergyPart, at_middle, energy_parts
 from reports.chapters.energy import prepared as prepared_energy
 from reports.chapters.predictability import horizon_turns
 from reports.parts import Figure, Finding, Number, Studies, Table
@@ -29,16 +28,33 @@ from reports.plots.panels import draw
 from reports.quantities import FORCE, PEAK
 from reports.results import Results
 from reports.run.command import command
-from reports.tables import ABSENT, span
+from reports.style import legend_place
+from reports.tables import ABSENT, setting, span
 
 TITLE = "Recommended solver and setting"
 READING = (
     "The fastest setting that reaches the error on all scenes of its kind, or on most; (2x): twice the run "
-    "time of the one to use. Times are without start-up and compiling. Extreme cases: chapter 6. " + ALONE
+    "time of the one to use. Times are without start-up and compiling. " + ALONE
+)
+COMPARED = "The engines beside the paper's method"
+BESIDE = (
+    "The setting with the smallest error among those that take at most ten times as long as the paper's RK4 "
+    "takes to be within 1 µm, or else the fastest; least and largest over the scenes. Peak force: largest "
+    "error of an impact's peak, in percent of that peak. Run time: that of the paper's RK4 within 1 µm is 1. "
+    + ALONE
+)
+BESIDE_HEAD = (
+    "configuration",
+    "setting",
+    "slider position error [µm]",
+    "peak force error [%]",
+    "energy-balance error [% of the energy in play]",
+    "run time",
+    "run time within 1 µm",
 )
 #: The findings that are limits of all that is said.
 LIMITS = ("horizon", "model", "timing")
-HEAD = ("you need", "use", "command", "time for 1 s of motion", "next best", "fails at")
+HEAD = ("you need", "use", "command", "time for 1 s of motion", "next best")
 #: What a user needs: in words, the class of scenes, the column of errors, and the largest error.
 NEEDS = (
     ("motion within 1 µm", IDEAL, SLIDER, 1e-6),
@@ -47,10 +63,10 @@ NEEDS = (
     ("forces within 1 N at all times", LOOSE, FORCE, 1.0),
     ("motion within 1 µm", RIGID, SLIDER, 1e-6),
 )
-#: How many runs a user makes who makes many, and by how much the start of each is moved, in rad.
-RUNS, JITTER_RAD = 10_000, 1e-3
-#: The group of cases that are not extreme, for comparison.
-EVERYDAY = "everyday"
+#: The paper's RK4 by the class of scenes: its run time within the error is the one that others are told in.
+PAPERS = {IDEAL: "reference (projection)", LOOSE: "reference (located)"}
+#: How many times as long as that a setting may take to be compared, and the error that the time is for.
+BUDGET, TARGET_M = 10.0, 1e-6
 #: How many scenes the figure has.
 SCENES = 2
 
@@ -65,11 +81,9 @@ class Advice:
     @classmethod
     def of(cls, name: str, cells: Sequence[str], **numbers: Number) -> "Advice":
         """Return the advice of these cells; ``numbers`` are those of its sentence."""
-        need, use, _, time, next_best, fails = cells
-        took = time if "all runs" in time else f"{time} for 1 s of motion"
-        text = f"For {need}: {use}; {took}; next best: {next_best}; fails at: {fails}."
-        finding = Finding(name, "{text}", text=text, **numbers)
-        return cls(tuple(cells), finding)
+        need, use, _, time, next_best = cells
+        text = f"For {need}: {use}; {time} for 1 s of motion; next best: {next_best}."
+        return cls(tuple(cells), Finding(name, "{text}", text=text, **numbers))
 
 
 def advice(studies: Studies) -> list[Advice]:
@@ -80,21 +94,17 @@ def advice(studies: Studies) -> list[Advice]:
         for what, joints, column, target in NEEDS:
             of_class = rows[rows["joints"] == joints]
             if ran := settings_by_scene(of_class, column):
-                found.append(_need(f"{what}, {joints}", of_class, ran, column, target, studies))
+                found.append(_need(f"{what}, {joints}", of_class, ran, column, target))
     if "energy" in studies:
         found += _energy(studies)
-    if COST in studies:
-        found += _many_runs(rows[rows["joints"] == LOOSE], studies)
     return found
 
 
-def _need(
-    need: str, rows: pd.DataFrame, ran: ByScene, column: str, target: float, studies: Studies
-) -> Advice:
+def _need(need: str, rows: pd.DataFrame, ran: ByScene, column: str, target: float) -> Advice:
     """Return the advice for an error on a class of scenes."""
     found, name = candidates(ran, target), f"{column}-{need.rpartition(', ')[2].replace(' ', '-')}"
     if not found:
-        return Advice.of(name, (need, "no setting that was run", *[ABSENT] * 4))
+        return Advice.of(name, (need, "no setting that was run", *[ABSENT] * 3))
     best, *others = found
     level = [other for other in others if _is_level(other, best)]
     others = [other for other in others if other not in level]
@@ -106,7 +116,6 @@ def _need(
         f"{span(ms)} ms{best.runs[0].mark(column)}",
         "; ".join([*_next_best(others[:1], best, column, ran), *_faster(others[1:], best, column, ran)])
         or "no other engine",
-        _fails(studies, best.runs[0].engine, best.label, rows),
     )
     behind = max(_behind(others[0], best), key=lambda of: of.median, default=None) if others else None
     slower = {"slower": Number(behind.median, "times", behind.low, behind.high)} if behind else {}
@@ -156,28 +165,6 @@ def _typed(rows: pd.DataFrame, best: Candidate) -> str:
     return command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}")
 
 
-def _fails(studies: Studies, engine: str, label: str, rows: pd.DataFrame) -> str:
-    """Return where an engine fails: wrong results in extreme cases, and scenes of these rows it cannot run.
-
-    Of a configuration that was not run in extreme cases they are those of the engine's first one there.
-    """
-    said = []
-    if "extremes" in studies:
-        extreme = studies["extremes"].rows
-        own = extreme[(extreme["engine"] == engine) & (extreme["group"] != EVERYDAY)].sort_values("label")
-        counts = wrong_results(answers(own)).sort_index()
-        if len(counts) and counts["cases"].sum():
-            of = counts.loc[label] if label in counts.index else counts.iloc[0]
-            said.append(f"wrong in {of['wrong']} of {of['cases']} extreme cases")
-        else:
-            said.append("not tried in extreme cases")
-    status = rows[rows["engine"] == engine].groupby("scene")["status"]
-    never = status.agg(lambda of: set(of) == {"unsupported"})
-    if never.any():
-        said.append(f"cannot run {never.sum()} of {len(never)} scenes")
-    return "; ".join(said) or ABSENT
-
-
 def _energy(studies: Studies) -> Iterator[Advice]:
     """Yield the advice for energy over long runs: of configurations that keep it the fastest one."""
     ran = at_middle(prepared_energy(studies["energy"].rows))
@@ -206,7 +193,6 @@ def _energy(studies: Studies) -> Iterator[Advice]:
         command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}"),
         f"{span(ms)} ms" if ms else "not timed",
         _kept_by(others[0]) if others else "no other engine",
-        _fails(studies, best.engine, best.label, studies["energy"].rows),
     )
     yield Advice.of("energy", cells, part=Number(100 * best.part, "%"))
 
@@ -227,30 +213,86 @@ def _seconds_of(by_scene: ByScene, like: pd.Series) -> dict[str, float]:
     return times
 
 
-def _many_runs(rows: pd.DataFrame, studies: Studies) -> Iterator[Advice]:
-    """Yield the advice for many runs from different starts, by the time of one after the other."""
-    ran = settings_by_scene(with_other_start(rows), SLIDER)
-    found = candidates(ran, 1e-6)
-    if not found:
-        return
-    best, *others = found
-    scene, run = best.scenes[0], best.runs[0]
-    row = rows.loc[run.row]
-    settings = command(row, quote(scene)).partition(" --engine ")[2]
-    all_s = [RUNS * each.time_s for each in best.runs]
-    cells = (
-        f"{RUNS:,} runs, motion within 1 µm, {LOOSE}",
-        _named(best, len(ran)),
-        f"crankslider sweep {quote(scene)} --members {RUNS} --jitter {JITTER_RAD:g} --engine {settings}",
-        f"{span(all_s)} s for all runs, one core",
-        next(_next_best(others[:1], best, SLIDER, ran), "no other engine"),
-        _fails(studies, run.engine, best.label, rows),
+#: An engine's settings beside the paper's method, one a scene, by the names of what is told of them.
+Picks = list[dict[str, Any]]
+
+
+def beside(studies: Studies) -> dict[str, list[Picks]]:
+    """Return by class of scenes the paper's method and every engine beside it.
+
+    Of an engine it is the setting with the smallest error among those that take at most ``BUDGET`` times as
+    long as the paper's method takes to be within ``TARGET_M``; if all take longer, the fastest.
+    """
+    rows, found = prepared(studies), {}
+    for joints, papers in PAPERS.items():
+        picks: dict[str, Picks] = {papers: []}
+        for ran, _ in settings_by_scene(rows[rows["joints"] == joints], SLIDER).values():
+            base = ran[(ran["label"] == papers) & (ran["kept"] <= TARGET_M)].sort_values("time_s").head(1)
+            for time_s in base["time_s"]:
+                picks[papers].append(_pick(base, time_s, rows))
+                for engine, own in ran[ran["label"] != papers].groupby("engine"):
+                    picks.setdefault(str(engine), []).append(_pick(own, time_s, rows))
+        if picks[papers]:
+            found[joints] = [
+                picks.pop(papers),
+                *(picks[name] for name in sorted(picks, key=lambda name: legend_place(name, ""))),
+            ]
+    return found
+
+
+def compared(studies: Studies) -> Iterator[Table]:
+    """Yield for each class of scenes the table of engines beside the paper's method."""
+    for joints, lines in beside(studies).items():
+        name, cells = f"compared-{joints.replace(' ', '-')}", tuple(map(_cells, lines))
+        yield Table(name, f"{COMPARED}, {joints}", BESIDE, COST, BESIDE_HEAD, cells).on_page()
+
+
+def sentences(studies: Studies) -> Iterator[Finding]:
+    """Yield the same in a sentence for each engine."""
+    for joints, (_, *others) in beside(studies).items():
+        for picks in others:
+            label, settings, position, peak, energy, times, reached = _cells(picks)
+            peaks = "" if peak == ABSENT else f"impacts' peak forces off by {peak} %, "
+            text = (
+                f"Beside {PAPERS[joints]}, {joints}: {label}, {settings}: slider off by {position} µm, "
+                f"{peaks}energy by {energy} % of that in play, run time {times}x; within 1 µm: {reached}."
+            )
+            names = ("position", "energy", "times")
+            largest = {name: Number(max(pick[name] for pick in picks)) for name in names}
+            yield Finding(f"beside-{label}-{joints}".replace(" ", "-"), "{text}", text=text, **largest)
+
+
+def _pick(ran: pd.DataFrame, papers_s: float, rows: pd.DataFrame) -> dict[str, Any]:
+    """Return an engine's setting on a scene, with its errors, its run time as a multiple of the paper's."""
+    within = ran[ran["time_s"] <= BUDGET * papers_s]
+    best = (within.sort_values("kept") if len(within) else ran.sort_values("time_s")).iloc[0]
+    reached = ran[ran["kept"] <= TARGET_M]["time_s"].min()
+    row = rows.loc[best.name]
+    return {
+        "label": best["label"],
+        "setting": setting(best["knob"], best["value"]),
+        "position": 1e6 * best["error"],
+        "peak": row[PEAK],
+        "energy": 100 * row[UNACCOUNTED],
+        "times": best["time_s"] / papers_s,
+        "reached": reached / papers_s,
+    }
+
+
+def _cells(picks: Picks) -> tuple[str, ...]:
+    """Return the cells of an engine by ``BESIDE_HEAD``: the least and the largest over scenes."""
+    reached = [pick["reached"] for pick in picks]
+    on = "" if not any(map(math.isnan, reached)) else " (not on all scenes)"
+    return (
+        " or ".join(dict.fromkeys(pick["label"] for pick in picks)),
+        "; ".join(dict.fromkeys(pick["setting"] for pick in picks)),
+        *(span(pick[name] for pick in picks) for name in ("position", "peak", "energy", "times")),
+        "not reached" if all(map(math.isnan, reached)) else span(reached) + on,
     )
-    yield Advice.of("many-runs", cells, time=Number(max(all_s), "s"))
 
 
 def table(found: Sequence[Advice]) -> Table | None:
-    """Return the table of the first screen."""
+    """Return the table of what is recommended."""
     if not found:
         return None
     return Table("answer", TITLE, READING, COST, HEAD, tuple(each.cells for each in found)).on_page()
