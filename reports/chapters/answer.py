@@ -16,7 +16,6 @@ from reports.analysis.equal_error import (
     candidates,
     ratio,
     settings_by_scene,
-    with_other_start,
 )
 from reports.analysis.verdicts import answers, wrong_results
 from reports.chapters.cost import IDEAL, LOOSE, RIGID, cost_panel, prepared
@@ -47,8 +46,6 @@ NEEDS = (
     ("forces within 1 N at all times", LOOSE, FORCE, 1.0),
     ("motion within 1 µm", RIGID, SLIDER, 1e-6),
 )
-#: How many runs a user makes who makes many, and by how much the start of each is moved, in rad.
-RUNS, JITTER_RAD = 10_000, 1e-3
 #: The group of cases that are not extreme, for comparison.
 EVERYDAY = "everyday"
 #: How many scenes the figure has.
@@ -66,8 +63,7 @@ class Advice:
     def of(cls, name: str, cells: Sequence[str], **numbers: Number) -> "Advice":
         """Return the advice of these cells; ``numbers`` are those of its sentence."""
         need, use, _, time, next_best, fails = cells
-        took = time if "all runs" in time else f"{time} for 1 s of motion"
-        text = f"For {need}: {use}; {took}; next best: {next_best}; fails at: {fails}."
+        text = f"For {need}: {use}; {time} for 1 s of motion; next best: {next_best}; fails at: {fails}."
         finding = Finding(name, "{text}", text=text, **numbers)
         return cls(tuple(cells), finding)
 
@@ -83,8 +79,6 @@ def advice(studies: Studies) -> list[Advice]:
                 found.append(_need(f"{what}, {joints}", of_class, ran, column, target, studies))
     if "energy" in studies:
         found += _energy(studies)
-    if COST in studies:
-        found += _many_runs(rows[rows["joints"] == LOOSE], studies)
     return found
 
 
@@ -225,28 +219,6 @@ def _seconds_of(by_scene: ByScene, like: pd.Series) -> dict[str, float]:
         if len(own):
             times[scene] = float((own["time_s"] / own["end_time_s"]).iloc[0])
     return times
-
-
-def _many_runs(rows: pd.DataFrame, studies: Studies) -> Iterator[Advice]:
-    """Yield the advice for many runs from different starts, by the time of one after the other."""
-    ran = settings_by_scene(with_other_start(rows), SLIDER)
-    found = candidates(ran, 1e-6)
-    if not found:
-        return
-    best, *others = found
-    scene, run = best.scenes[0], best.runs[0]
-    row = rows.loc[run.row]
-    settings = command(row, quote(scene)).partition(" --engine ")[2]
-    all_s = [RUNS * each.time_s for each in best.runs]
-    cells = (
-        f"{RUNS:,} runs, motion within 1 µm, {LOOSE}",
-        _named(best, len(ran)),
-        f"crankslider sweep {quote(scene)} --members {RUNS} --jitter {JITTER_RAD:g} --engine {settings}",
-        f"{span(all_s)} s for all runs, one core",
-        next(_next_best(others[:1], best, SLIDER, ran), "no other engine"),
-        _fails(studies, run.engine, best.label, rows),
-    )
-    yield Advice.of("many-runs", cells, time=Number(max(all_s), "s"))
 
 
 def table(found: Sequence[Advice]) -> Table | None:

@@ -8,12 +8,12 @@ import pytest
 
 from engine_models.engine import Impacts, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.assembly import start_state, started_from
-from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.mechanics.joints import SLIDER
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import CLEARANCE_SCENES, SCENES, clearance_pendulum
 from engine_models.scene.scene import BodyState, Clearance, Clearances, Friction, Scene
 from engine_models.scipy_ivp.calls import Calls, Choice
+from engine_models.scipy_ivp.derivative import Derivative
 from engine_models.scipy_ivp.engine import ScipyEngine
 from engine_models.scipy_ivp.run import LocatedRun
 from studies.judges.metrics import energy_balance_residual_J, errors, kinetic_energy_J

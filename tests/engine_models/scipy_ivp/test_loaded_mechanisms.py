@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from engine_models.heyoka.engine import HeyokaEngine
 
 from engine_models.engine import Engine, RunSettings, Trajectory
-from engine_models.heyoka.engine import HeyokaEngine
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scipy_ivp.engine import ScipyEngine

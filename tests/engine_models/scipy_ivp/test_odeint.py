@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.scene.library import SCENES
+from engine_models.scipy_ivp.derivative import Derivative
 from engine_models.scipy_ivp.engine import ScipyEngine
 from studies.judges.converged_truth import converged
 
