@@ -41,7 +41,8 @@ LOWEST_FLIGHT = 64.0
 WATCHED = ("g", "rate", "push")
 
 
-def derivative_source(topology: Topology) -> str:
+@cache
+def _source_of(topology: Topology) -> str:
     """Return a module with ``evaluate``, and for contacts ``gaps`` and watched functions.
 
     ``evaluate(p, contacts, t, y, rate, forces)`` writes y', and in ``forces`` {lambda} and the contacts'
@@ -81,9 +82,6 @@ def _integrated(equations: Equations) -> list[str]:
     """Return the names of the powers that are not zero at all times."""
     driven = equations.mechanism.prescribed or any(c != 0 for c in equations.C)
     return equations.power_names[0 if driven else 1 :]
-
-
-_source_of = cache(derivative_source)
 
 
 class Derivative:
