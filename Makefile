@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study published-page test system accuracy coverage planted mutants docs rivals soak lint types benchmark publish lock clean
+.PHONY: study published-page test system accuracy coverage planted mutants docs soak lint types benchmark publish lock clean
 
 study: .venv/.study
 	$(BIN)/crankslider run
@@ -20,8 +20,8 @@ test: .venv/.ready
 system: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m system
 
-# Every number that has a baseline, of all engines, heyoka's among them, and what they owe on every scene.
-accuracy: .venv/.rivals
+# Every number that has a baseline, of all engines, and what they owe on every scene.
+accuracy: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m accuracy
 
 # Which lines of the four packages no test runs; what may stay so is named in pyproject.toml with the reason.
@@ -33,15 +33,12 @@ docs: .venv/.ready
 	$(BIN)/python -m sphinx -E -W --keep-going -q docs docs/_build
 
 # Plants every bug of a catalogue in a copy and sees which test catches it, half an hour; SAMPLE=12 draws some.
-planted: .venv/.rivals
+planted: .venv/.ready
 	$(BIN)/python -m tests.planted_bugs $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
 
 # Alters what judges, counts and says, operator by operator, and lists what no test notices.
 mutants: .venv/.ready
 	$(BIN)/python -m tests.planted_bugs.mutations $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
-
-# heyoka from PyPI, which studies and tests do without: 100 MB, Linux and Python 3.11+. conda-forge has more.
-rivals: .venv/.rivals
 
 # Kills, full disks, fuzzed calls, damaged results and singular positions, an hour; it prints its seed and its figures. Linux.
 soak: .venv/.ready
@@ -54,14 +51,15 @@ lint: .venv/.ready
 types: .venv/.ready
 	$(BIN)/mypy
 
-# Time per step of the compiled kernels beside hand-written C, and of the ladders beside scripts, as ratios.
+# Time per step of the compiled kernels beside hand-written C, and of the ladders beside scripts, as ratios. heyoka's,
+# the limit of speed, run where it is installed (pip install heyoka).
 benchmark: .venv/.ready
 	$(BIN)/python -m tests.benchmarks.kernel
 	$(BIN)/python -m tests.benchmarks.rivals.race
 
 # Renew the quick set in reports/published from the committed code, and what is said of both sets' rows; a test
 # recomputes it. FULL=results-of-the-full-set takes over that set's rows, too.
-publish: .venv/.rivals
+publish: .venv/.ready
 	git diff --quiet HEAD -- reference_solver engine_models studies reports ':!reports/published' || \
 	    { echo "error: commit the code first, so that the published results can name it"; exit 2; }
 	rm -rf results && $(BIN)/crankslider run
@@ -83,18 +81,12 @@ publish: .venv/.rivals
 	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r requirements.lock
 	touch $@
 
-.venv/.rivals: rivals.lock .venv/.ready
-	$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r rivals.lock
-	touch $@
-
 # Renew the pinned, hashed versions from pyproject.toml. study.lock has what studies need of them, and what
-# installs the project; rivals.lock has what rivals need beside the others.
+# installs the project.
 LOCK := $(BIN)/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-header --quiet
 lock: .venv/.ready
 	$(LOCK) pyproject.toml --extra dev --upgrade -o requirements.lock
 	echo setuptools | $(LOCK) pyproject.toml - --constraint requirements.lock -o study.lock
-	grep -o 'heyoka==[^"]*' pyproject.toml | $(LOCK) - --constraint requirements.lock \
-	    --no-emit-package numpy --no-emit-package cloudpickle -o rivals.lock
 
 clean:
 	rm -rf .venv results report published-page published-page-full docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

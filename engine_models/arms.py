@@ -83,22 +83,12 @@ LSODA = Arm("scipy", "LSODA", {"method": "LSODA"}, ("rtol", "atol"))
 ODEINT = Arm("scipy", "odeint", {"method": "odeint"}, ("rtol", "atol"))
 ODE = Arm("scipy", "ode", {"method": "dop853"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
-#: The same on minimal coordinates, and heyoka, which has no others.
-SCIPY_DOP853_MINIMAL = Arm(
-    "scipy", "DOP853 minimal", {"method": "DOP853", "coordinates": "minimal"}, ("rtol", "atol")
-)
-LSODA_MINIMAL = Arm("scipy", "LSODA minimal", {"method": "LSODA", "coordinates": "minimal"}, ("rtol", "atol"))
-ODEINT_MINIMAL = Arm(
-    "scipy", "odeint minimal", {"method": "odeint", "coordinates": "minimal"}, ("rtol", "atol")
-)
-ODE_MINIMAL = Arm("scipy", "ode minimal", {"method": "dop853", "coordinates": "minimal"}, ("rtol", "atol"))
-HEYOKA = Arm("heyoka", "Taylor", {}, ("step_tolerance",))
 #: Engines, and arms, whose solve gives the motion alone: forces are computed after the run, at the samples
 #: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
-MOTION_ALONE = ("scipy", "heyoka", DOPRI5, WIDE_GAP, ODE23, RK44)
+MOTION_ALONE = ("scipy", DOPRI5, WIDE_GAP, ODE23, RK44)
 
 #: Engines that the catalogue knows. Any other takes part in all studies as it comes.
-NAMED = ("reference", "exudyn", "pymunk", "scipy", "heyoka")
+NAMED = ("reference", "exudyn", "pymunk", "scipy")
 
 
 def gives_motion_alone(arm: Arm) -> bool:

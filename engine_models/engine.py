@@ -1,7 +1,6 @@
 """What every engine takes and gives: run settings, trajectory, the base class and its refusals."""
 
 import math
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -108,7 +107,7 @@ def plain(scene: AnyScene, engine: str) -> Scene:
         return scene
     raise UnsupportedScene(
         f"{engine} runs crank-sliders on a guide along +x through O and pendulums so far; the reference, "
-        f"scipy, exudyn, heyoka and pymunk run other mechanisms (this is one by {scene.general_by})"
+        f"scipy, exudyn and pymunk run other mechanisms (this is one by {scene.general_by})"
     )
 
 
@@ -357,16 +356,6 @@ class Engine(ABC):
         """
         run = self.simulate(scene, settings)
         return BareRun(run.solve_time_s, run.position[-1])
-
-    def set_up_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
-        """Return what a run takes besides its solve, in s: its model is built, and what it needs compiled.
-
-        Raises:
-            UnsupportedScene, SimulationFailed: as ``simulate`` does.
-        """
-        started = time.perf_counter()
-        solve_time_s = self.bare_run(scene, settings).solve_time_s
-        return time.perf_counter() - started - solve_time_s
 
     def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:  # noqa: ARG002
         """Return what compiling for a run takes where there is nothing compiled yet, in s."""

@@ -25,7 +25,6 @@ _CLASSES = {
     "exudyn": ("engine_models.exudyn.engine", "ExudynEngine"),
     "pymunk": ("engine_models.pymunk.engine", "PymunkEngine"),
     "scipy": ("engine_models.scipy_ivp.engine", "ScipyEngine"),
-    "heyoka": ("engine_models.heyoka.engine", "HeyokaEngine"),
 }
 _CLASSES |= {
     point.name: (point.module, point.attr)

@@ -25,7 +25,7 @@ def finished(rows: pd.DataFrame) -> pd.DataFrame:
 
 def recorded(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of runs whose errors are measured, without those that measure times."""
-    of_times = ("round", "compiled_anew", "other_start")
+    of_times = ("round", "compiled_anew")
     return rows[with_columns(rows, *of_times)[[*of_times]].isna().all(axis=1)]
 
 

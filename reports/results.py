@@ -40,10 +40,6 @@ HEAD: dict[str, type | tuple[type, ...]] = {
 PUBLISHED_ROWS, PUBLISHED_TIMES, NUMBER = "rows.jsonl.xz", "times.csv", "row"
 #: The column of a hash of a row's curves, where it has any.
 CURVES = "curves_checksum"
-#: The status of a run whose engine is not there, as its reason says: "heyoka is not installed: pip ...".
-NOT_INSTALLED = "not installed"
-#: The status of runs that were never begun.
-NEVER_BEGUN = ("unsupported", NOT_INSTALLED)
 #: How a case ended of which nothing is known.
 NO_RESULT = ("killed from outside", "not begun")
 
@@ -197,11 +193,10 @@ def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 
     They go by scene, by label in the order of legends, which is also that of the categories of ``label``, and
     from long steps to short ones. Numbers are float64, NaN where a row has none or one that is not finite;
-    settings, text and flags are objects as they were written. Runs of an engine that is not there have the
-    status ``NOT_INSTALLED``. Without a mean step of its own a run has its step in ``mean_step_s``.
+    settings, text and flags are objects as they were written. Without a mean step of its own a run has its
+    step in ``mean_step_s``.
     """
-    rows = [{**row, "status": NOT_INSTALLED} if _absent(row) else row for row in sorted(rows, key=_place)]
-    table = pd.DataFrame(rows, dtype=object)
+    table = pd.DataFrame(sorted(rows, key=_place), dtype=object)
     measured = {
         name: pd.to_numeric(table[name], errors="coerce").astype(float).replace([np.inf, -np.inf], np.nan)
         for name in table
@@ -220,10 +215,6 @@ def with_columns(rows: pd.DataFrame, *names: str) -> pd.DataFrame:
 def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
     place = row["scene"], legend_place(row["engine"], row["arm"]), -row["step_s"]
     return *place, json.dumps(head_of(row), sort_keys=True)
-
-
-def _absent(row: Mapping[str, Any]) -> bool:
-    return f"{row['engine']} is {NOT_INSTALLED}" in row.get("reason", "")
 
 
 def _may_be_number(value: object) -> bool:

@@ -9,7 +9,7 @@ import pandas as pd
 from reports.analysis.convergence import Order, observed_order
 from reports.parts import Finding, Number, Table
 from reports.quantities import QUALITY, quality_failures, scale, uncertainty, value
-from reports.results import NOT_INSTALLED, with_columns
+from reports.results import with_columns
 from reports.style import axis_label, labels, words
 from reports.tables import ABSENT, error, listed, number
 
@@ -163,20 +163,20 @@ def speakers(rows: pd.DataFrame) -> pd.Series:
 
 
 def unfinished(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the runs that did not finish, without those of engines that are not installed."""
-    return rows[~rows["status"].isin(("ok", NOT_INSTALLED))]
+    """Return the runs that did not finish."""
+    return rows[rows["status"] != "ok"]
 
 
 def reliability(rows: pd.DataFrame) -> Finding:
     """Return in a sentence how many runs finished, and whose failure it is where one did not."""
-    asked, failed = rows[rows["status"] != NOT_INSTALLED], unfinished(rows)
+    failed = unfinished(rows)
     said = with_columns(failed, "spoken_by")["spoken_by"].value_counts()
     who = [f"{SPEAKERS[by]} {said[by]}" for by in SPEAKERS if by in said]
     text = "{finished} of {asked} runs finished"
     text += f"; reasons for the others were given by: {', '.join(who)}" if who else ""
-    counts = {"finished": len(asked) - len(failed), "asked": len(asked)}
+    counts = {"finished": len(rows) - len(failed), "asked": len(rows)}
     if QUALITY in rows:
-        counts["failing"] = int((quality_failures(asked) != "").sum())
+        counts["failing"] = int((quality_failures(rows) != "").sum())
         text += "; {failing} of those that finished fail the check of energy, joint gaps and penetration"
     return Finding("reliability", f"{text}.", **{name: Number(float(of)) for name, of in counts.items()})
 

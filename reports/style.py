@@ -20,7 +20,6 @@ ENGINES = {
     "exudyn": (VERMILLION, "s"),
     "pymunk": (BLUE, "^"),
     "scipy": ("#009E73", "D"),
-    "heyoka": ("#6A3D9A", "*"),
 }
 
 #: Those of engines without a line above, each picked by the engine's name: the same in every figure.

@@ -29,7 +29,7 @@ ARMS = (
     arms.TUNED,
 )
 #: Those that choose their steps, at tolerances 10^-k: quick, then what the full set adds.
-CHOOSING = (arms.REFERENCE_DOP853, arms.SCIPY_DOP853, arms.ODEINT, arms.HEYOKA)
+CHOOSING = (arms.REFERENCE_DOP853, arms.SCIPY_DOP853, arms.ODEINT)
 EXPONENTS, BETWEEN = range(5, 14, 2), range(6, 13, 2)
 #: The reference by DOP853 has a tolerance that leaves its steps as long as they may be, so many intervals
 #: between samples. At order 8 shorter ones are in error by round-off alone; none is a step of the ladder, at

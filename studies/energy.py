@@ -73,10 +73,7 @@ RIGID_ARMS = (
     arms.REFERENCE_DOP853,
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
-    arms.HEYOKA,
 )
-#: The scenes to which the quick set keeps heyoka, of those that it has.
-FOR_HEYOKA = ("rigid-free-0.5mm",)
 #: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
 CLEARANCE_ARMS = (
     *RIGID_ARMS,
@@ -88,7 +85,7 @@ CLEARANCE_ARMS = (
 IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
 #: Runs of hundreds of turns with contact, of the full set: scenes, turns and arms.
 CHEAP_ARMS = (arms.PROJECTION, arms.REFERENCE_DOP853, arms.DOPRI5)
-LASTING_ARMS = (*CHEAP_ARMS, arms.TUNED, arms.SCIPY_DOP853, arms.HEYOKA)
+LASTING_ARMS = (*CHEAP_ARMS, arms.TUNED, arms.SCIPY_DOP853)
 LASTING = (
     ("clearance-driven-damped", 100, CHEAP_ARMS),
     ("clearance-driven-damped", 300, LASTING_ARMS),
@@ -130,16 +127,11 @@ def cases_on(scene: AnyScene, full: bool) -> list[Case]:
 
 
 def _affordable(every: list[Case], full: bool) -> list[Case]:
-    """Return the cases, of the quick set without what takes a kernel or an integrator more."""
-    left_out = set(QUICK).difference(FOR_HEYOKA)
+    """Return the cases, of the quick set without what takes a kernel more."""
     return [
         case
         for case in every
-        if full
-        or not (
-            (case.arm is arms.NO_STABILISATION and case.scene.joints_with_clearance)
-            or (case.arm is arms.HEYOKA and case.scene.name in left_out)
-        )
+        if full or not (case.arm is arms.NO_STABILISATION and case.scene.joints_with_clearance)
     ]
 
 

@@ -17,9 +17,8 @@ from studies.judges.converged_truth import GRID, converged
 QUICK_IDEAL = ("ideal-free", "ideal-driven")
 QUICK_LOOSE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
 #: Arms of the full set alone, on ideal joints and with compliant contacts. Where one of these is the best of
-#: its engine another one is nearly as good, but for SciPy's LSODA in minimal coordinates: on
-#: clearance-driven-0.5mm it takes half of the time of DOP853, which alone has forces within 1 N.
-MORE_IDEAL = (arms.OUT_OF_THE_BOX, arms.ODEINT, arms.RADAU, arms.ODE_MINIMAL, arms.ODEINT_MINIMAL)
+#: its engine another one is nearly as good.
+MORE_IDEAL = (arms.OUT_OF_THE_BOX, arms.ODEINT, arms.RADAU)
 MORE_LOOSE = (
     arms.PLAIN,
     arms.LOCATED_ALONE,
@@ -29,8 +28,6 @@ MORE_LOOSE = (
     arms.AS_THE_SCENE,
     arms.NATIVE_CONTACT,
     arms.LSODA,
-    arms.LSODA_MINIMAL,
-    arms.SCIPY_DOP853_MINIMAL,
 )
 #: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts. The search's fewest
 #: sweeps that cost no accuracy leave so much; its rungs are steps that resolve contacts, where the engine's
@@ -82,9 +79,6 @@ def ideal_ladder(scene: AnyScene, full: bool = True) -> list[Rung]:
         *by_tolerance(arms.ODE, whole, range(5, 14, every)),
         *by_tolerance(arms.ODEINT, whole, range(5, 14, every)),
         *by_tolerance(arms.RADAU, whole, range(5, 12, every)),
-        *by_tolerance(arms.ODE_MINIMAL, whole, range(5, 14, every)),
-        *by_tolerance(arms.ODEINT_MINIMAL, whole, range(5, 14, every)),
-        *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]
 
 
@@ -133,7 +127,6 @@ def clearance_ladder(scene: AnyScene, full: bool = True, fast: bool = True) -> l
             *by_step(arms.LOCATED, flight, 5 + more),
             *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, 2)),
             *by_step(arms.NATIVE_CONTACT, contact / 2, 4 + more),
-            *by_tolerance(arms.HEYOKA, whole, range(6, 13, 2)),
         ]
     build: dict[str, Setting] = {"fast": True} if fast else {}
     every = 1 if full else 2
@@ -152,18 +145,14 @@ def clearance_ladder(scene: AnyScene, full: bool = True, fast: bool = True) -> l
         *by_step(arms.NATIVE_CONTACT, contact / 2, 3 + more),
         *by_tolerance(arms.SCIPY_DOP853, whole, range(6, 13, every)),
         *by_tolerance(arms.LSODA, whole, range(5, 13, every)),
-        *by_tolerance(arms.SCIPY_DOP853_MINIMAL, whole, range(6, 13, every)),
-        *by_tolerance(arms.LSODA_MINIMAL, whole, range(5, 13, every)),
-        *by_tolerance(arms.HEYOKA, whole, range(4, 16, every)),
     ]
 
 
 def rebound_ladder(scene: AnyScene) -> list[Rung]:
-    """Return the ladders of arms that rebound from rigid walls until bounces accumulate, and follow none."""
+    """Return the ladder of SciPy, which rebounds from rigid walls until bounces accumulate."""
     if not _between_rigid_walls(scene):
         return []
-    rebounding = (arms.SCIPY_DOP853, arms.SCIPY_DOP853_MINIMAL)
-    return [rung for arm in rebounding for rung in by_tolerance(arm, scene.end_time_s, range(6, 13, 2))]
+    return by_tolerance(arms.SCIPY_DOP853, scene.end_time_s, range(6, 13, 2))
 
 
 def _between_rigid_walls(scene: AnyScene) -> bool:

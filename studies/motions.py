@@ -58,15 +58,9 @@ QUICK_LAWS = ("hertz", "lankarani-nikravesh")
 WHOLE_SAMPLES, WHOLE_EVERY, WHOLE_TOLERANCE = 4800, 4, 1e-9
 
 #: The engines' arms, each at the middle rung of its ladder. What has no rung on rigid walls says why.
-IDEAL_ARMS = (arms.PROJECTION, arms.TRAPEZOIDAL, arms.TUNED, arms.ODE, arms.HEYOKA)
-COMPLIANT_ARMS = (
-    arms.LOCATED,
-    arms.DOPRI5,
-    arms.SHORTER_IN_CONTACT,
-    arms.SCIPY_DOP853_MINIMAL,
-    arms.HEYOKA,
-)
-RIGID_ARMS = (arms.LOCATED, arms.DOPRI5, arms.NATIVE_CONTACT, arms.SCIPY_DOP853_MINIMAL, arms.HEYOKA)
+IDEAL_ARMS = (arms.PROJECTION, arms.TRAPEZOIDAL, arms.TUNED, arms.ODE)
+COMPLIANT_ARMS = (arms.LOCATED, arms.DOPRI5, arms.SHORTER_IN_CONTACT, arms.SCIPY_DOP853)
+RIGID_ARMS = (arms.LOCATED, arms.DOPRI5, arms.NATIVE_CONTACT, arms.SCIPY_DOP853)
 #: Columns of the truth that are kept beside a run's own.
 OF_TRUTH = ("crank_angle_", "slider_", "joint_", "driver_torque_", "clearance_", "contact_")
 

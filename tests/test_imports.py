@@ -40,9 +40,7 @@ FILES = [
 ]
 TESTS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("*.py"))
 MOST_ENTRIES = 16
-ENGINE_ROOMS = tuple(
-    f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk", "scipy_ivp", "heyoka")
-)
+ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk", "scipy_ivp"))
 
 
 def imported(file: str, packages: tuple[str, ...] = PACKAGES) -> Iterator[str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.start_check import checked_start, unchecked_start
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.watch import SPEED

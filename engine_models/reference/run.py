@@ -8,8 +8,7 @@ from dataclasses import replace
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.equations.mechanism import mechanism_of
-from engine_models.mechanics.equations.trajectory import trajectory_of_solution
+from engine_models.mechanics.equations import mechanism_of, trajectory_of_solution
 from engine_models.mechanics.start_check import checked_start
 from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell

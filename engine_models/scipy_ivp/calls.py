@@ -11,11 +11,11 @@ from scipy.integrate import OdeSolution, ode, odeint, solve_ivp
 from scipy.optimize import OptimizeResult
 
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
-from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.pace import Pace
 from engine_models.progress import tell
 from engine_models.scene.parts import AnyScene
 from engine_models.scipy_ivp.contact import Watch
+from engine_models.scipy_ivp.derivative import Derivative
 
 #: Absolute tolerance of the sums in y, which takes them out of the error control. It is finite because Radau
 #: differences the right-hand side by steps of a part of it.
@@ -23,8 +23,6 @@ UNCONTROLLED = 1e30
 #: The methods that are none of ``solve_ivp``, and whose loops over steps are compiled: LSODA by a call of its
 #: own, and DOP853 by an integrator of the class ``ode``.
 ODEINT, ODE_DOP853 = COMPILED = "odeint", "dop853"
-#: What the others have.
-WITH_EVENTS = "events: method = DOP853 or LSODA has them"
 #: Evaluations in a step of the latter.
 STAGES = 12
 #: Evaluations that a step takes for its interpolant alone.
@@ -73,7 +71,7 @@ class Calls:
     ) -> None:
         self._derivative, self._choice, self._memory, self.bare = derivative, choice, memory, bare
         self._atol = np.full(len(derivative.start), choice.atol)
-        self._atol[derivative.motion :] = UNCONTROLLED
+        self._atol[2 * derivative.n :] = UNCONTROLLED
         #: Accepted steps and evaluations by the method so far.
         self.steps, self.evaluations = 0, 0
         #: The end of the last step, the memories with the times from which on they hold.
@@ -270,6 +268,4 @@ class Calls:
     def _failure(self, message: str, failed: type[SimulationFailed] = EngineFailed) -> SimulationFailed:
         reached = self._last_time_s
         reason = self._derivative.diagnosis(reached) or message.rstrip(".")
-        if self._choice.method in COMPILED and self._derivative.levels:
-            reason = f"{reason} (other coordinates may have to become independent, which takes {WITH_EVENTS})"
         return failed(f"{self._choice.method} stopped at t = {reached:.6g} s: {reason}")

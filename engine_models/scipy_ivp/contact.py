@@ -3,7 +3,7 @@
 from functools import partial
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.equations.derivative import Derivative
+from engine_models.scipy_ivp.derivative import Derivative
 
 #: An alarm that has just been answered is zero up to rounding, and has to be off at the start of the segment
 #: that follows: it goes off above this level there, in m of penetration or as a part of a law's first factor,
@@ -13,9 +13,8 @@ NUDGE, ROUND_OFF = 1e-16, 1e-15
 #: that starts from the middle of its bearing, where the sign would be lost in rounding.
 PARTING_M_S = -1e-9
 
-#: A contact and the kind of its alarm; or the number of a step (see ``equations.partition``) and this kind.
+#: A contact and the kind of its alarm.
 Event = tuple[int, int]
-SMALL_STEP = 2
 
 
 class Watch(partial[float]):
@@ -63,14 +62,6 @@ def alarms(derivative: Derivative, y: FloatArray, answered: set[Event]) -> list[
                 _watch(derivative, contact, field, sign=sign, level=level, direction=1.0, event=event)
             )
     return watches
-
-
-def small_steps(derivative: Derivative) -> list[Watch]:
-    """Watch where the independent coordinates have to be chosen anew."""
-    return [
-        _watch(derivative, k, "step", level=level, direction=-1.0, event=(k, SMALL_STEP))
-        for k, level in derivative.levels.items()
-    ]
 
 
 def nearest(derivative: Derivative, contact: int) -> Watch:

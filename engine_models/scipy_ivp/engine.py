@@ -18,13 +18,12 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.kernels import CompiledEngine
-from engine_models.mechanics.equations.derivative import Derivative
-from engine_models.mechanics.equations.scope import require_coordinates
-from engine_models.mechanics.equations.trajectory import trajectory_of_solution
+from engine_models.mechanics.equations import trajectory_of_solution
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.scene.parts import AnyScene
 from engine_models.scipy_ivp.calls import COMPILED, Calls, Choice
+from engine_models.scipy_ivp.derivative import Derivative
 from engine_models.scipy_ivp.run import LocatedRun, switching_run
 
 #: Room for rounding in the longest step, so that as many of them fill a run as should.
@@ -44,11 +43,6 @@ class ScipyEngine(CompiledEngine):
     code; the rest of its time is SciPy's own Python. No constraint is stabilised, as a plain user would have
     it: drift is part of the error and falls with the tolerance. ``atol`` is in m, rad, m/s and rad/s alike.
     Work, impulses and losses are integrated along but left out of the error control.
-
-    With ``coordinates = minimal`` it integrates the coordinates of a tree over the joints, with the rates of
-    as many of them as there are freedoms (see ``equations.posture``). That gives the motion alone; joint
-    forces follow after the solve from the multiplier equations at the samples. Where the independent
-    coordinates become unfit, ``solve_ivp`` stops and others take their place; the compiled loops fail there.
 
     Steps are chosen by the method, up to the run's longest, as if there were no samples: these come from the
     method's own interpolant, which is as good as the steps but for Radau's, of order 3. (The first step of
@@ -73,7 +67,6 @@ class ScipyEngine(CompiledEngine):
     """
 
     method: Literal["DOP853", "RK45", "LSODA", "Radau", "odeint", "dop853"] = "DOP853"
-    coordinates: Literal["absolute", "minimal"] = "absolute"
     rtol: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-10
     atol: Annotated[float, Field(gt=0)] = 1e-12
     locate_events: bool = True
@@ -81,10 +74,7 @@ class ScipyEngine(CompiledEngine):
     any_mechanism: ClassVar[bool] = True
 
     def check(self, scene: AnyScene) -> None:
-        """Raise UnsupportedScene where there is no ODE, or its events need what the method has not.
-
-        On minimal coordinates an ideal mechanism whose motion is prescribed has none.
-        """
+        """Raise UnsupportedScene where a scene's events need what the method, or this model, has not."""
         if self.method in COMPILED and scene.joints_with_clearance:
             raise UnsupportedScene(
                 f"scipy's {self.method} has no events, and contacts need them: method = DOP853 or LSODA has"
@@ -101,8 +91,6 @@ class ScipyEngine(CompiledEngine):
                     "scipy's model has no pin that follows a rigid wall, as one does that does not rebound "
                     f"(clearance.{joint}.restitution = 0)"
                 )
-        if self.coordinates == "minimal":
-            require_coordinates("scipy", scene)
 
     def sharper(self) -> "ScipyEngine":
         """Return the engine with a tenth of its tolerances."""
@@ -118,7 +106,7 @@ class ScipyEngine(CompiledEngine):
         self.check(scene)
         require_memory(scene, settings)
         times = settings.times_s(scene)
-        derivative, longest = self._derivative(scene), min(settings.step_s, scene.end_time_s)
+        derivative, longest = Derivative(scene), min(settings.step_s, scene.end_time_s)
         located = self._located(scene)
         memory = None if located else np.full(derivative.contact_count, np.nan)
         calls = Calls(scene, derivative, self._choice(longest), memory)
@@ -128,8 +116,7 @@ class ScipyEngine(CompiledEngine):
         else:
             record = switching_run(derivative, calls, times)
         solve_time = time.perf_counter() - started
-        reader = Derivative(scene) if self.coordinates == "minimal" else derivative
-        solution = reader.solution(times, record.y, record.phases, record.ends, calls.steps)
+        solution = derivative.solution(times, record.y, record.phases, record.ends, calls.steps)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
 
@@ -145,18 +132,14 @@ class ScipyEngine(CompiledEngine):
         watched = _watched(self, scene, settings)
         if not self._located(scene):
             return watched
-        derivative, longest = self._derivative(scene), min(settings.step_s, scene.end_time_s)
+        derivative, longest = Derivative(scene), min(settings.step_s, scene.end_time_s)
         calls = Calls(scene, derivative, self._choice(longest), bare=True)
         run = LocatedRun(derivative, calls, np.array([0.0, scene.end_time_s]))
         with np.errstate(all="ignore"):
             started = time.perf_counter()
             record = run.run()
             solve_time = time.perf_counter() - started
-        (end,) = derivative.absolute(record.y[-1:])
-        return BareRun(solve_time, end[: 3 * len(scene.mechanism.bodies)].reshape(-1, 3))
-
-    def _derivative(self, scene: AnyScene) -> Derivative:
-        return Derivative(scene, self.coordinates == "minimal")
+        return BareRun(solve_time, record.y[-1][: derivative.n].reshape(-1, 3))
 
     def _located(self, scene: AnyScene) -> bool:
         """Return whether the run goes from event to event, which it does in one go if there are none."""

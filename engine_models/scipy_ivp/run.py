@@ -5,22 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.scipy_ivp.calls import Calls
-from engine_models.scipy_ivp.contact import SMALL_STEP, Event, alarms, crossing, nearest, small_steps
+from engine_models.scipy_ivp.contact import Event, alarms, crossing, nearest
+from engine_models.scipy_ivp.derivative import Derivative
 from reference_solver.contact.types import Impact
 
 
 class Record:
-    """One run: ``y`` and ``phases`` have a row for every sample, ``ends`` the contacts that are over.
+    """One run: ``y`` and ``phases`` have a row for every sample, ``ends`` the contacts that are over."""
 
-    There y has q and q', whatever the coordinates are that were integrated, but for a ``bare`` run: its time
-    is that of the integration alone.
-    """
-
-    def __init__(self, derivative: Derivative, bare: bool = False) -> None:
-        self._derivative, self._bare = derivative, bare
+    def __init__(self, derivative: Derivative) -> None:
+        self._derivative = derivative
         #: Of contacts that are on: time, y and speed of the touch, and what ``trace`` has found since.
         self._touches: dict[int, tuple[float, FloatArray, float, list[tuple[float, ...]]]] = {}
         self.y: list[FloatArray] = []
@@ -29,7 +25,7 @@ class Record:
 
     def sample(self, rows: Sequence[FloatArray]) -> None:
         """Record samples, each (size of y,), in the present phases."""
-        self.y.extend(rows if self._bare else self._derivative.absolute(rows))
+        self.y.extend(rows)
         self.phases.extend(self._derivative.phases() for _ in rows)
 
     def touch(self, contact: int, t: float, y: FloatArray) -> None:
@@ -63,7 +59,7 @@ class LocatedRun:
         self._derivative, self._calls, self._times = derivative, calls, times
         #: Where the driver's speed is not smooth: the integration begins anew, as from an event.
         self._knots = [t for t in derivative.mechanism.knots_s(float(times[-1])) if t < times[-1]]
-        self.record = Record(derivative, calls.bare)
+        self.record = Record(derivative)
 
     def run(self) -> Record:
         """Run through all times and return their record.
@@ -85,8 +81,6 @@ class LocatedRun:
         A compliant contact has another phase then, from a rigid wall a pin rebounds.
         """
         answered = set[Event]()
-        if event is not None and event[1] == SMALL_STEP:
-            return self._derivative.rearranged(t, y), answered
         for contact, kind in [*([event] if event else []), *self._derivative.events]:
             due = (contact, kind) == event or self._derivative.due(contact, kind, y)
             if not due or (contact, kind) in answered:
@@ -107,7 +101,7 @@ class LocatedRun:
     ) -> tuple[float, FloatArray, Event | None]:
         """Go to the next event or to the end, and record the samples on the way."""
         derivative, times = self._derivative, self._times[len(self.record.y) :]
-        watched = [*alarms(derivative, y, answered), *small_steps(derivative)]
+        watched = alarms(derivative, y, answered)
         in_flight = [k for k in range(derivative.contact_count) if derivative.flying(k)]
         marks = [nearest(derivative, k) for k in in_flight]
         stop = min([knot for knot in self._knots if knot > t], default=float(times[-1]))

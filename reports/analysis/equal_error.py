@@ -146,22 +146,6 @@ def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     return ran.assign(time_s=ran["times_s"].map(np.nanmedian).astype(float))
 
 
-def with_other_start(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with what a run from another start takes besides the solve within the run times.
-
-    It is that of the configuration on the scene; NaN where it was not measured.
-    """
-    case = ["scene", "label"]
-    extra = (
-        with_columns(rows, "other_start_time_s")
-        .dropna(subset="other_start_time_s")
-        .groupby(case, observed=True)["other_start_time_s"]
-        .median()
-    )
-    added = pd.MultiIndex.from_frame(rows[case].astype(str)).map(extra.to_dict().get)
-    return rows.assign(solve_time_s=rows["solve_time_s"] + pd.Series(added, rows.index, dtype=float))
-
-
 def kept(settings: pd.DataFrame, lost: "pd.Series[bool] | None" = None) -> "pd.Series[float]":
     """Return the largest error of each setting and all finer ones, infinite where one is ``lost``.
 

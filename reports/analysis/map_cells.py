@@ -5,7 +5,7 @@ import math
 import pandas as pd
 
 from reports.quantities import finished
-from reports.results import NEVER_BEGUN, with_columns
+from reports.results import with_columns
 
 #: The verdicts, their places the column ``verdict_severity``: from growth on a run is no longer stable.
 VERDICTS = ("accurate", "inaccurate", "energy-growing", "diverged", "timed out", "refused")
@@ -17,7 +17,7 @@ VARIED: dict[str, tuple[str, str, float]] = {
     "crank_speed_rpm": ("crank speed", "rpm", 1.0),
 }
 #: What a run was that could not say so itself, by its status.
-BY_STATUS = {"timed out": 4, **dict.fromkeys(NEVER_BEGUN, REFUSED)}
+BY_STATUS = {"timed out": 4, "unsupported": REFUSED}
 #: How columns of the verdict by other bounds begin, and what the bounds are called.
 OTHERWISE = "severity_if_"
 BOUNDS = {

@@ -10,7 +10,7 @@ import pandas as pd
 
 from reports.parts import quantity
 from reports.quantities import QUALITY, quality_failures
-from reports.results import NEVER_BEGUN, with_columns
+from reports.results import with_columns
 
 Row = Mapping[str, Any]
 
@@ -100,7 +100,7 @@ def _told_by(row: Row, other: Row | None) -> str:
 
     A check of ours ended the run, or failed it afterwards, where the same run without comes out otherwise.
     """
-    if row["status"] in NEVER_BEGUN:
+    if row["status"] == "unsupported":
         return SCENE if row["reason"].startswith(NO_SCENE) else MODEL
     if row["verdict"] is Verdict.NOTICED:
         return GUARD
@@ -139,7 +139,7 @@ def verdict_on(row: Row) -> Verdict:
     """
     if row["status"] in _ENDED:
         return _ENDED[row["status"]]
-    if row["status"] in NEVER_BEGUN:
+    if row["status"] == "unsupported":
         return Verdict.REFUSED
     if row["status"] != "ok":
         told = _TIME.search(row["reason"]) or row["reason"].startswith("initial ")

@@ -11,7 +11,7 @@ from reports.analysis.equal_error import from_coarse_to_fine
 from reports.parts import Chapter, Figure, Finding, Number, Studies, Table, View
 from reports.plots.panels import MOST_LINES, Line, Panel, against, draw, shown_labels
 from reports.quantities import PEAK, finished, motion_error, uncertainty, value, with_forces, with_largest
-from reports.results import NEVER_BEGUN, Results, with_columns
+from reports.results import Results, with_columns
 from reports.shared_tables import CASE, head, heading, signal
 from reports.style import line_styles, words
 from reports.tables import ABSENT, error, listed, number, span
@@ -245,7 +245,7 @@ def laws_by_engine(rows: pd.DataFrame) -> Table:
 def smallest_errors(rows: pd.DataFrame) -> Table:
     """Return the smallest error of each configuration on each scene, and until when errors are compared."""
     columns = [motion_error(rows), LOCAL, CONTACT, PEAK_N]
-    rows = rows[~rows["status"].isin(NEVER_BEGUN)]
+    rows = rows[rows["status"] != "unsupported"]
     # Between rigid walls an error that is zero compares nothing.
     cells = shared_tables.smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
     until = value(rows, "compared_until_s").groupby([rows[name] for name in CASE], sort=False).max()

@@ -45,7 +45,7 @@ COSTS = {
 #: Until when the slider is where it should be, by the column of that time.
 REACHED = {"1 µm": "reached_1um_s", "a tenth of the clearance": "reached_clearance_s"}
 #: Columns that not every run has.
-OPTIONAL = ("compared_until_s", "solve_time_s", "build_time_s", "compile_time_s", "other_start_time_s")
+OPTIONAL = ("compared_until_s", "solve_time_s", "build_time_s", "compile_time_s")
 INTRODUCTION = (
     "Every configuration is run at a series of settings, from coarse to fine. Run times are of the native "
     "solve alone, in rounds over all engines. A setting counts by the largest error of its own and all finer "

@@ -20,7 +20,7 @@ from reports.page.figures import Drawn, draw
 from reports.page.references import References
 from reports.page.svg import classes_of
 from reports.parts import Figure, Finding, Studies, Table
-from reports.results import NOT_INSTALLED, BrokenResults, NoResults, Results, read_study
+from reports.results import BrokenResults, NoResults, Results, read_study
 from reports.style import ENGINES, RC
 from reports.tables import write_table
 
@@ -257,25 +257,18 @@ def _versions(studies: Studies) -> dict[str, str]:
 
 
 def facts(studies: Studies) -> dict[str, str]:
-    """Return what the head says: set, commit, date, processor, engines, what is not installed."""
+    """Return what the head says: set, commit, date, processor, engines."""
     sidecars = [results.sidecar for results in studies.values() if results.sidecar]
 
     def told(of: Iterable[Any]) -> str:
         return ", ".join(dict.fromkeys(str(each) for each in of if each)) or "not on record"
 
     versions = _versions(studies)
-    absent = {
-        engine
-        for results in studies.values()
-        for engine in results.rows["engine"][results.rows["status"] == NOT_INSTALLED]
-    }
     engines = [f"{name} {versions[name]}" for name in ENGINES if name in versions]
-    said = {
+    return {
         "set": told(each.get("set") for each in sidecars),
         "commit": told(str(each.get("commit"))[:8] for each in sidecars),
         "date": told(each.get("date") for each in sidecars),
         "processor": told(each.get("machine", {}).get("processor") for each in sidecars),
         "engines": ", ".join(["reference", *engines]),
-        "not installed": ", ".join(sorted(absent)),
     }
-    return {name: value for name, value in said.items() if value}

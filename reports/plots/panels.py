@@ -15,7 +15,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from reports.plots.series import mark
 from reports.quantities import floor, knobs, tolerances, value
-from reports.results import NEVER_BEGUN, FloatArray
+from reports.results import FloatArray
 from reports.style import ENGINES, GREY, WIDTH_IN, axis_label, line_styles
 from reports.tables import setting
 
@@ -157,7 +157,7 @@ def against(
         points = of_scene.assign(error=value(of_scene, column)).query("error > 0").sort_values([at, "error"])
         if points.empty:
             continue
-        failed = of_scene[~of_scene["status"].isin(["ok", *NEVER_BEGUN])]
+        failed = of_scene[~of_scene["status"].isin(["ok", "unsupported"])]
         lines = [
             Line(str(label), line[at], line["error"], styles[label], settings_in_words(line))
             for label, line in points.groupby("label", observed=True)

@@ -9,13 +9,11 @@ from rich.progress import Progress
 
 from studies.conformance.baselines.accept import Numbers, accepted, measure_all
 from studies.conformance.baselines.measured import Key, NotMeasured
-from studies.conformance.baselines.subjects import Subject, without_wheel
+from studies.conformance.baselines.subjects import Subject
 from studies.conformance.baselines.table import Baseline, DamagedTable, read_tables, write_tables
 from studies.conformance.baselines.verdicts import verdicts
 from studies.running.failures import BadInput, Failed, note, progress_console, writing
 from studies.running.whole_file import require_folder
-
-Baselines = dict[Key, Baseline]
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class Gate:
 
     def _hold(self) -> None:
         """Measure all configurations, and print the numbers that left their bands."""
-        baselines, _ = self._read()
+        baselines = self._read()
         lines = verdicts(_measured(self.subjects, {}), baselines)
         if lines:
             print("\n".join(lines))
@@ -57,24 +55,18 @@ class Gate:
 
     def _accept(self, why: str) -> None:
         """Measure all configurations; write new baselines for numbers that left their bands or had none."""
-        before, absent = self._read()
+        before = self._read()
         after = accepted(_measured(self.subjects, {}), before, self.subjects, why, _measured)
         with writing("baselines", self.folder):
-            write_tables(after | absent, self.folder)
+            write_tables(after, self.folder)
         changed = sum(after.get(key) != before.get(key) for key in after.keys() | before.keys())
         note(f"{changed} of {len(after)} baselines in {self.folder} are new")
 
-    def _read(self) -> tuple[Baselines, Baselines]:
-        """Return the baselines of configurations that this platform can run, and all others, with a note."""
+    def _read(self) -> dict[Key, Baseline]:
         try:
-            every = read_tables(self.folder)
+            return read_tables(self.folder)
         except DamagedTable as reason:
             raise BadInput(str(reason)) from None
-        missing = without_wheel()
-        absent = {key: baseline for key, baseline in every.items() if key.arm in missing}
-        for label in sorted({key.arm for key in absent}):
-            note(f"{label} is left out: {missing[label]}")
-        return {key: every[key] for key in every.keys() - absent.keys()}, absent
 
 
 def require_reason(accept: bool, why: str | None) -> None:

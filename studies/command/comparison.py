@@ -15,7 +15,7 @@ from engine_models.scene.parts import AnyScene
 from reports.comparison.page import page
 from reports.comparison.sentences import not_run, sentences
 from reports.comparison.standing import Standings, standings_table
-from reports.results import NEVER_BEGUN, Results, read_study
+from reports.results import Results, read_study
 from studies.command.finished_run import Run
 from studies.comparison.question import Question, asked
 from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
@@ -155,7 +155,7 @@ def _require_a_run(standings: Standings) -> None:
     if (recorded["status"] == "ok").any():
         return
     reasons = " ".join(not_run(standings))
-    if recorded["status"].isin(NEVER_BEGUN).all():
+    if (recorded["status"] == "unsupported").all():
         raise BadInput(f"--engine: expected one that can run this scene, got: {reasons}")
     raise Failed(f"no engine finished a run of this scene: {reasons}")
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 app = Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Simulate crank-sliders with the reference solver, Exudyn, Pymunk, SciPy and heyoka; compare them.",
+    help="Simulate crank-sliders with the reference solver, Exudyn, Pymunk and SciPy; compare them.",
 )
 
 
@@ -134,7 +134,7 @@ def simulate(
     scene: SceneName,
     engine: Annotated[
         str,
-        Option(metavar="NAME", help="reference, exudyn, pymunk, scipy or heyoka.", autocompletion=_engines),
+        Option(metavar="NAME", help="reference, exudyn, pymunk or scipy.", autocompletion=_engines),
     ] = "reference",
     assignments: Annotated[
         list[str] | None,

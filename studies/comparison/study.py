@@ -29,7 +29,7 @@ LEFT_OUT = (
     arms.RADAU,
     arms.LSODA,
 )
-AS_THEY_COME = (arms.EXUDYN, arms.SCIPY, arms.HEYOKA)
+AS_THEY_COME = (arms.EXUDYN, arms.SCIPY)
 #: A run that takes longer would not be recommended. A kernel's compilation counts.
 LIMITS = Limits(time_limit_s=60.0, memory_limit_bytes=4 * 2**30)
 #: What the truth may take, which is found before any run is made.

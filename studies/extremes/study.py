@@ -47,10 +47,7 @@ ARMS = (
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
     arms.SCIPY,
-    arms.HEYOKA,
 )
-#: The group of cases to which the quick set keeps heyoka: it compiles each for itself, for half a second.
-FOR_HEYOKA = "everyday"
 #: Cases of the full set alone, beside long ones: each takes as long as ten others, most by its own kernels.
 COSTLY = (
     "everyday linear law",
@@ -110,7 +107,7 @@ def cases(full: bool) -> list[Case]:
         for place, extreme in enumerate(gallery().values())
         for arm in (*ARMS, *arms.newcomers())
         for guarded in ((True,) if extreme.long else (True, False))
-        if full or not (left_out(extreme) or (arm is arms.HEYOKA and extreme.group != FOR_HEYOKA))
+        if full or not left_out(extreme)
     ]
 
 
@@ -121,7 +118,7 @@ def left_out(extreme: Extreme) -> bool:
 
 def _case(place: int, extreme: Extreme, arm: Arm, guarded: bool) -> Case:
     scene, step = extreme.scene, extreme.step_s
-    chooses = arm in (arms.REFERENCE_DOP853, arms.SCIPY, arms.HEYOKA) or (
+    chooses = arm in (arms.REFERENCE_DOP853, arms.SCIPY) or (
         arm is arms.EXUDYN and bool(scene.joints_with_clearance)
     )
     if chooses and not extreme.for_all:

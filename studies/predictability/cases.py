@@ -53,7 +53,6 @@ RUNGS = {
     "DOPRI5": Rung(arms.DOPRI5, 2e-5, {"step_tolerance": 1e-7}),
     "as the scene": Rung(arms.AS_THE_SCENE, 4e-6),
     "native contact": Rung(arms.NATIVE_CONTACT, 2e-6),
-    "Taylor": Rung(arms.HEYOKA, 1.0, {"step_tolerance": 1e-8}),
 }
 _SAME_LAW = ("DOPRI5", "as the scene")
 #: Scenes and engines' arms of the ensembles, quick and full.

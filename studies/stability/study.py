@@ -39,7 +39,6 @@ ARMS: tuple[Method, ...] = (
     (arms.AS_THE_SCENE, theory.EULER),
     (arms.NATIVE_CONTACT, None),
     (arms.SCIPY_DOP853, None),
-    (arms.HEYOKA, None),
 )
 #: The scalar problem alone shows how the generalized-alpha method's damping depends on its parameter.
 OTHER_RADIUS: Method = (arms.GENERALIZED_ALPHA_09, theory.ALPHA)
@@ -109,8 +108,6 @@ def _cells(of: Iterable[tuple[str, float, Scene]], full: bool, **more: Value) ->
     for varied, value, scene in of:
         energy, frequency = theory.first_impact(scene)
         for arm, method in _arms():
-            if arm is arms.HEYOKA and not full:
-                continue  # every cell is an integrator to compile: the quick set has the scalar problem alone
             columns: Row = {
                 varied: value,
                 "method": method,

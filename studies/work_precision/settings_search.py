@@ -59,13 +59,9 @@ KNOBS: dict[Arm, dict[str, tuple[Setting, ...]]] = {
     },
     arms.NATIVE_CONTACT: {**OF_PYMUNK, "contact_iterations": (50, 100, 400), "iterations": (2, 4, 8)},
     arms.SCIPY_DOP853: {"method": ("RK45",)},
-    arms.SCIPY_DOP853_MINIMAL: {"method": ("RK45", "Radau"), "atol": (1e-14,)},
     arms.LSODA: {"atol": (1e-10, 1e-14)},
-    arms.LSODA_MINIMAL: {"locate_events": (False,)},
     arms.ODEINT: {"method": ("LSODA",), "atol": (1e-10, 1e-14)},
-    arms.ODEINT_MINIMAL: {"method": ("LSODA",), "atol": (1e-14,)},
     arms.ODE: {"method": ("DOP853",)},
-    arms.ODE_MINIMAL: {"method": ("DOP853",)},
 }
 #: Fixed-step solvers of Exudyn that no ladder has; they need the tree model, and so joints with clearance.
 MORE_SOLVERS = ("RK67", "RK44", "RK33", "ExplicitMidpoint", "GeneralizedAlpha")

@@ -16,13 +16,11 @@ import numpy as np
 from engine_models import arms
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed
 from engine_models.engines import engine_class, make_engine
-from engine_models.mechanics.assembly import start_angle
 from engine_models.mechanics.states import lever_m
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.parts import AnyScene
 from studies import clearance
 from studies.judges.comparison import compared, judged
-from studies.judges.horizon import moved
 from studies.judges.metrics import checked
 from studies.ladders import (
     QUICK_IDEAL,
@@ -58,8 +56,6 @@ BEFORE_REST_S = {
     "rigid-start-up": 0.008,
     "rigid-compressor": 0.0075,
 }
-#: How many other starts are timed, and how far each is from the one before, by the crank's angle in rad.
-OTHER_STARTS, OTHER_RAD = 3, 1e-3
 #: Scenes for which the full set compiles kernels anew.
 COMPILED = ("ideal-driven", "clearance-driven-0.5mm", "clearance-free-OAB", "rigid-free-0.5mm")
 
@@ -74,7 +70,7 @@ def scenes(full: bool) -> list[AnyScene]:
 
 
 def cases(full: bool) -> list[Case]:
-    """Return the recorded run of every rung, then rounds of bare runs of all, compilations, and other starts.
+    """Return the recorded run of every rung, then rounds of bare runs of all, and compilations.
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
@@ -100,20 +96,7 @@ def _cases_on(
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
     out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
-    told = [scene for scene in scenes if _tells_an_angle(scene)]
-    # The finest rung of the quick set, which both sets have: coarser ones of some engines fail.
-    once = {(scene.name, rung.arm.label): (scene, rung) for scene in told for rung in ladder(scene, False)}
-    out += [case_of(NAME, scene, rung, 1, timed=True, other_start=1) for scene, rung in once.values()]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
-
-
-def _tells_an_angle(scene: AnyScene) -> bool:
-    """Return whether the start tells an angle by which it can be moved."""
-    try:
-        start_angle(scene)
-    except ValueError:
-        return False
-    return True
 
 
 def ladder(scene: AnyScene, full: bool) -> list[Rung]:
@@ -141,8 +124,6 @@ def measure(case: Case) -> tuple[Row, Curves]:
     if "compiled_anew" in case.columns:
         engine = make_engine(case.engine, **case.settings)
         return {"compile_time_s": engine.compile_time_s(case.scene, case.run)}, {}
-    if "other_start" in case.columns:
-        return {"other_start_time_s": other_start_time_s(case)}, {}
     return (times(case) if case.timed else _errors(case)), {}
 
 
@@ -174,17 +155,6 @@ def require_same_end(scene: AnyScene, bare: FloatArray, recorded: FloatArray) ->
         what = f"off by {off:.3g} m from the recorded run's" if np.isfinite(off) else "not finite"
         raise SimulationFailed(f"the timed run's end at t = {scene.end_time_s:.6g} s is {what}")
     return off
-
-
-def other_start_time_s(case: Case) -> float:
-    """Return the median time in s that a run from another start takes besides the native solve.
-
-    That is building the model and, of an engine that compiles the start with the scene, compiling it anew.
-    """
-    engine = make_engine(case.engine, **case.settings)
-    engine.bare_run(case.scene, case.run)
-    others = [moved(case.scene, k * OTHER_RAD) for k in range(1, OTHER_STARTS + 1)]
-    return float(np.median([engine.set_up_time_s(other, case.run) for other in others]))
 
 
 def times(case: Case, samples: int = SAMPLES) -> Row:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.solver import ErrorControl, Solver, StepChoice
 from tests.benchmarks.c_loop import ClearanceCLoop

@@ -45,7 +45,7 @@ BEST_AT_A_N = 1.2e-5
 #: At the longest step on ideal-free, half of the energy on the other; the violation grows with every halving.
 UNACCOUNTED = {"projection": 1.6e-6, "trapezoidal": 3.2e-3, "tuned": 2.4e-2, "out of the box": 5e-2}
 VIOLATION_M = {"projection": 2e-15, "trapezoidal": 5e-9, "tuned": 4e-4, "out of the box": 6e-4}
-#: heyoka's position error in m by the tolerance that it was given; one is below the reference's uncertainty.
+#: SciPy's position error in m by the tolerance that it was given; one is below the reference's uncertainty.
 BY_TOLERANCE = {
     "ideal-driven": {1e-6: 4e-7, 1e-8: 2e-9},
     "ideal-free": {1e-6: 3e-5, 1e-15: 5e-13},
@@ -94,7 +94,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
         for tolerance, position in errors.items():
             signals = {c: SIGNALS[c][0] * position for c in SIGNALS if has(scene, c)}
             columns = known(scene, varied="tolerance", steps=20, setting_step_tolerance=tolerance, **signals)
-            rows.append(row(len(rows), scene, "heyoka", "Taylor", 0.05, **columns))
+            rows.append(row(len(rows), scene, "scipy", "DOP853", 0.05, **columns))
     swept = {"varied": "iterations", "end_time_s": 0.05, "setting_iterations": 5}
     failed = {"status": "failed", "reason": "not finite", "spoken_by": "guard"}
     rows.append(row(len(rows), "ideal-free", "pymunk", "5 iterations", 1e-4, **swept, **failed))
@@ -172,7 +172,7 @@ def test_an_engines_error_is_that_of_its_best_run_on_its_worst_scene(tables: dic
         )
         expected.append((engine, *(f"{size:.1e}" for size in worst)))
     # On ideal-driven, where it is worst: 2e-9 m times 1, 100, 7000, 2000 and 50.
-    expected.append(("heyoka", "2.0e-09", "2.0e-07", "1.4e-05", "4.0e-06", "1.0e-07"))
+    expected.append(("scipy", "2.0e-09", "2.0e-07", "1.4e-05", "4.0e-06", "1.0e-07"))
     assert list(shown.rows) == expected
 
 
@@ -218,9 +218,9 @@ def test_errors_by_tolerance_stand_beside_the_tolerance(
         ("ideal-free", "step_tolerance 1e-06", 3e-5),
     ):
         cells = (cell(scene, column, signal[0] * position) for column, signal in SIGNALS.items())
-        expected.append((scene, "heyoka", "Taylor", tolerance, *cells))
+        expected.append((scene, "scipy", "DOP853", tolerance, *cells))
     assert list(shown.rows[:3]) == expected
-    assert shown.rows[3][:5] == ("ideal-free", "heyoka", "Taylor", "step_tolerance 1e-15", "< 1.0e-12")
+    assert shown.rows[3][:5] == ("ideal-free", "scipy", "DOP853", "step_tolerance 1e-15", "< 1.0e-12")
     panel = panels(figures["agreement-tolerance"], "slider position")[0]
     assert (panel.get_title(), panel.get_xlabel()) == ("ideal-driven", "tolerance")
     assert panel.get_ylabel() == "slider position error [m]"
@@ -253,7 +253,7 @@ def test_energy_and_constraints_are_those_at_the_middle_step(tables: dict[str, T
 
 FINDINGS = {
     "ideal-nearest": (
-        "Best slider position error of each engine, on its worst scene: heyoka 2 nm "
+        "Best slider position error of each engine, on its worst scene: scipy 2 nm "
         "(ideal-driven), reference 20 nm (ideal-free), exudyn 20 µm (ideal-free) and pymunk 500 µm "
         "(ideal-free)."
     ),
@@ -280,10 +280,10 @@ def test_the_findings_are_those_of_the_numbers(results: Results) -> None:
 
 
 def test_an_error_of_a_finding_is_known_to_within_the_uncertainty(results: Results) -> None:
-    """heyoka's 2e-9 m and the reference's 20 nm, both to within 1e-12 m."""
-    heyoka, reference, *_ = next(iter(CHAPTER.findings({"agreement": results}))).numbers
-    assert (heyoka.value, heyoka.unit) == (2e-9, "m")
-    assert (heyoka.low, heyoka.high) == pytest.approx((1.999e-9, 2.001e-9), abs=1e-15)
+    """SciPy's 2e-9 m and the reference's 20 nm, both to within 1e-12 m."""
+    scipy, reference, *_ = next(iter(CHAPTER.findings({"agreement": results}))).numbers
+    assert (scipy.value, scipy.unit) == (2e-9, "m")
+    assert (scipy.low, scipy.high) == pytest.approx((1.999e-9, 2.001e-9), abs=1e-15)
     assert (reference.low, reference.high) == pytest.approx((1.9999e-8, 2.0001e-8), abs=1e-15)
 
 

@@ -75,26 +75,26 @@ def test_the_findings_tell_who_is_fastest_on_how_many_scenes(studies: Studies) -
 
 
 def test_where_a_rival_is_faster_the_finding_tells_by_how_much(tmp_path: Path) -> None:
-    """At 1e-6 m heyoka takes 1.6 of 4 ms."""
-    faster = {**CONFIGURATIONS, ("heyoka", "Taylor"): ((0.001, 0.0016, 0.002), 0.1)}
+    """At 1e-6 m SciPy takes 1.6 of 4 ms."""
+    faster = {**CONFIGURATIONS, ("scipy", "DOP853"): ((0.001, 0.0016, 0.002), 0.1)}
     position, *_ = CHAPTER.findings(written(tmp_path, faster))
-    assert position.endswith("of 1 scenes: heyoka on 1 (the reference takes up to 2.5 times as long).")
+    assert position.endswith("of 1 scenes: scipy on 1 (the reference takes up to 2.5 times as long).")
     assert [number.value for number in position.numbers] == pytest.approx([1.0, 1.0, 2.5])
 
 
 def test_of_several_scenes_the_finding_tells_the_largest_lead(tmp_path: Path) -> None:
-    """heyoka takes 1.6 of 4 ms on one scene, and 2 ms on the other."""
-    faster = {**CONFIGURATIONS, ("heyoka", "Taylor"): ((0.001, 0.0016, 0.002), 0.1)}
+    """SciPy takes 1.6 of 4 ms on one scene, and 2 ms on the other."""
+    faster = {**CONFIGURATIONS, ("scipy", "DOP853"): ((0.001, 0.0016, 0.002), 0.1)}
     of = written(tmp_path, faster)[STUDY]
     again = of.rows.assign(scene="ideal-other")
-    again["solve_time_s"] *= np.where(again["engine"] == "heyoka", 1.25, 1.0)
+    again["solve_time_s"] *= np.where(again["engine"] == "scipy", 1.25, 1.0)
     both = pd.concat([of.rows, again], ignore_index=True)
     position, *_ = CHAPTER.findings({STUDY: replace(of, rows=both)})
-    assert position.endswith("of 2 scenes: heyoka on 2 (the reference takes up to 2.5 times as long).")
+    assert position.endswith("of 2 scenes: scipy on 2 (the reference takes up to 2.5 times as long).")
 
 
 def test_where_the_timing_does_not_tell_two_engines_apart_neither_is_fastest(tmp_path: Path) -> None:
-    level = {**CONFIGURATIONS, ("heyoka", "Taylor"): ((0.002, 0.004, 0.008), 0.1)}
+    level = {**CONFIGURATIONS, ("scipy", "DOP853"): ((0.002, 0.004, 0.008), 0.1)}
     position, *_ = CHAPTER.findings(written(tmp_path, level))
     assert position.endswith("of 1 scenes: not resolved by the timing on 1.")
 

@@ -21,7 +21,6 @@ BOUNDS: dict[str, dict[str, object]] = {
     "reference": {"max_steps": 300_000},
     "scipy": {"max_evaluations": 3_000},
     "exudyn": {"timeout_s": 0.5},
-    "heyoka": {"max_steps": 3_000},
 }
 #: Factors on numbers of the scene; a clearance may also be the least there is.
 DECADES, LEAST = 9, 5e-324

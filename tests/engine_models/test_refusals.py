@@ -20,7 +20,7 @@ from engine_models.scene.scene import Scene, Start
 from tests.helpers.command import crankslider
 
 LOOSE = SCENES["clearance-compressor"]()
-ENGINES = "reference, exudyn, pymunk, scipy, heyoka or my_module:MyEngine"
+ENGINES = "reference, exudyn, pymunk, scipy or my_module:MyEngine"
 COUNT = f"an integer >= 1 and <= {MOST_SAMPLES}"
 
 

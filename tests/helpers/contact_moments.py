@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES
 from reference_solver.contact.force import contact_force
 from reference_solver.contact.types import CLIPPED, CONTACT

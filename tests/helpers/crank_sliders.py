@@ -4,7 +4,7 @@ import numpy as np
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES, SCENES
 from engine_models.scene.scene import Link, Scene, Start
 from reference_solver.solution import Solution

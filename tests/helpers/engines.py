@@ -1,13 +1,12 @@
-"""The engines that can be asked for a scene here: those that support it, and that are installed."""
+"""The engines that can be asked for a scene: those that support it."""
 
 from engine_models.engine import Engine, UnsupportedScene
 from engine_models.engines import ENGINES, make_engine
-from engine_models.scene.library import ideal_free
 from engine_models.scene.scene import Scene
 
 
 def supports(engine: Engine, scene: Scene) -> bool:
-    """Return whether an engine, at its settings, runs a scene on this machine."""
+    """Return whether an engine, at its settings, runs a scene."""
     try:
         engine.check(scene)
     except UnsupportedScene:
@@ -18,7 +17,3 @@ def supports(engine: Engine, scene: Scene) -> bool:
 def supporting(scene: Scene) -> list[str]:
     """Return the names of the engines that run a scene as they come."""
     return [name for name in ENGINES if supports(make_engine(name), scene)]
-
-
-#: The engines that are installed here: all, but for heyoka on many machines. Each runs this scene.
-INSTALLED = supporting(ideal_free())

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.mechanics.assembly import assembled
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.compiled.faces import CompiledFace, ReadableFace
 from reference_solver.compiled.kernel import Topology

@@ -17,7 +17,7 @@ import pytest
 from engine_models.engine import FloatArray
 from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.loads import slider_forces
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.loads import Loads, SliderLoad

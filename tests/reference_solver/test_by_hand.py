@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from engine_models.mechanics.equations.rebounds import Rebounds
+from engine_models.scipy_ivp.rebounds import Rebounds
 from reference_solver.contact.force import contact_force
 from reference_solver.contact.types import CONTACT
 from reference_solver.equations import Baumgarte, Equations

@@ -9,7 +9,7 @@ import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import IDEAL_SCENES, ideal_free
 from engine_models.scene.scene import Scene

@@ -8,7 +8,7 @@ import pytest
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.assembly import started_from
 from engine_models.mechanics.energy import energy_balance_residual_J, kinetic_energy_J
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.run import reference_run
 from engine_models.scene.drives import FluctuatingDrive, FreeDrive, MotorDrive, RampDrive, TableDrive

@@ -117,13 +117,12 @@ def test_engines_look_as_they_have_always_looked() -> None:
     assert looks == LOOKS
 
 
-#: Okabe and Ito's black, vermillion, blue and bluish green, and a purple.
+#: Okabe and Ito's black, vermillion, blue and bluish green.
 LOOKS = {
     "reference": ("#000000", "o"),
     "exudyn": ("#D55E00", "s"),
     "pymunk": ("#0072B2", "^"),
     "scipy": ("#009E73", "D"),
-    "heyoka": ("#6A3D9A", "*"),
 }
 
 

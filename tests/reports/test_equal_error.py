@@ -19,7 +19,6 @@ from reports.analysis.equal_error import (
     ratio,
     settings,
     settings_by_scene,
-    with_other_start,
 )
 from reports.results import frame
 
@@ -261,17 +260,6 @@ def test_every_scene_has_its_settings_and_its_reference_solutions_uncertainty() 
         "s": ([1e-6], 1e-9),
         "t": ([1e-8], 1e-8),
     }, "no error of the third is known, and none is below the uncertainty"
-
-
-def test_another_start_counts_where_it_is_asked_for() -> None:
-    rows = recorded(1e-6, 0.1)
-    other = {**rows[0], "case": "other", "other_start": 1, "other_start_time_s": 0.5}
-    del other["slider_position_error_m"]
-    both = frame([*rows, other])
-    column = "slider_position_error_m"
-    found = [list(settings(of, column, 0.0)["time_s"]) for of in (both, with_other_start(both))]
-    assert found == [[1.5], [2.0]]
-    assert settings(with_other_start(frame(rows)), column, 0.0).empty, "where it was not measured"
 
 
 def test_a_time_without_forces_is_marked_where_forces_are_judged_and_nowhere_else() -> None:

@@ -248,19 +248,6 @@ def test_failures_are_counted_by_who_gives_the_reason_and_a_row_that_does_not_te
     assert [row[5] for row in failures.rows] == told
 
 
-def test_an_engine_that_is_not_installed_did_not_fail() -> None:
-    head: dict[str, object] = {"fingerprint": "0", "scene": "s", "arm": "default", "step_s": 1.0}
-    reasons = {"exudyn": "no clearance", "heyoka": "heyoka is not installed: pip install heyoka"}
-    rows = frame(
-        {**head, "case": name, "engine": name, "label": name, "status": "unsupported", "reason": reason}
-        for name, reason in reasons.items()
-    )
-    assert dict(zip(rows["engine"], rows["status"], strict=True))["heyoka"] == "not installed"
-    assert str(reliability(rows)) == "0 of 1 runs finished."
-    failures = next(table for table in runs_tables(rows, "s") if table.name == "s-failures")
-    assert [row[1] for row in failures.rows] == ["exudyn"]
-
-
 def test_the_error_table_shows_the_numbers_of_the_rows(results: Path, report: Path) -> None:
     with (report / "tables/agreement-errors.csv").open(encoding="utf-8", newline="") as file:
         shown = next(

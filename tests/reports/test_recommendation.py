@@ -92,18 +92,18 @@ def test_what_is_recommended_stays_within_the_error_at_all_finer_settings() -> N
 
 
 def test_motion_alone_is_recommended_as_such_with_what_gives_forces_too() -> None:
-    text = said(rows("heyoka", FAST, motion_alone=True), rows("reference", SLOW))
-    assert "Use heyoka (arm) at step_tolerance 1e-08 (motion only" in text
+    text = said(rows("exudyn", FAST, motion_alone=True), rows("reference", SLOW))
+    assert "Use exudyn (arm) at step_tolerance 1e-08 (motion only" in text
     assert "With forces in the solve: reference (arm) at step_tolerance 1e-06, 3x slower" in text
     assert "Next best engine" not in text, "it is the same"
-    both = said(rows("heyoka", FAST, motion_alone=True), rows("scipy", FAST, motion_alone=True))
+    both = said(rows("exudyn", FAST, motion_alone=True), rows("scipy", FAST, motion_alone=True))
     assert "No setting with forces in the solve reached that error." in both
 
 
 def test_forces_and_the_next_engine_are_two_things_where_that_gives_motion_alone_too() -> None:
     slowest = tuple((error, 10 * time) for error, time in SLOW)
     alone = {"motion_alone": True}
-    text = said(rows("heyoka", FAST, **alone), rows("scipy", SLOW, **alone), rows("reference", slowest))
+    text = said(rows("exudyn", FAST, **alone), rows("scipy", SLOW, **alone), rows("reference", slowest))
     assert "With forces in the solve: reference (arm)" in text
     assert "Next best engine: scipy (arm)" in text
 
@@ -177,9 +177,6 @@ def test_an_engine_that_refuses_is_named_with_its_reason_and_who_gives_it() -> N
     refusal = {"status": "unsupported", "reason": "it has no rods", "spoken_by": "engine"}
     text = said(rows("exudyn", FAST), rows("pymunk", SLOW, **refusal))
     assert "pymunk: unsupported, it has no rods (reason given by the engine)." in text
-    absent = {"status": "unsupported", "reason": "heyoka is not installed: pip install heyoka"}
-    text = said(rows("exudyn", FAST), rows("heyoka", SLOW, **absent))
-    assert "heyoka: skipped, not installed: pip install heyoka." in text
 
 
 def test_of_nothing_but_refusals_nothing_is_recommended() -> None:

@@ -110,8 +110,8 @@ def test_a_timed_rung_takes_the_steps_of_the_recorded_one(scene: Scene) -> None:
 
 def test_ladders_have_every_engine_and_rigid_scenes_only_those_that_know_rigid_walls() -> None:
     engines = {rung.arm.engine for rung in clearance_ladder(CLEARANCE_SCENES["clearance-pendulum"]())}
-    assert engines == {"reference", "exudyn", "pymunk", "scipy", "heyoka"}
+    assert engines == {"reference", "exudyn", "pymunk", "scipy"}
     rigid = clearance.scenes(True)[-1]
-    assert {rung.arm.engine for rung in clearance_ladder(rigid)} == {"reference", "pymunk", "heyoka"}
+    assert {rung.arm.engine for rung in clearance_ladder(rigid)} == {"reference", "pymunk"}
     assert {rung.arm.engine for rung in rebound_ladder(rigid)} == {"scipy"}
     assert {rung.arm.engine for rung in ideal_ladder(work_precision.scenes(False)[0])} == engines

@@ -72,8 +72,7 @@ def test_every_extreme_case_meets_every_engine_within_limits() -> None:
     met = {(case.scene.name, case.arm) for case in cases if case.columns["guarded"]}
     assert len(met) == len(extremes.gallery()) * len(extremes.ARMS)
     quick = {case.scene.name for case in QUICK}
-    left_out = sum(extremes.gallery()[name].group != extremes.FOR_HEYOKA for name in quick)
-    assert len(QUICK) == (len(quick) * len(extremes.ARMS) - left_out) * 2, "with guards and without"
+    assert len(QUICK) == len(quick) * len(extremes.ARMS) * 2, "with guards and without"
     assert all(case.limits for case in cases if not extremes.gallery()[case.scene.name].first)
     assert all(pickle.loads(pickle.dumps(case)) == case for case in cases)
 
@@ -343,8 +342,7 @@ def test_the_chapter_shows_every_case_with_its_verdict(results: Path) -> None:
     tables: dict[str, Table] = {table.name: table for table in CHAPTER.tables({EXTREMES: study}) if table}
     rows = answers(study.rows)
     listed = tables["extremes-verdicts"].rows
-    left_out = sum(extremes.gallery()[name].group != extremes.FOR_HEYOKA for name in TINY)
-    assert len(listed) == len(rows) == len(TINY) * len(extremes.ARMS) - left_out + 3
+    assert len(listed) == len(rows) == len(TINY) * len(extremes.ARMS) + 3
     assert len(tables["extremes-guards"].rows) == (rows["told_by"] == "guard").sum() > 0
     for (_, row), cells in zip(rows.iterrows(), listed, strict=True):
         assert cells[:3] == (row["scene"], row["engine"], row["arm"])

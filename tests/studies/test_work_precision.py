@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import BareRun, Engine, FloatArray, RunSettings, Trajectory
+from engine_models.engine import BareRun, FloatArray
 from engine_models.engines import make_engine
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Scene
 from studies.running.outcome import run_case
 from studies.work_precision import study as work_precision
 
@@ -31,33 +29,6 @@ def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:
 def test_the_order_of_cases_comes_out_again() -> None:
     one, again = ([case.key("") for case in work_precision.cases(full=False)] for _ in range(2))
     assert one == again
-
-
-def test_another_start_takes_the_median_of_what_its_runs_take_besides_the_solve(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """An engine on a clock of its own: it compiles each start for 1, 2, 9 and 3 s, and solves for 5 s."""
-    now, compiled, angles = [0.0], iter([1.0, 2.0, 9.0, 3.0]), list[float]()
-
-    class Compiling(Engine):
-        def check(self, scene: AnyScene) -> None:
-            raise NotImplementedError
-
-        def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-            raise NotImplementedError
-
-        def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:  # noqa: ARG002
-            assert isinstance(scene, Scene)
-            angles.append(scene.start.crank_angle_rad)
-            now[0] += next(compiled) + 5.0
-            return BareRun(5.0, np.zeros((3, 3)))
-
-    monkeypatch.setattr(work_precision, "make_engine", lambda *_, **__: Compiling())
-    monkeypatch.setattr("time.perf_counter", lambda: now[0])
-    case = next(case for case in work_precision.cases(full=False) if "other_start" in case.columns)
-    row, _ = work_precision.measure(case)
-    assert row == {"other_start_time_s": 3.0}
-    assert len(set(angles)) == 4, "no start is compiled already"
 
 
 def ending(position: FloatArray) -> SimpleNamespace:

@@ -23,7 +23,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.states import point_motion
 from engine_models.mechanics.wrenches import Wrenches
 from engine_models.pace import Pace

@@ -3,10 +3,8 @@
 The numbers are those of the studies' own rows, so a band holds the whole way from the equations to a row.
 """
 
-import sys
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from itertools import groupby
 
 from engine_models import arms
@@ -47,11 +45,6 @@ BY_TOLERANCE = (
     arms.ODEINT,
     arms.ODE,
     arms.RADAU,
-    arms.SCIPY_DOP853_MINIMAL,
-    arms.LSODA_MINIMAL,
-    arms.ODEINT_MINIMAL,
-    arms.ODE_MINIMAL,
-    arms.HEYOKA,
 )
 TOLERANCES, LONGEST_PART = (1e-6, 1e-9), 40
 #: Scenes with clearance, and until when in s: so long before their horizons that no processor moves these.
@@ -92,13 +85,6 @@ def subjects(engines: Collection[str] = arms.NAMED) -> list[Subject]:
     every = sorted(_cases(engines), key=lambda case: Subject((case,)).key)
     grouped = (tuple(cases) for _, cases in groupby(every, key=lambda case: Subject((case,)).key))
     return [Subject(cases) for cases in grouped]
-
-
-def without_wheel() -> dict[str, str]:
-    """Return the labels of arms whose engine is not there, nor on PyPI for this platform, with the reason."""
-    if find_spec("heyoka") or (sys.platform == "linux" and sys.version_info >= (3, 11)):
-        return {}
-    return {arms.HEYOKA.label: "heyoka is on PyPI for Linux and Python 3.11 or newer, else on conda-forge"}
 
 
 def _cases(engines: Collection[str]) -> Iterator[Case]:

@@ -1,7 +1,9 @@
 """The study's settings beside scripts of engines alone: ``python -m tests.benchmarks.rivals.race``.
 
 All take turns in one process, in a new order every round. A ratio is the run time of the study's fastest
-setting over the script's, at the error of the script.
+setting over the script's, at the error of the script. heyoka is no engine of the study but its limit of
+speed: beside its scripts stand the reference's settings, and the cheapest of either within one target are
+compared, by the least time of the rounds.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -39,6 +41,8 @@ BEATEN = 1.25
 TORQUE = "driver_torque_error_N_m"
 #: How the names of the scripts' configurations begin.
 SCRIPT = "script"
+#: The limit of speed, who is compared with it, and the error of the slider that both keep, in m.
+LIMIT, REFERENCE, TARGET_M = "heyoka", "reference", 1e-6
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,11 @@ class Rival:
     def engine(self) -> str:
         """The engine's name."""
         return self.module.partition("_")[0]
+
+    @property
+    def of_study(self) -> str:
+        """The engine of the study whose settings stand beside it."""
+        return REFERENCE if self.engine == LIMIT else self.engine
 
     @property
     def arm(self) -> Arm:
@@ -74,7 +83,7 @@ class Rival:
 IDEAL, DRIVEN, LOOSE = "ideal-free", "ideal-driven", "clearance-free-0.5mm"
 LOOSE_DRIVEN, RIGID = "clearance-driven-0.5mm", ("rigid-free-0.5mm", "rigid-driven-0.5mm")
 TOLERANCES, LOOSE_TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12), (1e-8, 1e-10, 1e-12)
-WALL_TOLERANCES = (1e-7, 1e-9, 1e-11)
+LIMIT_TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 #: How long scenes are followed that the study does not follow as long, in s.
 END_S = dict(zip(RIGID, (problem.RIGID_END_S, problem.RIGID_DRIVEN_END_S), strict=True))
 RIVALS = (
@@ -87,8 +96,10 @@ RIVALS = (
     Rival("scipy_minimal", IDEAL, SLIDER, TOLERANCES),
     Rival("scipy_ode", IDEAL, SLIDER, TOLERANCES),
     Rival("scipy_minimal", LOOSE, SLIDER, LOOSE_TOLERANCES),
-    Rival("heyoka_minimal", IDEAL, SLIDER, TOLERANCES),
-    *(Rival("heyoka_minimal", scene, SLIDER, WALL_TOLERANCES) for scene in (LOOSE, LOOSE_DRIVEN, *RIGID)),
+    *(
+        Rival("heyoka_minimal", scene, SLIDER, LIMIT_TOLERANCES)
+        for scene in (IDEAL, LOOSE, LOOSE_DRIVEN, *RIGID)
+    ),
 )
 
 
@@ -133,10 +144,10 @@ def scripts(rival: Rival) -> Iterator[tuple[Row, Turn]]:
 
 
 def of_study(rival: Rival) -> Iterator[tuple[Row, Turn]]:
-    """Yield the recorded row of each setting that the study has of the engine, and what times it."""
+    """Yield the recorded row of each setting that the study has beside a script, and what times it."""
     scene = physics(rival.scene)
-    for rung in ladder(scene, full=False):
-        if rung.arm.engine == rival.engine:
+    for rung in ladder(scene, full=rival.engine == LIMIT):  # every tolerance, as the limit's scripts have
+        if rung.arm.engine == rival.of_study:
             row, _ = run_case(case_of(NAME, scene, rung, SAMPLES))
             timed = case_of(NAME, scene, rung, 1, timed=True)
 
@@ -170,16 +181,37 @@ def verdicts(rival: Rival, rows: pd.DataFrame) -> Iterator[tuple[str, ...]]:
             yield rival.scene, theirs.label, f"{script.error:.1e}", way, str(share or ""), beaten
 
 
+def against_limit(scene: str, rows: pd.DataFrame) -> tuple[str, ...]:
+    """Return setting, error and least time of the cheapest of both within the target, and the ratio."""
+    own = rows[(rows["scene"] == scene) & rows["engine"].isin([LIMIT, REFERENCE])]
+    ran, _ = settings_by_scene(with_columns(own, "compiled_anew"), SLIDER)[scene]
+    within = ran[ran["kept"] <= TARGET_M]
+    least = within.assign(time_s=within["times_s"].map(np.nanmin)).sort_values("time_s")
+    cells, times_s = [scene], dict[str, float]()
+    for engine in (LIMIT, REFERENCE):
+        best = least[least["engine"] == engine].iloc[0]
+        times_s[engine] = best["time_s"]
+        way = f"{best['label']}, {best['knob']} {best['value']:.3g}"
+        cells += [f"{way}: {best['kept']:.1e} m", f"{1e3 * best['time_s']:.3f} ms"]
+    return *cells, f"{times_s[REFERENCE] / times_s[LIMIT]:.2f}"
+
+
 def main() -> None:
     """Measure and print; heyoka's scripts where it is installed."""
     load_build(fast=True)
-    rivals = [rival for rival in RIVALS if rival.engine != "heyoka" or find_spec("heyoka")]
+    rivals = [rival for rival in RIVALS if rival.engine != LIMIT or find_spec(LIMIT)]
     rows = raced(rivals, ROUNDS)
     table = Table("scene", "script", "error", "study", "its time over the script's", "")
+    limit = Table("scene", LIMIT, "", REFERENCE, "", f"ratio within {TARGET_M:g} m")
     for rival in rivals:
+        if rival.engine == LIMIT:
+            limit.add_row(*against_limit(rival.scene, rows))
+            continue
         for line in verdicts(rival, rows):
             table.add_row(*line)
-    Console(width=160).print(table)
+    console = Console(width=160)
+    console.print(table)
+    console.print(limit if find_spec(LIMIT) else f"{LIMIT} is not installed: pip install {LIMIT}")
 
 
 if __name__ == "__main__":

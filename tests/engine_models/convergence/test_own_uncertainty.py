@@ -17,11 +17,10 @@ SAMPLES = 20
 #: a tenth here, and the truth's, which with clearance is 2 % of the error.
 LEAST, MOST = 0.95, 1.25
 #: Settings and longest step at which an engine's error is above round-off, and falls no faster than at order
-#: 4: scipy's and heyoka's are set by their tolerance, in steps below these.
+#: 4: scipy's is set by its tolerance, in steps below these.
 PLAIN: tuple[dict[str, object], float] = ({}, 2e-4)
 COARSE: dict[str, tuple[dict[str, object], float]] = {
     "scipy": ({"method": "RK45", "rtol": 1e-8, "atol": 1e-10}, 5e-3),
-    "heyoka": ({"step_tolerance": 1e-6}, 5e-3),
 }
 
 

@@ -15,7 +15,7 @@ from engine_models.engine import Contact, RunSettings, SimulationFailed, Traject
 from engine_models.exudyn.contact_law import native_law
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.mechanics.assembly import start_state, started_from
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import (
     CLEARANCE_SCENES,

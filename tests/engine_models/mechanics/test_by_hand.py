@@ -151,7 +151,6 @@ def test_arms_set_what_their_names_say() -> None:
     assert settings["reference (none)"] == {"stabilisation": "none"}
     assert settings["exudyn (generalized-alpha)"]["spectral_radius"] == 0.5
     assert settings["exudyn (generalized-alpha 0.9)"]["spectral_radius"] == 0.9
-    assert settings["scipy (DOP853 minimal)"] == {"method": "DOP853", "coordinates": "minimal"}
     assert settings["pymunk (native contact)"] == {"contact": "rigid"}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import energy_in_play_J
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.reactions import reactions
 from engine_models.mechanics.states import lever_m
 from engine_models.mechanics.wrenches import accelerations, wrenches

@@ -6,10 +6,10 @@ from pydantic import ValidationError
 from scipy.special import ellipj
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory
-from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.scene.drives import FreeDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven
 from engine_models.scene.scene import Scene, Start
+from engine_models.scipy_ivp.derivative import Derivative
 from engine_models.scipy_ivp.engine import ScipyEngine
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, errors, kinetic_energy_J
 from tests.helpers.arrays import joint_forces

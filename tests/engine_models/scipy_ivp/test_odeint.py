@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.equations.derivative import Derivative
 from engine_models.scene.library import SCENES
+from engine_models.scipy_ivp.derivative import Derivative
 from engine_models.scipy_ivp.engine import ScipyEngine
 from studies.judges.converged_truth import converged
 
-Coordinates = Literal["absolute", "minimal"]
 Method = Literal["odeint", "dop853"]
 METHODS = get_args(Method)
 SAMPLES = 24
@@ -21,13 +20,10 @@ ERROR_PER_TOLERANCE = 3e3
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("coordinates", get_args(Coordinates))
 @pytest.mark.parametrize("tolerance", [1e-7, 1e-10])
-def test_errors_are_of_the_tolerances_size(
-    method: Method, coordinates: Coordinates, tolerance: float
-) -> None:
+def test_errors_are_of_the_tolerances_size(method: Method, tolerance: float) -> None:
     scene = SCENES["ideal-free"]()
-    engine = ScipyEngine(method=method, coordinates=coordinates, rtol=tolerance, atol=tolerance)
+    engine = ScipyEngine(method=method, rtol=tolerance, atol=tolerance)
     run = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
     truth, _ = converged(scene, SAMPLES)
     error = np.abs(run.position[:, -1, 0] - truth.position[:, -1, 0]).max()
@@ -52,14 +48,11 @@ def test_the_evaluations_told_are_the_calls_of_the_right_hand_side(monkeypatch: 
     assert run.evaluations == len(calls)
 
 
-@pytest.mark.parametrize("coordinates", get_args(Coordinates))
 @pytest.mark.parametrize("name", ["ideal-free", "ideal-compressor"])
-def test_samples_of_dop853_change_no_step(
-    name: str, coordinates: Coordinates, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_of_dop853_change_no_step(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recorded run has the steps of the bare one, which goes straight to its end, to the last bit."""
     scene, calls = SCENES[name](), counting(monkeypatch)
-    engine, whole = ScipyEngine(method="dop853", coordinates=coordinates, rtol=1e-8, atol=1e-8), None
+    engine, whole = ScipyEngine(method="dop853", rtol=1e-8, atol=1e-8), None
     for samples in (SAMPLES, 7, 1):
         run = engine.simulate(scene, RunSettings(scene.end_time_s, samples))
         engine.bare_run(scene, RunSettings(scene.end_time_s, samples))  # once it is watched

@@ -1,7 +1,6 @@
 """SciPy between rigid walls: rebounds at located touches, impact by impact the reference's, up to rest."""
 
 from dataclasses import astuple
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ SAMPLES = 24
 BEFORE_REST = {"rigid-free-0.5mm": (0.0731, 57), "rigid-driven-0.5mm": (0.0066, 56)}
 #: When bounces accumulate there: the reference's pins follow their walls from then on, to round-off.
 REST_S = {"rigid-free-0.5mm": 0.0731725, "rigid-driven-0.5mm": 0.00663301}
-Coordinates = Literal["absolute", "minimal"]
 
 
 def rigid(name: str, **changes: object) -> Scene:
@@ -33,8 +31,8 @@ def by_reference(scene: Scene) -> Trajectory:
     return sharp.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
 
 
-def by_scipy(scene: Scene, coordinates: Coordinates, **settings: object) -> Trajectory:
-    engine = ScipyEngine(rtol=1e-12, atol=1e-12, coordinates=coordinates, **settings)  # type: ignore[arg-type]
+def by_scipy(scene: Scene) -> Trajectory:
+    engine = ScipyEngine(rtol=1e-12, atol=1e-12)
     return engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
 
 
@@ -43,12 +41,11 @@ def known(impacts: Impacts) -> FloatArray:
     return np.array(astuple(impacts)[:5])
 
 
-@pytest.mark.parametrize("coordinates", ["absolute", "minimal"])
 @pytest.mark.parametrize("name", BEFORE_REST)
-def test_every_impact_before_the_first_rest_is_the_references(name: str, coordinates: Coordinates) -> None:
+def test_every_impact_before_the_first_rest_is_the_references(name: str) -> None:
     end, count = BEFORE_REST[name]
     scene = rigid(name).model_copy(update={"end_time_s": end})
-    run, reference = by_scipy(scene, coordinates), by_reference(scene)
+    run, reference = by_scipy(scene), by_reference(scene)
     own, other = (known(each.contacts["B"].impacts) for each in (run, reference))
     assert own.shape == other.shape == (5, count)
     # Errors of 1e-12 grow by a hundred to a thousand in so many impacts: 3e-9 s and, of the shortest flights'
@@ -66,7 +63,7 @@ def test_a_pin_that_comes_to_rest_ends_the_run_in_words_that_blame_no_engine(nam
     with pytest.raises(
         AdapterCannot, match=r"bounces accumulate at t = (.*) s: pin B .*law = 'rigid'"
     ) as end:
-        by_scipy(rigid(name), "absolute")
+        by_scipy(rigid(name))
     assert end.value.spoken_by == "adapter"
     told = float(str(end.value).split("t = ")[1].split(" s")[0])
     assert told == pytest.approx(REST_S[name], rel=1e-5)
@@ -77,7 +74,7 @@ def test_a_pin_that_is_slower_than_its_wall_lets_rebound_is_the_end() -> None:
     scene = rigid("rigid-free-0.5mm", minimum_impact_speed_m_s=0.2)
     fourth = known(by_reference(scene.model_copy(update={"end_time_s": 0.01})).contacts["B"].impacts)[0, 3]
     with pytest.raises(AdapterCannot, match=f"at t = {fourth:.6g} s"):
-        by_scipy(scene, "absolute")
+        by_scipy(scene)
 
 
 def test_a_wall_without_rebound_is_refused() -> None:
@@ -87,7 +84,7 @@ def test_a_wall_without_rebound_is_refused() -> None:
 
 def test_pins_of_two_joints_rebound_and_leave_the_reference_s_energy() -> None:
     scene = RIGID_SCENES["rigid-driven-AB"]().model_copy(update={"end_time_s": 0.002})
-    run, reference = by_scipy(scene, "absolute"), by_reference(scene)
+    run, reference = by_scipy(scene), by_reference(scene)
     for joint in "AB":
         own, other = (known(each.contacts[joint].impacts) for each in (run, reference))
         assert own.shape[1] > 2
@@ -100,11 +97,9 @@ def test_pins_of_two_joints_rebound_and_leave_the_reference_s_energy() -> None:
 def test_friction_acts_in_the_impacts() -> None:
     friction = Friction(law="tanh", coefficient=0.2, regularisation_speed_m_s=1e-3)
     scene = rigid("rigid-free-0.5mm", friction=friction).model_copy(update={"end_time_s": 0.03})
-    run, reference = by_scipy(scene, "absolute"), by_reference(scene)
+    run, reference = by_scipy(scene), by_reference(scene)
     own, other = (known(each.contacts["B"].impacts) for each in (run, reference))
-    smooth = known(
-        by_scipy(rigid(scene.name).model_copy(update={"end_time_s": 0.03}), "absolute").contacts["B"].impacts
-    )
+    smooth = known(by_scipy(rigid(scene.name).model_copy(update={"end_time_s": 0.03})).contacts["B"].impacts)
     assert own.shape[1] > 4
     np.testing.assert_allclose(own, other, rtol=1e-7, atol=1e-11)
     assert abs(own[4, 0] / smooth[4, 0] - 1) > 1e-3, "friction takes part of what is lost"

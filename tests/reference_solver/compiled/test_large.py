@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import SCENES
 from reference_solver.compiled import kernel
 from reference_solver.compiled.kernel import LARGEST_INLINE, Topology, source_of

@@ -9,7 +9,7 @@ import pytest
 
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import make_engine
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from engine_models.scene.scene import LAWS_WITHOUT_RESTITUTION, ContactLaw, Scene

@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.run import reference_run
 from engine_models.scene.library import CLEARANCE_SCENES

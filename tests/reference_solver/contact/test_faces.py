@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from reference_solver.compiled.faces import ReadableFace
 from reference_solver.compiled.kernel import source_of

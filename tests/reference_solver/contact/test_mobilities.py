@@ -6,7 +6,7 @@ import pytest
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State, ends_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.compiled import faces
 from reference_solver.contact import adaptive_loop

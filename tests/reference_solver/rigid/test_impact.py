@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine_models.mechanics.equations.rebounds import Rebounds
+from engine_models.scipy_ivp.rebounds import Rebounds
 from reference_solver.contact.types import Impact
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Equations

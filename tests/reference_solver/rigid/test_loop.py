@@ -6,7 +6,7 @@ from types import FrameType
 import pytest
 
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import mechanism_of
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import RIGID_SCENES
 from reference_solver.rigid.bouncing import LOG_ROWS
 from reference_solver.solution import Solution

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine_models.engine import Trajectory
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations.mechanism import loads_of, mechanism_of
+from engine_models.mechanics.equations import loads_of, mechanism_of
 from engine_models.scene.drives import RampDrive
 from engine_models.scene.library import RIGID_SCENES
 from engine_models.scene.loads import Loads, SliderLoad

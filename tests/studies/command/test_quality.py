@@ -4,12 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from engine_models.engines import ENGINES
 from engine_models.scene.library import SCENES
 from tests.helpers.command import crankslider
-from tests.helpers.engines import INSTALLED, supporting
+from tests.helpers.engines import supporting
 
 
-@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_young_modulus_typed_in_gpa_is_no_run_of_any_engine(engine: str, tmp_path: Path) -> None:
     """A wall of 207 Pa lets the pin out of its bearing, in any step."""
     file, out = tmp_path / "mine.toml", tmp_path / "run.csv"

@@ -13,6 +13,7 @@ import pytest
 from distributed import Client, LocalCluster
 from pyarrow.parquet import read_table
 
+from engine_models.engines import ENGINES
 from engine_models.reference.watch import Watch
 from engine_models.scene.library import SCENES
 from studies.predictability.sweeps.run import Sweep, run_sweep
@@ -24,7 +25,6 @@ from studies.running.execution import Limits
 from studies.running.processes import Processes
 from studies.running.runner import run_study
 from tests.helpers.command import crankslider
-from tests.helpers.engines import INSTALLED
 from tests.helpers.mischief import MEGABYTE, NAME, case, steady
 from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import read_rows
@@ -54,8 +54,8 @@ def measured(folder: Path) -> list[dict[str, Any]]:
 
 
 def test_a_cluster_gives_the_rows_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
-    cases = [case("simulate", 4, engine=engine) for engine in INSTALLED]
-    cases += [case("simulate", 8, engine=engine) for engine in INSTALLED]
+    cases = [case("simulate", 4, engine=engine) for engine in ENGINES]
+    cases += [case("simulate", 8, engine=engine) for engine in ENGINES]
     # A process has room for one of Exudyn's builds.
     cases += [case("simulate", number, engine="exudyn", fast=number % 2 == 0) for number in range(12, 16)]
     run_study(NAME, cases, tmp_path / "processes", lambda: Processes(2))

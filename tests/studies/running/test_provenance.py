@@ -27,7 +27,7 @@ from studies.running.provenance import code_digest, fingerprint
 from studies.running.registry import STUDIES
 hashes = {f"{study} {engine}": fingerprint(study, engine) for study in STUDIES for engine in engines.ENGINES}
 hashes |= {study: code_digest(study, engines.ENGINES) for study in STUDIES}
-assert not {"exudyn", "heyoka", "pymunk", "numba", "newcomer"} & set(sys.modules)
+assert not {"exudyn", "pymunk", "numba", "newcomer"} & set(sys.modules)
 print(json.dumps(hashes))
 """
 #: Prints the files of an engine from outside.
@@ -82,7 +82,7 @@ def of_the_reference(study: str, engine: str) -> bool | None:
     """Return whether the reference decides, by its runs or its converged solutions; None says neither."""
     if engine == "reference" or study in BY_THE_REFERENCE:
         return True
-    return None if engine in ("scipy", "heyoka", "pymunk") else study == "predictability"
+    return None if engine in ("scipy", "pymunk") else study == "predictability"
 
 
 def of_what_is_compiled(study: str, engine: str) -> bool | None:

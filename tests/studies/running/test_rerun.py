@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.helpers.engines import INSTALLED
+from engine_models.engines import ENGINES
 from tests.helpers.mischief import NAME
 from tests.helpers.row_files import read_rows
 from tests.helpers.running import add_line, copied
@@ -19,9 +19,9 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from studies.running.runner import run_study
-from tests.helpers.engines import INSTALLED
+from engine_models.engines import ENGINES
 from tests.helpers.mischief import case
-cases = [case("simulate", engine=engine) for engine in INSTALLED] + [case("work")]
+cases = [case("simulate", engine=engine) for engine in ENGINES] + [case("work")]
 run_study("{NAME}", cases, Path("results"), lambda: ThreadPoolExecutor(1))
 """
 #: An engine from outside: SciPy's under another name.
@@ -48,7 +48,7 @@ def run_again(before: dict[str, dict[str, Any]], after: dict[str, dict[str, Any]
 def test_an_edit_runs_again_what_it_decides_and_nothing_else(tmp_path: Path) -> None:
     code = copied(tmp_path)
     first = run(code)
-    engines = {*INSTALLED, "mischief"}
+    engines = {*ENGINES, "mischief"}
     assert {engine: row["status"] for engine, row in first.items()} == dict.fromkeys(engines, "ok")
 
     add_line(code / "engine_models/exudyn/kinematic_tree.py", "# A comment.")

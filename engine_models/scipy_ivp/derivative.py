@@ -2,9 +2,8 @@
 
 y = (q, q', sums) holds coordinates, n velocities, and integrals since t = 0: a driver's work where there is
 one, then what every contact adds up (``contact.rates_of``), then works of loads. The text is the reference's
-own, (1)-(10) without stabilisation; or y = (u, z', sums) has the coordinates of a tree, and the rates of
-those that are independent (see ``equations.posture``). ``right`` and the watched functions are one compiled
-call each, without Numba's look at their arguments, which would take longer than the equations do.
+own, (1)-(10) without stabilisation. ``right`` and the watched functions are one compiled call each, without
+Numba's look at their arguments, which would take longer than the equations do.
 """
 
 import math
@@ -17,16 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import AdapterCannot, FloatArray, SimulationFailed
-from engine_models.mechanics.equations.kernel import MinimalKernel, Plan
-from engine_models.mechanics.equations.mechanism import mechanism_of
-from engine_models.mechanics.equations.partition import SMALL, SingularPosition, choose_partition
-from engine_models.mechanics.equations.posture import Posture
-from engine_models.mechanics.equations.rebounds import Rebounds
-from engine_models.mechanics.equations.structure import structure_of
-from engine_models.mechanics.equations.tree import Tree
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.parts import AnyScene
-from reference_solver.compiled.kernel import Draft, Kernel, Topology, places
+from engine_models.scipy_ivp.rebounds import Rebounds
+from reference_solver.compiled.kernel import Kernel, Topology, places
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact import types
 from reference_solver.contact.force import gap
@@ -36,7 +30,7 @@ from reference_solver.mechanism.contact_laws import stored_J
 from reference_solver.mechanism.points import State
 from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
-from reference_solver.tape import Scalar, choose
+from reference_solver.tape import choose
 
 #: Part of the largest coordinate by which rounding may keep apart two pins that touch at one instant.
 ROUND_OFF = 8 * float(np.finfo(float).eps)
@@ -47,41 +41,29 @@ LOWEST_FLIGHT = 64.0
 WATCHED = ("g", "rate", "push")
 
 
-def derivative_source(topology: Topology, plan: Plan | None) -> str:
+@cache
+def _source_of(topology: Topology) -> str:
     """Return a module with ``evaluate``, and for contacts ``gaps`` and watched functions.
 
     ``evaluate(p, contacts, t, y, rate, forces)`` writes y', and in ``forces`` {lambda} and the contacts'
-    forces, and tells whether it could: else y' is not finite. In minimal coordinates, of a ``plan``, there
-    are no ``forces``, and ``bodies(p, contacts, t, y, out)`` writes q and q'. The watched functions of
-    contact k, ``<one of WATCHED><k>(p, contacts, sign, level, t, y)``, return sign times what is watched less
-    a level; so do those of a plan's steps that are watched, ``step<k>``, of their determinants.
+    forces, and tells whether it could: else y' is not finite. The watched functions of contact k, ``<one of
+    WATCHED><k>(p, contacts, sign, level, t, y)``, return sign times what is watched less a level.
     """
-    forces = list[Scalar]()
-    kernel = Kernel(topology) if plan is None else MinimalKernel(topology, plan)
+    kernel = Kernel(topology)
     draft = kernel.begin()
-    if isinstance(kernel, MinimalKernel):
-        rates, powers, ok = kernel.rates(draft)
-    else:
-        answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
-        powers, ok, forces = answer.powers, answer.ok, [*answer.multipliers]
-        first, *others = answer.accelerations
-        rates = [*draft.v, choose(ok, first, math.inf), *others]
-        for k, friction in enumerate(answer.friction_N):
-            forces += [powers[f"normal{k}"], friction]
-    sums = [powers[name] for name in _integrated(draft.equations)]
+    answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
+    forces = [*answer.multipliers]
+    first, *others = answer.accelerations
+    rates = [*draft.v, choose(answer.ok, first, math.inf), *others]
+    for k, friction in enumerate(answer.friction_N):
+        forces += [answer.powers[f"normal{k}"], friction]
+    sums = [answer.powers[name] for name in _integrated(draft.equations)]
     stores = places("rate[{}]", [*rates, *sums]) + places("forces[{}]", forces)
-    kernel.entry("evaluate", ["p", "contacts", "t", "y", "rate", "forces"], draft, ok, stores, "y")
+    kernel.entry("evaluate", ["p", "contacts", "t", "y", "rate", "forces"], draft, answer.ok, stores, "y")
     if topology.mechanism.contacts:
         kernel.gaps()
     for k in range(len(topology.mechanism.contacts)):
         _watched(kernel, k)
-    if isinstance(kernel, MinimalKernel) and plan is not None:
-        draft = kernel.begin()
-        stores = places("out[{}]", [*draft.q, *draft.v])
-        kernel.entry("bodies", ["p", "contacts", "t", "y", "out"], draft, True, stores, "y")
-        for k in plan.partition.watched:
-            draft = kernel.begin()
-            _watch(kernel, f"step{k}", draft, kernel.determinant(draft, k))
     return kernel.source()
 
 
@@ -90,13 +72,10 @@ def _watched(kernel: Kernel, contact: int) -> None:
     for field in WATCHED:
         draft = kernel.begin()
         joint, (phase, memory) = draft.equations.mechanism.contacts[contact], draft.phases[contact]
-        _watch(kernel, f"{field}{contact}", draft, gap(joint, phase, memory, State(draft.q, draft.v))[field])
-
-
-def _watch(kernel: Kernel, name: str, draft: Draft, value: Scalar) -> None:
-    """Write a watched function of a value."""
-    value = draft.tape.input("sign") * value - draft.tape.input("level")
-    kernel.entry(name, ["p", "contacts", "sign", "level", "t", "y"], draft, value, [], "y")
+        value = gap(joint, phase, memory, State(draft.q, draft.v))[field]
+        value = draft.tape.input("sign") * value - draft.tape.input("level")
+        arguments = ["p", "contacts", "sign", "level", "t", "y"]
+        kernel.entry(f"{field}{contact}", arguments, draft, value, [], "y")
 
 
 def _integrated(equations: Equations) -> list[str]:
@@ -105,23 +84,18 @@ def _integrated(equations: Equations) -> list[str]:
     return equations.power_names[0 if driven else 1 :]
 
 
-_source_of = cache(derivative_source)
-
-
 class Derivative:
     """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
 
-    The contacts are in flight to begin with (see ``contact.loop``).
-    ``start`` is y at t = 0; of it ``motion`` numbers are of the motion, the last ``n`` of them velocities,
-    and ``sums`` names the integrals behind them. If ``minimal``, there are the coordinates of a tree in place
-    of q, and fewer velocities (see ``equations.posture``).
+    The contacts are in flight to begin with (see ``contact.loop``). ``start`` is y at t = 0; ``sums`` names
+    the integrals in it, behind ``n`` coordinates and as many velocities.
     """
 
-    def __init__(self, scene: AnyScene, minimal: bool = False) -> None:
+    def __init__(self, scene: AnyScene) -> None:
         q, v = checked_start(scene)
         mechanism = mechanism_of(scene)
-        self._topology, self._q_start = Topology(mechanism), q.ravel()
-        self.readable = Equations(mechanism, self._q_start)
+        topology, q_start = Topology(mechanism), q.ravel()
+        self.n, self.readable = q.size, Equations(mechanism, q_start)
         self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self.readable.C)
         self._forces = np.empty(self._rows + 2 * len(self._joints))
         self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
@@ -130,78 +104,22 @@ class Derivative:
         self._rigid = {
             k: scene.joints_with_clearance[k] for k, joint in enumerate(self._joints) if joint.rigid
         }
-        self._rebounds = Rebounds(mechanism, self._q_start, LOWEST_FLIGHT) if self._rigid else None
+        self._rebounds = Rebounds(mechanism, q_start, LOWEST_FLIGHT) if self._rigid else None
         #: Contact and kind of every alarm; the force of a contact changes its law only where that is clipped.
         clipped = [k for k, joint in enumerate(self._joints) if not joint.rigid and joint.compliance.clipped]
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
         self._refused: tuple[float, FloatArray] | None = None
-        #: Where determinants that are watched are small, by their steps' numbers.
-        self.levels = dict[int, float]()
-        self._tree: Tree | None = None
-        self._plan: Plan | None = None
-        sums = np.zeros(len(self.sums))
-        if minimal:
-            self._tree = Tree(structure_of(mechanism, self._q_start), mechanism, self._q_start)
-            u, rates = self._tree.coordinates(q.ravel(), v.ravel())
-            self.start = self._arranged(0.0, u, rates, sums)
-        else:
-            self.n, self.motion = q.size, 2 * q.size
-            self.start = np.concatenate([q, v, sums], axis=None)
-            self._load(None)
-
-    def _load(self, plan: Plan | None) -> None:
-        """Load the compiled functions, or compile them, out of any timing."""
-        self._plan = plan
-        self._kernel = load_kernel(_source_of(self._topology.marked(), plan))
-        self._parameters = self._topology.parameters(self._kernel, self._q_start)
+        self.start = np.concatenate([q, v, np.zeros(len(self.sums))], axis=None)
+        self._kernel = load_kernel(_source_of(topology.marked()))
+        self._parameters = topology.parameters(self._kernel, q_start)
         self._evaluate = self._direct("evaluate", 0.0, self.start, self.start.copy(), self._forces)
-        if plan is not None:
-            row = np.empty(2 * self.readable.n + len(self.sums))
-            self._bodies = self._direct("bodies", 0.0, self.start, row)
         #: By field and contact: functions of sign, level, t and y, sign times the field less the level.
-        fields = [*product(WATCHED, range(self.contact_count))]
-        fields += [("step", k) for k in (plan.partition.watched if plan else ())]
         self.watched = {
-            (field, k): self._direct(f"{field}{k}", 1.0, 0.0, 0.0, self.start) for field, k in fields
+            (field, k): self._direct(f"{field}{k}", 1.0, 0.0, 0.0, self.start)
+            for field, k in product(WATCHED, range(self.contact_count))
         }
         if self._joints:
             self.gaps(self.start)
-
-    def _arranged(self, t: float, u: Sequence[float], rates: Sequence[float], sums: FloatArray) -> FloatArray:
-        """Choose which coordinates are independent, at coordinates and rates of all; return y.
-
-        Raises:
-            SimulationFailed: the position is singular.
-        """
-        assert self._tree is not None
-        try:
-            partition = choose_partition(self._tree, u)
-        except SingularPosition as reason:
-            raise SimulationFailed(f"t = {t:.6g} s: {reason}") from None
-        plan = Plan(self._tree.structure, partition)
-        y = np.array([*(u[k] for k in plan.carried), *(rates[k] for k in plan.rated), *sums])
-        self.n, self.motion, self.start = len(plan.rated), len(plan.carried) + len(plan.rated), y
-        if plan != self._plan:
-            self._load(plan)
-        found = {k: float(self.watched["step", k](1.0, 0.0, t, y)) for k in partition.watched}
-        self.levels = {k: SMALL * value for k, value in found.items()}
-        return y
-
-    def rearranged(self, t: float, y: FloatArray) -> FloatArray:
-        """Return y where the independent coordinates have been chosen anew.
-
-        Raises:
-            SimulationFailed: the position is singular.
-        """
-        posture = self._posture(y)
-        return self._arranged(t, posture.frames.u, posture.rates, y[self.motion :])
-
-    def _posture(self, y: FloatArray) -> Posture:
-        """Return the posture at y (size,)."""
-        assert self._tree is not None
-        assert self._plan is not None
-        count = self.motion - self.n
-        return self._plan.posture(self._tree, [*y[:count]], [*y[count : self.motion]])
 
     def _direct(self, name: str, *arguments: object) -> Callable[..., Any]:
         """Return a function of the kernel behind p and contacts, which does not look at its arguments.
@@ -234,8 +152,7 @@ class Derivative:
         if self._refused is None or self._refused[0] < since_s or not np.isfinite(self._refused[1]).all():
             return ""
         t, y = self._refused
-        (absolute,) = self.absolute([y])
-        q, v = np.split(absolute[: 2 * self.readable.n], 2)
+        q, v = np.split(y[: 2 * self.n], 2)
         try:
             self.readable.accelerations(t, q, v, self.phases().reshape(-1, 2))
         except SolverError as error:
@@ -264,8 +181,8 @@ class Derivative:
         return Solution(
             mechanism=self.mechanism,
             time_s=time_s,
-            q=y[:, : self.readable.n],
-            v=y[:, self.readable.n : 2 * self.readable.n],
+            q=y[:, : self.n],
+            v=y[:, self.n : 2 * self.n],
             multipliers=multipliers,
             phases=np.reshape(phases, (len(y), -1, 2)),
             normal_force_N=of_contacts[:, ::2],
@@ -276,18 +193,6 @@ class Derivative:
             mode_changes=(),
             steps=steps,
         )
-
-    def absolute(self, samples: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return samples of y with q and q' in place of minimal coordinates."""
-        if self._tree is None:
-            return [*samples]
-        count, rows = 2 * self.readable.n, list[FloatArray]()
-        for y in samples:
-            row = np.empty(count + len(self.sums))
-            row[count:] = y[self.motion :]
-            self._bodies(0.0, y, row)
-            rows.append(row)
-        return rows
 
     def named_sums(self, y: FloatArray) -> dict[str, FloatArray]:
         """Return the integrals in y, (..., size), by name."""
@@ -300,7 +205,7 @@ class Derivative:
         No force acts there, so that a solver's steps are long, and a quadrature over them is of no use.
         """
         for k in np.flatnonzero(self._contacts["phase"] == types.CLIPPED):
-            place, stored = self.motion + self.sums.index(f"clip{k}"), self._stored_J(before)[k]
+            place, stored = 2 * self.n + self.sums.index(f"clip{k}"), self._stored_J(before)[k]
             for y in later:
                 y[place] = before[place] + stored - self._stored_J(y)[k]
 
@@ -352,7 +257,7 @@ class Derivative:
         if kind != 0 or (alarm > 0 and not self.rigid(contact)):
             return alarm > 0
         rate = sign * self.gaps(y)["rate"][contact]
-        return bool(rate > 0 and -alarm < ROUND_OFF * np.abs(y[: self.motion - self.n]).max())
+        return bool(rate > 0 and -alarm < ROUND_OFF * np.abs(y[: self.n]).max())
 
     def rigid(self, contact: int) -> bool:
         """Return whether a contact is with a rigid wall, from which its pin rebounds."""
@@ -367,8 +272,7 @@ class Derivative:
             SimulationFailed: there is no way on.
         """
         assert self._rebounds is not None
-        (absolute,) = self.absolute([y])
-        q, v = np.split(absolute[: 2 * self.readable.n], 2)
+        q, v = np.split(y[: 2 * self.n], 2)
         try:
             after = self._rebounds(t, q, v)
         except SolverError as error:
@@ -383,13 +287,8 @@ class Derivative:
         for impact in after.impacts:
             for of, gain in (("normal", impact.normal_impulse_N_s), ("impact", impact.energy_lost_J)):
                 gains[f"{of}{impact.contact}"] = gains.get(f"{of}{impact.contact}", 0.0) + gain
-        rates = after.v
-        if self._tree is not None:
-            assert self._plan is not None
-            of_all = self._tree.coordinates(q, after.v)[1]
-            rates = np.array([of_all[k] for k in self._plan.rated])
-        sums = y[self.motion :] + [gains.get(name, 0.0) for name in self.sums]
-        return np.concatenate([y[: self.motion - self.n], rates, sums]), after.impacts
+        sums = y[2 * self.n :] + [gains.get(name, 0.0) for name in self.sums]
+        return np.concatenate([q, after.v, sums]), after.impacts
 
     def switch(self, contact: int, kind: int, y: FloatArray) -> None:
         """Change a contact's phase at an event, where a touch stores its a/v0."""

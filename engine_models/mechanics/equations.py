@@ -1,16 +1,34 @@
-"""A solution of the reference's equations as a trajectory: its rows and contacts by joint."""
+"""A scene as a mechanism of the reference's equations, and their solution as a trajectory."""
 
 from dataclasses import fields
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.equations.mechanism import loads_of
+from engine_models.engine import Contact, FloatArray, Impacts, SimulationFailed, Trajectory
 from engine_models.mechanics.trajectory import contact_of, trajectory_of
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Clearance, Scene
+from reference_solver.mechanism import building
 from reference_solver.mechanism.constraints import row_slices
+from reference_solver.mechanism.mechanism import Load, Mechanism
 from reference_solver.solution import Solution
+
+
+def mechanism_of(scene: AnyScene) -> Mechanism:
+    """Return the mechanism; a joint with clearance has no rows, and is a contact.
+
+    Raises:
+        SimulationFailed: the stiffness of a contact overflows.
+    """
+    try:
+        return building.mechanism_of(scene.mechanism)
+    except OverflowError as reason:
+        raise SimulationFailed(str(reason)) from None
+
+
+def loads_of(scene: AnyScene) -> dict[str, Load]:
+    """Return the mechanism's loads in their order by their names (see ``building.loads_of``)."""
+    return building.loads_of(scene.mechanism)
 
 
 def trajectory_of_solution(

@@ -1,1 +1,0 @@
-"""heyoka's compiled Taylor series on the mechanism in minimal coordinates."""
