@@ -1,4 +1,4 @@
-"""The first screen: for every need the recommended setting, its cost, and where it fails."""
+"""The first screen: for every need the recommended setting and its cost."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,6 @@ from reports.analysis.equal_error import (
     settings_by_scene,
     with_other_start,
 )
-from reports.analysis.verdicts import answers, wrong_results
 from reports.chapters.cost import IDEAL, LOOSE, RIGID, cost_panel, prepared
 from reports.chapters.cost import STUDY as COST
 from reports.chapters.energy import KEPT, EnergyPart, at_middle, energy_parts
@@ -34,11 +33,11 @@ from reports.tables import ABSENT, span
 TITLE = "Recommended solver and setting"
 READING = (
     "The fastest setting that reaches the error on all scenes of its kind, or on most; (2x): twice the run "
-    "time of the one to use. Times are without start-up and compiling. Extreme cases: chapter 6. " + ALONE
+    "time of the one to use. Times are without start-up and compiling. " + ALONE
 )
 #: The findings that are limits of all that is said.
 LIMITS = ("horizon", "model", "timing")
-HEAD = ("you need", "use", "command", "time for 1 s of motion", "next best", "fails at")
+HEAD = ("you need", "use", "command", "time for 1 s of motion", "next best")
 #: What a user needs: in words, the class of scenes, the column of errors, and the largest error.
 NEEDS = (
     ("motion within 1 µm", IDEAL, SLIDER, 1e-6),
@@ -49,8 +48,6 @@ NEEDS = (
 )
 #: How many runs a user makes who makes many, and by how much the start of each is moved, in rad.
 RUNS, JITTER_RAD = 10_000, 1e-3
-#: The group of cases that are not extreme, for comparison.
-EVERYDAY = "everyday"
 #: How many scenes the figure has.
 SCENES = 2
 
@@ -65,9 +62,9 @@ class Advice:
     @classmethod
     def of(cls, name: str, cells: Sequence[str], **numbers: Number) -> "Advice":
         """Return the advice of these cells; ``numbers`` are those of its sentence."""
-        need, use, _, time, next_best, fails = cells
+        need, use, _, time, next_best = cells
         took = time if "all runs" in time else f"{time} for 1 s of motion"
-        text = f"For {need}: {use}; {took}; next best: {next_best}; fails at: {fails}."
+        text = f"For {need}: {use}; {took}; next best: {next_best}."
         finding = Finding(name, "{text}", text=text, **numbers)
         return cls(tuple(cells), finding)
 
@@ -80,21 +77,19 @@ def advice(studies: Studies) -> list[Advice]:
         for what, joints, column, target in NEEDS:
             of_class = rows[rows["joints"] == joints]
             if ran := settings_by_scene(of_class, column):
-                found.append(_need(f"{what}, {joints}", of_class, ran, column, target, studies))
+                found.append(_need(f"{what}, {joints}", of_class, ran, column, target))
     if "energy" in studies:
         found += _energy(studies)
     if COST in studies:
-        found += _many_runs(rows[rows["joints"] == LOOSE], studies)
+        found += _many_runs(rows[rows["joints"] == LOOSE])
     return found
 
 
-def _need(
-    need: str, rows: pd.DataFrame, ran: ByScene, column: str, target: float, studies: Studies
-) -> Advice:
+def _need(need: str, rows: pd.DataFrame, ran: ByScene, column: str, target: float) -> Advice:
     """Return the advice for an error on a class of scenes."""
     found, name = candidates(ran, target), f"{column}-{need.rpartition(', ')[2].replace(' ', '-')}"
     if not found:
-        return Advice.of(name, (need, "no setting that was run", *[ABSENT] * 4))
+        return Advice.of(name, (need, "no setting that was run", *[ABSENT] * 3))
     best, *others = found
     level = [other for other in others if _is_level(other, best)]
     others = [other for other in others if other not in level]
@@ -106,7 +101,6 @@ def _need(
         f"{span(ms)} ms{best.runs[0].mark(column)}",
         "; ".join([*_next_best(others[:1], best, column, ran), *_faster(others[1:], best, column, ran)])
         or "no other engine",
-        _fails(studies, best.runs[0].engine, best.label, rows),
     )
     behind = max(_behind(others[0], best), key=lambda of: of.median, default=None) if others else None
     slower = {"slower": Number(behind.median, "times", behind.low, behind.high)} if behind else {}
@@ -156,28 +150,6 @@ def _typed(rows: pd.DataFrame, best: Candidate) -> str:
     return command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}")
 
 
-def _fails(studies: Studies, engine: str, label: str, rows: pd.DataFrame) -> str:
-    """Return where an engine fails: wrong results in extreme cases, and scenes of these rows it cannot run.
-
-    Of a configuration that was not run in extreme cases they are those of the engine's first one there.
-    """
-    said = []
-    if "extremes" in studies:
-        extreme = studies["extremes"].rows
-        own = extreme[(extreme["engine"] == engine) & (extreme["group"] != EVERYDAY)].sort_values("label")
-        counts = wrong_results(answers(own)).sort_index()
-        if len(counts) and counts["cases"].sum():
-            of = counts.loc[label] if label in counts.index else counts.iloc[0]
-            said.append(f"wrong in {of['wrong']} of {of['cases']} extreme cases")
-        else:
-            said.append("not tried in extreme cases")
-    status = rows[rows["engine"] == engine].groupby("scene")["status"]
-    never = status.agg(lambda of: set(of) == {"unsupported"})
-    if never.any():
-        said.append(f"cannot run {never.sum()} of {len(never)} scenes")
-    return "; ".join(said) or ABSENT
-
-
 def _energy(studies: Studies) -> Iterator[Advice]:
     """Yield the advice for energy over long runs: of configurations that keep it the fastest one."""
     ran = at_middle(prepared_energy(studies["energy"].rows))
@@ -206,7 +178,6 @@ def _energy(studies: Studies) -> Iterator[Advice]:
         command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}"),
         f"{span(ms)} ms" if ms else "not timed",
         _kept_by(others[0]) if others else "no other engine",
-        _fails(studies, best.engine, best.label, studies["energy"].rows),
     )
     yield Advice.of("energy", cells, part=Number(100 * best.part, "%"))
 
@@ -227,7 +198,7 @@ def _seconds_of(by_scene: ByScene, like: pd.Series) -> dict[str, float]:
     return times
 
 
-def _many_runs(rows: pd.DataFrame, studies: Studies) -> Iterator[Advice]:
+def _many_runs(rows: pd.DataFrame) -> Iterator[Advice]:
     """Yield the advice for many runs from different starts, by the time of one after the other."""
     ran = settings_by_scene(with_other_start(rows), SLIDER)
     found = candidates(ran, 1e-6)
@@ -244,7 +215,6 @@ def _many_runs(rows: pd.DataFrame, studies: Studies) -> Iterator[Advice]:
         f"crankslider sweep {quote(scene)} --members {RUNS} --jitter {JITTER_RAD:g} --engine {settings}",
         f"{span(all_s)} s for all runs, one core",
         next(_next_best(others[:1], best, SLIDER, ran), "no other engine"),
-        _fails(studies, run.engine, best.label, rows),
     )
     yield Advice.of("many-runs", cells, time=Number(max(all_s), "s"))
 

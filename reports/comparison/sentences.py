@@ -12,7 +12,7 @@ from reports.parts import quantity
 from reports.quantities import FORCE, PEAK, finished, quality_failures
 from reports.results import NOT_INSTALLED
 from reports.run.command import command
-from reports.shared_tables import NOT_JUDGED, SHORT_OF, speakers, unjudged
+from reports.shared_tables import NOT_JUDGED, SHORT_OF, unjudged
 from reports.style import words
 from reports.tables import plain, setting
 
@@ -39,13 +39,12 @@ def sentences(standings: Standings, given: str) -> Iterator[str]:
 
 
 def not_run(standings: Standings) -> Iterator[str]:
-    """Yield of each engine that finished no run why not, and who gives the reason."""
-    silent = standings.not_run
-    for row, speaker in zip(silent.itertuples(), speakers(silent), strict=True):
+    """Yield of each engine that finished no run why not."""
+    for row in standings.not_run.itertuples():
         if row.status == NOT_INSTALLED:
             yield f"{row.engine}: skipped, {str(row.reason).removeprefix(f'{row.engine} is ')}."
         else:
-            yield f"{row.engine}: {row.status}, {row.reason} (reason given by {speaker})."
+            yield f"{row.engine}: {row.status}, {row.reason}."
 
 
 def measured(error: float, known: float, unit: str) -> str:

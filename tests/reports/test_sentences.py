@@ -104,7 +104,7 @@ PLACES: dict[str, Callable[[Studies], Iterator[Finding]]] = {
     **{chapter.name: partial(of_chapter, chapter) for chapter in CHAPTERS},
 }
 #: The studies that a place reads.
-READS = {"answer": ["work-precision", "energy", "predictability", "extremes"]} | {
+READS = {"answer": ["work-precision", "energy", "predictability"]} | {
     chapter.name: [*chapter.studies] for chapter in CHAPTERS
 }
 
