@@ -29,7 +29,7 @@ from studies.running.execution import Limits
 if sys.version_info >= (3, 11):
     import tomllib
 else:
-    import tomli as tomllib
+    import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
 #: Relative errors of a run by what was judged: {"slider position": 1e-6}.
 Errors = Mapping[str, float]
@@ -70,7 +70,7 @@ class Extreme:
     group: str
     scene: Scene
     theory: str
-    check: Check
+    check: str
     step_s: float
     samples: int = 100
     for_all: bool = False
@@ -95,7 +95,7 @@ def gallery() -> dict[str, Extreme]:
         for name, entry in entries.items():
             fields = completed(entry)
             del fields["base"]
-            fields |= {"scene": changed(fields["scene"], {"name": name}), "check": CHECKS[fields["check"]]}
+            fields["scene"] = changed(fields["scene"], {"name": name})
             cases[name] = Extreme(group, **fields)
     return cases
 
@@ -111,7 +111,8 @@ def changed(part: Kind, changes: Mapping[str, Any]) -> Kind:
         if not isinstance(value, Mapping):
             fields[name] = None if value == "none" else value
         elif old is None:
-            fields[name] = TypeAdapter(type(part).model_fields[name].annotation).validate_python(value)
+            kind: Any = type(part).model_fields[name].annotation
+            fields[name] = TypeAdapter(kind).validate_python(value)
         else:
             fields[name] = changed(old, value)
     return BaseModel.model_copy(part, update=fields)
@@ -138,6 +139,7 @@ def _case(place: int, extreme: Extreme, arm: Arm) -> Case:
         "place": place,
         "group": extreme.group,
         "theory": extreme.theory,
+        "check": extreme.check,
         "wanted": extreme.wanted,
         "stop_s": extreme.stop_s,
         **{f"{name}_bound": bound for name, bound in RIGHT.items()},
@@ -161,7 +163,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         row: Row = {"steps": run.steps, **checked(scene, run)}
         if not finite(run):
             return row, {}
-        errors = gallery()[scene.name].check(engine.twin(scene), run)
+        errors = CHECKS[str(case.columns["check"])](engine.twin(scene), run)
         judged = max(errors, key=lambda name: errors[name] if math.isfinite(errors[name]) else math.inf)
         numbers = {
             "relative_error": errors[judged],

@@ -71,7 +71,6 @@ CHANGES: dict[str, Change] = {
         ),
     )(rows),
     "maps are otherwise": given(verdict_severity=2.0),
-    "limits are otherwise": given(relative_difference=0.5),
 }
 
 

@@ -102,11 +102,8 @@ def together(name: str) -> Scene:
 
 
 def test_two_pins_that_hit_at_one_time_are_refused_with_the_time() -> None:
-    with pytest.raises(
-        SimulationFailed, match=r"ends at t = 0\.0005 s: two pins hit .* at one time"
-    ) as failed:
+    with pytest.raises(SimulationFailed, match=r"ends at t = 0\.0005 s: two pins hit .* at one time"):
         HeyokaEngine().simulate(together("rigid-driven-AB"), RunSettings(1.0, SAMPLES))
-    assert failed.value.spoken_by == "adapter"
 
 
 def test_two_pins_touch_compliant_walls_at_one_time() -> None:

@@ -233,7 +233,7 @@ def test_where_a_driven_rod_as_long_as_the_crank_folds_there_is_no_truth() -> No
         truth_of(folding("ideal-driven", 0.024))
 
 
-WHEELS = [name for name, case in gallery().items() if case.check.__name__ in ("dropped", "bounced")]
+WHEELS = [name for name, case in gallery().items() if case.check in ("dropped", "bounced")]
 
 
 @pytest.mark.parametrize("name", WHEELS)
