@@ -96,8 +96,8 @@ def figures(studies: Studies) -> Iterator[Figure]:
     """Yield the stability maps, one for each parameter that varies."""
     for varied, of_map in _each_map(studies):
         what = VARIED[varied][0]
-        name = "stability-maps" if what == "contact stiffness" else f"stability-maps-{what.replace(' ', '-')}"
-        title = f"From which step on are runs unstable, by {what}?"
+        name = f"stability-map-{what.replace(' ', '-')}"
+        title = f"From which step on are runs unstable, over {what}?"
         reading = "A cell is a run; dark is bad. Right of the black line a step is beyond theory's limit."
         yield Figure.of(name, title, reading, STABILITY, verdict_map(of_map, varied))
 

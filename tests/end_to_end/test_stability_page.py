@@ -22,17 +22,17 @@ STEPS_S = (1e-5, 2e-5, 4e-5, 8e-5)
 MAPS: dict[str, tuple[dict[float, float], str, str, list[str]]] = {
     "contact_stiffness_N_m1_5": (
         {2e10: 1e5, 8e10: 2e5},
-        "stability-maps",
+        "stability-map-contact-stiffness",
         "contact stiffness [N/m$^{1.5}$]",
         ["$2.0\\cdot 10^{10}$", "$8.0\\cdot 10^{10}$"],
     ),
     "radial_clearance_m": (
         {2e-4: 2e5, 5e-4: 1e5},
-        "stability-maps-clearance",
+        "stability-map-clearance",
         "clearance [mm]",
         ["0.2", "0.5"],
     ),
-    "crank_speed_rpm": ({3000.0: 1e5}, "stability-maps-crank-speed", "crank speed [rpm]", ["3000"]),
+    "crank_speed_rpm": ({3000.0: 1e5}, "stability-map-crank-speed", "crank speed [rpm]", ["3000"]),
 }
 #: Configurations in the order of legends with method, theory's limit ωh, and a letter for each step in each
 #: row of the three maps: accurate, inaccurate, growing, diverged, timed out, refused.
@@ -188,7 +188,7 @@ def test_a_map_has_its_letter_and_colour_at_every_step_and_value(
 
 def test_the_cells_of_a_map_tell_their_verdicts(maps: dict[str, Drawing]) -> None:
     names = ("accurate", "inaccurate", "energy-growing", "diverged", "timed out", "refused")
-    for each, (engine, arm) in zip(marked(maps["stability-maps-crank-speed"]), ARMS, strict=True):
+    for each, (engine, arm) in zip(marked(maps["stability-map-crank-speed"]), ARMS, strict=True):
         letters = ARMS[engine, arm][2][4]
         assert each.label == f"{engine} ({arm})"
         assert sorted(each.notes) == sorted(names[LETTERS.index(letter)] for letter in letters)

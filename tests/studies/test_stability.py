@@ -176,6 +176,6 @@ def test_rows_of_the_study_make_the_chapter(tmp_path: Path) -> None:
     assert [finding.name for finding in CHAPTER.findings(studies)] == ["energy-growth", "accurate"]
     (figure,) = CHAPTER.figures(studies)
     assert figure
-    assert figure.name == "stability-maps"
+    assert figure.name == "stability-map-contact-stiffness"
     (table,) = (each for each in CHAPTER.tables(studies) if each and each.shown)
     assert [row[1] for row in table.rows] == ["reference", "pymunk"]
