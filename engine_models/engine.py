@@ -2,12 +2,10 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import ClassVar, Literal, NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,42 +29,16 @@ MOST_SAMPLES = 100_000
 ROUNDING = 1e-9
 
 
-#: Guards are checks of ours that end a run with which its engine would go on, with joints that came apart, or
-#: with numbers that are not finite.
-_GUARDED = ContextVar("guarded", default=True)
-
-
-def guarded() -> bool:
-    """Return whether guards are to speak."""
-    return _GUARDED.get()
-
-
-@contextmanager
-def unguarded() -> Iterator[None]:
-    """Let engines run in this context as they do by themselves."""
-    before = _GUARDED.set(False)
-    try:
-        yield
-    finally:
-        _GUARDED.reset(before)
-
-
-#: Who says that there is no run: the engine itself; this project's model of it, its adapter, which does not
-#: express the scene; a check of this project's around it, which the engine alone would not make; or one of
-#: the scene, made before any engine is asked. The engine alone has failed where it says so itself.
-Speaker = Literal["engine", "adapter", "guard", "scene"]
+# Exceptions say who failed: the engine itself; this project's model of it, which does not express the scene;
+# a check of this project's (``SimulationFailed`` itself); or the scene, before any engine is asked.
 
 
 class UnsupportedScene(Exception):
     """The engine, or its present settings, cannot express this scene; the message is the reason."""
 
-    spoken_by: ClassVar[Speaker] = "adapter"
-
 
 class ImpossibleScene(UnsupportedScene):
     """No engine is asked: there is no such mechanism."""
-
-    spoken_by = "scene"
 
 
 class ProcessTaken(UnsupportedScene):
@@ -76,25 +48,17 @@ class ProcessTaken(UnsupportedScene):
 class SimulationFailed(Exception):
     """The run broke down; the message says when and why."""
 
-    spoken_by: ClassVar[Speaker] = "guard"
-
 
 class EngineFailed(SimulationFailed):
     """The engine itself gave up."""
-
-    spoken_by = "engine"
 
 
 class AdapterCannot(SimulationFailed):
     """The run came to what this project's model of the engine does not express."""
 
-    spoken_by = "adapter"
-
 
 class ImpossibleStart(SimulationFailed):
     """No engine is asked: the mechanism cannot begin as the scene says."""
-
-    spoken_by = "scene"
 
 
 def plain(scene: AnyScene, engine: str) -> Scene:
@@ -374,7 +338,7 @@ def require_finite(trajectory: Trajectory) -> Trajectory:
         *trajectory.load_work_J.values(),
     )
     finite = np.all([np.isfinite(a).reshape(n, -1).all(axis=1) for a in arrays if a is not None], axis=0)
-    if guarded() and not finite.all():
+    if not finite.all():
         when = trajectory.time_s[int(np.argmin(finite))]
         raise SimulationFailed(f"non-finite state at t = {when:.6g} s with step {trajectory.step_s:.3g} s")
     return trajectory

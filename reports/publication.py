@@ -54,7 +54,7 @@ FIGURES = (
     "agreement-steps",
     "clearance-steps",
     "energy-error-by-step",
-    "stability-maps",
+    "stability-map-contact-stiffness",
     "motions-mechanism",
 )
 BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"

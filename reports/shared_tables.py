@@ -16,13 +16,6 @@ from reports.tables import ABSENT, error, listed, number
 CASE = ("scene", "engine", "arm")
 #: The column of signals that are not judged, with why: "joint_B_force_N: zero; ...".
 NOT_JUDGED = "not_judged"
-#: Who says that a run did not finish, by the rows' column ``spoken_by``.
-SPEAKERS = {
-    "engine": "the engine",
-    "adapter": "our interface to the engine",
-    "guard": "a check of ours",
-    "scene": "the scene",
-}
 #: A comparison ends before its scene if it is short of this part of it.
 SHORT_OF = 0.999
 
@@ -157,24 +150,15 @@ def unjudged(text: object, signals: str = "") -> list[tuple[str, str]]:
     return [(words(name)[0], why) for name, _, why in parts if re.search(signals, name)]
 
 
-def speakers(rows: pd.DataFrame) -> pd.Series:
-    """Return in words who says that a run did not finish, a dash where a row does not tell."""
-    return with_columns(rows, "spoken_by")["spoken_by"].map(SPEAKERS).fillna(ABSENT)
-
-
 def unfinished(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the runs that did not finish."""
     return rows[rows["status"] != "ok"]
 
 
 def reliability(rows: pd.DataFrame) -> Finding:
-    """Return in a sentence how many runs finished, and whose failure it is where one did not."""
-    failed = unfinished(rows)
-    said = with_columns(failed, "spoken_by")["spoken_by"].value_counts()
-    who = [f"{SPEAKERS[by]} {said[by]}" for by in SPEAKERS if by in said]
+    """Return in a sentence how many runs finished, and how many of these fail the check."""
     text = "{finished} of {asked} runs finished"
-    text += f"; reasons for the others were given by: {', '.join(who)}" if who else ""
-    counts = {"finished": len(rows) - len(failed), "asked": len(rows)}
+    counts = {"finished": len(rows) - len(unfinished(rows)), "asked": len(rows)}
     if QUALITY in rows:
         counts["failing"] = int((quality_failures(rows) != "").sum())
         text += "; {failing} of those that finished fail the check of energy, joint gaps and penetration"
@@ -186,8 +170,8 @@ def runs_tables(rows: pd.DataFrame, study: str) -> Iterator[Table]:
     yield settings_table(rows, study)
     failed, found = unfinished(rows), quality_failures(rows)
     if len(failed):
-        said = {"reason given by": speakers(failed), **head(failed, "reason")}
-        columns = {**head(failed, *CASE, "step_s", "status"), **said}
+        columns = head(with_columns(failed, "exception"), *CASE, "step_s", "status", "exception", "reason")
+        columns["exception"] = columns["exception"].astype(object).fillna(ABSENT)
         yield Table.of(f"{study}-failures", "Runs that did not finish", "", study, columns)
     if (found != "").any():
         failing = rows[found != ""]

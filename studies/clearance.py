@@ -26,7 +26,6 @@ from studies.judges.impact_matching import (
     impact_errors,
 )
 from studies.judges.kinds import require
-from studies.judges.local_error import local_errors
 from studies.judges.metrics import COVERAGE, conserved, errors, is_force
 from studies.ladders import QUICK_LOOSE, clearance_ladder, only_full
 from studies.running.case import Case, Curves, Row
@@ -108,7 +107,6 @@ def measure(case: Case) -> tuple[Row, Curves]:
         **worst,
         **(_model_differences(case.scene, own, samples) if own != case.scene else {}),
         **impacts_of(found),
-        **local_errors(engine, case.scene, truth, case.run, until),
         **ledger,
         "dissipated_energy_J": float(run.dissipated_energy_J[-1]),
     }

@@ -15,7 +15,6 @@ from engine_models.engine import (
     RunSettings,
     SimulationFailed,
     Trajectory,
-    guarded,
 )
 from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
@@ -245,7 +244,7 @@ def _recorded_motion(scene: AnyScene, model: Model) -> Motion:
         if len(record) != len(time):
             raise SimulationFailed(f"Exudyn recorded nothing at t = {time[-1]:.6g} s")
         finite = np.isfinite(record).all(axis=1)
-        if guarded() and not finite.all():
+        if not finite.all():
             when = time[max(0, int(np.argmin(finite)))]
             raise SimulationFailed(f"non-finite state at t = {when:.6g} s")
     if time[-1] < scene.end_time_s:

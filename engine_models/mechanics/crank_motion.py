@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import FloatArray, SimulationFailed, guarded
+from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.scene.drives import FluctuatingDrive, RampDrive
 from engine_models.scene.mechanism import law_of
 from engine_models.scene.parts import AnyScene
@@ -100,7 +100,7 @@ def require_followed(scene: AnyScene, step_s: float) -> None:
     Raises:
         SimulationFailed: a ramp, or a period of a fluctuation, has fewer than ``FEWEST_STEPS`` of them.
     """
-    if guarded() and quickest_s(scene) < FEWEST_STEPS * step_s:
+    if quickest_s(scene) < FEWEST_STEPS * step_s:
         field = "ramp_time_s" if scene.driven_by.kind == "ramp" else "frequency_Hz"
         raise SimulationFailed(
             f"drive.{field}: expected at least {FEWEST_STEPS} steps in {quickest_s(scene):.3g} s, "

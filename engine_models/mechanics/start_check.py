@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from engine_models.engine import FloatArray, ImpossibleStart, Trajectory, guarded
+from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.contact_law import damping_factor_of
 from engine_models.mechanics.crank_motion import crank_motion
@@ -30,19 +30,6 @@ def checked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
             pin on its way out of a wall whose law takes its damping from the touch.
     """
     position, velocity = start_state(scene)
-    if guarded():
-        _require_start(scene, position, velocity)
-    return position - _turns(position), velocity
-
-
-def unchecked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
-    """Return what ``checked_start`` does of a start that is known to hold."""
-    position, velocity = start_state(scene)
-    return position - _turns(position), velocity
-
-
-def _require_start(scene: AnyScene, position: FloatArray, velocity: FloatArray) -> None:
-    """Refuse what is no start (see ``checked_start``)."""
     if scene.is_plain:
         assert isinstance(scene, Scene)
         _require_closed(scene, position, velocity)
@@ -52,6 +39,13 @@ def _require_start(scene: AnyScene, position: FloatArray, velocity: FloatArray) 
         except NotAssembled as reason:
             raise ImpossibleStart(f"start: {reason}") from None
     _require_touches(scene, position, velocity)
+    return position - _turns(position), velocity
+
+
+def unchecked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
+    """Return what ``checked_start`` does of a start that is known to hold."""
+    position, velocity = start_state(scene)
+    return position - _turns(position), velocity
 
 
 def _require_closed(scene: Scene, position: FloatArray, velocity: FloatArray) -> None:

@@ -1,6 +1,5 @@
 """All memory of a run's compiled loop: the records of run and pins, their logs, the buffers of the space."""
 
-import math
 from collections.abc import Mapping
 from time import perf_counter
 from typing import Any
@@ -10,7 +9,7 @@ import pymunk
 from numba import typeof, types
 from numpy.typing import NDArray
 
-from engine_models.engine import FloatArray, SimulationFailed, guarded
+from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.kernels import compiled
 from engine_models.mechanics.contact_law import law_numbers
 from engine_models.pymunk.compiled import loop
@@ -77,7 +76,6 @@ class Workspace:
         (i, (record["x_i"], record["y_i"])), (j, (record["x_j"], record["y_j"])) = ends
         record["bearing"], record["pin"] = self._inputs.row_of[[i, j]]
         record["clearance"], record["radius"] = room.radial_clearance_m, room.bearing_radius_m
-        record["reach"] = room.bearing_radius_m if guarded() else math.inf
         record["native"] = room.law == "rigid"
         if not record["native"]:
             for name, number in law_numbers(room)._asdict().items():

@@ -4,7 +4,6 @@ import math
 
 import pandas as pd
 
-from reports.quantities import finished
 from reports.results import with_columns
 
 #: The verdicts, their places the column ``verdict_severity``: from growth on a run is no longer stable.
@@ -18,14 +17,6 @@ VARIED: dict[str, tuple[str, str, float]] = {
 }
 #: What a run was that could not say so itself, by its status.
 BY_STATUS = {"timed out": 4, "unsupported": REFUSED}
-#: How columns of the verdict by other bounds begin, and what the bounds are called.
-OTHERWISE = "severity_if_"
-BOUNDS = {
-    "position": "bound on position",
-    "constraint": "bound on joints",
-    "energy": "bound on energy",
-    "impacts": "number of impacts compared",
-}
 
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
@@ -33,56 +24,15 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
 
     The first is the place of a cell's verdict, the second whether it gains energy or diverges.
     """
-    rows = with_columns(
-        rows,
-        *(*VARIED, "map_of", "limit_frequency_step", "measured_limit_frequency_step", "damping_ratio"),
-        *("frequency_step", "energy_loss_per_step", "expected_energy_loss_per_step"),
-        *("leading_energy_loss_per_step", "relative_difference", "verdict_severity", "contact_step_s"),
-    )
+    rows = with_columns(rows, *VARIED, "limit_frequency_step", "method", "verdict_severity", "mean_step_s")
     by_status = rows["status"].map(BY_STATUS).fillna(DIVERGED)
     severity = rows["verdict_severity"].fillna(by_status).astype(int)
     return rows.assign(severity=severity, grows=severity.between(GROWING, REFUSED, inclusive="left"))
 
 
-def cells(rows: pd.DataFrame, varied: str) -> pd.DataFrame:
-    """Return the rows that are cells of a map."""
-    return rows[rows[varied].notna()]
-
-
-def in_all_maps(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows that are cells of any map."""
-    return pd.concat([cells(rows, varied) for varied in VARIED])
-
-
-def changed_verdicts(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return how many verdicts of each label (the index) each other bound (a column) would change.
-
-    What did not finish has its verdict by any bounds.
-    """
-    others = cells[[name for name in cells if name.startswith(OTHERWISE)]]
-    changed = others.notna() & others.ne(cells["severity"], axis=0)
-    return changed.groupby(cells["label"], observed=True).sum()
-
-
-def in_words(column: str) -> str:
-    """Return what a column of other bounds is about: bound on energy halved."""
-    what, how = column.removeprefix(OTHERWISE).rsplit("_", 1)
-    return f"{BOUNDS.get(what, what)} {how}"
-
-
 def limit_of(rows: pd.DataFrame) -> float:
     """Return theory's limit omega h of a configuration, NaN if it has none."""
     return float(rows["limit_frequency_step"].iloc[0])
-
-
-def limits_of(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the scalar problem's rows that looked for a limit."""
-    return finished(rows).dropna(subset="damping_ratio")
-
-
-def dampings_of(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the scalar problem's rows that measured a loss."""
-    return finished(rows).dropna(subset="frequency_step")
 
 
 def map_rows(cells: pd.DataFrame, varied: str) -> pd.DataFrame:

@@ -22,7 +22,7 @@ INTRODUCTION = (
     "model form is the difference of that solution from the one of the scene's law. Errors are compared up "
     "to the time to which the reference solution is known."
 )
-LOCAL, CONTACT, TIME = "local_position_error_m", "contact_force_error_N", "impact_time_error_s"
+CONTACT, TIME = "contact_force_error_N", "impact_time_error_s"
 PEAK_N = "impact_force_error_N"
 #: The largest error of an impact's impulse in percent of the largest impulse.
 IMPULSE = "impulse_error_percent"
@@ -87,7 +87,7 @@ def prepare(results: Results) -> pd.DataFrame:
     A scene is ``compliant`` if its impacts have a peak force, which they have not on rigid walls.
     """
     rows = with_largest(with_forces(results.rows), CONTACT, r"contact_\w+_normal_force_error_N")
-    columns = (motion_error(rows), LOCAL, TIME, PEAK_N, "impact_impulse_relative_error", *COUNTS)
+    columns = (motion_error(rows), TIME, PEAK_N, "impact_impulse_relative_error", *COUNTS)
     rows = with_columns(rows, *columns)
     with_peak = rows[PEAK].notna().groupby(rows["scene"]).transform("any")
     return rows.assign(**{IMPULSE: 100 * rows["impact_impulse_relative_error"], "compliant": with_peak})
@@ -95,7 +95,7 @@ def prepare(results: Results) -> pd.DataFrame:
 
 def shown_errors(rows: pd.DataFrame) -> tuple[str, ...]:
     """Return the columns of errors that are shown."""
-    return motion_error(rows), LOCAL, CONTACT, PEAK, TIME, IMPULSE
+    return motion_error(rows), CONTACT, PEAK, TIME, IMPULSE
 
 
 def model_form(column: str) -> str:
@@ -244,7 +244,7 @@ def laws_by_engine(rows: pd.DataFrame) -> Table:
 
 def smallest_errors(rows: pd.DataFrame) -> Table:
     """Return the smallest error of each configuration on each scene, and until when errors are compared."""
-    columns = [motion_error(rows), LOCAL, CONTACT, PEAK_N]
+    columns = [motion_error(rows), CONTACT, PEAK_N]
     rows = rows[rows["status"] != "unsupported"]
     # Between rigid walls an error that is zero compares nothing.
     cells = shared_tables.smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)

@@ -11,7 +11,7 @@ from reports.comparison.standing import IMPACTS, Standings
 from reports.parts import quantity
 from reports.quantities import FORCE, PEAK, finished, quality_failures
 from reports.run.command import command
-from reports.shared_tables import NOT_JUDGED, SHORT_OF, speakers, unjudged
+from reports.shared_tables import NOT_JUDGED, SHORT_OF, unjudged
 from reports.style import words
 from reports.tables import plain, setting
 
@@ -38,10 +38,9 @@ def sentences(standings: Standings, given: str) -> Iterator[str]:
 
 
 def not_run(standings: Standings) -> Iterator[str]:
-    """Yield of each engine that finished no run why not, and who gives the reason."""
-    silent = standings.not_run
-    for row, speaker in zip(silent.itertuples(), speakers(silent), strict=True):
-        yield f"{row.engine}: {row.status}, {row.reason} (reason given by {speaker})."
+    """Yield of each engine that finished no run why not."""
+    for row in standings.not_run.itertuples():
+        yield f"{row.engine}: {row.status}, {row.reason}."
 
 
 def measured(error: float, known: float, unit: str) -> str:

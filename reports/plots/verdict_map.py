@@ -17,7 +17,7 @@ from matplotlib.ticker import NullLocator
 from reports.analysis.map_cells import DIVERGED, REFUSED, VARIED, VERDICTS, limit_of
 from reports.plots.series import mark
 from reports.results import FloatArray
-from reports.style import BLACK, ENGINES, WIDTH_IN
+from reports.style import BLACK, WIDTH_IN
 
 #: Colour and letter of each verdict, in their order. Lightness falls with severity, so that greyscale keeps
 #: the order; what was refused is no worse than anything, so white.
@@ -60,14 +60,12 @@ def verdict_map(rows: pd.DataFrame, varied: str) -> Drawing:
 
 
 def _steps(rows: pd.DataFrame, limit: float) -> str:
-    """Return theory's limit on a configuration's steps, and that it takes shorter ones than the map's."""
-    unlimited = "no limit" if rows["engine"].iloc[0] in ENGINES else "limit unknown"
-    text = unlimited if math.isnan(limit) else f"linear limit ωh = {limit:.3g}"
-    if not (rows["mean_step_s"] < CAPPED * rows["step_s"]).any():
-        return text
-    taken = rows["contact_step_s"].dropna() * 1e6
-    ends = f"{taken.min():.1g} to {taken.max():.1g} µs in contact" if len(taken) else "some steps shorter"
-    return f"{text}; {ends}"
+    """Return theory's limit on a configuration's steps, or that it shortens them by itself."""
+    if not math.isnan(limit):
+        return f"linear limit ωh = {limit:.3g}"
+    if rows["method"].notna().any():
+        return "no limit"
+    return "shortens steps" if (rows["mean_step_s"] < CAPPED * rows["step_s"]).any() else "limit unknown"
 
 
 def _draw_cells(ax: Axes, rows: pd.DataFrame, varied: str, steps: FloatArray, values: FloatArray) -> None:

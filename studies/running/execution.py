@@ -6,7 +6,6 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
 
-from engine_models.engine import Speaker
 from studies.running.failures import Failed
 
 P = ParamSpec("P")
@@ -42,7 +41,6 @@ class CaseEnded(Exception):
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(status, reason)
         self.status, self.reason = status, reason
-        self.spoken_by: Speaker = "engine" if status == CRASHED else "guard"
 
     def __str__(self) -> str:
         """Return the reason."""

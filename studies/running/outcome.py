@@ -53,11 +53,11 @@ def run_case(case: Case) -> tuple[Row, Curves]:
 
 
 def ended(status: str, failure: Exception) -> Row:
-    """Return the columns of a run that is none: how it ended, the reason, and whose that is.
+    """Return the columns of a run that is none: how it ended, the reason, and the exception's class.
 
-    ``spoken_by`` is an ``engine_models.engine.Speaker``, a check of ours where the failure does not tell.
+    The class says who failed (see ``engine_models.engine``).
     """
-    return {"status": status, "reason": str(failure), "spoken_by": getattr(failure, "spoken_by", "guard")}
+    return {"status": status, "reason": str(failure), "exception": type(failure).__name__}
 
 
 def outcome(case: Case, future: "Future[tuple[Row, Curves]]") -> tuple[Row, Curves]:

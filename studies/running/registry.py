@@ -6,8 +6,8 @@ STUDIES = {
     "work-precision": "studies.work_precision.study",
     "energy": "studies.energy",
     "predictability": "studies.predictability.study",
-    "stability": "studies.stability.study",
-    "extremes": "studies.extremes.study",
+    "stability": "studies.stability",
+    "extremes": "studies.extremes",
     "motions": "studies.motions",
 }
 #: Studies of one scene of the user's, which commands of their own run.

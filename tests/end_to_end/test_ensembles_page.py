@@ -63,7 +63,7 @@ def members(**changed: float) -> list[dict[str, Any]]:
             engine, arm = label.split(" (", 1)
             rows.append(row(len(rows), SCENE, engine, arm[:-1], 1e-5, **columns))
     failed: dict[str, Any] = {"part": "scipy (Radau)", "member": 0, "status": "failed", "reason": "too slow"}
-    return [*rows, row(len(rows), SCENE, "scipy", "Radau", 1e-5, **failed, spoken_by="engine")]
+    return [*rows, row(len(rows), SCENE, "scipy", "Radau", 1e-5, **failed, exception="EngineFailed")]
 
 
 @pytest.fixture(scope="module")
@@ -219,9 +219,9 @@ def test_what_did_not_finish_is_listed_with_its_reason(studies: Studies) -> None
         "configuration",
         "step [s]",
         "status",
-        "reason given by",
+        "exception",
         "reason",
     )
-    assert shown.rows == ((SCENE, "scipy", "scipy (Radau)", "1.0e-05", "failed", "the engine", "too slow"),)
+    assert shown.rows == ((SCENE, "scipy", "scipy (Radau)", "1.0e-05", "failed", "EngineFailed", "too slow"),)
     told = finding(studies, "reliability")
-    assert told.startswith("224 of 225 runs finished; reasons for the others were given by: the engine 1")
+    assert told.startswith("224 of 225 runs finished")

@@ -119,7 +119,6 @@ def test_the_table_has_setting_command_time_and_next_best_for_each_need(tmp_path
         "--set step_tolerance=1e-06 --step 0.01",
         "time for 1 s of motion": "80 to 100 ms",
         "next best": "reference (DOP853), step_tolerance 1e-08 (0.4 to 3x)",
-        "fails at": "–",
     }
 
 
@@ -156,57 +155,6 @@ def test_who_is_faster_on_the_scenes_that_it_runs_is_named(
         "reference (DOP853), step_tolerance 1e-08 (0.4 to 3x); faster where it runs: rattle (default), "
         "step 0.01 s (1 of 2 scenes) (0.25x)"
     )
-
-
-def extreme(number: int, label: str, wrong: bool) -> dict[str, Any]:
-    """Return a run of an extreme case that succeeds, with a motion that is right or wrong."""
-    engine, arm = label.removesuffix(")").split(" (")
-    judged = {"relative_error": 1.0 * wrong, "unaccounted_energy_part": 0.0, "constraint_relative": 0.0}
-    bounds = {f"{name}_bound": 0.01 for name in judged}
-    case = {"place": number, "group": "g", "theory": "", "wanted": "answer", "nonsense_factor": 10.0}
-    said = {"guarded": True, "finite": True, "penetration_part": 0.0, "ideal_gap_part": 0.0}
-    return row(
-        number, f"case {number}", engine, arm, 1e-3, end_time_s=0.1, **judged, **bounds, **case, **said
-    )
-
-
-def test_it_fails_at_the_extreme_cases_of_its_own_configuration_and_at_scenes_that_no_run_can_make(
-    tmp_path: Path,
-) -> None:
-    """DOPRI5 is wrong in one of two cases, Exudyn's trapezoidal rule in both.
-
-    On clearance-b all of Exudyn's runs are refused, or its trapezoidal ones; or those on ideal-a are.
-    """
-    wrong = {"exudyn (DOPRI5)": (True, False), "exudyn (trapezoidal)": (True, True)}
-    wrong["scipy (ode)"] = (True, True)
-    runs = [(label, each) for label, of in wrong.items() for each in of]
-    rows = [extreme(k, label, each) for k, (label, each) in enumerate(runs)]
-    timed = timed_on(tmp_path)
-    scene, exudyn = timed.rows["scene"], timed.rows["engine"] == "exudyn"
-    trapezoidal = timed.rows["arm"] == "trapezoidal"
-    studies = {"extremes": results_of(tmp_path / "extremes", rows, {})}
-    need = "motion within 1 µm, clearance"
-    for refused, text in (
-        ((scene == TWO[1]) & exudyn, "wrong in 2 of 2 extreme cases; cannot run 1 of 2 scenes"),
-        ((scene == TWO[1]) & exudyn & trapezoidal, "wrong in 1 of 2 extreme cases"),
-        ((scene == "ideal-a") & exudyn, "wrong in 1 of 2 extreme cases"),
-    ):
-        of = timed.rows.assign(status=timed.rows["status"].mask(refused, "unsupported"))
-        # Without its scene Exudyn reaches the error on as many as the reference does without one.
-        of = of.assign(status=of["status"].mask((scene == TWO[1]) & (of["engine"] == "reference"), "failed"))
-        told = {
-            each.cells[0]: each.cells
-            for each in advice({**studies, "work-precision": replace(timed, rows=of)})
-        }
-        assert told[need][1].startswith("exudyn (")
-        assert told[need][-1] == text
-
-
-def test_an_engine_that_ran_only_everyday_cases_was_not_tried_in_extreme_ones(tmp_path: Path) -> None:
-    everyday = {**extreme(0, "exudyn (DOPRI5)", False), "group": "everyday"}
-    studies = {"extremes": results_of(tmp_path / "extremes", [everyday], {})}
-    told = {each.cells[0]: each.cells for each in advice({**studies, "work-precision": timed_on(tmp_path)})}
-    assert told["motion within 1 µm, clearance"][-1] == "not tried in extreme cases"
 
 
 def test_engines_that_the_timing_does_not_tell_apart_are_both_recommended(tmp_path: Path) -> None:

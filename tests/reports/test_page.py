@@ -23,7 +23,7 @@ from reports.page.figures import draw
 from reports.parts import Contradiction, Figure, Finding, Number, Table, View, quantity
 from reports.plots.series import mark
 from reports.results import BrokenResults, NoResults, frame, read_results
-from reports.shared_tables import reliability, runs_tables, settings_table
+from reports.shared_tables import settings_table
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, latex, markdown
 from studies import agreement
@@ -227,25 +227,11 @@ def test_every_failed_run_is_listed_with_its_reason(results: Path, report: Path)
     assert failed, "two sweeps are too few for all of Pymunk's joints"
     with (report / "tables/agreement-failures.csv").open(encoding="utf-8", newline="") as file:
         listed = sorted(
-            (row["scene"], row["configuration"], row["reason"], row["reason given by"])
+            (row["scene"], row["configuration"], row["reason"], row["exception"])
             for row in csv.DictReader(file)
         )
     # Pymunk itself goes on with what has come apart.
-    assert listed == sorted((row["scene"], row["arm"], row["reason"], "a check of ours") for row in failed)
-
-
-def test_failures_are_counted_by_who_gives_the_reason_and_a_row_that_does_not_tell_counts_for_none() -> None:
-    head: dict[str, object] = {"fingerprint": "0", "scene": "s", "engine": "exudyn", "arm": "default"}
-    head |= {"label": "exudyn (default)", "step_s": 1.0, "status": "failed", "reason": "why"}
-    speakers = ("engine", "guard", "guard", "adapter", "scene", None)
-    rows = frame({**head, "case": str(n), "spoken_by": who} for n, who in enumerate(speakers))
-    assert reliability(rows) == (
-        "0 of 6 runs finished; reasons for the others were given by: the engine 1, our interface to the "
-        "engine 1, a check of ours 2, the scene 1."
-    )
-    told = ["the engine", *2 * ["a check of ours"], "our interface to the engine", "the scene", "–"]
-    failures = next(table for table in runs_tables(rows, "s") if table.name == "s-failures")
-    assert [row[5] for row in failures.rows] == told
+    assert listed == sorted((row["scene"], row["arm"], row["reason"], "SimulationFailed") for row in failed)
 
 
 def test_the_error_table_shows_the_numbers_of_the_rows(results: Path, report: Path) -> None:

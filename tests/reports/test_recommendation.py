@@ -173,14 +173,14 @@ def test_a_horizon_before_the_end_is_reported() -> None:
     assert "Predictability horizon: 0.25 s of 1 s." in text
 
 
-def test_an_engine_that_refuses_is_named_with_its_reason_and_who_gives_it() -> None:
-    refusal = {"status": "unsupported", "reason": "it has no rods", "spoken_by": "engine"}
+def test_an_engine_that_refuses_is_named_with_its_reason() -> None:
+    refusal = {"status": "unsupported", "reason": "it has no rods"}
     text = said(rows("exudyn", FAST), rows("pymunk", SLOW, **refusal))
-    assert "pymunk: unsupported, it has no rods (reason given by the engine)." in text
+    assert "pymunk: unsupported, it has no rods." in text
 
 
 def test_of_nothing_but_refusals_nothing_is_recommended() -> None:
-    refusal = {"status": "unsupported", "reason": "it has no rods", "spoken_by": "engine"}
+    refusal = {"status": "unsupported", "reason": "it has no rods"}
     silent = (row for row in rows("pymunk", SLOW, **refusal) if row["status"] != "ok")
     assert "No recommendation: no run finished" in said(silent)
 

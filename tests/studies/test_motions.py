@@ -106,7 +106,7 @@ def test_a_refusal_is_a_row_with_its_reason_and_who_says_it() -> None:
     row, curves = run_case(case("revolution", "exudyn", "rigid-driven-0.5mm"))
     assert row["status"] == "unsupported"
     assert row["reason"]
-    assert row["spoken_by"] == "adapter"
+    assert row["exception"] == "UnsupportedScene"
     assert not curves
 
 

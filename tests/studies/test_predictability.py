@@ -20,7 +20,7 @@ from reports.chapters.predictability import CHAPTER, PER_REVOLUTION, motion
 from reports.parts import Contradiction, Finding, Studies
 from reports.plots.motions import motions
 from reports.results import read_study, with_columns
-from studies.extremes.scenes import GRAVITY_M_S2, wheel
+from studies.extremes import changed, gallery
 from studies.judges.horizon import apart, first_beyond_s, moved
 from studies.judges.lyapunov import growth
 from studies.predictability import basins, chains, diagrams, study
@@ -43,21 +43,19 @@ REFERENCE = make_engine("reference")
 
 def dropped(law: str, height: float) -> Scene:
     """A pin that loses nothing, dropped in its bearing: from the centre at ``height`` 1, the floor at 0."""
-    rigid, steel = law == "rigid", stiffness_of(clearance(ROOM_M))
-    return wheel(
-        "dropped",
-        0.2,
-        law="rigid" if rigid else "hertz",
-        stiffness=None if rigid else steel,
-        radial_clearance_m=ROOM_M,
-        restitution=1.0 if rigid else None,
-        place_m=(0.0, (height - 1) * ROOM_M),
-    )
+    steel = {"law": "hertz", "stiffness": stiffness_of(clearance(ROOM_M))}
+    wall = {"law": "rigid", "stiffness": None, "restitution": 1.0} if law == "rigid" else steel
+    changes = {
+        "end_time_s": 0.2,
+        "clearance": {"O": {**wall, "radial_clearance_m": ROOM_M}},
+        "start": {"crank": {"y_m": (height - 1) * ROOM_M}},
+    }
+    return changed(gallery()["everyday Hertz"].scene, changes)
 
 
 def bounce_s(height: float) -> float:
     """The time from one bounce to the next."""
-    return float(2 * np.sqrt(2 * height * ROOM_M / GRAVITY_M_S2))
+    return float(2 * np.sqrt(2 * height * ROOM_M / 9.81))
 
 
 def known_exponent_per_s(height: float) -> float:

@@ -96,7 +96,7 @@ def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
         assert row["end_apart_m"] == pytest.approx(off_m)
     else:
         what = f"off by {off_m:.3g} m from the recorded run's" if np.isfinite(off_m) else "not finite"
-        assert (row["status"], row["spoken_by"]) == ("failed", "guard")
+        assert (row["status"], row["exception"]) == ("failed", "SimulationFailed")
         assert row["reason"] == f"the timed run's end at t = {timed.scene.end_time_s:.6g} s is {what}"
 
 

@@ -25,7 +25,7 @@ def locate(pin, bearing, of_pin):
     pin.fresh = pin.phase == FLIGHT
     pin.depth = distance - pin.clearance
     pin.n_x, pin.n_y = d_x / distance, d_y / distance
-    pin.phase = LOST if distance > pin.reach else CONTACT
+    pin.phase = LOST if distance > pin.radius else CONTACT
     return pin.phase == CONTACT
 
 

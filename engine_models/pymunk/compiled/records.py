@@ -16,15 +16,15 @@ def _fields(names: str, kind: type) -> list[tuple[str, type]]:
 
 
 #: A pin in its bearing. The rows of its two bodies; the places of bearing and pin, clearance and bearing's
-#: radius in m, and the distance of the two centres beyond which the pin is lost, infinite without guards; the
-#: constants of its law (see ``LawNumbers``). Then its phase, whether a contact is ``fresh``, its approach
+#: radius in m, which is also the distance of the two centres beyond which the pin is lost; the constants of
+#: its law (see ``LawNumbers``). Then its phase, whether a contact is ``fresh``, its approach
 #: speed, and the geometry: d, n, what leads from the origins of both bodies to the centres of bearing and
 #: pin, and from there along n to the contact point. ``kicks`` counts the kicks in contact that the log has,
 #: and ``native`` tells a native contact.
 PIN = np.dtype(
     [
         *_fields("bearing pin native phase fresh kicks", np.int64),
-        *_fields("x_i y_i x_j y_j clearance radius reach", np.float64),
+        *_fields("x_i y_i x_j y_j clearance radius", np.float64),
         *_fields("stiffness exponent factor damping floor coefficient full dead", np.float64),
         *_fields("clips smooth", np.bool_),
         *_fields("approach depth d_x d_y n_x n_y a_x a_y b_x b_y bearing_lever pin_lever", np.float64),

@@ -11,7 +11,7 @@ foreseen (see ``compiled.loop``), which is stable below m/c.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from engine_models.engine import SimulationFailed, guarded
+from engine_models.engine import SimulationFailed
 from engine_models.pymunk.joints.plan import Plan
 from reference_solver.mechanism.data import GROUND, Line, MechanismData, Motor
 from reference_solver.mechanism.motor import motor_damping
@@ -77,6 +77,6 @@ def require_damped(
             continue
         mass, inertia = of.bodies[damper.body].mass_kg, plan.seats[damper.body].inertia_kg_m2
         limit = (2 if damper.own else 1) * (inertia if damper.turns else mass) / damper.damping
-        if guarded() and not step_s <= limit:
+        if not step_s <= limit:
             too_long = f"at t = 0 s with step {step_s:.3g} s: shorten it below {limit:.3g} s"
             raise SimulationFailed(f"{damper.name} too strong {too_long}")

@@ -35,8 +35,6 @@ ROUND_OFF = {
     "hidden_power_low_W": 1e-10,
     "hidden_power_high_W": 1e-10,
     "mean_hidden_power_W": 1e-10,
-    "local_position_error_m": 1e-14,
-    "largest_local_position_error_m": 1e-13,
 }
 
 

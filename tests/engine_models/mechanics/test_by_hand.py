@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import RunSettings, SimulationFailed, Trajectory, guarded, unguarded
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact_law import native_law, native_twin
 from engine_models.exudyn.motion import integral
 from engine_models.mechanics.contact_law import LawNumbers, friction_force, normal_force, stiffness_of
@@ -124,12 +124,6 @@ def test_a_ramp_takes_its_time_and_is_half_way_in_the_middle() -> None:
 def test_a_step_is_never_longer_than_asked_for() -> None:
     settings = RunSettings(0.3, 1)
     assert (settings.steps_per_sample(1.0), settings.step_used_s(1.0)) == (4, 0.25)
-
-
-def test_guards_speak_unless_they_are_told_not_to() -> None:
-    assert guarded()
-    with unguarded():
-        assert not guarded()
 
 
 def test_two_methods_are_two(monkeypatch: pytest.MonkeyPatch) -> None:

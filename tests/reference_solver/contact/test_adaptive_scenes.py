@@ -17,7 +17,7 @@ from reference_solver.compiled.faces import CompiledFace
 from reference_solver.mechanism.mechanism import Body
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
-from studies.extremes.study import gallery
+from studies.extremes import gallery
 from studies.judges.horizon import moved
 from tests.helpers.crank_sliders import (
     IMPACT_S,

@@ -1,16 +1,15 @@
 """Judges on runs whose errors are put there by hand: what comes out is the number that was put in."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from engine_models.engine import Contact, Impacts, RunSettings, Trajectory
-from engine_models.scene.library import CLEARANCE_SCENES, ideal_driven, ideal_free
+from engine_models.engine import Contact, Impacts, Trajectory
+from engine_models.scene.library import ideal_driven, ideal_free
 from engine_models.scene.scene import Scene
-from studies.extremes.checks import ideal_motion
+from studies.extremes import ideal_motion
 from studies.judges import converged_truth
 from studies.judges.comparison import Judged, compared
 from studies.judges.converged_truth import Solved, reach
@@ -18,10 +17,8 @@ from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.energy_rates import drift_rate, growth_exponent
 from studies.judges.horizon import first_beyond_s
 from studies.judges.impact_matching import impact_errors
-from studies.judges.local_error import local_errors
 from studies.judges.lyapunov import Growth
 from studies.judges.metrics import conserved, errors, in_flight, sizes, uncertainties
-from studies.stability.theory import RK4, leading_loss
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 POSITION = "slider_position_error_m"
@@ -204,24 +201,6 @@ def test_errors_of_impacts_are_parts_of_the_true_ones() -> None:
     assert impact_errors(run, true, 4.0)["impact_impulse_relative_error"] == pytest.approx(0.5)
 
 
-def test_of_local_errors_the_median_is_told_and_the_largest() -> None:
-    """Three touches between samples in flight; the run after each is off by so much."""
-    truth = loose(B=contact([-1.0] * 8, (0.5, 2.5, 4.5)))
-    off = iter([1e-9, 9e-9, 2e-9])
-
-    class Off:
-        def simulate(self, *_: object) -> SimpleNamespace:
-            position = np.zeros((2, 3, 3))
-            position[-1, 1, 1] = -next(off)
-            return SimpleNamespace(position=position)
-
-    scene = CLEARANCE_SCENES["clearance-driven-0.5mm"]()
-    row = local_errors(Off(), scene, truth, RunSettings(1e-5, 7), 8)  # type: ignore[arg-type]
-    assert (row["restarts"], row["failed_restarts"]) == (3, 0)
-    assert row["local_position_error_m"] == pytest.approx(2e-9)
-    assert row["largest_local_position_error_m"] == pytest.approx(9e-9)
-
-
 # Rates, exponents and horizons
 
 
@@ -256,12 +235,6 @@ def test_an_exponent_begins_where_it_is_told_to() -> None:
     parting = Growth(np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.0, 9.0, 10.0, 16.0]), False)
     assert parting.exponent_per_s(1.0) == pytest.approx(7 / 3)
     assert parting.exponent_per_s(0.0, 2.0) == pytest.approx(9.0), "the end is left out"
-
-
-def test_rk4_loses_what_its_polynomial_does() -> None:
-    z = 0.1j
-    kept = abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24) ** 2
-    assert leading_loss(RK4, 0.1, 0.5) == pytest.approx(1 - kept, rel=0.01)
 
 
 def test_a_start_from_rest_has_truth_too() -> None:

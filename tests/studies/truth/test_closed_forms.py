@@ -13,7 +13,7 @@ from engine_models.scene.drives import Drive, FluctuatingDrive, MotorDrive, Ramp
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Scene
-from studies.extremes.study import gallery
+from studies.extremes import gallery
 from studies.judges.converged_truth import INDEPENDENT, converged, followed, truth_by
 from studies.judges.metrics import (
     constraint_violation_m,
@@ -233,7 +233,7 @@ def test_where_a_driven_rod_as_long_as_the_crank_folds_there_is_no_truth() -> No
         truth_of(folding("ideal-driven", 0.024))
 
 
-WHEELS = [name for name, case in gallery().items() if case.check.__name__ in ("dropped", "bounced")]
+WHEELS = [name for name, case in gallery().items() if case.check in ("dropped", "bounced")]
 
 
 @pytest.mark.parametrize("name", WHEELS)

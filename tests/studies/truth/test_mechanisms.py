@@ -13,8 +13,7 @@ from engine_models.engine import Contact, RunSettings, SimulationFailed, Traject
 from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Scene
-from studies.extremes.dead_centres import dead_centres
+from studies.extremes import gallery
 from studies.judges.metrics import energy_balance_residual_J
 from studies.running.closure import closure
 from studies.truth import equations, motion, rigid_walls, stepping
@@ -130,9 +129,7 @@ def test_a_row_of_four_bars_is_a_pendulum_up_to_its_singular_position() -> None:
 @pytest.mark.parametrize("solver", METHODS, ids=lambda solver: solver.method)
 def test_a_rod_that_turns_while_the_crank_swings_changes_coordinates(solver: TrueSolver) -> None:
     """With a rod of 0.8 crank lengths neither angle makes the other follow all the way round."""
-    case = next(each for each in dead_centres() if each.scene.name == "L = 0.8 r, free")
-    of = case.scene
-    assert isinstance(of, Scene)
+    of = gallery()["L = 0.8 r, free"].scene
     run = solved(of, solver)
     assert abs(run.position[-1, 1, 2]) > 2 * math.pi
     off = np.abs(run.position[:, 2, 0] - turning_rod(of, run.time_s)).max()

@@ -1,1 +1,0 @@
-"""Extremes: a gallery of cases whose outcome theory knows."""

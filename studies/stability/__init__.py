@@ -1,1 +1,0 @@
-"""Stability: where each solver stops being trustworthy."""
