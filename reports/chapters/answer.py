@@ -280,7 +280,7 @@ def figure(studies: Studies) -> Figure | None:
         "A line is an engine at its best settings; points without a line are not ranked. Dashed: the error "
         "asked for; ring: the fastest; grey: uncertainty of the reference solution."
     )
-    return Figure.of("answer", title, reading, COST, draw(panels, 2.1))
+    return Figure("answer", title, reading, COST, draw(panels, 2.1))
 
 
 def limits(studies: Studies) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from reports.analysis import map_cells
 from reports.analysis.verdicts import CONSTRAINT, ENERGY, JUDGED, MODEL, Verdict, answers, wrong_results
-from reports.parts import Chapter, Figure, Finding, Number, Studies, Table, View
+from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
 from reports.plots.panels import MOST_LINES
 from reports.plots.verdict_map import verdict_map
 from reports.plots.verdict_matrix import verdict_matrix
@@ -151,9 +151,9 @@ def changed_by_checks(answered: pd.DataFrame) -> Iterator[Finding]:
 
 
 def figures(studies: Studies) -> Iterator[Figure | None]:
-    """Yield the stability maps, a view for each parameter that varies, and the matrix of extreme cases."""
+    """Yield the stability map of each parameter that varies, and the matrix of extreme cases."""
     if STABILITY in studies:
-        yield _maps(map_cells.prepared(studies[STABILITY].rows))
+        yield from _maps(map_cells.prepared(studies[STABILITY].rows))
     if EXTREMES in studies:
         yield Figure(
             "extremes-matrix",
@@ -161,23 +161,24 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
             "A frame marks what theory asks for. In a divided cell a check of ours speaks on the left; the "
             "right is what comes without it. Blank: not run. The CSV has the theory of each case.",
             EXTREMES,
-            (View((), verdict_matrix(answers(studies[EXTREMES].rows))),),
-            dense=True,
+            verdict_matrix(answers(studies[EXTREMES].rows)),
             data="extremes-verdicts",
         )
 
 
-def _maps(rows: pd.DataFrame) -> Figure | None:
-    """Return the stability maps, of each engine's first configuration and of those with a limit in theory."""
-    views = []
+def _maps(rows: pd.DataFrame) -> Iterator[Figure]:
+    """Yield the stability maps, of each engine's first configuration and of those with a limit in theory."""
     for varied, what, of_map in _each_map(rows):
         each = of_map.drop_duplicates("label").sort_values("label")
         each = each.assign(later=each["engine"].duplicated() & each["limit_frequency_step"].isna())
         shown = each.sort_values("later", kind="stable")["label"].head(MOST_LINES)
-        views.append(View((what,), verdict_map(of_map[of_map["label"].isin(shown)], varied)))
-    reading = "A cell is a run; dark is bad. Right of the black line a step is beyond theory's linear limit."
-    parts = "stability-maps", "From which step on are runs unstable?", reading, STABILITY, tuple(views)
-    return Figure(*parts, ("varied parameter",), dense=True) if views else None
+        yield Figure(
+            f"stability-map-{what.replace(' ', '-')}",
+            f"From which step on are runs unstable, over {what}?",
+            "A cell is a run; dark is bad. Right of the black line a step is beyond theory's linear limit.",
+            STABILITY,
+            verdict_map(of_map[of_map["label"].isin(shown)], varied),
+        )
 
 
 def _each_map(rows: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
