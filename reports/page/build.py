@@ -66,20 +66,18 @@ def write_report(results: Path, folder: Path) -> Report:
     studies, missing = _read(results)
     for kind in ("tables", "data", "figures"):
         (folder / kind).mkdir(parents=True)
-    parts, lacking = [], set[str]()
-    for chapter in CHAPTERS:
-        if of := {name: studies[name] for name in chapter.studies if name in studies}:
-            part = build_part(chapter.name, of, folder)
-            lacking |= set() if part else of.keys()
-            parts += [part] if part else []
-    studies = {name: each for name, each in studies.items() if name not in lacking}
-    screen = build_part(ANSWER, studies, folder)
-    assert screen is not None, "what the first screen needs the chapters have"
+    with mpl.rc_context(RC):
+        advice = answer.advice(studies)
+        findings = [*(each.finding for each in advice), *answer.limits(studies)]
+        made = findings, [answer.figure(studies)], [answer.table(advice)]
+        screen = _write_part(folder, ANSWER, answer.TITLE, "", *made)
+        parts = []
+        for chapter in CHAPTERS:
+            if of := {name: studies[name] for name in chapter.studies if name in studies}:
+                made = chapter.findings(of), chapter.figures(of), chapter.tables(of)
+                part = _write_part(folder, chapter.name, chapter.title, chapter.introduction, *made)
+                parts.append(part)
     notes = [note for each in studies.values() for note in each.notes]
-    if lacking:
-        notes.append(
-            f"rows of {', '.join(sorted(lacking))} are of an older commit, with other columns: left out"
-        )
     if bare := [name for name, each in studies.items() if not each.has_curves]:
         notes.append(
             f"no time histories beside the rows of {', '.join(bare)}: figures over time are left out"
@@ -117,29 +115,21 @@ def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
     return studies, list(missing)
 
 
-def build_part(name: str, studies: Studies, folder: Path) -> Part | None:
-    """Write the files of a chapter and return it; None if published rows of an older commit lack columns."""
-    try:
-        with mpl.rc_context(RC):
-            if name == ANSWER:
-                title, introduction = answer.TITLE, ""
-                advice = answer.advice(studies)
-                findings = (*(each.finding for each in advice), *answer.limits(studies))
-                tables, figures = [answer.table(advice)], [answer.figure(studies)]
-            else:
-                chapter = next(each for each in CHAPTERS if each.name == name)
-                title, introduction = chapter.title, chapter.introduction
-                findings, tables = tuple(chapter.findings(studies)), [*chapter.tables(studies)]
-                figures = [*chapter.figures(studies)]
-    except KeyError:
-        if any(results.is_published for results in studies.values()):
-            return None
-        raise
-    whole = [table for table in tables if table and table.rows]
+def _write_part(
+    folder: Path,
+    name: str,
+    title: str,
+    introduction: str,
+    findings: Iterable[Finding],
+    figures: Iterable[Figure | None],
+    tables: Iterable[Table | None],
+) -> Part:
+    """Write the files of a chapter, or of the first screen, and return it."""
+    whole = tuple(table for table in tables if table and table.rows)
     for table in whole:
         (folder / f"tables/{table.name}.csv").write_text(comma_separated(table), encoding="utf-8")
     drawn = tuple((figure, *write_figure(figure, folder)) for figure in figures if figure)
-    return Part(name, title, introduction, findings, drawn, tuple(whole))
+    return Part(name, title, introduction, tuple(findings), drawn, whole)
 
 
 def is_full(studies: Studies) -> bool:

@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
+from reports.page.svg import classes_of
 
 from reports.page.figures import draw
-from reports.page.svg import classes_of
 from reports.parts import Figure
 from reports.plots.axes import set_plainly
 from reports.plots.panels import draw_legend, grid
