@@ -305,11 +305,11 @@ def test_the_chapter_has_a_map_of_what_was_run_and_its_tables(results: Path) -> 
     (figure,) = CHAPTER.figures(studies)
     assert figure
     tables = {table.name: table for table in CHAPTER.tables(studies) if table}
-    assert [view.choice for view in figure.views] == [("crank speed",)]
-    names = ("undamped-limits", "scalar-limits", "scalar-damping", "boundaries", "settings", "bounds")
+    assert figure.name == "stability-map-crank-speed"
+    names = ("undamped-limits", "scalar-limits", "scalar-damping", "boundaries", "bounds")
     assert {f"stability-{name}" for name in names} < set(tables)
     assert all(len(row) == len(table.head) for table in tables.values() for row in table.rows)
-    panels = figure.views[0].drawing.axes
+    panels = figure.drawing.axes
     letters = [{text.get_text() for text in panel.texts} for panel in panels]
     assert len(panels) == 3
     assert "T" in letters[0], "a run that was cut off is on the map"
