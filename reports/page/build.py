@@ -69,14 +69,14 @@ def write_report(results: Path, folder: Path) -> Report:
     with mpl.rc_context(RC):
         advice = answer.advice(studies)
         findings = [*(each.finding for each in advice), *answer.limits(studies)]
-        made = findings, [answer.figure(studies)], [answer.table(advice)]
-        screen = _write_part(folder, ANSWER, answer.TITLE, "", *made)
+        figures, tables = [answer.figure(studies)], [answer.table(advice)]
+        screen = _write_part(folder, (ANSWER, answer.TITLE, ""), findings, figures, tables)
         parts = []
         for chapter in CHAPTERS:
             if of := {name: studies[name] for name in chapter.studies if name in studies}:
+                texts = chapter.name, chapter.title, chapter.introduction
                 made = chapter.findings(of), chapter.figures(of), chapter.tables(of)
-                part = _write_part(folder, chapter.name, chapter.title, chapter.introduction, *made)
-                parts.append(part)
+                parts.append(_write_part(folder, texts, *made))
     notes = [note for each in studies.values() for note in each.notes]
     if bare := [name for name, each in studies.items() if not each.has_curves]:
         notes.append(
@@ -86,8 +86,8 @@ def write_report(results: Path, folder: Path) -> Report:
         notes.append(f"not run: {', '.join(missing)}; `crankslider run` runs what is missing")
     _write_page(folder, screen, parts, studies, notes)
     write_claims({part.name: part.findings for part in (screen, *parts)}, studies, folder)
-    figures = [figure for part in (screen, *parts) for figure, *_ in part.figures]
-    return Report(screen.findings, tuple(notes), tuple(figures))
+    shown = (figure for part in (screen, *parts) for figure, *_ in part.figures)
+    return Report(screen.findings, tuple(notes), tuple(shown))
 
 
 def require_replaceable(out: Path) -> None:
@@ -117,19 +117,17 @@ def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
 
 def _write_part(
     folder: Path,
-    name: str,
-    title: str,
-    introduction: str,
+    texts: tuple[str, str, str],
     findings: Iterable[Finding],
     figures: Iterable[Figure | None],
     tables: Iterable[Table | None],
 ) -> Part:
-    """Write the files of a chapter, or of the first screen, and return it."""
+    """Write the files of a chapter, or of the first screen, and return it; its texts come first in it."""
     whole = tuple(table for table in tables if table and table.rows)
     for table in whole:
         (folder / f"tables/{table.name}.csv").write_text(comma_separated(table), encoding="utf-8")
     drawn = tuple((figure, *write_figure(figure, folder)) for figure in figures if figure)
-    return Part(name, title, introduction, tuple(findings), drawn, whole)
+    return Part(*texts, tuple(findings), drawn, whole)
 
 
 def is_full(studies: Studies) -> bool:
