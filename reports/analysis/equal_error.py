@@ -139,7 +139,7 @@ def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
         motion_alone=ran["motion_alone"].isin([True]),
     )
     failed = ran.index.map(at).isin(set(at[rows["status"] == "failed"]))
-    ran = ran.assign(kept=kept(ran, failed | saturated(ran, column)))
+    ran = ran.assign(kept=kept(ran, failed | saturated(ran)))
     columns = ["engine", "label", "knob", "value", "place", "error", "kept", "motion_alone", "times_s"]
     ran = ran[[*columns, "end_time_s"]].dropna(subset=columns).query("error > 0")
     return ran.assign(time_s=ran["times_s"].map(np.nanmedian).astype(float))
@@ -171,14 +171,10 @@ def kept(settings: pd.DataFrame, lost: "pd.Series[bool] | None" = None) -> "pd.S
     return errors[::-1].groupby(settings["label"][::-1], observed=True).cummax()[::-1]
 
 
-def saturated(rows: pd.DataFrame, column: str) -> "pd.Series[bool]":
-    """Return of which rows the error of the slider has grown to the clearance.
-
-    It is that of the column, if that is one, and else that at the end of the motion.
-    """
+def saturated(rows: pd.DataFrame) -> "pd.Series[bool]":
+    """Return of which rows the error of the slider has grown to the clearance."""
     rows = with_columns(rows, SLIDER, CLEARANCE)
-    off = value(rows, column if column.startswith(SLIDER.removesuffix("_m")) else SLIDER)
-    return off >= SATURATED * rows[CLEARANCE].astype(float)
+    return value(rows, SLIDER) >= SATURATED * rows[CLEARANCE].astype(float)
 
 
 def from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:

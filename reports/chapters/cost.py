@@ -64,7 +64,7 @@ def findings(studies: Studies) -> Iterator[Finding]:
     """Yield how many runs are not ranked, and how many finished."""
     rows = prepared(studies)
     ran = recorded(finished(rows))
-    lost = saturated(ran, SLIDER).sum()
+    lost = saturated(ran).sum()
     if lost:
         text = "In {lost} of {runs} runs the slider is off by a tenth of the clearance; these are not ranked."
         yield Finding("saturated", text, lost=Number(float(lost)), runs=Number(float(len(ran))))
