@@ -87,7 +87,8 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
         ]
         if panels:
             title = f"What error in {signal(column)} does each engine reach in what run time?"
-            yield Figure(f"cost-{column.partition('_error_')[0]}", title, reading, STUDY, draw(panels, 3.0))
+            name = column.partition("_error_")[0].replace("_", "-")
+            yield Figure(f"cost-{name}", title, reading, STUDY, draw(panels, 3.0))
 
 
 def cost_panel(

@@ -95,7 +95,7 @@ def test_what_is_outside_the_times_is_told_in_ms_and_as_a_part_of_the_run(studie
     assert tables_of(studies)["cost-compiling"].rows == ((SCENE, "reference", "4"),)
 
 
-@pytest.mark.parametrize(("name", "per_m"), [("slider_position", 1.0), ("largest_joint_force", FORCE_AT_B)])
+@pytest.mark.parametrize(("name", "per_m"), [("slider-position", 1.0), ("largest-joint-force", FORCE_AT_B)])
 def test_errors_are_drawn_against_run_time(studies: Studies, name: str, per_m: float) -> None:
     (panel,) = figures_of(studies)[f"cost-{name}"].drawing.axes
     assert (panel.get_title(), panel.get_xlabel()) == (SCENE, "run time [s]")
@@ -116,7 +116,7 @@ def test_with_clearance_peak_forces_are_compared_in_percent(tmp_path: Path) -> N
         ("clearance", SCENE, "reference (DOP853)", "4"),
         ("clearance", SCENE, "exudyn (trapezoidal)", "60"),
     ]
-    assert "cost-peak_force" in figures_of(studies)
+    assert "cost-peak-force" in figures_of(studies)
 
 
 def test_errors_that_have_grown_to_the_clearance_are_counted_and_reach_nothing(tmp_path: Path) -> None:
@@ -145,4 +145,4 @@ def test_a_time_that_leaves_out_forces_is_marked_where_forces_are_compared_and_n
         ("largest joint force", "reference (DOP853)"): False,
         ("largest joint force", "exudyn (trapezoidal)"): True,
     }
-    assert ALONE in figures_of(studies)["cost-slider_position"].reading
+    assert ALONE in figures_of(studies)["cost-slider-position"].reading
