@@ -8,10 +8,9 @@ study: .venv/.study
 	$(BIN)/crankslider run
 	$(BIN)/crankslider report
 
-# The pages of the rows that are published, of the quick set and of the full one.
+# The page of the rows that are published.
 published-page: .venv/.study
 	$(BIN)/crankslider report --results reports/published/results --out published-page --quiet
-	$(BIN)/crankslider report --results reports/published/full/results --out published-page-full --quiet
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile
@@ -57,16 +56,13 @@ benchmark: .venv/.ready
 	$(BIN)/python -m tests.benchmarks.kernel
 	$(BIN)/python -m tests.benchmarks.rivals.race
 
-# Renew the quick set in reports/published from the committed code, and what is said of both sets' rows; a test
-# recomputes it. FULL=results-of-the-full-set takes over that set's rows, too.
+# Renew the quick set in reports/published from the committed code; a test recomputes it.
 publish: .venv/.ready
 	git diff --quiet HEAD -- reference_solver engine_models studies reports ':!reports/published' || \
 	    { echo "error: commit the code first, so that the published results can name it"; exit 2; }
 	rm -rf results && $(BIN)/crankslider run
 	$(BIN)/python -m reports.publication reports/published results
-	$(BIN)/python -m reports.publication reports/published/full $(FULL)
 	rm -rf reports/published/truth && $(BIN)/python -m studies.command.truth reports/published/truth
-	$(BIN)/python -m reports.publication --seal reports/published
 
 # What studies need, and no more. Modules are compiled when they are first imported, which most never are.
 .venv/.study: study.lock pyproject.toml
@@ -89,4 +85,4 @@ lock: .venv/.ready
 	echo setuptools | $(LOCK) pyproject.toml - --constraint requirements.lock -o study.lock
 
 clean:
-	rm -rf .venv results report published-page published-page-full docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv results report published-page docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -87,6 +87,38 @@ RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
 MOTION_ALONE = ("scipy", DOPRI5, WIDE_GAP, ODE23, RK44)
 
+#: What each arm is, by its label.
+MEANINGS = {
+    REFERENCE.label: "the paper's RK4 with projection and located contact events, as it comes",
+    PROJECTION.label: "the paper's RK4; positions and velocities return to the constraints after every step",
+    BAUMGARTE.label: "the paper's RK4 with Baumgarte's terms in the equations of the constraints",
+    NO_STABILISATION.label: "the paper's RK4, constraints left to drift",
+    LOCATED.label: "RK4 with touch and release located and shorter steps in contact",
+    LOCATED_ALONE.label: "the same, constraints left to drift",
+    PLAIN.label: "RK4 with all steps of one length through contacts, and projection",
+    PLAIN_RK4.label: "the paper's RK4 and nothing else: steps of one length, constraints left to drift",
+    REFERENCE_DOP853.label: "the paper's equations by DOP853, order 8, with error control and located events",
+    EXUDYN.label: "Exudyn's solver for the scene, as it comes",
+    TRAPEZOIDAL.label: "implicit trapezoidal rule, index 2",
+    GENERALIZED_ALPHA.label: "implicit generalized-alpha method, spectral radius 0.5",
+    GENERALIZED_ALPHA_09.label: "implicit generalized-alpha method, spectral radius 0.9: less damping",
+    RK44.label: "explicit RK4 on a kinematic tree, steps of one length",
+    DOPRI5.label: "explicit DOPRI5 on a kinematic tree, with error control",
+    WIDE_GAP.label: "the same with a wider band in which contacts switch, and shorter steps",
+    ODE23.label: "explicit ODE23 on a kinematic tree, with error control",
+    TUNED.label: "joint errors corrected in full in every step, as many sweeps as the scene needs, order 2",
+    OUT_OF_THE_BOX.label: "Pymunk's own defaults, order 1",
+    AS_THE_SCENE.label: "tuned joints, contact forces by the scene's law, steps of one length",
+    SHORTER_IN_CONTACT.label: "tuned joints, contact forces by the scene's law, shorter steps in contact",
+    NATIVE_CONTACT.label: "tuned joints, Pymunk's own rigid contact with the scene's restitution",
+    SCIPY.label: "solve_ivp as it comes here: DOP853, with its events for contacts",
+    SCIPY_DOP853.label: "solve_ivp with DOP853, order 8, and with its events for contacts",
+    LSODA.label: "solve_ivp with LSODA, of variable order",
+    ODEINT.label: "odeint: LSODA by its older call, without events",
+    ODE.label: "integrate.ode with dop853: DOP853 by its older class, without events",
+    RADAU.label: "solve_ivp with Radau, implicit, order 5",
+}
+
 #: Engines that the catalogue knows. Any other takes part in all studies as it comes.
 NAMED = ("reference", "exudyn", "pymunk", "scipy")
 

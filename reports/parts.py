@@ -63,10 +63,6 @@ class Finding(str):
         finding.numbers = tuple(value for value in values.values() if isinstance(value, Number))
         return finding
 
-    def __getnewargs_ex__(self) -> tuple[tuple[str, str], dict[str, str]]:
-        """Return what makes the sentence again where it is copied or sent to another process."""
-        return (self.name, "{text}"), {"text": str(self)}
-
     def require(self, holds: bool) -> "Finding":
         """Return the finding if the results bear it out.
 
@@ -78,37 +74,20 @@ class Finding(str):
         return self
 
 
-class View(NamedTuple):
-    """One drawing of a figure; ``choice`` has a value for each of the figure's pickers."""
-
-    choice: tuple[str, ...]
-    drawing: Drawing
-
-
 @dataclass(frozen=True)
 class Figure:
     """A figure: its title asks a question, ``reading`` says what it shows and how to read it.
 
-    Of several ``views`` one is seen at a time, chosen by ``pickers``, the first one at first. A ``dense``
-    drawing has text in coloured cells: it is wide, and has its own colours in the dark as well. ``more``
-    is shown on the page of the full set alone. ``study`` is the study whose runs it shows; ``data`` names the
-    table with what is shown where that is not the points of lines.
+    ``study`` is the study whose runs it shows; ``data`` names the table with what is shown where that is not
+    the points of lines.
     """
 
     name: str
     title: str
     reading: str
     study: str
-    views: tuple[View, ...]
-    pickers: tuple[str, ...] = ()
-    dense: bool = False
-    more: bool = False
+    drawing: Drawing
     data: str = ""
-
-    @classmethod
-    def of(cls, name: str, title: str, reading: str, study: str, drawing: Drawing) -> "Figure":
-        """Return a figure of one drawing."""
-        return cls(name, title, reading, study, (View((), drawing),))
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,10 @@
 * ``results/STUDY/rows.jsonl.xz``: a row a line, in the order of what was run, without times, code and commit,
   and with the digits that are certain; ``times.csv`` has the times and ``sidecar.json`` the rest;
 * ``tables/NAME.csv`` and ``findings.json``: those of the page that these rows make;
-* in a ``README.md`` that has a place for it, the answer with its ``figures``.
-
-Without RESULTS the rows are those that are there. ``python -m reports.publication --seal FOLDER`` writes a
-hash of every file into ``seals.json``. A file that is altered, lost or added breaks the seal. Line endings do
-not count in text.
+* in ``README.md`` the answer with its ``figures``.
 """
 
 import csv
-import hashlib
 import json
 import lzma
 import math
@@ -38,9 +33,6 @@ from reports.results import (
 )
 from reports.tables import markdown
 
-SEALS = "seals.json"
-#: Files that are no text.
-BINARY = (".png", ".npz", ".xz")
 #: Columns that are other at every run, and those that say no more than the code and the row itself.
 TIMES = ("solve_time_s", "least_solve_time_s", "build_time_s", "compile_time_s", "repeats")
 LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)
@@ -60,26 +52,21 @@ FIGURES = (
 BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"
 
 
-def publish(folder: Path, results: Path | None = None) -> None:
+def publish(folder: Path, results: Path) -> None:
     """Write the rows of all studies in ``results`` into a folder, and what the page says of those in it.
 
     Raises:
         NoResults, BrokenResults, Contradiction: as ``write_report`` does.
     """
-    for study in sorted(path.parent for path in results.glob("*/rows.jsonl")) if results else ():
+    for study in sorted(path.parent for path in results.glob("*/rows.jsonl")):
         write_study(study, folder / "results" / study.name)
-    readme = folder / "README.md"
     with TemporaryDirectory() as name:
         made = Path(name)
-        report = write_report(folder / "results", made, paper=readme.exists())
+        report = write_report(folder / "results", made)
         shutil.copy(made / FINDINGS, folder)
         _renew(folder / "tables", sorted((made / "tables").glob("*.csv")))
-        if readme.exists():
-            first = {name: min((made / "figures").glob(f"{name}*.svg")) for name in FIGURES}
-            _renew(folder / "figures", first.values())
-            for name, path in first.items():
-                (folder / "figures" / path.name).rename(folder / f"figures/{name}.svg")
-            tell_answer(readme, report)
+        _renew(folder / "figures", [made / f"figures/{name}.svg" for name in FIGURES])
+        tell_answer(folder / "README.md", report)
 
 
 def write_study(study: Path, folder: Path) -> None:
@@ -164,8 +151,8 @@ def tell_answer(readme: Path, report: Report) -> None:
     kept = [place for place, name in enumerate(head) if name != COMMAND]
     shown = [tuple(line[place] for place in kept) for line in (head, *rows)]
     limits = "\n".join(f"* {finding}" for finding in report.answer if finding.name in LIMITS)
-    titles = {name: report.titles[name] for name in FIGURES}
-    figures = "\n".join(f"{title}\n\n![{title}](figures/{name}.svg)\n" for name, title in titles.items())
+    titles = {figure.name: figure.title for figure in report.figures}
+    figures = "\n".join(f"{titles[name]}\n\n![{titles[name]}](figures/{name}.svg)\n" for name in FIGURES)
     before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
     after = rest.partition(END)[2]
     table = markdown(Table("answer", "", "", "", shown[0], tuple(shown[1:])))
@@ -173,36 +160,5 @@ def tell_answer(readme: Path, report: Report) -> None:
     readme.write_text(f"{before}{BEGIN}\n\n{told}\n{END}{after}", encoding="utf-8")
 
 
-def write_seals(folder: Path) -> None:
-    """Write the hashes of all files in a folder into it."""
-    (folder / SEALS).write_text(json.dumps(_hashes(folder), indent=0) + "\n", encoding="utf-8")
-
-
-def broken_seals(folder: Path) -> list[str]:
-    """Return in a line each what was altered, lost or added since a folder was sealed."""
-    sealed, now = json.loads((folder / SEALS).read_text(encoding="utf-8")), _hashes(folder)
-    what = {(True, True): "altered", (True, False): "lost", (False, True): "added"}
-    return [
-        f"{name} was {what[name in sealed, name in now]}"
-        for name in sorted(sealed.keys() | now.keys())
-        if sealed.get(name) != now.get(name)
-    ]
-
-
-def _hashes(folder: Path) -> dict[str, str]:
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / SEALS)
-    return {path.relative_to(folder).as_posix(): _hash(path) for path in files}
-
-
-def _hash(path: Path) -> str:
-    content = path.read_bytes()
-    if path.suffix not in BINARY:
-        content = content.replace(b"\r\n", b"\n")
-    return hashlib.sha256(content).hexdigest()
-
-
 if __name__ == "__main__":
-    if sys.argv[1] == "--seal":
-        write_seals(Path(sys.argv[2]))
-    else:
-        publish(*map(Path, sys.argv[1:]))
+    publish(*map(Path, sys.argv[1:]))

@@ -65,11 +65,6 @@ class Results:
     notes: tuple[str, ...] = ()
 
     @property
-    def is_published(self) -> bool:
-        """Whether these are published rows, which may be of an older commit, with other columns."""
-        return (self.folder / PUBLISHED_ROWS).exists()
-
-    @property
     def has_curves(self) -> bool:
         """Whether the study's curves are there; published rows come without, and without figures of them."""
         return (self.folder / "curves").is_dir()

@@ -77,21 +77,6 @@ def nearest(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     return best.drop_duplicates(["engine", "scene"]).sort_index()
 
 
-def worst_of_nearest(rows: pd.DataFrame, column: str, name: str, what: str) -> Finding | None:
-    """Return how small each engine's error gets on the scene where its best run is worst, in one sentence."""
-    best = nearest(rows, column)
-    worst = best.sort_values("error").drop_duplicates("engine", keep="last").sort_values("error")
-    if worst.empty:
-        return None
-    unit, values, parts = words(column)[1], dict[str, Number](), []
-    for k, row in enumerate(worst.itertuples()):
-        size, doubt = float(str(row.error)), float(str(row.doubt))
-        values[f"n{k}"] = Number(max(size, doubt), unit, max(0.0, size - doubt), size + doubt)
-        below = "below " if size <= doubt else ""
-        parts.append(f"{row.engine} {below}{{n{k}}} ({row.scene})")
-    return Finding(name, f"{what}: {listed(parts)}.", **values)
-
-
 def settings_table(rows: pd.DataFrame, study: str) -> Table:
     """Return what each configuration sets; what it does not is the default of the engine's model here."""
     names = sorted(name for name in rows if name.startswith("setting_"))
@@ -166,8 +151,7 @@ def reliability(rows: pd.DataFrame) -> Finding:
 
 
 def runs_tables(rows: pd.DataFrame, study: str) -> Iterator[Table]:
-    """Yield what each configuration sets, the runs that did not finish, and those that fail the check."""
-    yield settings_table(rows, study)
+    """Yield the runs that did not finish, and those that fail the check."""
     failed, found = unfinished(rows), quality_failures(rows)
     if len(failed):
         columns = head(with_columns(failed, "exception"), *CASE, "step_s", "status", "exception", "reason")

@@ -9,8 +9,6 @@ from typing import Any
 from zlib import crc32
 
 import pandas as pd
-from matplotlib.artist import Artist
-from matplotlib.legend import Legend
 
 BLACK, VERMILLION, BLUE, GREY = "#000000", "#D55E00", "#0072B2", "#8C8C8C"
 
@@ -58,8 +56,8 @@ RC: Any = {
     "svg.hashsalt": "crankslider",
     "svg.fonttype": "path",
 }
-#: The width of a figure, which is that of two columns of a paper, and that of one column.
-WIDTH_IN, COLUMN_IN = 7.5, 3.5
+#: The width of a figure.
+WIDTH_IN = 7.5
 
 #: Units at the end of column names as they are written, longest first.
 UNITS = {
@@ -138,15 +136,6 @@ def variant(engine: str, place: int) -> dict[str, Any]:
         "fillstyle": fill,
         "markerfacecoloralt": "white",
     }
-
-
-def legend_entries(legend: Legend) -> list[Artist]:
-    """Return what a legend explains, each with its label, without the blanks that fill up its columns."""
-    named = zip(legend.legend_handles, legend.get_texts(), strict=True)
-    entries = [(handle, text.get_text()) for handle, text in named if handle and text.get_text().strip()]
-    for handle, label in entries:
-        handle.set_label(label)
-    return [handle for handle, _ in entries]
 
 
 def words(column: str) -> tuple[str, str]:

@@ -1,9 +1,7 @@
-"""Numbers as text, and a table as CSV, LaTeX (booktabs) and Markdown."""
+"""Numbers as text, and a table as CSV and Markdown."""
 
 import math
-import re
 from collections.abc import Iterable
-from pathlib import Path
 
 import pandas as pd
 
@@ -11,20 +9,6 @@ from reports.parts import Table
 
 #: What stands for a number that a scene or an engine does not have.
 ABSENT = "–"
-
-_NUMBER = re.compile(r"(< )?(\d(?:\.\d+)?)e([+-]\d+)")
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    **{c: f"\\{c}" for c in "&%$#_{}"},
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"$<$",
-    ">": r"$>$",
-    ABSENT: "--",
-    "“": "``",
-    "”": "''",
-    "·": r"$\cdot$",
-}
 
 
 def number(value: float) -> str:
@@ -81,59 +65,6 @@ def markdown(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def latex(table: Table) -> str:
-    """Return the table as a LaTeX ``table`` that needs ``\\usepackage{booktabs}``."""
-    head = " & ".join(_stacked(cell) for cell in table.head)
-    rows = [" & ".join(_latex_cell(cell) for cell in row) for row in table.rows]
-    lines = [
-        r"\begin{table}",
-        r"\centering\footnotesize\setlength{\tabcolsep}{4pt}",
-        rf"\caption{{{_escaped(f'{table.title}. {table.reading}')}}}",
-        rf"\label{{tab:{table.name}}}",
-        rf"\begin{{tabular}}{{{'l' * len(table.head)}}}",
-        r"\toprule",
-        rf"{head} \\",
-        r"\midrule",
-        *(rf"{line} \\" for line in rows),
-        r"\bottomrule",
-        r"\end{tabular}",
-        r"\end{table}",
-    ]
-    return "\n".join(lines) + "\n"
-
-
 def comma_separated(table: Table) -> str:
     """Return the table as CSV with a header."""
     return str(pd.DataFrame(table.rows, columns=table.head).to_csv(index=False, lineterminator="\n"))
-
-
-#: The formats of files by the ends of their names: that of every report, and those for papers with it.
-SCREEN = {"csv": comma_separated}
-FORMATS = {**SCREEN, "tex": latex}
-
-
-def write_table(table: Table, folder: Path, paper: bool) -> None:
-    """Write a table as CSV, and for a ``paper`` as LaTeX too."""
-    for end, form in (FORMATS if paper else SCREEN).items():
-        (folder / f"{table.name}.{end}").write_text(form(table), encoding="utf-8")
-
-
-def _latex_cell(cell: str) -> str:
-    match = _NUMBER.fullmatch(cell)
-    if not match:
-        return _escaped(cell)
-    less, digits, power = match.groups()
-    return rf"${less or ''}{digits} \times 10^{{{int(power)}}}$"
-
-
-def _stacked(cell: str) -> str:
-    """Return a column's heading on two lines, broken at the space nearest to its middle."""
-    spaces = [m.start() for m in re.finditer(" ", cell)]
-    if len(cell) <= 10 or not spaces:
-        return _escaped(cell)
-    cut = min(spaces, key=lambda at: abs(at - len(cell) / 2))
-    return rf"\shortstack[l]{{{_escaped(cell[:cut])}\\{{}}{_escaped(cell[cut + 1 :])}}}"
-
-
-def _escaped(text: str) -> str:
-    return "".join(_LATEX.get(character, character) for character in text)

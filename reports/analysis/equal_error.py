@@ -3,9 +3,8 @@
 The settings that were run on a scene are a data frame, a row for each; those of a configuration go from
 coarse to fine. Columns: ``engine``, ``label``, the parameter that is varied (``knob``) with its ``value``,
 the ``place`` in the series, ``error``, the error that is ``kept``, whether the solve gives the
-``motion_alone``, ``steps`` and ``evaluations`` of the equations, NaN if they are not counted, the run times
-``times_s`` (rounds,) in s, NaN of a round without one, their median ``time_s``, and the length of the motion,
-``end_time_s``.
+``motion_alone``, the run times ``times_s`` (rounds,) in s, NaN of a round without one, their median
+``time_s``, and the length of the motion, ``end_time_s``.
 
 The error that a setting keeps is the largest of its own and of all finer settings of its configuration: a
 small error before a larger one is luck. It is infinite where a finer run failed, and where errors have grown
@@ -140,9 +139,9 @@ def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
         motion_alone=ran["motion_alone"].isin([True]),
     )
     failed = ran.index.map(at).isin(set(at[rows["status"] == "failed"]))
-    ran = ran.assign(kept=kept(ran, failed | saturated(ran, column)))
+    ran = ran.assign(kept=kept(ran, failed | saturated(ran)))
     columns = ["engine", "label", "knob", "value", "place", "error", "kept", "motion_alone", "times_s"]
-    ran = ran[[*columns, "steps", "evaluations", "end_time_s"]].dropna(subset=columns).query("error > 0")
+    ran = ran[[*columns, "end_time_s"]].dropna(subset=columns).query("error > 0")
     return ran.assign(time_s=ran["times_s"].map(np.nanmedian).astype(float))
 
 
@@ -156,28 +155,24 @@ def kept(settings: pd.DataFrame, lost: "pd.Series[bool] | None" = None) -> "pd.S
     return errors[::-1].groupby(settings["label"][::-1], observed=True).cummax()[::-1]
 
 
-def saturated(rows: pd.DataFrame, column: str) -> "pd.Series[bool]":
-    """Return of which rows the error of the slider has grown to the clearance.
-
-    It is that of the column, if that is one, and else that at the end of the motion.
-    """
+def saturated(rows: pd.DataFrame) -> "pd.Series[bool]":
+    """Return of which rows the error of the slider has grown to the clearance."""
     rows = with_columns(rows, SLIDER, CLEARANCE)
-    off = value(rows, column if column.startswith(SLIDER.removesuffix("_m")) else SLIDER)
-    return off >= SATURATED * rows[CLEARANCE].astype(float)
+    return value(rows, SLIDER) >= SATURATED * rows[CLEARANCE].astype(float)
 
 
 def from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one scene's rows from coarse to fine, with what a configuration varies: tolerance or step."""
-    rows, tolerance = with_columns(rows, "round", "compiled_anew", "steps", "evaluations"), tolerances(rows)
+    rows, tolerance = with_columns(rows, "round", "compiled_anew"), tolerances(rows)
     varied = tolerance.groupby(rows["label"], observed=True).transform("nunique") > 1
     return rows.assign(
         knob=knobs(rows).where(varied, "step"), value=tolerance.where(varied, rows["step_s"])
     ).sort_values("value", ascending=False, kind="stable")
 
 
-def front(settings: pd.DataFrame, cost: str = "time_s") -> pd.DataFrame:
-    """Return the settings that no other beats in both the error kept and cost, from cheap to accurate."""
-    settings = settings.dropna(subset=cost).sort_values([cost, "kept"])
+def front(settings: pd.DataFrame) -> pd.DataFrame:
+    """Return the settings that no other beats in both the error kept and run time, from fast to accurate."""
+    settings = settings.sort_values(["time_s", "kept"])
     return settings[settings["kept"] < settings["kept"].cummin().shift(fill_value=math.inf)]
 
 

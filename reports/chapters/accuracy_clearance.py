@@ -8,13 +8,13 @@ import pandas as pd
 
 from reports import shared_tables
 from reports.analysis.equal_error import from_coarse_to_fine
-from reports.parts import Chapter, Figure, Finding, Number, Studies, Table, View
-from reports.plots.panels import MOST_LINES, Line, Panel, against, draw, shown_labels
+from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
+from reports.plots.panels import MOST_LINES, Line, Panel, against, by_signal, draw, shown_labels
 from reports.quantities import PEAK, finished, motion_error, uncertainty, value, with_forces, with_largest
 from reports.results import Results, with_columns
 from reports.shared_tables import CASE, head, heading, signal
 from reports.style import line_styles, words
-from reports.tables import ABSENT, error, listed, number, span
+from reports.tables import ABSENT, error, number, span
 
 STUDY, MOTIONS = "clearance", "motions"
 INTRODUCTION = (
@@ -34,38 +34,28 @@ MARGIN = 24
 
 
 def findings(studies: Studies) -> Iterator[Finding]:
-    """Yield how small errors get, how far laws differ, who finds every impact, and how many runs finished."""
+    """Yield how far the reference solutions are from a second code, and how many runs finished."""
     if STUDY not in studies:
         return
     rows = prepare(studies[STUDY])
-    column = motion_error(rows)
-    what = f"Best {signal(column)} error of each engine, on its worst scene"
-    found = (
-        shared_tables.worst_of_nearest(rows, column, "clearance-nearest", what),
-        model_forms(rows, column),
-        impacts_found(rows),
-        cross_check(rows, column),
-        shared_tables.reliability(rows),
-    )
-    yield from filter(None, found)
+    yield from filter(None, (cross_check(rows, motion_error(rows)), shared_tables.reliability(rows)))
 
 
 def figures(studies: Studies) -> Iterator[Figure | None]:
-    """Yield one impact from near, and errors against the mean step, a view for each signal."""
+    """Yield one impact from near, and errors of motion and impacts against the mean step."""
     if MOTIONS in studies and studies[MOTIONS].has_curves:
         yield first_impact(studies[MOTIONS])
     if STUDY not in studies:
         return
     rows = prepare(studies[STUDY])
     rows = rows[rows["label"].isin(shared_tables.nearest(rows, motion_error(rows))["label"])]
-    panels = {column: against(rows, column) for column in shown_errors(rows)}
-    views = tuple(View((signal(column),), draw(of)) for column, of in panels.items() if of)
     title = "How do the errors fall with the step?"
     reading = (
         "Configurations that are an engine's best on a scene. Grey lines: order at the left end; grey "
         "areas are the uncertainty of the reference solution."
     )
-    yield Figure("clearance-steps", title, reading, STUDY, views, ("signal",)) if views else None
+    drawing = by_signal(rows, (motion_error(rows), PEAK, IMPULSE), against)
+    yield Figure("clearance-steps", title, reading, STUDY, drawing) if drawing else None
 
 
 def tables(studies: Studies) -> Iterator[Table | None]:
@@ -77,7 +67,6 @@ def tables(studies: Studies) -> Iterator[Table | None]:
     yield laws_by_engine(rows)
     yield smallest_errors(rows)
     yield impacts_by_scene(rows)
-    yield laws_by_scene(rows)
     yield from shared_tables.runs_tables(rows, STUDY)
 
 
@@ -93,11 +82,6 @@ def prepare(results: Results) -> pd.DataFrame:
     return rows.assign(**{IMPULSE: 100 * rows["impact_impulse_relative_error"], "compliant": with_peak})
 
 
-def shown_errors(rows: pd.DataFrame) -> tuple[str, ...]:
-    """Return the columns of errors that are shown."""
-    return motion_error(rows), CONTACT, PEAK, TIME, IMPULSE
-
-
 def model_form(column: str) -> str:
     """Return the column of how far an engine's own model is from the scene's law, of a column of errors."""
     return column.replace("_error_", "_model_difference_")
@@ -107,35 +91,6 @@ def finest(rows: pd.DataFrame) -> pd.DataFrame:
     """Return of each configuration on each scene the finest run that finished."""
     scenes = [from_coarse_to_fine(of_scene) for _, of_scene in rows.groupby("scene")]
     return finished(pd.concat(scenes)).drop_duplicates(CASE, keep="last").sort_index()
-
-
-def model_forms(rows: pd.DataFrame, column: str) -> Finding | None:
-    """Return how far each engine's own contact model is from the scene's law at most, None if none is."""
-    rows = rows.assign(form=value(rows, model_form(column))).query("form > 0")
-    worst = rows.sort_values("form", ascending=False, kind="stable").drop_duplicates("engine")
-    if worst.empty:
-        return None
-    values = {f"n{k}": Number(float(size), words(column)[1]) for k, size in enumerate(worst["form"])}
-    parts = [f"{{n{k}}} for {row.label} on {row.scene}" for k, row in enumerate(worst.itertuples())]
-    text = (
-        f"Contact models of engines differ from the scene's law in {signal(column)} by up to {listed(parts)}."
-    )
-    return Finding("model-form", text, **values)
-
-
-def impacts_found(rows: pd.DataFrame) -> Finding | None:
-    """Return on how many scenes with compliant contact the finest runs find every impact, by engine."""
-    runs = finest(rows).query("compliant").dropna(subset="impacts_matched")
-    if runs.empty:
-        return None
-    complete = (runs["impacts_unmatched"] + runs["impacts_missed"]) == 0
-    counts = complete.groupby([runs["engine"], runs["label"]], observed=True).agg(found="sum", scenes="size")
-    best = counts.sort_values(["found", "scenes"], ascending=[False, True], kind="stable").reset_index()
-    best = best.drop_duplicates("engine")
-    values = {f"n{k}": Number(float(count)) for k, count in enumerate(best["found"])}
-    parts = [f"{row.label} on {{n{k}}} of {row.scenes}" for k, row in enumerate(best.itertuples())]
-    text = f"With compliant contact all impacts are found, and no others, by {listed(parts)} scenes."
-    return Finding("every-impact", text, **values)
 
 
 def cross_check(rows: pd.DataFrame, column: str) -> Finding | None:
@@ -183,7 +138,7 @@ def first_impact(motions: Results) -> Figure | None:
     title = "How well do the engines agree on one impact?"
     scene = rows["scene"].iloc[0].removesuffix("-first-impact")
     reading = f"The first impact on {scene}. The area of the loop is the energy lost."
-    return Figure.of("clearance-impact", title, reading, MOTIONS, draw(panels))
+    return Figure("clearance-impact", title, reading, MOTIONS, draw(panels))
 
 
 def impacts_by_configuration(rows: pd.DataFrame) -> Table:
@@ -243,15 +198,19 @@ def laws_by_engine(rows: pd.DataFrame) -> Table:
 
 
 def smallest_errors(rows: pd.DataFrame) -> Table:
-    """Return the smallest error of each configuration on each scene, and until when errors are compared."""
-    columns = [motion_error(rows), CONTACT, PEAK_N]
-    rows = rows[rows["status"] != "unsupported"]
+    """Return each configuration's smallest errors on each scene, until when they are such, and model form."""
+    motion = motion_error(rows)
+    columns = [motion, CONTACT, PEAK_N]
+    rows = with_columns(rows[rows["status"] != "unsupported"], model_form(motion))
     # Between rigid walls an error that is zero compares nothing.
     cells = shared_tables.smallest_errors(rows.assign(**rows[columns].where(rows[columns] > 0)), columns)
-    until = value(rows, "compared_until_s").groupby([rows[name] for name in CASE], sort=False).max()
-    cells.insert(len(CASE), "compared until [s]", list(until.map(number)))
-    reading = shared_tables.not_judged(rows)
-    return Table.of("clearance-smallest-errors", "Smallest errors", reading, STUDY, cells)
+    most = rows.assign(until=value(rows, "compared_until_s"), form=value(rows, model_form(motion)))
+    most = most.groupby(list(CASE), sort=False)[["until", "form"]].max()
+    cells.insert(len(CASE), "compared until [s]", list(most["until"].map(number)))
+    cells[f"model form [{words(motion)[1]}]"] = list(most["form"].map(number))
+    return Table.of(
+        "clearance-smallest-errors", "Smallest errors", shared_tables.not_judged(rows), STUDY, cells
+    )
 
 
 def impacts_by_scene(rows: pd.DataFrame) -> Table:
@@ -272,21 +231,6 @@ def impacts_by_scene(rows: pd.DataFrame) -> Table:
         "without a unit are relative."
     )
     return Table.of("clearance-impacts", "Impacts matched one to one", reading, STUDY, cells)
-
-
-def laws_by_scene(rows: pd.DataFrame) -> Table:
-    """Return model form and smallest numerical error of each configuration on each scene."""
-    column = motion_error(rows)
-    rows = with_columns(rows, model_form(column)).assign(size=value(rows, column)).dropna(subset="size")
-    rows = rows.sort_values("size", kind="stable").drop_duplicates(CASE).sort_index()
-    doubt, form, unit = uncertainty(rows, column), rows[model_form(column)], words(column)[1]
-    texts = pd.Series(map(error, form, doubt), rows.index, dtype=object)
-    cells = {
-        **head(rows, *CASE),
-        f"model form [{unit}]": texts.where(form.notna(), "the scene's own"),
-        f"numerical error [{unit}]": list(map(error, rows["size"], doubt)),
-    }
-    return Table.of("clearance-laws", "Model form and numerical error", "", STUDY, cells)
 
 
 CHAPTER = Chapter(

@@ -2,20 +2,20 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 
 import pandas as pd
 
 from reports import quantities, shared_tables
 from reports.analysis.convergence import RULE
-from reports.parts import Chapter, Figure, Finding, Number, Studies, Table, View
-from reports.plots.panels import Line, Panel, against, against_tolerance, draw, shown_labels, so_far
+from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
+from reports.plots.panels import against, against_tolerance, by_signal
 from reports.quantities import FORCE, finished, motion_error, own_scenes, signal_errors, value, with_forces
-from reports.results import Results, with_columns
+from reports.results import with_columns
 from reports.shared_tables import CASE, head, heading, orders, signal
-from reports.style import axis_label, labels, line_styles
-from reports.tables import ABSENT, error, listed, number, setting, span
+from reports.style import labels
+from reports.tables import ABSENT, error, listed, number, span
 
 STUDY = "agreement"
 INTRODUCTION = (
@@ -23,13 +23,6 @@ INTRODUCTION = (
     "largest over all samples, against reference solutions that share no code with any engine."
 )
 JOINT_FORCE = r"joint_\w+_force_error_N"
-#: What makes a panel for each scene of rows and a column of theirs.
-PanelsOf = Callable[[pd.DataFrame, str], Sequence[Panel]]
-#: What is zero for an exact run, and how it is called.
-CONSERVED = {
-    "unaccounted_energy_part": "relative energy-balance error",
-    "constraint_violation_m": "constraint violation [m]",
-}
 #: The engine that integrates with RK4 where a row sets no other method, and the order of RK4.
 REFERENCE, RK4_ORDER = "reference", 4
 #: The order that theory gives each of Pymunk's configurations.
@@ -37,57 +30,46 @@ PYMUNK_ORDERS = {"pymunk (out of the box)": 1, "pymunk (tuned)": 2}
 
 
 def findings(studies: Studies) -> Iterator[Finding]:
-    """Yield how small errors get, the observed orders, what is conserved, and how many runs finished."""
+    """Yield the observed orders, which theory gives, and how many runs finished."""
     if STUDY not in studies:
         return
     rows = with_forces(studies[STUDY].rows)
     steps, position = rows[rows["varied"] == "step"], motion_error(rows)
-    what = f"Best {signal(position)} error of each engine, on its worst scene"
-    found = (
-        shared_tables.worst_of_nearest(rows, position, "ideal-nearest", what),
-        reference_orders(steps, position),
-        pymunk_orders(steps, position),
-        conservation(at_common_steps(steps)),
-        shared_tables.reliability(rows),
-    )
-    yield from filter(None, found)
+    found = reference_orders(steps, position), pymunk_orders(steps, position)
+    yield from (*filter(None, found), shared_tables.reliability(rows))
 
 
 def figures(studies: Studies) -> Iterator[Figure | None]:
-    """Yield errors against the step and against the tolerance, a view for each signal, and over time."""
+    """Yield errors against the step and against the tolerance, a panel for each signal and scene."""
     if STUDY not in studies:
         return
     rows = with_forces(studies[STUDY].rows)
     steps, chosen = (rows[rows["varied"] == what] for what in ("step", "tolerance"))
-    title = "How does the error fall with the step?"
-    reading = "Grey lines: order at the left end; grey areas: uncertainty of the reference solution."
-    yield by_signal("agreement-steps", title, reading, steps, against)
-    title = "How does the error follow the tolerance of engines that choose their steps?"
-    reading = "On the grey line errors are in proportion to the tolerance."
-    yield by_signal("agreement-tolerance", title, reading, chosen, against_tolerance)
-    yield over_time(studies[STUDY], at_common_steps(steps))
+    shown = motion_error(rows), FORCE
+    if drawing := by_signal(steps, shown, against):
+        title = "How does the error fall with the step?"
+        reading = "Grey lines: order at the left end; grey areas: uncertainty of the reference solution."
+        yield Figure("agreement-steps", title, reading, STUDY, drawing)
+    if drawing := by_signal(chosen, shown, against_tolerance):
+        title = "How does the error follow the tolerance of engines that choose their steps?"
+        reading = "On the grey line errors are in proportion to the tolerance."
+        yield Figure("agreement-tolerance", title, reading, STUDY, drawing)
 
 
 def tables(studies: Studies) -> Iterator[Table | None]:
-    """Yield observed orders and smallest errors, and the numbers behind the figures as files."""
+    """Yield observed orders and smallest errors, and the numbers behind them as files."""
     if STUDY not in studies:
         return
     rows = with_forces(studies[STUDY].rows)
-    steps, chosen = (rows[rows["varied"] == what] for what in ("step", "tolerance"))
-    errors, at_step = signal_errors(steps), at_common_steps(steps)
+    steps = rows[rows["varied"] == "step"]
     for table in (orders_by_configuration(steps), errors_by_engine(rows)):
         yield table.on_page() if table.rows and len(table.head) > 1 else None
     cases = steps.drop_duplicates(CASE)
-    by_scene = {signal(column): shared_tables.order_cells(cases, steps, column) for column in errors}
+    by_scene = {
+        signal(column): shared_tables.order_cells(cases, steps, column) for column in signal_errors(steps)
+    }
     yield Table.of("agreement-orders", "Observed orders", RULE, STUDY, {**head(cases, *CASE), **by_scene})
-    yield errors_at_step(at_step)
-    smallest = shared_tables.smallest_errors(steps, errors)
-    yield Table.of("agreement-smallest-errors", "Smallest error over all steps", "", STUDY, smallest)
-    yield errors_by_tolerance(chosen) if len(chosen) else None
-    conserved = _errors(at_step, list(CONSERVED)).rename(
-        columns={heading(k): v for k, v in CONSERVED.items()}
-    )
-    yield Table.of("agreement-conservation", "Energy and constraints at one step", "", STUDY, conserved)
+    yield errors_at_step(at_common_steps(steps))
     for parameter, swept in rows.groupby("varied", sort=False):
         if parameter not in ("step", "tolerance"):
             yield sweep(swept, str(parameter))
@@ -157,58 +139,6 @@ def _range(found: Sequence[float], values: dict[str, Number]) -> str:
     return " to ".join(f"{{{name}}}" for name in names)
 
 
-def conservation(at_step: pd.DataFrame) -> Finding | None:
-    """Return which configurations violate energy balance and constraints least and most."""
-    parts, values = list[str](), dict[str, Number]()
-    for column, name in CONSERVED.items():
-        worst = value(at_step, column).groupby(at_step["label"], observed=True).max().dropna()
-        if len(worst):
-            what, _, unit = name.removesuffix("]").partition(" [")
-            low, high = f"low{len(parts)}", f"high{len(parts)}"
-            values |= {low: Number(float(worst.min()), unit), high: Number(float(worst.max()), unit)}
-            least, most = f"{{{low}}} with {worst.idxmin()}", f"{{{high}}} with {worst.idxmax()}"
-            parts.append(f"the {what} is between {least} and {most}")
-    text = f"At one common step per scene, the largest over all scenes: {'; '.join(parts)}."
-    return Finding("ideal-conservation", text, **values) if parts else None
-
-
-def by_signal(name: str, title: str, reading: str, rows: pd.DataFrame, panels_of: PanelsOf) -> Figure | None:
-    """Return a figure with a view for each signal that has panels, None without any."""
-    panels = {column: panels_of(rows, column) for column in shown_errors(rows)}
-    views = tuple(View((signal(column),), draw(of)) for column, of in panels.items() if of)
-    return Figure(name, title, reading, STUDY, views, ("signal",)) if views else None
-
-
-def over_time(results: Results, at_step: pd.DataFrame) -> Figure | None:
-    """Return the largest error and violation up to each time, None without curves."""
-    rows = finished(at_step)
-    if rows.empty or not results.has_curves:
-        return None
-    rows, position = rows[rows["label"].isin(shown_labels(rows))], motion_error(rows)
-    shown = {position: axis_label(position), **CONSERVED}
-    views = tuple(
-        View((axis.partition(" [")[0],), draw(_over_time(results, rows, column, axis)))
-        for column, axis in shown.items()
-    )
-    title = "Do the errors grow over time?"
-    reading = "Each line is the largest value up to that time, at one common step per scene."
-    return Figure("agreement-over-time", title, reading, STUDY, views, ("quantity",), more=True)
-
-
-def _over_time(results: Results, rows: pd.DataFrame, column: str, axis: str) -> list[Panel]:
-    """Return a panel for each scene that has a column, from the curves of its runs."""
-    styles = {label: {**style, "markevery": 0.2} for label, style in line_styles(rows).items()}
-    panels = []
-    for scene, of_scene in rows[value(rows, column).notna()].groupby("scene"):
-        lines = []
-        for case, label in zip(of_scene["case"], of_scene["label"], strict=True):
-            curve = pd.Series(so_far(results.curve(case, column)))
-            time_s = results.curve(case, "time_s")[: len(curve)]
-            lines.append(Line(label, time_s, curve.where(curve > 0), styles[label]))
-        panels.append(Panel(str(scene), axis_label("time_s"), axis, lines, log="y"))
-    return panels
-
-
 def orders_by_configuration(rows: pd.DataFrame) -> Table:
     """Return the range of the observed orders over all scenes, by configuration and signal."""
     columns: dict[str, list[str]] = {"configuration": labels(finished(rows))}
@@ -252,15 +182,6 @@ def errors_at_step(at_step: pd.DataFrame) -> Table:
     reading = f"The step is the middle one of those of all engines. {shared_tables.not_judged(at_step)}"
     cells = pd.concat([_errors(at_step, errors), doubts]).sort_values("scene", kind="stable")
     return Table.of("agreement-errors", "Largest errors at one step", reading.strip(), STUDY, cells)
-
-
-def errors_by_tolerance(rows: pd.DataFrame) -> Table:
-    """Return the errors of every signal at every tolerance."""
-    rows = rows.assign(tolerance=quantities.tolerances(rows))
-    rows = rows.sort_values(["scene", "label", "tolerance"], ascending=[True, True, False])
-    cells = _errors(rows, signal_errors(rows)).drop(columns="step [s]")
-    cells.insert(3, "tolerance", [*map(setting, quantities.knobs(rows), rows["tolerance"])])
-    return Table.of("agreement-tolerances", "Largest errors by tolerance", "", STUDY, cells)
 
 
 def sweep(rows: pd.DataFrame, parameter: str) -> Table:

@@ -223,6 +223,8 @@ def beside(studies: Studies) -> dict[str, list[Picks]]:
     Of an engine it is the setting with the smallest error among those that take at most ``BUDGET`` times as
     long as the paper's method takes to be within ``TARGET_M``; if all take longer, the fastest.
     """
+    if COST not in studies:
+        return {}
     rows, found = prepared(studies), {}
     for joints, papers in PAPERS.items():
         picks: dict[str, Picks] = {papers: []}
@@ -322,7 +324,7 @@ def figure(studies: Studies) -> Figure | None:
         "A line is an engine at its best settings; points without a line are not ranked. Dashed: the error "
         "asked for; ring: the fastest; grey: uncertainty of the reference solution."
     )
-    return Figure.of("answer", title, reading, COST, draw(panels, 2.1))
+    return Figure("answer", title, reading, COST, draw(panels, 2.1))
 
 
 def limits(studies: Studies) -> Iterator[Finding]:

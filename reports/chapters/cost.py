@@ -4,48 +4,35 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure as Drawing
 
 from reports.analysis.equal_error import (
     ALONE,
     ALONE_MARK,
     SLIDER,
-    UNRESOLVED,
     ByScene,
     Choice,
-    choices,
-    fastest,
     front,
     is_force,
-    levels,
     ratio,
     reaching,
     saturated,
     settings_by_scene,
 )
-from reports.parts import Chapter, Figure, Finding, Number, Studies, Table, View
+from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
 from reports.plots.panels import Line, Panel, draw
 from reports.quantities import FORCE, PEAK, finished, has_clearance, recorded, value, with_forces
 from reports.results import with_columns
-from reports.shared_tables import head, heading, reliability, runs_tables, signal
+from reports.shared_tables import head, reliability, runs_tables, signal
 from reports.style import axis_label, legend_place, variant, words
-from reports.tables import ABSENT, number, plain, setting, span
+from reports.tables import ABSENT, plain, setting, span
 
 STUDY, REFERENCE = "work-precision", "reference"
 #: The errors by which run times are compared, and the largest error asked for, in the column's unit.
 TARGETS = {SLIDER: 1e-6, FORCE: 1.0, PEAK: 1.0}
 #: The classes of scenes, by their joints.
 IDEAL, LOOSE, RIGID = CLASSES = ("ideal joints", "clearance", "rigid contact")
-#: What an error may cost, by its column among the settings, and the axis of each.
-COSTS = {
-    "run time": ("time_s", "run time [s]"),
-    "steps": ("steps", "steps"),
-    "evaluations": ("evaluations", "evaluations of the equations"),
-}
-#: Until when the slider is where it should be, by the column of that time.
-REACHED = {"1 µm": "reached_1um_s", "a tenth of the clearance": "reached_clearance_s"}
 #: Columns that not every run has.
-OPTIONAL = ("compared_until_s", "solve_time_s", "build_time_s", "compile_time_s")
+OPTIONAL = ("solve_time_s", "build_time_s", "compile_time_s")
 INTRODUCTION = (
     "Every configuration is run at a series of settings, from coarse to fine. Run times are of the native "
     "solve alone, in rounds over all engines. A setting counts by the largest error of its own and all finer "
@@ -55,7 +42,7 @@ INTRODUCTION = (
 
 def prepared(studies: Studies) -> pd.DataFrame:
     """Return the study's rows with all columns that are compared, and each scene's class in ``joints``."""
-    rows = with_forces(with_columns(studies[STUDY].rows, *OPTIONAL, SLIDER, *REACHED.values()))
+    rows = with_forces(with_columns(studies[STUDY].rows, *OPTIONAL, SLIDER))
     loose = has_clearance(rows)
     compliant = value(rows, PEAK).notna().groupby(rows["scene"]).transform("any")
     return rows.assign(joints=np.select([loose & compliant, loose], [LOOSE, RIGID], IDEAL))
@@ -74,137 +61,61 @@ def asked(column: str) -> str:
 
 
 def findings(studies: Studies) -> Iterator[Finding]:
-    """Yield which engine is the fastest at each target on how many scenes, and what is not ranked."""
+    """Yield how many runs are not ranked, and how many finished."""
     rows = prepared(studies)
-    for column in TARGETS:
-        scenes = [ran for of_class in by_class(rows, column).values() for ran, _ in of_class.values()]
-        yield from _fastest(column, scenes)
     ran = recorded(finished(rows))
-    lost = saturated(ran, SLIDER).sum()
+    lost = saturated(ran).sum()
     if lost:
         text = "In {lost} of {runs} runs the slider is off by a tenth of the clearance; these are not ranked."
         yield Finding("saturated", text, lost=Number(float(lost)), runs=Number(float(len(ran))))
     yield reliability(recorded(rows))
 
 
-def _fastest(column: str, scenes: Sequence[pd.DataFrame]) -> Iterator[Finding]:
-    """Yield on how many scenes each engine is fastest at a target, and how much slower the reference is."""
-    wins: dict[str, list[float]] = {}
-    for ran in scenes:
-        engines = reaching(ran, TARGETS[column])
-        slower = ratio(engines[1], engines[0]) if len(engines) > 1 else None
-        if slower and not slower.decided:
-            wins.setdefault("not resolved by the timing", []).append(1.0)
-        elif engines:
-            own = next((each for each in engines if each.engine == REFERENCE), engines[0])
-            behind = ratio(own, engines[0])
-            who = f"{engines[0].engine}{engines[0].mark(column)}"
-            wins.setdefault(who, []).append(behind.median if behind else 1.0)
-        else:
-            wins.setdefault("reached by no engine", []).append(1.0)
-    if not wins:
-        return
-    values: dict[str, Number] = {"scenes": Number(float(len(scenes)))}
-    parts = []
-    for k, (who, ratios) in enumerate(sorted(wins.items(), key=lambda item: -len(item[1]))):
-        values[f"n{k}"] = Number(float(len(ratios)))
-        parts.append(f"{who} on {{n{k}}}")
-        if max(ratios) > 1:
-            values[f"r{k}"] = Number(max(ratios), "times")
-            parts[-1] += f" (the reference takes up to {{r{k}}} as long)"
-    text = f"Fastest engine for {asked(column)}, of {{scenes}} scenes: {', '.join(parts)}."
-    text += f" {ALONE}" if ALONE_MARK in text else ""
-    yield Finding(f"fastest-{column}", text, **values)
-
-
 def figures(studies: Studies) -> Iterator[Figure | None]:
-    """Yield errors against what they cost, and until when the slider is right against run time."""
+    """Yield errors against run time, a figure for each error and a panel for each scene."""
     rows = prepared(studies)
-    views = [
-        View((joints, signal(column), cost), cost_drawing(of_class, column, cost))
-        for column in TARGETS
-        for joints, of_class in by_class(rows, column).items()
-        for cost in (COSTS if column == SLIDER else ["run time"])
-        if any(len(set(ran.dropna(subset=COSTS[cost][0])["engine"])) > 1 for ran, _ in of_class.values())
-    ]
     reading = (
         "A line is an engine with its best settings: down and to the left is better. Dashed: the error asked "
         f"for; grey: the uncertainty of the reference solution; without a line: not ranked. {ALONE}"
     )
-    if views:
-        pickers = ("joints", "signal", "cost")
-        title = "What error does each engine reach at what cost?"
-        yield Figure("cost-error", title, reading, STUDY, tuple(views), pickers)
-    reached = [
-        View((within,), drawing)
-        for within, column in REACHED.items()
-        if (drawing := _horizon_drawing(rows, column))
-    ]
-    if reached:
-        title = "Up to what time does each engine keep the slider's position within a bound?"
-        reading = "Up and to the left is better. The dashed line is the time up to which runs are compared."
-        yield Figure("cost-horizon", title, reading, STUDY, tuple(reached), ("within",))
-
-
-def cost_drawing(of_class: ByScene, column: str, cost: str) -> Drawing:
-    """Return the drawing of errors against a cost of ``COSTS``, a panel for each scene that has any."""
-    return draw(
-        [cost_panel(scene, ran, known, column, cost) for scene, (ran, known) in of_class.items()], 3.0
-    )
+    for column in TARGETS:
+        panels = [
+            cost_panel(scene, ran, known, column)
+            for of_class in by_class(rows, column).values()
+            for scene, (ran, known) in of_class.items()
+            if len(set(ran["engine"])) > 1
+        ]
+        if panels:
+            title = f"What error in {signal(column)} does each engine reach in what run time?"
+            name = column.partition("_error_")[0].replace("_", "-")
+            yield Figure(f"cost-{name}", title, reading, STUDY, draw(panels, 3.0))
 
 
 def cost_panel(
-    scene: str,
-    ran: pd.DataFrame,
-    known: float,
-    column: str,
-    cost: str = "run time",
-    rings: Sequence[tuple[float, float]] = (),
+    scene: str, ran: pd.DataFrame, known: float, column: str, rings: Sequence[tuple[float, float]] = ()
 ) -> Panel:
-    """Return the panel of a scene: each engine's best settings by a cost, and the error asked for."""
-    at, axis = COSTS[cost]
+    """Return the panel of a scene: each engine's best settings by run time, and the error asked for."""
     lines = []
     for engine, of_engine in sorted(ran.groupby("engine"), key=lambda each: legend_place(each[0], "")):
-        best, style, spread = front(of_engine, at), variant(engine, 0), None
+        best, style = front(of_engine), variant(engine, 0)
         if best.empty:  # of errors that rank nobody the points are shown, without a line
-            best, style = (
-                of_engine.assign(kept=of_engine["error"]).dropna(subset=at),
-                {**style, "linestyle": ""},
-            )
-        if at == "time_s":
-            least, most = (best["times_s"].map(end) for end in (np.nanmin, np.nanmax))
-            spread = [best[at] - least, most - best[at]]
-        mark = ALONE_MARK if cost == "run time" and is_force(column) and best["motion_alone"].any() else ""
+            best, style = of_engine.assign(kept=of_engine["error"]), {**style, "linestyle": ""}
+        least, most = (best["times_s"].map(end) for end in (np.nanmin, np.nanmax))
+        spread = [best["time_s"] - least, most - best["time_s"]]
+        mark = ALONE_MARK if is_force(column) and best["motion_alone"].any() else ""
         settings = zip(best["label"], best["knob"], best["value"], strict=True)
         notes = [f"{label}, {setting(knob, value)}" for label, knob, value in settings]
-        lines.append(Line(f"{engine}{mark}", best[at], best["kept"], style, notes, spread))
-    return Panel(scene, axis, axis_label(column), lines, floor=known, level=TARGETS[column], rings=rings)
-
-
-def _horizon_drawing(rows: pd.DataFrame, column: str) -> Drawing | None:
-    panels = []
-    for scene, (ran, _) in settings_by_scene(rows, column).items():
-        lines = []
-        for engine, of_engine in sorted(ran.groupby("engine"), key=lambda each: legend_place(each[0], "")):
-            best = of_engine.sort_values(["time_s", "error"])
-            best = best[best["error"] > best["error"].cummax().shift(fill_value=0.0)]
-            settings = zip(best["label"], best["knob"], best["value"], strict=True)
-            notes = [f"{label}, {setting(knob, value)}" for label, knob, value in settings]
-            lines.append(Line(str(engine), best["time_s"], best["error"], variant(str(engine), 0), notes))
-        until = float(rows.loc[ran.index, "compared_until_s"].max())
-        panels.append(
-            Panel(scene, COSTS["run time"][1], "within the bound until [s]", lines, "x", level=until)
-        )
-    return draw(panels, 3.0) if panels else None
+        lines.append(Line(f"{engine}{mark}", best["time_s"], best["kept"], style, notes, spread))
+    level = TARGETS[column]
+    return Panel(scene, "run time [s]", axis_label(column), lines, floor=known, level=level, rings=rings)
 
 
 def tables(studies: Studies) -> Iterator[Table | None]:
-    """Yield ratios of run times at the targets by class and scene, at all equal errors, and other costs."""
+    """Yield ratios of run times at the targets by class and scene, and times of building and compiling."""
     rows = prepared(studies)
     classes = {column: by_class(rows, column) for column in TARGETS}
     yield _by_class(classes)
     yield _by_scene(classes)
-    yield _at_equal_errors(classes)
     yield _building(rows)
     yield _compiling(rows)
     yield from runs_tables(recorded(rows), STUDY)
@@ -275,25 +186,6 @@ def _by_scene(classes: Mapping[str, Mapping[str, ByScene]]) -> Table | None:
     return Table(
         "cost-at-targets", "Fastest settings by scene", reading, STUDY, (*head_of, *ratios), tuple(lines)
     )
-
-
-def _at_equal_errors(classes: Mapping[str, Mapping[str, ByScene]]) -> Table | None:
-    lines = []
-    for column, of_column in classes.items():
-        for scene, (ran, known) in (each for of_class in of_column.values() for each in of_class.items()):
-            for level in levels(ran, known):
-                base = fastest(ran[ran["label"] == BASE], level)
-                for each in choices(ran, level):
-                    times = ratio(each, base) if base else None
-                    time = plain(1e3 * each.time_s) + each.mark(column)
-                    way = (each.label, each.setting, time, str(times or ABSENT))
-                    lines.append((scene, heading(column), number(level), *way))
-    reading = (
-        "The fastest way of each engine to an error that all finer settings keep. Between two neighbouring "
-        f"settings, which are both named, run time is interpolated log-log. {UNRESOLVED} {ALONE}"
-    )
-    head_of = ("scene", "signal", "error", "configuration", "setting", "run time [ms]", f"ratio to {BASE}")
-    return Table("cost-equal-error", "Run times at all equal errors", reading, STUDY, head_of, tuple(lines))
 
 
 def _building(rows: pd.DataFrame) -> Table:

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from reports.parts import Chapter, Figure, Finding, Number, Studies, Table, View
+from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
 from reports.plots.energy_balance import TERMS, balance_drawing
-from reports.plots.panels import MOST_LINES, Line, Panel, against, draw, shown_labels
+from reports.plots.panels import MOST_LINES, against, draw
 from reports.quantities import finished, knobs, own_scenes, tolerances
 from reports.results import Results, with_columns
 from reports.shared_tables import head, order_cells, reliability, runs_tables
-from reports.style import axis_label, labels, line_styles
+from reports.style import axis_label, labels
 from reports.tables import ABSENT, listed, number, on_scenes, setting
 
 STUDY = "energy"
@@ -37,11 +37,6 @@ EXPONENT = 0.1
 LONGER = r"-(?:long|\d+-turns)$"
 #: The configurations of the reference of which theory says how constraints drift.
 PLAIN, BAUMGARTE, PROJECTED = "reference (none)", "reference (Baumgarte)", "reference (projection)"
-#: The curves of gaps and of the speeds at which they open: what the picker and an axis call them.
-GAPS = {
-    "constraint_violation_so_far_m": ("gap", "largest gap so far [m]"),
-    "constraint_speed_so_far_m_s": ("gap speed", "largest gap speed so far [m/s]"),
-}
 #: The table on the page has no more scenes than these, and half widths from this part of their number on.
 MOST_SCENES, NARROW = 6, 0.01
 
@@ -50,15 +45,14 @@ MOST_SCENES, NARROW = 6, 0.01
 class EnergyPart:
     """The largest energy-balance error of a configuration, as a ``part`` of the energy in play, >= 0.
 
-    It is that of the ``worst_scene`` among the ``scenes`` (how many) that the configuration finished; any
-    configuration finished ``of_scenes``. Its runs are ``fewest_turns`` to ``most_turns`` revolutions long.
+    It is that of the worst of the ``scenes`` (how many) that the configuration finished; any configuration
+    finished ``of_scenes``. Its runs are ``fewest_turns`` to ``most_turns`` revolutions long.
     """
 
     engine: str
     label: str
     setting: str
     part: float
-    worst_scene: str
     scenes: int
     of_scenes: int
     fewest_turns: float
@@ -73,12 +67,12 @@ def energy_parts(rows: pd.DataFrame) -> list[EnergyPart]:
     ran = finished(at_middle(prepared(rows))).dropna(subset=UNACCOUNTED)
     parts = []
     for label, of in ran.groupby("label", observed=True):
-        values, worst = of["tolerance"].fillna(of["step_s"]), of.loc[of[UNACCOUNTED].idxmax()]
+        values, engine = of["tolerance"].fillna(of["step_s"]), str(of["engine"].iloc[0])
         at = setting(of["knob"].iloc[0], values.min(), values.max())
         scenes = of["scene"].nunique(), ran["scene"].nunique()
         turns = float(of["turns"].min()), float(of["turns"].max())
-        part, scene = float(worst[UNACCOUNTED]), str(worst["scene"])
-        parts.append(EnergyPart(str(worst["engine"]), str(label), at, part, scene, *scenes, *turns))
+        part = float(of[UNACCOUNTED].max())
+        parts.append(EnergyPart(engine, str(label), at, part, *scenes, *turns))
     return sorted(parts, key=lambda each: each.part)
 
 
@@ -98,8 +92,8 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """
     rows = with_columns(
         rows,
-        *("hidden_power_W", "hidden_power_low_W", "hidden_power_high_W", "mean_hidden_power_W", "turns"),
-        *("stabilisation_power_W", "energy_in_play_J", UNACCOUNTED, "driver_work_J"),
+        *("hidden_power_W", "hidden_power_low_W", "hidden_power_high_W", "turns"),
+        *("stabilisation_power_W", UNACCOUNTED, "driver_work_J"),
         *("largest_numerical_gain_J", "energy_balance_residual_J"),
         *("constraint_violation_m", "constraint_violation_exponent"),
         *("constraint_speed_m_s", "constraint_speed_exponent"),
@@ -129,39 +123,10 @@ def shortest(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def findings(studies: Studies) -> Iterator[Finding]:
-    """Yield who keeps the energy balance and who does not, and how the reference's constraints drift."""
+    """Yield how the reference's constraints drift, which theory says, and how many runs finished."""
     rows = prepared(studies[STUDY].rows)
-    yield from balance(rows)
     yield from drift(rows)
     yield reliability(rows)
-
-
-def balance(rows: pd.DataFrame) -> Iterator[Finding]:
-    """Yield which configurations keep the energy balance with contact, and which one is the furthest off."""
-    parts = energy_parts(rows[rows["contact"]])
-    keep = [each for each in parts if each.part <= KEPT]
-    if keep:
-        fewest, most = min(each.fewest_turns for each in keep), max(each.most_turns for each in keep)
-        turns = "{most}" if fewest == most else "{fewest} to {most}"
-        yield Finding(
-            "energy-kept",
-            f"Energy-balance error of at most {100 * KEPT:g} % of the energy in play, at the middle setting, "
-            "on every scene with contact that the configuration finished: "
-            f"{listed(each.label for each in keep)}. Each finished at least {{scenes}} of {{of}} such "
-            f"scenes. Their runs take {turns} revolutions. The largest of these errors is {{part}}.",
-            scenes=Number(min(each.scenes for each in keep)),
-            of=Number(keep[0].of_scenes),
-            fewest=Number(fewest),
-            most=Number(most),
-            part=Number(100 * keep[-1].part, "%"),
-        )
-    ideal = energy_parts(rows[~rows["contact"]])
-    worst = {where: of[-1] for where, of in (("with contact", parts), ("on ideal joints", ideal)) if of}
-    if worst:
-        told = [f"{{n{k}}} {at} ({of.label}, {of.worst_scene})" for k, (at, of) in enumerate(worst.items())]
-        values = {f"n{k}": Number(100 * of.part, "%") for k, of in enumerate(worst.values())}
-        text = f"The largest energy-balance error is, of the energy in play, {listed(told)}."
-        yield Finding("energy-worst", text, **values)
 
 
 def drift(rows: pd.DataFrame) -> Iterator[Finding]:
@@ -196,33 +161,32 @@ def drift(rows: pd.DataFrame) -> Iterator[Finding]:
 
 
 def figures(studies: Studies) -> Iterator[Figure | None]:
-    """Yield the energy balance over time, its error against the step, and the drift of the constraints."""
+    """Yield the energy balance over time, and its error against the step."""
     results, rows = studies[STUDY], prepared(studies[STUDY].rows)
     longest = rows["end_time_s"] == rows.groupby("kind")["end_time_s"].transform("max")
     ran = finished(at_middle(rows[longest]))
     if results.has_curves:
-        yield _balances(results, ran[ran["contact"] & ran["driver_work_J"].notna()])
+        yield _balance(results, ran[ran["contact"] & ran["driver_work_J"].notna()])
     yield _by_step(rows)
-    if results.has_curves:
-        yield _gaps(results, ran[~ran["contact"]])
 
 
-def _balances(results: Results, rows: pd.DataFrame) -> Figure | None:
-    """Return the energy balance over time, a view for each scene.
+def _balance(results: Results, rows: pd.DataFrame) -> Figure | None:
+    """Return the energy balance over time on the scene where most of it is not accounted for.
 
     Of more configurations than fit, the first of each engine are shown and those that are the furthest off.
     """
-    views = []
-    for scene, of_scene in rows.groupby("scene"):
-        later = of_scene.assign(later=of_scene["engine"].duplicated())
-        shown = later.sort_values(["later", UNACCOUNTED], ascending=[True, False]).head(MOST_LINES)
-        views.append(View((str(scene),), balance_drawing(results, shown.sort_values("label"))))
+    if rows[UNACCOUNTED].isna().all():
+        return None
+    scene = rows["scene"][rows[UNACCOUNTED].idxmax()]
+    later = rows[rows["scene"] == scene]
+    later = later.assign(later=later["engine"].duplicated())
+    shown = later.sort_values(["later", UNACCOUNTED], ascending=[True, False]).head(MOST_LINES)
     reading = (
-        "Losses are stacked; the line is the work of driver and loads that is not stored. A line above the "
-        "stack is energy that the method loses, one below it is energy that it gains."
+        f"On {scene}. Losses are stacked; the line is the work of driver and loads that is not stored. "
+        "A line above the stack is energy that the method loses, one below it is energy that it gains."
     )
-    parts = "energy-balance", "Where does the driver's work go?", reading, STUDY, tuple(views)
-    return Figure(*parts, ("scene",)) if views else None
+    drawing = balance_drawing(results, shown.sort_values("label"))
+    return Figure("energy-balance", "Where does the driver's work go?", reading, STUDY, drawing)
 
 
 def _by_step(rows: pd.DataFrame) -> Figure | None:
@@ -236,27 +200,7 @@ def _by_step(rows: pd.DataFrame) -> Figure | None:
     ]
     title = "How does the energy-balance error fall with the step?"
     reading = "Grey lines have the slope of the order written at their left end."
-    return Figure.of("energy-error-by-step", title, reading, STUDY, draw(panels)) if panels else None
-
-
-def _gaps(results: Results, rows: pd.DataFrame) -> Figure | None:
-    """Return gaps of ideal joints over time, and the speeds at which they open, of runs whose gaps grow."""
-    styles = {label: {**style, "marker": ""} for label, style in line_styles(rows).items()}
-    rows = rows[rows["constraint_violation_exponent"].notna()]
-    rows = rows[rows["label"].isin(shown_labels(rows))]
-    views = []
-    for column, (what, axis) in GAPS.items() if len(rows) else ():
-        panels = []
-        for scene, of in rows.groupby("scene"):
-            lines = []
-            for label, case in zip(of["label"], of["case"], strict=True):
-                x, y = (results.curve(case, name)[1:] for name in ("time_s", column))
-                lines.append(Line(label, x, y, styles[label]))
-            panels.append(Panel(str(scene), axis_label("time_s"), axis, lines))
-        views.append(View((what,), draw(panels)))
-    reading = "The largest up to each time. A configuration whose gaps are round-off has no line."
-    parts = "energy-gaps", "Do ideal joints drift apart?", reading, STUDY, tuple(views)
-    return Figure(*parts, ("signal",), more=True) if views else None
+    return Figure("energy-error-by-step", title, reading, STUDY, draw(panels)) if panels else None
 
 
 def tables(studies: Studies) -> Iterator[Table | None]:
@@ -297,13 +241,10 @@ def dissipation_table(middle: pd.DataFrame, rows: pd.DataFrame) -> Table:
         size=rows["dissipation_W"].abs().where(rows["resolved"] & near),
         gain=rows["largest_numerical_gain_J"].where(near),
     )
-    part = middle["half_width_W"] * middle["end_time_s"] / middle["energy_in_play_J"]
     cells = {
         "numerical dissipation [W]": _resolved(middle),
         "± [W]": middle["half_width_W"].map(number),
-        "± as a part": part.map(number),
         "order of the dissipation": order_cells(middle, sized, "size", "too few points"),
-        "mean over the run [W]": (-middle["mean_hidden_power_W"]).map(number),
         "of it stabilisation [W]": (-middle["stabilisation_power_W"]).map(number),
         "largest error, of the energy in play": middle[UNACCOUNTED].map(number),
         "order of the largest error": order_cells(middle, sized, "gain", "too few points"),

@@ -99,7 +99,7 @@ def figures(studies: Studies) -> Iterator[Figure]:
         name = f"stability-map-{what.replace(' ', '-')}"
         title = f"From which step on are runs unstable, over {what}?"
         reading = "A cell is a run; dark is bad. Right of the black line a step is beyond theory's limit."
-        yield Figure.of(name, title, reading, STABILITY, verdict_map(of_map, varied))
+        yield Figure(name, title, reading, STABILITY, verdict_map(of_map, varied))
 
 
 def _each_map(studies: Studies) -> Iterator[tuple[str, pd.DataFrame]]:

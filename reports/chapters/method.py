@@ -1,4 +1,4 @@
-"""Method: the mechanism with its symbols and the contact laws; text and equations are pages of their own."""
+"""Method: the mechanism with its symbols, the contact laws, and what names of configurations mean."""
 
 import json
 from collections.abc import Iterator
@@ -9,13 +9,14 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 
+from engine_models.arms import AS_IT_COMES, MEANINGS
 from reports.parts import Chapter, Figure, Finding, Studies, Table
 from reports.plots.mechanism import Scene, draw_mechanism
 from reports.plots.panels import Line, Panel, draw
 from reports.quantities import finished
 from reports.results import Results, with_columns
-from reports.shared_tables import runs_tables
-from reports.style import BLUE, GREY, RC, VERMILLION
+from reports.shared_tables import runs_tables, settings_table
+from reports.style import BLUE, GREY, RC, VERMILLION, in_legend_order
 
 STUDY = "motions"
 #: The chapter is of all studies.
@@ -53,7 +54,7 @@ def _laws(results: Results) -> Figure | None:
         panels.append(Panel(str(law), "penetration [µm]", "contact force [kN]", lines, log=""))
     restitution = rows["restitution"].dropna()
     at = f" at restitution {restitution.iloc[0]:g}" if len(restitution) else ""
-    return Figure.of(
+    return Figure(
         "motions-laws",
         "How do contact laws differ?",
         f"The first impact under each law{at}, by the reference implementation. The area of a loop is the "
@@ -90,7 +91,7 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
         return
     with mpl.rc_context(RC):
         if (scene := crank_slider(results.rows)) is not None:
-            yield Figure.of(
+            yield Figure(
                 "motions-mechanism",
                 "What is the mechanism, and what do the symbols mean?",
                 "The crank-slider in proportion, and a joint, its clearance not to scale. Numbers "
@@ -102,9 +103,22 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
 
 
 def tables(studies: Studies) -> Iterator[Table | None]:
-    """Yield the settings of the runs that are drawn, and those that did not finish."""
+    """Yield what every configuration is, and the drawn runs that did not finish."""
+    if studies:
+        yield configurations(studies)
     if STUDY in studies:
         yield from runs_tables(studies[STUDY].rows, STUDY)
+
+
+def configurations(studies: Studies) -> Table:
+    """Return what each configuration of any study is, in a line, and what it sets."""
+    rows = pd.concat([results.rows.astype({"label": str}) for results in studies.values()])
+    rows = rows[rows["label"].isin(MEANINGS) | (rows["arm"] == AS_IT_COMES)].reset_index(drop=True)
+    table = settings_table(rows.assign(label=in_legend_order(rows)), "")
+    cells = [(f"{engine} ({arm})", settings) for engine, arm, settings in table.rows]
+    lines = tuple((label, MEANINGS.get(label, ""), settings) for label, settings in cells)
+    head = ("configuration", "what it is", table.head[-1])
+    return Table("configurations", table.title, table.reading, "", head, lines).on_page()
 
 
 CHAPTER = Chapter(

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Drawing
 from reports.analysis import ensembles, sweeps
 from reports.analysis.ensembles import PERCENT, PLANTED, QUANTITIES, STUDY, Ensembles, Pair, with_half_width
 from reports.analysis.statistics import EQUIVALENT, TOO_FEW, VERDICTS, Interval, student_interval
-from reports.parts import Chapter, Figure, Finding, Number, Studies, Table, View
+from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
 from reports.plots.maps import draw_basins, draw_map
 from reports.plots.panels import Line, Panel, draw, grid, so_far
 from reports.plots.series import mark
@@ -284,7 +284,7 @@ def _diagram_finding(results: Results) -> Finding | None:
     return Finding("diagrams", f"{text}{'; '.join(said)}.", **values) if said else None
 
 
-def _diagrams(results: Results) -> Iterator[View]:
+def _diagrams(results: Results) -> Iterator[tuple[str, Drawing]]:
     """Yield the strobe and the exponent over each field that was varied."""
     for part, varied in sweeps.VARIED.items():
         members = sweeps.members(results, part)
@@ -302,17 +302,17 @@ def _diagrams(results: Results) -> Iterator[View]:
             explain(picture, [line, half])
             for each in (line, half):
                 mark([each], str(each.get_label()))
-        yield View((varied,), picture)
+        yield varied, picture
 
 
-def _maps(results: Results) -> Iterator[View]:
+def _maps(results: Results) -> Iterator[tuple[str, Drawing]]:
     """Yield the maps of exponent and force over clearance and speed, and of the motion over the start."""
     if (members := sweeps.members(results, sweeps.MAP)) is not None:
         fields = (sweeps.CLEARANCE, sweeps.SPEED)
-        yield View(("Lyapunov exponent",), draw_map(members, fields, sweeps.EXPONENT))
-        yield View(("largest contact force",), draw_map(members, fields, sweeps.FORCE))
+        yield "exponent", draw_map(members, fields, sweeps.EXPONENT)
+        yield "force", draw_map(members, fields, sweeps.FORCE)
     if (members := sweeps.members(results, sweeps.BASINS)) is not None:
-        yield View(("motion by the start of the slider",), draw_basins(members, sweeps.START))
+        yield "motion", draw_basins(members, sweeps.START)
 
 
 # The chapter
@@ -338,7 +338,7 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
     rows = ensembles.prepared(results.rows)
     with mpl.rc_context(RC):
         if results.has_curves and len(followed := horizons(rows)):
-            yield Figure.of(
+            yield Figure(
                 f"{STUDY}-growth",
                 "How fast does a small change of the start grow?",
                 "Distance of the slider from the unperturbed run, the largest up to each time. Diamonds mark "
@@ -346,38 +346,33 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
                 STUDY,
                 draw([_growth(results, row) for _, row in followed.iterrows()], height_in=2.3),
             )
-        if results.has_curves and (views := tuple(_diagrams(results))):
+        for varied, drawing in _diagrams(results) if results.has_curves else ():
             yield Figure(
-                f"{STUDY}-diagram",
+                f"{STUDY}-diagram-{varied.replace(' ', '-')}",
                 "Where does the motion repeat, and where is it chaotic?",
                 "Above: the slider's deviation from ideal joints once a turn, after a transient. Below: the "
                 "finite-time Lyapunov exponent per revolution, positive where neighbouring motions diverge.",
                 STUDY,
-                views,
-                ("varied",),
+                drawing,
             )
-        by_scene = {
-            scene: found for scene, of in ensembles.by_scene(rows).items() if (found := ensembles.pairs(of))
-        }
-        if by_scene:
+        for scene, of in ensembles.by_scene(rows).items():
+            if found := ensembles.pairs(of):
+                yield Figure(
+                    f"{STUDY}-ensembles-{scene}",
+                    "Do ensembles have the same statistics beyond the horizon?",
+                    "Differences of means from the reference implementation's, in units of the margin, "
+                    f"with {PERCENT} intervals. Equivalent: all lie in the grey band; the axis is cut at "
+                    f"{REACH:g}.",
+                    STUDY,
+                    _differences(found),
+                )
+        for shown, drawing in _maps(results) if results.has_curves else ():
             yield Figure(
-                f"{STUDY}-ensembles",
-                "Do ensembles have the same statistics beyond the horizon?",
-                "Differences of means from the reference implementation's, in units of the margin, with "
-                f"{PERCENT} intervals. Equivalent: all lie in the grey band; the axis is cut at {REACH:g}.",
-                STUDY,
-                tuple(View((scene,), _differences(found)) for scene, found in by_scene.items()),
-                ("scene",),
-            )
-        if results.has_curves and (views := tuple(_maps(results))):
-            yield Figure(
-                f"{STUDY}-maps",
+                f"{STUDY}-map-{shown}",
                 "How do exponent and force depend on clearance and speed, and the motion on the start?",
                 "A cell is a member. Motions are told apart by the slider once a turn.",
                 STUDY,
-                views,
-                ("shown",),
-                more=True,
+                drawing,
             )
 
 

@@ -12,14 +12,13 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.comparison.sentences import sentences
 from reports.comparison.standing import NAME, Standings, standings_table
-from reports.page.figures import draw
-from reports.page.svg import classes_of
+from reports.page.figures import as_svg
 from reports.parts import Figure, Table
 from reports.plots import panels
 from reports.plots.panels import Line, Panel
 from reports.results import Results
 from reports.run.command import command
-from reports.shared_tables import followed, runs_tables
+from reports.shared_tables import followed, runs_tables, settings_table
 from reports.style import RC, axis_label, line_styles, words
 from reports.tables import setting
 
@@ -41,9 +40,8 @@ def page(results: Results, pictures: Mapping[str, Drawing], scene: str, given: s
     with mpl.rc_context(RC):
         figures = [*_figures(results, standings)]
     figures += [
-        Figure.of(f"{NAME}-run-{n}", title, "", NAME, of) for n, (title, of) in enumerate(pictures.items())
+        Figure(f"{NAME}-run-{n}", title, "", NAME, of) for n, (title, of) in enumerate(pictures.items())
     ]
-    drawn = {figure.name: draw(figure).views[0].svg for figure in figures}
     environment = Environment(
         loader=FileSystemLoader(FOLDERS),
         autoescape=True,
@@ -55,10 +53,8 @@ def page(results: Results, pictures: Mapping[str, Drawing], scene: str, given: s
         name=results.rows["scene"].iloc[0],
         sentences=[*sentences(standings, given)],
         tables=[standings_table(standings), _commands(standings, given)],
-        figures=figures,
-        drawn=drawn,
-        classes=classes_of(drawn.values()),
-        runs=[*runs_tables(standings.recorded, NAME)],
+        figures=[(figure, as_svg(figure.drawing).partition("<svg")[2]) for figure in figures],
+        runs=[settings_table(standings.recorded, NAME), *runs_tables(standings.recorded, NAME)],
         scene=scene,
     )
 
@@ -87,13 +83,13 @@ def _figures(results: Results, standings: Standings) -> Iterator[Figure]:
         reading += " Where an engine solves another contact law, the distance of the two laws is added."
     question = f"Which setting reaches the {what} asked for in the least time?"
     drawing = panels.draw([_against_time(standings, styles)], height_in=3.4)
-    yield Figure.of(f"{NAME}-time", question, reading, NAME, drawing)
+    yield Figure(f"{NAME}-time", question, reading, NAME, drawing)
     if results.has_curves:
         question = f"How does the {what} grow over time?"
         reading = "The largest so far, of each engine's run in the table, against its own model's solution."
         curves = rows.loc[[run.row for run in runs if run.label in styles]]
         drawing = panels.draw([_over_time(results, curves, standings.column, styles)], height_in=3.4)
-        yield Figure.of(f"{NAME}-over-time", question, reading, NAME, drawing)
+        yield Figure(f"{NAME}-over-time", question, reading, NAME, drawing)
 
 
 def _against_time(standings: Standings, styles: Styles) -> Panel:

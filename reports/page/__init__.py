@@ -1,6 +1,6 @@
 """The page: what it is made of comes from the chapters."""
 
-from reports.page.build import FINDINGS, Report, claims_of, require_replaceable, write_report
-from reports.page.moved import moved
+from reports.page.build import Report, require_replaceable, write_report
+from reports.page.claims import FINDINGS, compare_claims, read_claims
 
-__all__ = ["FINDINGS", "Report", "claims_of", "moved", "require_replaceable", "write_report"]
+__all__ = ["FINDINGS", "Report", "compare_claims", "read_claims", "require_replaceable", "write_report"]

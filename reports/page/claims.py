@@ -2,48 +2,61 @@
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
-from reports.parts import Finding, Number, Studies
+import pandas as pd
 
+from reports.parts import Finding, Number, Studies, quantity
 
-@dataclass(frozen=True)
-class Claim:
-    """A sentence of the report: ``id`` stays the same as long as it is about the same thing."""
-
-    id: str
-    text: str
-    numbers: tuple[Number, ...]
+#: The file of a report with its claims.
+FINDINGS = "findings.json"
 
 
-def collect(findings: Mapping[str, Iterable[Finding]]) -> list[Claim]:
-    """Return the findings of every chapter, by its name, as claims."""
-    return [
-        Claim(f"{chapter}/{finding.name}", str(finding), finding.numbers)
-        for chapter, of_chapter in findings.items()
-        for finding in of_chapter
-    ]
-
-
-def as_json(claims: Iterable[Claim], studies: Studies) -> str:
-    """Return claims as a JSON object, with which set and commit each study's rows are of."""
+def write_claims(findings: Mapping[str, Iterable[Finding]], studies: Studies, folder: Path) -> None:
+    """Write the findings of every chapter, by its name, and of which set and commit each study's rows are."""
     origins = {
         name: {key: (results.sidecar or {}).get(key) for key in ("set", "commit")}
         | {"runs": len(results.rows)}
         for name, results in studies.items()
     }
-    told = [asdict(claim) | {"numbers": [of._asdict() for of in claim.numbers]} for claim in claims]
-    return json.dumps({"studies": origins, "claims": told}, ensure_ascii=False, indent=1) + "\n"
+    claims = [
+        {
+            "id": f"{chapter}/{finding.name}",
+            "text": str(finding),
+            "numbers": [number._asdict() for number in finding.numbers],
+        }
+        for chapter, of_chapter in findings.items()
+        for finding in of_chapter
+    ]
+    text = json.dumps({"studies": origins, "claims": claims}, ensure_ascii=False, indent=1)
+    (folder / FINDINGS).write_text(text + "\n", encoding="utf-8")
 
 
-def from_json(text: str) -> list[Claim]:
-    """Return the claims of another report.
+def read_claims(report: Path) -> list[dict[str, Any]]:
+    """Return the claims of a report.
 
     Raises:
-        ValueError: the text is no findings of a report.
+        OSError: there is no report.
+        ValueError: its findings are none.
     """
     try:
-        claims = json.loads(text)["claims"]
-        return [Claim(of["id"], of["text"], tuple(Number(**each) for each in of["numbers"])) for of in claims]
+        return [
+            {**claim, "numbers": [Number(**number) for number in claim["numbers"]]}
+            for claim in json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
+        ]
     except (KeyError, TypeError) as error:
         raise ValueError(f"no findings of a report: {error!r}") from None
+
+
+def compare_claims(before: Iterable[Mapping[str, Any]], after: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return the numbers of two reports' claims in columns ``before`` and ``after``, a row a number."""
+    columns = {
+        name: {
+            f"{claim['id']} {k}": quantity(number.value, number.unit)
+            for claim in claims
+            for k, number in enumerate(claim["numbers"], 1)
+        }
+        for name, claims in (("before", before), ("after", after))
+    }
+    return pd.DataFrame(columns).fillna("–")

@@ -1,8 +1,9 @@
 """Panels of lines: errors against a step, a tolerance or a cost, and curves over time; one legend for all."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,9 @@ class Panel:
     failed: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
 
-def draw(panels: Sequence[Panel], height_in: float = 2.7, legend: bool = True) -> Drawing:
+def draw(panels: Sequence[Panel], height_in: float = 2.7, across: int | None = None) -> Drawing:
     """Return the figure of some panels, up to three in a row, with a legend of all series below."""
-    drawing, axes = grid(len(panels), height_in)
+    drawing, axes = grid(len(panels), height_in, across)
     rise = ROW_POINTS * max(len(panel.failed) for panel in panels)
     styles: dict[str, Mapping[str, Any]] = {}
     for ax, panel in zip(axes, panels, strict=True):
@@ -81,9 +82,8 @@ def draw(panels: Sequence[Panel], height_in: float = 2.7, legend: bool = True) -
         for row, (label, places) in enumerate(panel.failed.items()):
             _mark_failures(ax, places, row, styles.setdefault(label, {}), label)
     _label_once(axes)
-    if legend and styles:
-        failures = any(panel.failed for panel in panels)
-        draw_legend(drawing, styles, failures)
+    if styles:
+        draw_legend(drawing, styles, any(panel.failed for panel in panels))
     return drawing
 
 
@@ -99,9 +99,9 @@ def _label_once(axes: Sequence[Axes]) -> None:
         ax.xaxis.label.set_visible(place + across >= len(axes))
 
 
-def grid(count: int, height_in: float = 2.7) -> tuple[Drawing, list[Axes]]:
-    """Return a figure of ``count`` panels, up to three in a row, and its axes."""
-    across = count if count <= 3 else math.ceil(count / math.ceil(count / 3))
+def grid(count: int, height_in: float = 2.7, across: int | None = None) -> tuple[Drawing, list[Axes]]:
+    """Return a figure of ``count`` panels, up to three in a row or so many ``across``, and its axes."""
+    across = across or (count if count <= 3 else math.ceil(count / math.ceil(count / 3)))
     down = math.ceil(count / across)
     width = WIDTH_IN if across > 1 else 0.6 * WIDTH_IN
     drawing = Drawing(figsize=(width, height_in * down + 0.7))
@@ -137,6 +137,15 @@ def shown_labels(rows: pd.DataFrame) -> list[str]:
     places = labels.groupby("engine", sort=False).cumcount()
     first = labels.assign(place=places).sort_values("place", kind="stable")["label"].head(MOST_LINES)
     return sorted(first, key=list(labels["label"]).index)
+
+
+def by_signal(
+    rows: pd.DataFrame, columns: Iterable[str], panels_of: Callable[[pd.DataFrame, str], Sequence[Panel]]
+) -> Drawing | None:
+    """Return the figure of the panels of some columns; of few scenes each column has a row of its own."""
+    panels = [each for column in columns if (each := panels_of(rows, column))]
+    across = max(map(len, panels), default=0)
+    return draw([*chain(*panels)], across=across if across <= 3 else None) if panels else None
 
 
 def against(

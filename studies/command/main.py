@@ -502,31 +502,27 @@ def report(
     out: Annotated[Path, Option(metavar="DIR", help="Folder of the report.")] = Path("report"),
     against: Annotated[
         Path | None,
-        Option(metavar="DIR", help="Folder of another report; print what changed between the two."),
+        Option(metavar="DIR", help="Folder of another report; print the numbers of both side by side."),
     ] = None,
-    paper: Annotated[
-        bool, Option("--paper", help="Also write figures as SVG, PNG and PDF, and tables as LaTeX.")
-    ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write the HTML page and its tables as CSV from results, and print the answer."""
-    from reports.page import claims_of, moved, require_replaceable, write_report
+    """Write the HTML page, its figures as SVG and its tables as CSV from results, and print the answer."""
+    from reports.page import compare_claims, read_claims, require_replaceable, write_report
     from reports.parts import Contradiction
     from reports.results import BrokenResults, NoResults
     from studies.running.folder_lock import FolderHeld
-    from studies.running.processes import starting
     from studies.running.whole_file import require_folder, whole_folder
 
     try:
-        before = None if against is None else claims_of(against)
+        before = None if against is None else read_claims(against)
     except (OSError, ValueError) as reason:
         raise failures.BadInput(f"--against: expected the folder of a report, got '{reason}'") from None
     try:
         with failures.writing("--out", out):
             require_folder(out)
             require_replaceable(out)
-            with whole_folder(out) as new, starting():
-                made = write_report(results, new, paper)
+            with whole_folder(out) as new:
+                made = write_report(results, new)
     except FolderHeld as reason:
         raise failures.BadInput(f"--out: expected {reason}") from None
     except (NoResults, BrokenResults) as reason:
@@ -536,7 +532,10 @@ def report(
     with failures.quietly(quiet):
         for note in made.notes:
             failures.note(note)
-        print("\n".join(made.answer if before is None else moved(before, made.claims)))
+        if before is None:
+            print("\n".join(made.answer))
+        else:
+            print(compare_claims(before, read_claims(out)).to_string())
         failures.note(f"the report is {out / 'index.html'}")
 
 

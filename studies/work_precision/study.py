@@ -32,7 +32,6 @@ from studies.ladders import (
     rebound_ladder,
 )
 from studies.running.case import Case, Curves, Row, Value
-from studies.work_precision.reach import reach
 
 NAME = "work-precision"
 #: Few, since no step is longer than the time between two samples.
@@ -133,7 +132,10 @@ def _errors(case: Case) -> Row:
     row: Row = {"steps": found.plain.steps}
     if found.plain.evaluations is not None:
         row["evaluations"] = found.plain.evaluations
-    loose = {**clearance.impacts_of(found), **reach(found)} if found.run.contacts else {}
+    loose: Row = {}
+    if found.run.contacts:
+        smallest_m = min(each.radial_clearance_m for each in found.own.clearances.values())
+        loose = {**clearance.impacts_of(found), "smallest_clearance_m": smallest_m}
     return {**row, **errors, **loose, **checked(case.scene, found.plain)}
 
 

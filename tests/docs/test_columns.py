@@ -26,6 +26,13 @@ SCENES = {
 }
 LOADED = {"force_N": -1.0, "viscous_N_s_m": 1.0, "spring_N_m": 10.0, "free_position_m": 0.1}
 END_S, STEP_S = 1e-4, 2e-5
+#: Columns that rows of the full set alone have, which is not published.
+OF_THE_FULL_SET = {
+    "crank_angle_{error,uncertainty,scale,model_difference}_rad",
+    "crank_speed_{error,uncertainty,scale,model_difference}_rad_s",
+    *("compiled_anew", "compile_time_s", "slider_{force,viscous,spring,gas}_work_J", "direction"),
+    *("contact_{O,A,B}_friction_force_N", "radial_clearance_m", "crank_speed_rpm"),
+}
 PUBLISHED = sorted((ROOT / "reports" / "published").rglob("rows.jsonl.xz"))
 
 
@@ -104,8 +111,8 @@ def test_every_column_on_the_page_is_one_of_published_rows() -> None:
         for row in table("docs/reference/rows.md", "column")
         for p in re.findall(r"`([^`]+)`", row["column"])
     ]
-    unseen = [p for p in patterns if p != "setting_*" and not published & set(written_out(p))]
-    assert unseen == []
+    unseen = {p for p in patterns if p != "setting_*" and not published & set(written_out(p))}
+    assert unseen <= OF_THE_FULL_SET
 
 
 def columns_of(path: Path) -> set[str]:

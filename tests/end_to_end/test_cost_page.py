@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from reports.analysis.equal_error import ALONE
@@ -68,37 +67,6 @@ def figures_of(studies: Studies) -> dict[str, Figure]:
     return {figure.name: figure for figure in CHAPTER.figures(studies) if figure}
 
 
-def test_the_findings_tell_who_is_fastest_on_how_many_scenes(studies: Studies) -> None:
-    position, force, *_ = CHAPTER.findings(studies)
-    assert position == "Fastest engine for slider position within 1 µm, of 1 scenes: reference on 1."
-    assert force == "Fastest engine for largest joint force within 1 N, of 1 scenes: reference on 1."
-
-
-def test_where_a_rival_is_faster_the_finding_tells_by_how_much(tmp_path: Path) -> None:
-    """At 1e-6 m SciPy takes 1.6 of 4 ms."""
-    faster = {**CONFIGURATIONS, ("scipy", "DOP853"): ((0.001, 0.0016, 0.002), 0.1)}
-    position, *_ = CHAPTER.findings(written(tmp_path, faster))
-    assert position.endswith("of 1 scenes: scipy on 1 (the reference takes up to 2.5 times as long).")
-    assert [number.value for number in position.numbers] == pytest.approx([1.0, 1.0, 2.5])
-
-
-def test_of_several_scenes_the_finding_tells_the_largest_lead(tmp_path: Path) -> None:
-    """SciPy takes 1.6 of 4 ms on one scene, and 2 ms on the other."""
-    faster = {**CONFIGURATIONS, ("scipy", "DOP853"): ((0.001, 0.0016, 0.002), 0.1)}
-    of = written(tmp_path, faster)[STUDY]
-    again = of.rows.assign(scene="ideal-other")
-    again["solve_time_s"] *= np.where(again["engine"] == "scipy", 1.25, 1.0)
-    both = pd.concat([of.rows, again], ignore_index=True)
-    position, *_ = CHAPTER.findings({STUDY: replace(of, rows=both)})
-    assert position.endswith("of 2 scenes: scipy on 2 (the reference takes up to 2.5 times as long).")
-
-
-def test_where_the_timing_does_not_tell_two_engines_apart_neither_is_fastest(tmp_path: Path) -> None:
-    level = {**CONFIGURATIONS, ("scipy", "DOP853"): ((0.002, 0.004, 0.008), 0.1)}
-    position, *_ = CHAPTER.findings(written(tmp_path, level))
-    assert position.endswith("of 1 scenes: not resolved by the timing on 1.")
-
-
 def test_ratios_are_to_one_configuration_whoever_else_is_there(studies: Studies) -> None:
     """60 ms to 4 at 1e-6 m, and as much at 0.02 N; the reference takes 4 ms for half a second."""
     shown = tables_of(studies)["cost-ratios"]
@@ -117,23 +85,6 @@ def test_a_setting_within_a_target_is_told_with_its_time_and_ratio(studies: Stud
     assert second[2:] == (SCENE, "exudyn (trapezoidal)", "step 0.05 s", "60", "15", "15", "15")
 
 
-def test_times_at_equal_error_are_medians_in_ms_on_the_line_between_settings(studies: Studies) -> None:
-    """Half way between two settings in powers of ten a time is the root of their product: 2.8 of 2 and 4."""
-    shown = tables_of(studies)["cost-equal-error"]
-    at = ("step 0.1 s", "step 0.1 to 0.05 s", "step 0.05 s", "step 0.05 to 0.025 s")
-    numbers = (
-        ("1.0e-04", "2", "20", "10"),
-        ("1.0e-05", "2.8", "35", "12"),
-        ("1.0e-06", "4", "60", "15"),
-        ("1.0e-07", "5.7", "100", "18"),
-    )
-    expected = []
-    for setting, (error, own, other, ratio) in zip(at, numbers, strict=True):
-        expected.append((SCENE, "slider position [m]", error, "reference (DOP853)", setting, own, "~1"))
-        expected.append((SCENE, "slider position [m]", error, "exudyn (trapezoidal)", setting, other, ratio))
-    assert list(shown.rows[: len(expected)]) == expected
-
-
 def test_what_is_outside_the_times_is_told_in_ms_and_as_a_part_of_the_run(studies: Studies) -> None:
     expected = []
     for (engine, arm), (times_s, build_s) in CONFIGURATIONS.items():
@@ -144,40 +95,28 @@ def test_what_is_outside_the_times_is_told_in_ms_and_as_a_part_of_the_run(studie
     assert tables_of(studies)["cost-compiling"].rows == ((SCENE, "reference", "4"),)
 
 
-@pytest.mark.parametrize(
-    ("choice", "axis", "abscissae", "per_m"),
-    [
-        (("ideal joints", "slider position", "run time"), "run time [s]", None, 1.0),
-        (("ideal joints", "slider position", "steps"), "steps", (100, 200, 400), 1.0),
-        (("ideal joints", "largest joint force", "run time"), "run time [s]", None, FORCE_AT_B),
-    ],
-)
-def test_errors_are_drawn_against_what_they_cost(
-    studies: Studies, choice: tuple[str, ...], axis: str, abscissae: tuple[int, ...] | None, per_m: float
-) -> None:
-    views = {view.choice: view.drawing for view in figures_of(studies)["cost-error"].views}
-    panel = views[choice].axes[0]
-    assert (panel.get_title(), panel.get_xlabel()) == (SCENE, axis)
+@pytest.mark.parametrize(("name", "per_m"), [("slider-position", 1.0), ("largest-joint-force", FORCE_AT_B)])
+def test_errors_are_drawn_against_run_time(studies: Studies, name: str, per_m: float) -> None:
+    (panel,) = figures_of(studies)[f"cost-{name}"].drawing.axes
+    assert (panel.get_title(), panel.get_xlabel()) == (SCENE, "run time [s]")
     lines = [
         line for line in panel.lines if line.get_marker() not in ("None", "o") or line.get_linestyle() == "-"
     ]
     for line, (times_s, _) in zip(lines, CONFIGURATIONS.values(), strict=False):
         points = np.asarray(line.get_xydata())
-        assert points[:, 0] == pytest.approx(abscissae or times_s)
+        assert points[:, 0] == pytest.approx(times_s)
         assert points[:, 1] == pytest.approx([per_m * error for error in ERRORS_M])
 
 
 def test_with_clearance_peak_forces_are_compared_in_percent(tmp_path: Path) -> None:
-    """1e-6 m is 0.1 % here, so that 1 % is half way between two settings: 2.8 ms and 35 ms."""
+    """1e-6 m is 0.1 % here and 1e-4 m 10 %, so that 1 % takes the second setting: 4 ms and 60 ms."""
     studies = written(tmp_path, clearance_B_error_m=1.0, impact_force_relative_error=1e3)
-    shown = [row for row in tables_of(studies)["cost-equal-error"].rows if row[1] == "peak force [%]"]
-    assert [row[2:4] + row[5:6] for row in shown if row[2] == "1.0e+00"] == [
-        ("1.0e+00", "reference (DOP853)", "2.8"),
-        ("1.0e+00", "exudyn (trapezoidal)", "35"),
+    shown = tables_of(studies)["cost-at-targets"].rows
+    assert [row[1:4] + row[5:6] for row in shown if row[0] == "peak force within 1 %"] == [
+        ("clearance", SCENE, "reference (DOP853)", "4"),
+        ("clearance", SCENE, "exudyn (trapezoidal)", "60"),
     ]
-    choices = [view.choice for view in figures_of(studies)["cost-error"].views]
-    assert ("clearance", "peak force", "run time") in choices
-    assert not any(choice[0] == "ideal joints" for choice in choices)
+    assert "cost-peak-force" in figures_of(studies)
 
 
 def test_errors_that_have_grown_to_the_clearance_are_counted_and_reach_nothing(tmp_path: Path) -> None:
@@ -189,25 +128,8 @@ def test_errors_that_have_grown_to_the_clearance_are_counted_and_reach_nothing(t
     failed = rows.rows.assign(status=rows.rows["status"].mask(rows.rows["step_s"] == 0.1, "failed"))
     found = {finding.name: finding for finding in CHAPTER.findings({STUDY: replace(rows, rows=failed)})}
     assert [number.value for number in found["saturated"].numbers] == [2.0, 4.0], "of those that finished"
-    shown = [
-        row for row in tables_of({STUDY: rows})["cost-equal-error"].rows if row[1] == "slider position [m]"
-    ]
-    assert {row[2] for row in shown} == set()
-
-
-def test_horizons_are_drawn_over_run_time(tmp_path: Path) -> None:
-    studies = written(tmp_path, clearance_B_error_m=1.0)
-    rows = studies[STUDY].rows
-    rows["reached_1um_s"] = (
-        rows["step_s"].rsub(0.2).where(rows["round"].isna() & rows["compiled_anew"].isna())
-    )
-    (view,) = figures_of(studies)["cost-horizon"].views
-    (ax,) = view.drawing.axes
-    assert (ax.get_xscale(), ax.get_yscale(), ax.get_title()) == ("log", "linear", SCENE)
-    points = np.asarray(ax.lines[0].get_xydata())
-    assert points[:, 0] == pytest.approx([0.002, 0.004, 0.008])
-    assert points[:, 1] == pytest.approx([0.1, 0.15, 0.175])
-    assert any(np.allclose(line.get_ydata(), END_S) for line in ax.lines), "the end of the comparison"
+    shown = tables_of({STUDY: rows})["cost-at-targets"].rows
+    assert {row[4] for row in shown if row[0].startswith("slider position")} == {"step 0.025 s"}
 
 
 def test_a_time_that_leaves_out_forces_is_marked_where_forces_are_compared_and_nowhere_else(
@@ -223,4 +145,4 @@ def test_a_time_that_leaves_out_forces_is_marked_where_forces_are_compared_and_n
         ("largest joint force", "reference (DOP853)"): False,
         ("largest joint force", "exudyn (trapezoidal)"): True,
     }
-    assert ALONE in figures_of(studies)["cost-error"].reading
+    assert ALONE in figures_of(studies)["cost-slider-position"].reading

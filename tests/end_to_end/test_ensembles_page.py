@@ -195,9 +195,8 @@ def test_a_tenth_less_clearance_that_comes_out_equivalent_contradicts_the_chapte
 def test_differences_are_drawn_in_units_of_the_margin(studies: Studies) -> None:
     (figure,) = CHAPTER.figures(studies)
     assert figure
-    ((choice, drawing),) = figure.views
-    assert (figure.name, choice) == ("predictability-ensembles", (SCENE,))
-    for panel, (label, (_, _, verdict)) in zip(drawing.axes, PAIRS.items(), strict=True):
+    assert figure.name == f"predictability-ensembles-{SCENE}"
+    for panel, (label, (_, _, verdict)) in zip(figure.drawing.axes, PAIRS.items(), strict=True):
         assert (panel.get_title(), panel.get_xlabel()) == (f"{label}:\n{verdict}", "difference / margin")
         if verdict == "too few members":
             assert not panel.lines
@@ -207,7 +206,7 @@ def test_differences_are_drawn_in_units_of_the_margin(studies: Studies) -> None:
         assert np.asarray(dots.get_xydata()) == pytest.approx(np.transpose([off, [0, 1, 2]]))
         ends = [segment[:, 0].tolist() for segment in bars.get_segments()]  # type: ignore[attr-defined]
         assert np.array(ends) == pytest.approx(np.transpose([low, high]))
-    names = [text.get_text() for text in drawing.axes[0].get_yticklabels()]
+    names = [text.get_text() for text in figure.drawing.axes[0].get_yticklabels()]
     assert names == ["impact speed", "slider deviation from ideal", "mean cosine of impact phase"]
 
 

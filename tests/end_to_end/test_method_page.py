@@ -1,9 +1,7 @@
-"""The chapter on the method: the mechanism, the contact laws, the equations, and what is cited."""
+"""The chapter on the method: the mechanism, the contact laws, and the names of configurations."""
 
-import json
 import re
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -11,10 +9,13 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 import reports
+from engine_models import arms as catalogue
+from engine_models.arms import MEANINGS, Arm
 from reports.chapters.method import CHAPTER
-from reports.page.figures import draw
 from reports.parts import Studies
 from reports.results import FloatArray
+from studies.running.outcome import load_study
+from studies.running.registry import STUDIES
 from tests.end_to_end.written_motions import LOOSE, motions
 
 PAGE = Path(reports.__file__).parent / "page"
@@ -28,7 +29,7 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
 
 
 def drawing_of(studies: Studies, name: str) -> Drawing:
-    return next(each.views[0].drawing for each in CHAPTER.figures(studies) if each and each.name == name)
+    return next(each.drawing for each in CHAPTER.figures(studies) if each and each.name == name)
 
 
 def points(line: Line2D) -> FloatArray:
@@ -57,13 +58,6 @@ def test_the_mechanism_is_drawn_in_proportion_with_the_numbers_of_its_scene(stud
     assert figure.reading.endswith(f"Numbers are those of {LOOSE}.")
 
 
-def test_the_page_shows_the_numbers_of_a_drawing_with_all_their_digits(studies: Studies) -> None:
-    figure = next(each for each in CHAPTER.figures(studies) if each)
-    (picture,) = draw(figure).views
-    for number in ("0.21", "0.14", "0.0001", "0.00025"):
-        assert re.search(rf"{number}\b", picture.svg.markup), number
-
-
 def test_laws_stand_in_the_order_of_their_loss_loading_and_unloading(studies: Studies) -> None:
     drawing = drawing_of(studies, "motions-laws")
     assert [panel.get_title() for panel in drawing.axes] == ["hertz", "gonthier", "flores"]
@@ -81,35 +75,25 @@ def test_without_its_runs_the_chapter_has_neither_figures_nor_tables() -> None:
     assert [*CHAPTER.figures({}), *CHAPTER.tables({}), *CHAPTER.findings({})] == []
 
 
-def test_settings_and_what_did_not_finish_are_tables(studies: Studies) -> None:
+def test_configurations_and_what_did_not_finish_are_tables(studies: Studies) -> None:
     tables = {each.name: each for each in CHAPTER.tables(studies) if each}
-    assert ("pymunk", "tuned", "iterations = 30") in tables["motions-settings"].rows
+    shown = tables["configurations"]
+    assert (shown.head, shown.shown) == (("configuration", "what it is", "settings"), True)
+    assert ("pymunk (tuned)", MEANINGS["pymunk (tuned)"], "iterations = 30") in shown.rows
     (failed,) = tables["motions-failures"].rows
     assert failed[-1] == "not finite at t = 0.003 s"
 
 
-def test_the_equations_are_well_formed_mathml_with_the_papers_numbers() -> None:
-    rows = [*ElementTree.fromstring((PAGE / "equations.html").read_text("utf-8")).iter("tr")]
-    numbers = [row.findall("td")[1].text for row in rows]
-    assert numbers == [f"({k})" for k in range(1, 14)] + ["(a)", "(b)", "(c)"]
-    for row in rows:
-        (math,) = row.iter("math")
-        assert "=" in "".join(math.itertext())
-        assert row.findall("td")[2].text
+def test_every_configuration_of_a_study_says_what_it_is_and_no_other_does() -> None:
+    arms = [case.arm for study in STUDIES for case in load_study(study).cases(full=True)]
+    named = {arm.label for arm in vars(catalogue).values() if isinstance(arm, Arm)}
+    assert {arm.label for arm in arms} & named <= set(MEANINGS) == named
 
 
-def test_every_work_that_is_cited_is_in_the_bibliography_and_no_other() -> None:
-    texts = [(PAGE / name).read_text("utf-8") for name in ("method.html.jinja", "glossary.json")]
-    cited = {name for text in texts for name in re.findall(r"\[@(\w+)\]", text)}
-    works = [work["id"] for work in json.loads((PAGE / "bibliography.json").read_text("utf-8"))]
-    assert sorted(cited) == sorted(works)
-
-
-def test_the_method_is_told_in_few_words() -> None:
-    text = re.sub(r"<[^>]+>|\[@\w+\]", " ", (PAGE / "method.html.jinja").read_text("utf-8"))
-    assert len(text.split()) <= MOST_WORDS
-
-
-def test_nothing_of_the_method_leaves_this_machine() -> None:
-    for template in ("equations.html", "method.html.jinja"):
-        assert "http" not in (PAGE / template).read_text("utf-8")
+def test_the_method_is_told_in_few_words_and_nothing_of_it_leaves_this_machine() -> None:
+    text = (PAGE / "method.html").read_text("utf-8")
+    assert len(re.sub(r"<[^>]+>", " ", text).split()) <= MOST_WORDS
+    assert "http" not in text
+    named = re.findall(r"<code>(docs/[\w/-]+\.md)</code>", text)
+    assert len(named) == 4
+    assert [name for name in named if not (PAGE.parents[1] / name).is_file()] == []

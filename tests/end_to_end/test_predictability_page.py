@@ -220,7 +220,7 @@ def test_runs_that_part_where_no_horizon_is_seen_contradict_the_chapter(tmp_path
 
 
 def test_distances_of_perturbed_runs_are_drawn_as_the_largest_so_far(studies: Studies) -> None:
-    ((_, drawing),) = figure(studies, "growth").views
+    drawing = figure(studies, "growth").drawing
     ends = {"scene-a": (3.0, "crank revolutions"), "scene-b": (2.0, "crank revolutions")}
     ends["scene-c"] = (0.5, "time [s]")
     for panel, (scene, (end, label)) in zip(drawing.axes, ends.items(), strict=True):
@@ -266,9 +266,7 @@ def test_exponents_have_students_interval_over_starts(studies: Studies) -> None:
 
 
 def test_the_diagram_shows_strobe_and_exponents_over_the_clearance(studies: Studies) -> None:
-    shown = figure(studies, "diagram")
-    ((choice, drawing),) = shown.views
-    assert (shown.pickers, choice) == (("varied",), ("clearance",))
+    drawing = figure(studies, "diagram-clearance").drawing
     above, below = drawing.axes
     assert above.get_ylabel() == "slider's deviation once a turn / clearance"
     assert below.get_ylabel() == "exponent in a revolution"
@@ -305,11 +303,7 @@ def test_chaos_is_claimed_of_a_large_exponent_that_half_of_the_revolutions_give_
 
 
 def test_the_map_of_forces_shows_them_in_kN(studies: Studies) -> None:
-    shown = figure(studies, "maps")
-    assert shown.more
-    views = {choice: drawing for (choice,), drawing in shown.views}
-    assert [*views] == ["Lyapunov exponent", "largest contact force"]
-    drawing = views["largest contact force"]
+    drawing = figure(studies, "map-force").drawing
     (cells,) = drawing.axes[0].collections
     forces = np.asarray(cells.get_array(), dtype=float)
     assert forces[:, 0] == pytest.approx([2.0, 16.0, 54.0])
@@ -318,7 +312,7 @@ def test_the_map_of_forces_shows_them_in_kN(studies: Studies) -> None:
         "crank speed [rad/s]",
         "largest contact force [kN]",
     ]
-    (cells,) = views["Lyapunov exponent"].axes[0].collections
+    (cells,) = figure(studies, "map-exponent").drawing.axes[0].collections
     exponents = np.asarray(cells.get_array(), dtype=float)
     assert exponents[:, 0] == pytest.approx([-2.0, 30.0, 30.0])
     assert exponents[:, 1:] == pytest.approx(np.ones((3, 99)))

@@ -218,10 +218,10 @@ def test_the_figure_has_two_panels_however_many_scenes_there_are(
 ) -> None:
     drawn = figure({"work-precision": timed_on(tmp_path, scenes)})
     assert drawn is not None
-    titles = [ax.get_title() for ax in drawn.views[0].drawing.axes]
+    titles = [ax.get_title() for ax in drawn.drawing.axes]
     assert len(titles) == min(SCENES, len(scenes))
     assert {*titles} <= {*scenes}
-    for ax in drawn.views[0].drawing.axes:
+    for ax in drawn.drawing.axes:
         (ring,) = (line for line in ax.lines if line.get_markersize() == RING)
         error_m = (1e-6, 5e-7)[scenes.index(ax.get_title()) % 2]
         assert np.asarray(ring.get_xydata())[0].tolist() == pytest.approx([0.002, error_m])

@@ -88,7 +88,7 @@ def findings(studies: Studies) -> dict[str, Finding]:
 @pytest.fixture(scope="module")
 def maps(studies: Studies) -> dict[str, Drawing]:
     """Return the maps by their figures' names."""
-    return {figure.name: figure.views[0].drawing for figure in CHAPTER.figures(studies) if figure}
+    return {figure.name: figure.drawing for figure in CHAPTER.figures(studies) if figure}
 
 
 def test_boundaries_lie_between_the_last_step_without_and_the_first_with(studies: Studies) -> None:

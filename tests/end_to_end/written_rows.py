@@ -40,12 +40,9 @@ def results_of(
 
 
 def mixed(figures: Iterable[Figure | None]) -> list[str]:
-    """Return the names of figures of which a view has panels with several labels upwards."""
+    """Return the names of figures whose panels have several labels upwards."""
     labels = [
-        (figure.name, {ax.get_ylabel() for ax in view.drawing.axes} - {""})
-        for figure in figures
-        if figure
-        for view in figure.views
+        (figure.name, {ax.get_ylabel() for ax in figure.drawing.axes} - {""}) for figure in figures if figure
     ]
     assert labels
     return [name for name, of in labels if len(of) > 1]

@@ -108,13 +108,11 @@ def test_a_finer_run_that_failed_keeps_nothing_and_one_that_was_not_made_says_no
 
 
 def test_errors_that_have_grown_to_the_clearance_rank_nobody() -> None:
-    """From a tenth of 0.5 mm on, whatever signal is judged; at a fixed time by the error until then."""
+    """From a tenth of 0.5 mm on, whatever signal is judged."""
     loose: dict[str, Any] = {"smallest_clearance_m": 5e-4, "joint_B_force_error_N": 1.0}
-    early = "slider_position_error_until_6ms_m"
-    rows = recorded(5e-5, 0.2, **loose, **{early: 1e-6}), recorded(4.9e-5, 0.1, **loose, **{early: 5.1e-5})
+    rows = recorded(5e-5, 0.2, **loose), recorded(4.9e-5, 0.1, **loose)
     assert kept_of(*rows) == [np.inf, 4.9e-5]
     assert kept_of(*rows, column="joint_B_force_error_N") == [np.inf, 1.0]
-    assert kept_of(*rows, column=early) == [np.inf, np.inf]
     both = series((1e-3, 1.0), (1e-5, 2.0)).assign(kept=[np.inf, 1e-5])
     assert reached(both, 1e-4)[1:] == ("step 1e-06 s", 2.0), "nothing is interpolated from there"
     assert levels(both, 0.0) == []

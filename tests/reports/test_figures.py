@@ -1,8 +1,7 @@
-"""Figures can be read: labels lie on nothing else, and what a page has of a figure is small and whole."""
+"""Figures can be read: labels lie on nothing else."""
 
 import itertools
 import re
-from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -11,9 +10,7 @@ import pytest
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
 
-from reports.page.figures import draw
-from reports.page.svg import classes_of
-from reports.parts import Figure
+from reports.page.figures import as_svg
 from reports.plots.axes import set_plainly
 from reports.plots.panels import draw_legend, grid
 from reports.style import RC, line_styles
@@ -75,7 +72,7 @@ def test_long_titles_lie_neither_on_each_other_nor_beyond_the_edge() -> None:
         for ax, title in zip(axes, (long, "short", long), strict=True):
             ax.set(title=title, ylabel="energy gained or lost\nso far [J]")
         size = axes[1].title.get_fontsize()
-        draw(replace(Figure.of("name", "Title", "Reading.", "agreement", drawing), dense=True))
+        as_svg(drawing)
     boxes = [ax.title.get_window_extent() for ax in axes]
     assert boxes[0].x1 < boxes[1].x0 < boxes[1].x1 < boxes[2].x0
     assert all(box.x0 >= 0 and box.x1 <= drawing.bbox.width for box in boxes)
@@ -112,23 +109,3 @@ def test_a_legend_of_engines_is_no_wider_than_its_figure_and_leaves_the_panels_t
     assert box.x0 >= 0
     assert box.x1 <= drawing.bbox.width
     assert axes[0].get_window_extent().height > 1.5 * drawing.dpi
-
-
-# The SVG in the page
-
-
-def test_what_a_figure_in_the_page_names_is_in_it() -> None:
-    with mpl.rc_context(RC):
-        drawing, axes = grid(2)
-        for ax in axes:
-            ax.plot([1, 2, 3], [1, 4, 9], "s--")
-            ax.fill_between([1, 2, 3], [1, 2, 3], hatch="//")
-        (picture,) = (
-            view.svg for view in draw(Figure.of("name", "Title", "Read.", "agreement", drawing)).views
-        )
-    page = picture.placed("f7-", classes_of([picture]))
-    names = re.findall(r' id="([^"]*)"', page)
-    assert len(names) == len(set(names))
-    assert {name for name in names if "series-" not in name} == set(re.findall(r"#(f7-[^\")]*)", page))
-    assert set(re.findall(r' class="([^"]*)"', page)) == set(classes_of([picture]).values())
-    assert "pattern" in page

@@ -27,7 +27,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
 @pytest.fixture(scope="module")
 def panels(results: Results) -> list[Axes]:
     (figure,) = filter(None, CHAPTER.figures({"motions": results}))
-    return figure.views[0].drawing.axes
+    return figure.drawing.axes
 
 
 def test_the_loop_of_an_impact_has_the_area_of_the_energy_lost(results: Results, panels: list[Axes]) -> None:

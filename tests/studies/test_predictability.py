@@ -250,10 +250,9 @@ def test_the_chapter_says_what_the_rows_say(results: Path) -> None:
     # Two starts: their interval, and so what it says, hangs on round-off.
     assert "clearance-driven-A" in said["lyapunov-exponents"]
     assert said["ensembles"].endswith("too few members: pymunk (as the scene)).")
-    names = [f"predictability-{name}" for name in ("growth", "diagram", "ensembles", "maps")]
-    figures = [each for each in CHAPTER.figures(studies) if each]
-    assert [figure.name for figure in figures] == names
-    assert [view.choice[0] for view in figures[1].views] == ["clearance", "crank speed, up and down"]
+    figures = [each.name for each in CHAPTER.figures(studies) if each]
+    assert figures[:2] == ["predictability-growth", "predictability-diagram-clearance"]
+    assert figures[-1] == "predictability-map-motion"
     tables = {each.name: each for each in CHAPTER.tables(studies) if each}
     alone = ("clearance-driven-0.02mm", "6 revolutions", *["–"] * 6)
     assert alone in tables["predictability-horizons"].rows

@@ -22,9 +22,8 @@ TRUTHS = {
 #: What the columns have in their names that are held against a truth, and those against physics.
 OF_TRUTH = ("_error", "_uncertainty_", "_model_difference_", "cross_check", "impacts_")
 OF_PHYSICS = ("residual", "unaccounted", "gap_part", "constraint", "hidden_power", "gain")
-#: What the columns have in their names that tell of a scene alone, the same for every arm, or of a run what
-#: its errors at the end of the motion tell.
-UNHELD = ("_scale_", "smallest_clearance", "_error_until_", "_uncertainty_until_", "reached_")
+#: What the columns have in their names that tell of a scene alone, the same for every arm.
+UNHELD = ("_scale_", "smallest_clearance")
 #: The study of smooth motion, at two steps: past impacts errors do not fall by the order of a method.
 OF_ORDERS = "agreement"
 #: An error is a point of an order while it is so many times the truth's uncertainty, of three distances.

@@ -382,7 +382,7 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
     def write_report(*arguments: object) -> Report:
         calls.append(arguments)
-        return Report((Finding("answer", "The answer."),), ("a note",), (), {})
+        return Report((Finding("answer", "The answer."),), ("a note",), ())
 
     monkeypatch.setattr(page, "write_report", write_report)
     monkeypatch.chdir(tmp_path)
@@ -390,9 +390,7 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert done.stderr == "note: a note\nnote: the report is report/index.html\n"
     assert done.stdout == "The answer.\n"
     assert crankslider("report", "--results", tmp_path, "--out", tmp_path / "r").code == 0
-    assert crankslider("report", "--paper").code == 0
-    asked = [(results, paper) for results, _, paper in calls]
-    assert asked == [(Path("results"), False), (tmp_path, False), (Path("results"), True)]
+    assert [results for results, _ in calls] == [Path("results"), tmp_path]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["r", "report"]
 
 
