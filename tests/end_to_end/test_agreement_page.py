@@ -205,7 +205,7 @@ FINDINGS = {
         "(tuned), with joint errors corrected in full in every step and a half-step start, is of second "
         "order (2)."
     ),
-    "reliability": ("29 of 30 runs finished; reasons for the others were given by: a check of ours 1."),
+    "reliability": ("29 of 30 runs finished."),
 }
 
 
