@@ -35,12 +35,6 @@ def checked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
     return position - _turns(position), velocity
 
 
-def unchecked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
-    """Return what ``checked_start`` does of a start that is known to hold."""
-    position, velocity = start_state(scene)
-    return position - _turns(position), velocity
-
-
 def _require_start(scene: AnyScene, position: FloatArray, velocity: FloatArray) -> None:
     """Refuse what is no start (see ``checked_start``)."""
     if scene.is_plain:
