@@ -103,8 +103,7 @@ def cases(full: bool) -> list[Case]:
         scene = SCENES[name]()
         scene = scene.model_copy(update={"end_time_s": (TRANSIENT + REVOLUTIONS) * period_s(scene)})
         for rung in (REFERENCE, *engines, *(Rung(arm, STEP_S) for arm in arms.newcomers())):
-            if rung is REFERENCE or full:
-                out += _members(scene, rung, MEMBERS[full])
+            out += _members(scene, rung, MEMBERS[full])
     return out
 
 

@@ -258,9 +258,12 @@ def sweep(
     scheduler: Annotated[
         Text, Option(metavar="ADDRESS", help="Dask scheduler that runs the members.")
     ] = None,
-    out: Annotated[Path, Option(metavar="FILE", help="Write the rows to .parquet or .csv.")] = Path("sweep.parquet"),
+    out: Annotated[Path, Option(metavar="FILE", help="Write the rows to .parquet or .csv.")] = Path(
+        "sweep.parquet"
+    ),
     plot: Annotated[
-        Path | None, Option(metavar="FILE", help="Draw a column over one or two fields to .png, .svg or .pdf.")
+        Path | None,
+        Option(metavar="FILE", help="Draw a column over one or two fields to .png, .svg or .pdf."),
     ] = None,
     show: Annotated[Text, Option(metavar="COLUMN", help="Column that the figure shows.")] = None,
     quiet: Quiet = False,

@@ -165,7 +165,9 @@ def read_sweep(
     asked = {"transient": options.transient, "revolutions": options.revolutions, "step": step}
     run, added = RunSettings(step or scene.end_time_s, 1), {name: vars(engine)[name] for name in settings}
     rows = np.array([*changes.values()]).T.tolist()
-    columns = [asked | {VARIED + name: value for name, value in zip(changes, row, strict=True)} for row in rows]
+    columns = [
+        asked | {VARIED + name: value for name, value in zip(changes, row, strict=True)} for row in rows
+    ]
     cases = [Case(NAME, scene, arm, run, added, columns=own) for own in columns]
     made_by = {"version": version("crankslider"), "engine": engine_name, "settings": dict(vars(engine))}
     made_by |= {**asked, "seed": options.seed, "scene": scene.to_toml()}

@@ -104,7 +104,9 @@ def summary(scene: AnyScene, run: Trajectory, transient: float, revolutions: flo
         "impact_speed_m_s": _mean(speed),
         "impulse_N_s": _mean(impulse),
         "impulse_per_revolution_N_s": float(pressed[-1] - pressed[first]) / revolutions,
-        "largest_contact_force_N": max((_peak_N(each, first, from_s) for each in compliant), default=math.nan),
+        "largest_contact_force_N": max(
+            (_peak_N(each, first, from_s) for each in compliant), default=math.nan
+        ),
         "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / revolutions),
         f"{subject}_deviation_m": float(np.abs(deviation).max()),
         f"rms_{subject}_deviation_m": float(np.sqrt(np.mean(deviation**2))),
