@@ -1,8 +1,8 @@
 """Predictability: how long a scene can be followed, and what holds past that.
 
 Parts are told apart by the column ``part``. ``HORIZON``: until when the reference agrees with its own
-perturbed and step-halved runs, with how far they part as curves. All others are ensembles: a case is a member,
-and starts differ by a little of the crank angle.
+perturbed and step-halved runs, with how far they part as curves. All others are ensembles: a case is a
+member, which starts at a crank angle of its own.
 """
 
 import math
@@ -75,9 +75,9 @@ MORE_HORIZONS_S = (
 #: ensemble, and in a scene without revolutions.
 STEP_S, SAMPLES, ENSEMBLE_SAMPLES, FREE_SAMPLES = 1e-5, 200, 50, 400
 
-#: Revolutions of a member that are left out and used. What has begun anywhere has forgotten it after the four.
+#: Revolutions of a member left out and used. What has begun anywhere has forgotten it after the four.
 TRANSIENT, REVOLUTIONS = 4, 8
-#: Members of an ensemble, quick and full. Starts are drawn with the seed beside the name of what they are for.
+#: Members of an ensemble, quick and full. Starts are drawn with the seed beside the name of the ensemble.
 MEMBERS, SEED = {False: 24, True: 200}, 20240229
 REFERENCE = Rung(arms.REFERENCE_DOP853, 1.0, {"step_tolerance": 1e-8})
 #: The engines' arms of the ensembles, at steps and tolerances that resolve an impact. With a hundred times

@@ -48,8 +48,9 @@ EVENT_RECORD = record("time_s rate depth force force_s deepest deepest_s", "cont
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
 #: contact, the step tried last, the end, the worst condition so far and the least at a sample; the interval
 #: on whose multiples steps land, or 0, and how many of them have been reached; whether events are located;
-#: events, samples and steps so far, the most steps, the contact whose event on a rigid wall is
-#: to be settled, and whether it goes on where its last call ended, as if that had not: slopes at the start of a step are known then, and differ by round-off from such anew.
+#: events, samples and steps so far, the most steps, the contact whose event on a rigid wall is to be settled,
+#: and whether it goes on where its last call ended, as if that had not: slopes at the start of a step are
+#: known then, and differ by round-off from such anew.
 CLOCK_RECORD = record(
     "time lost longest per_contact tried end condition least interval",
     "landed located events taken steps budget rigid resumed",

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import matplotlib as mpl
@@ -28,8 +29,6 @@ TOLERANCES = {"1nm": ("1 nm", 1e-9), "1um": ("1 µm", 1e-6), "100um": ("100 µm"
 FIRST, LOST, TOGETHER_M = "1nm", "100um", 1e-9
 #: Nothing closer than this is drawn, in m: it is round-off.
 LEAST_M = 1e-14
-#: How Matplotlib is told of a line.
-Style = dict[str, Any]
 #: The averages of a member whose means are given, in words, and the factors to the units there.
 QUANTITIES = {
     "impacts_per_revolution": ("impacts per revolution", 1.0),
@@ -102,24 +101,19 @@ def _growth(results: Results, row: pd.Series) -> Panel:
     """Return how far perturbed runs on a scene are from the unperturbed one."""
     turns = row["revolutions"]
     unit_s = row["end_time_s"] / turns if turns > 0 else 1.0
-    names = [f"perturbed_{k}_m" for k in range(int(row["perturbations"]))]
-    time = results.curve(row["case"], "time_s") / unit_s
-    each = np.array([so_far(results.curve(row["case"], name)) for name in names])
-    curves: dict[str, tuple[FloatArray, Style]] = {
+    time, curve = results.curve(row["case"], "time_s") / unit_s, partial(results.curve, row["case"])
+    each = np.array([so_far(curve(f"perturbed_{k}_m")) for k in range(int(row["perturbations"]))])
+    curves: dict[str, tuple[FloatArray, dict[str, Any]]] = {
         "perturbed start (median)": (np.median(each, axis=0), {"color": BLACK}),
         "perturbed start (smallest)": (each.min(axis=0), {"color": GREY, "linewidth": 0.7}),
         "perturbed start (largest)": (each.max(axis=0), {"color": GREY, "linestyle": ":"}),
-        "half the step": (so_far(results.curve(row["case"], "halved_m")), {"color": BLUE, "linestyle": "--"}),
+        "half the step": (so_far(curve("halved_m")), {"color": BLUE, "linestyle": "--"}),
     }
     lines = [Line(name, time, np.maximum(of, LEAST_M), style) for name, (of, style) in curves.items()]
     marker = {"color": VERMILLION, "marker": "D", "markersize": 4, "linestyle": ""}
     for words, (tolerance, size_m) in TOLERANCES.items():
-        median, least, most = (row[f"horizon_{words}{end}_s"] for end in ("", "_least", "_largest"))
-        if not np.isnan(least):
-            ends = np.array([least, row["end_time_s"] if np.isnan(most) else most])
-            bar = {"color": VERMILLION, "linewidth": 2.0}
-            lines.append(Line("first to last horizon", ends / unit_s, [size_m] * 2, bar))
-            lines.append(Line("horizon (median)", [median / unit_s], [size_m], marker, [tolerance]))
+        if not np.isnan(median_s := row[f"horizon_{words}_s"]):
+            lines.append(Line("horizon (median)", [median_s / unit_s], [size_m], marker, [tolerance]))
     x = "crank revolutions" if turns > 0 else "time [s]"
     return Panel(str(row["scene"]), x, "largest distance so far [m]", lines, log="y")
 
@@ -164,13 +158,13 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(label=in_legend_order(rows))
 
 
-def mean_with_interval(values: pd.Series) -> tuple[float, float]:
-    """Return the mean of independent values, and half the width of Student's 95 % interval; NaN of fewer than 2."""
+def mean_of(values: pd.Series, unit: str = "") -> Number:
+    """Return the mean of independent values with Student's 95 % interval, which fewer than two have not."""
     known = values.dropna().to_numpy(float)
     if len(known) < 2:
-        return float(known.mean()) if len(known) else math.nan, math.nan
-    half = stats.t.ppf(0.5 + CONFIDENCE / 2, len(known) - 1) * known.std(ddof=1) / math.sqrt(len(known))
-    return float(known.mean()), float(half)
+        return Number(float(known.mean()) if len(known) else math.nan, unit)
+    low, high = stats.ttest_1samp(known, 0.0).confidence_interval(CONFIDENCE)
+    return Number(float(known.mean()), unit, float(low), float(high))
 
 
 def _ensembles(rows: pd.DataFrame) -> Iterator[tuple[str, dict[str, pd.DataFrame]]]:
@@ -183,32 +177,24 @@ def _ensemble_findings(rows: pd.DataFrame) -> Iterator[Finding]:
     """Yield how often and how fast pins hit their bearings in the first ensemble of each scene."""
     for scene, by_label in _ensembles(rows):
         label, members = next(iter(by_label.items()))
-        values: dict[str, Number] = {"members": Number(float(len(members)))}
-        for name, column, unit in (
-            ("hits", "impacts_per_revolution", ""),
-            ("speed", "impact_speed_m_s", "m/s"),
-        ):
-            mean, half = mean_with_interval(members[column])
-            ends = (None, None) if math.isnan(half) else (mean - half, mean + half)
-            values[name] = Number(mean, unit, *ends)
         text = f"Over {{members}} starts on {scene}, {label} has {{hits}} impacts per revolution at {{speed}}"
-        yield Finding(f"ensemble-{scene}", f"{text}, in the mean.", **values)
+        hits, speed = mean_of(members["impacts_per_revolution"]), mean_of(members["impact_speed_m_s"], "m/s")
+        count = Number(float(len(members)))
+        yield Finding(f"ensemble-{scene}", f"{text}, in the mean.", members=count, hits=hits, speed=speed)
 
 
 def _means_table(scene: str, by_label: dict[str, pd.DataFrame]) -> Table:
-    cells: dict[str, list[str]] = {"ensemble": [*by_label]}
-    cells["members"] = [str(len(members)) for members in by_label.values()]
+    cells = {"ensemble": [*by_label], "members": [str(len(members)) for members in by_label.values()]}
     for name, (words, factor) in QUANTITIES.items():
-        means = [mean_with_interval(factor * members[name]) for members in by_label.values()]
-        cells[words] = [_with_half_width(mean, half) for mean, half in means]
+        cells[words] = [_with_half_width(mean_of(factor * members[name])) for members in by_label.values()]
     reading = "Means over members and half of Student's 95 % interval."
     return Table.of(f"{STUDY}-means-{scene}", f"Means of ensembles on {scene}", reading, STUDY, cells)
 
 
-def _with_half_width(mean: float, half: float) -> str:
-    if math.isnan(mean):
-        return ABSENT
-    return f"{mean:.3g}" if math.isnan(half) else f"{mean:.3g} ± {half:.1g}"
+def _with_half_width(mean: Number) -> str:
+    if mean.low is None or mean.high is None:
+        return ABSENT if math.isnan(mean.value) else f"{mean.value:.3g}"
+    return f"{mean.value:.3g} ± {(mean.high - mean.low) / 2:.1g}"
 
 
 # The chapter
@@ -232,7 +218,7 @@ def figures(studies: Studies) -> Iterator[Figure | None]:
                 f"{STUDY}-growth",
                 "How fast does a small change of the start grow?",
                 "Distance of the slider from the unperturbed run, the largest up to each time. Diamonds mark "
-                "the horizons of 1 nm, 1 µm and 100 µm, bars the first and the last of all perturbed starts.",
+                "the horizons of 1 nm, 1 µm and 100 µm.",
                 STUDY,
                 draw([_growth(results, row) for _, row in followed.iterrows()], height_in=2.3),
             )

@@ -21,7 +21,7 @@ from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import meant, one_of, shown
 from studies.command.options import DEFAULT_STEP_S, PICTURES, as_arguments, ending_of, read_engine
 from studies.command.study_run import running_in
-from studies.running.case import Case
+from studies.running.case import Case, Row
 from studies.running.cluster import cluster
 from studies.running.failures import BadInput, writing
 from studies.running.processes import Processes
@@ -162,14 +162,18 @@ def read_sweep(
         except UnsupportedScene as reason:
             raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
     arm = Arm(engine_name, AS_IT_COMES)
-    asked = {"transient": options.transient, "revolutions": options.revolutions, "step": step}
+    asked: Row = {"transient": options.transient, "revolutions": options.revolutions, "step": step}
     run, added = RunSettings(step or scene.end_time_s, 1), {name: vars(engine)[name] for name in settings}
     rows = np.array([*changes.values()]).T.tolist()
     columns = [
         asked | {VARIED + name: value for name, value in zip(changes, row, strict=True)} for row in rows
     ]
     cases = [Case(NAME, scene, arm, run, added, columns=own) for own in columns]
-    made_by = {"version": version("crankslider"), "engine": engine_name, "settings": dict(vars(engine))}
+    made_by: dict[str, object] = {
+        "version": version("crankslider"),
+        "engine": engine_name,
+        "settings": dict(vars(engine)),
+    }
     made_by |= {**asked, "seed": options.seed, "scene": scene.to_toml()}
     return Sweep(f"{scene.name}, {engine_name}", cases, list(changes), made_by)
 
@@ -190,7 +194,9 @@ def run_sweep(sweep: Sweep, path: Path, jobs: int, scheduler: str | None = None)
         with running_in(folder), executors as executor:
             run_study(NAME, list(sweep.cases), folder, executor)
             frame = _frame(sweep, (folder / "rows.jsonl").read_text(encoding="utf-8"))
-            write_whole(path, _table(frame, sweep.made_by, ending_of("--out", path, TABLES)))
+            csv = path.suffix.lower() == ".csv"
+            content = frame.to_csv(index=False).encode("utf-8") if csv else frame.to_parquet(index=False)
+            write_whole(path, content)
     return Swept(path, frame, sweep)
 
 
@@ -202,21 +208,8 @@ def _frame(sweep: Sweep, lines: str) -> "pd.DataFrame":
     code = fingerprint(NAME, sweep.cases[0].engine)
     of_run = pd.DataFrame([rows[case.key(code)] for case in sweep.cases])
     head = {"member": range(len(of_run))} | {name: of_run[VARIED + name] for name in sweep.fields}
-    ends = {name: of_run[name] if name in of_run else None for name in ENDS}
+    ends = {name: of_run.get(name) for name in ENDS}
     others = {*sweep.cases[0].head(), *ENDS, *OF_ROWS}
-    return pd.DataFrame({**head, **ends, **of_run[[name for name in of_run if name not in others]]})
-
-
-def _table(frame: "pd.DataFrame", made_by: Mapping[str, Any], ending: str) -> bytes:
-    """Return rows as CSV, or as Parquet with what made them in its metadata."""
-    if ending == ".csv":
-        return bytes(frame.to_csv(index=False).encode("utf-8"))
-    import io
-
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    made = {name: x if isinstance(x, str) else json.dumps(x) for name, x in made_by.items()}
-    table, sink = pa.Table.from_pandas(frame, preserve_index=False), io.BytesIO()
-    parquet.write_table(table.replace_schema_metadata(made), sink)
-    return sink.getvalue()
+    frame = pd.DataFrame({**head, **ends, **of_run[[name for name in of_run if name not in others]]})
+    frame.attrs = dict(sweep.made_by)  # which Parquet keeps
+    return frame

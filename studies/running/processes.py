@@ -255,7 +255,8 @@ class _WorkerProcess:
             pass
         if code == UNGUARDED:
             guard = 'if __name__ == "__main__":'
-            raise Failed(f"script: expected this call under {guard}, since every process imports the script")
+            reason = f"script: expected this call under {guard}, since every process imports the script"
+            raise Failed(reason) from None
         last = (self._words.decode(errors="replace").strip().splitlines() or [""])[-1].strip()
         signals = {number.value: number.name for number in signal.Signals}
         name = signals.get(-code, f"signal {-code}")

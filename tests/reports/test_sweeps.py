@@ -6,9 +6,9 @@ import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from reports.plots.motions import motions
 
 from reports.plots.axes import scale_of
-from reports.plots.motions import motions
 from reports.plots.sweeps import NoPicture, sweep_picture
 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"

@@ -8,25 +8,25 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from reports.analysis.ensembles import OWN, PLANTED, QUANTITIES, Ensembles, pairs
+from reports.plots.motions import motions
 from scipy import stats
+from studies.judges.lyapunov import growth
+from studies.predictability.cases import EXPONENT, HORIZON, MEMBERS, moves_rad
+from studies.predictability.ensemble import WATCH
+from studies.predictability.scenes import clearance_driven_lossy, following, period_s, tighter
 
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import clearance, clearance_driven_002, clearance_driven_05
 from engine_models.scene.scene import Clearances, Scene
-from reports.analysis.ensembles import OWN, PLANTED, QUANTITIES, Ensembles, pairs
 from reports.chapters.predictability import CHAPTER, PER_REVOLUTION, motion
 from reports.parts import Contradiction, Finding, Studies
-from reports.plots.motions import motions
 from reports.results import read_study, with_columns
 from studies.extremes.scenes import GRAVITY_M_S2, wheel
 from studies.judges.horizon import apart, first_beyond_s, moved
-from studies.judges.lyapunov import growth
 from studies.predictability import basins, chains, diagrams, study
-from studies.predictability.cases import EXPONENT, HORIZON, MEMBERS, moves_rad
-from studies.predictability.ensemble import WATCH
-from studies.predictability.scenes import clearance_driven_lossy, following, period_s, tighter
 from studies.running.case import Case, Row
 from studies.running.outcome import run_case
 from studies.running.runner import run_study
