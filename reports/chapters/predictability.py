@@ -163,8 +163,9 @@ def mean_of(values: pd.Series, unit: str = "") -> Number:
     known = values.dropna().to_numpy(float)
     if len(known) < 2:
         return Number(float(known.mean()) if len(known) else math.nan, unit)
-    low, high = stats.ttest_1samp(known, 0.0).confidence_interval(CONFIDENCE)
-    return Number(float(known.mean()), unit, float(low), float(high))
+    mean, t = float(known.mean()), stats.t.ppf(0.5 + CONFIDENCE / 2, len(known) - 1)
+    half = float(t * known.std(ddof=1) / math.sqrt(len(known)))
+    return Number(mean, unit, mean - half, mean + half)
 
 
 def _ensembles(rows: pd.DataFrame) -> Iterator[tuple[str, dict[str, pd.DataFrame]]]:
