@@ -45,7 +45,9 @@ def test_over_two_fields_a_grid_is_cells_around_the_values(grid: pd.DataFrame) -
     assert edges[-1, :, 1] == pytest.approx(np.full(5, 350.0))
     middles = np.sqrt(edges[0, 1:, 0] * edges[0, :-1, 0])
     assert middles == pytest.approx(1e3 * np.geomspace(1e-5, 1e-3, 4))
-    assert picture.axes[-1].get_ylabel() == "largest contact force [kN]"
+    labels = [(ax.get_xlabel(), ax.get_ylabel()) for ax in picture.axes]
+    assert labels[0] == ("radial clearance at B [mm]", "crank speed [rad/s]")
+    assert labels[1] == ("", "largest contact force [kN]")
 
 
 def test_of_several_members_at_a_place_the_mean_is_shown(grid: pd.DataFrame) -> None:
@@ -59,7 +61,8 @@ def test_draws_are_dots(grid: pd.DataFrame) -> None:
     drawn = grid.assign(**{SPEED: np.random.default_rng(1).uniform(100, 300, 12)})
     picture = sweep_picture(drawn, [CLEARANCE, SPEED], "scene")
     (dots,) = (each for each in picture.axes[0].collections if isinstance(each, PathCollection))
-    assert len(np.asarray(dots.get_offsets())) == 12
+    expected = np.array([1e3 * drawn[CLEARANCE], drawn[SPEED]]).T.tolist()
+    assert np.asarray(dots.get_offsets()) == pytest.approx(np.array(sorted(expected)))
 
 
 @pytest.mark.parametrize(
