@@ -97,7 +97,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "scheduler: expected a string, got 5": lambda: sweep(scheduler=5),
     'out: expected a file that ends in .parquet or .csv, got "x.txt"': lambda: sweep(jobs=1, out="x.txt"),
     "jobs: expected an integer >= 1 and <= 1000, got a huge integer": lambda: sweep(jobs=HUGE),
-    "member: expected the key sample, ..., got an unknown key ...": lambda: sweep(member=5),
+    "member: expected the key sample, ..., got an unknown key ...": lambda: sweep(jobs=1, member=5),
     "joint: expected a string, got a list": lambda: simulate(LOOSE).plot_orbit([]),
     "file: expected a path, got 5": lambda: simulate().animate(5),
     "exaggerate: expected a finite number > 0, got true": lambda: simulate().animate("x.gif", True),

@@ -151,10 +151,6 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("run", "agreement", "--scene", "clearance-free-0.5mm"),
         ("--scene clearance-free-0.5mm: expected ideal joints", "clearance at B"),
     ),
-    "predictability of an ideal scene": (
-        ("run", "predictability", "--scene", "ideal-free"),
-        ("--scene ideal-free: expected a joint with clearance",),
-    ),
     "stability of a free crank": (
         ("run", "stability", "--scene", "clearance-free-0.5mm"),
         ("--scene clearance-free-0.5mm: expected a crank at constant speed", "drive.kind = 'free'"),
