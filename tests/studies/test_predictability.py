@@ -66,7 +66,7 @@ def test_a_row_has_median_least_and_largest_of_the_perturbed_runs(monkeypatch: p
     time, nm, um = np.arange(4.0), 2e-9, 2e-6
     perturbed = [[0, nm, um, um], [0, 0, nm, um], [0, 0, 0, nm]]
     parted = Apart(time, np.array(perturbed), np.array([0, 0, 0, nm]))
-    monkeypatch.setattr(study.horizon, "apart", lambda *_, **__: parted)
+    monkeypatch.setattr("studies.judges.horizon.apart", lambda *_, **__: parted)
     row, curves = study.measure(of_part(study.HORIZON)[0])
     assert {name: row[name] for name in row if name.startswith("horizon_")} == {
         "horizon_1nm_s": 2.0,

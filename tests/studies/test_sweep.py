@@ -59,11 +59,12 @@ def test_a_grid_has_every_value_of_one_field_with_every_one_of_the_other_and_the
 @pytest.mark.parametrize("sample", ["random", "latin-hypercube", "sobol"])
 def test_draws_are_those_of_numpy_and_scipy_from_the_seed(sample: Sample) -> None:
     generator = np.random.default_rng(5)
-    points = {
-        "random": lambda: generator.random((37, 2)),
-        "latin-hypercube": lambda: qmc.LatinHypercube(2, seed=generator).random(37),
-        "sobol": lambda: qmc.Sobol(2, seed=generator).random(64)[:37],
-    }[sample]()
+    hypercube: Any = qmc.LatinHypercube(2, seed=generator)
+    sobol: Any = qmc.Sobol(2, seed=np.random.default_rng(5))
+    if sample == "random":
+        points = generator.random((37, 2))
+    else:
+        points = sobol.random(64)[:37] if sample == "sobol" else hypercube.random(37)
     found = members(Draw(sample, 37, seed=5), clearance="1e-5:1e-3:log", speed="50:800")
     np.testing.assert_allclose(found[CLEARANCE], 1e-5 * 100 ** points[:, 0], rtol=ROUND_OFF)
     np.testing.assert_allclose(found[SPEED], 50 + 750 * points[:, 1], rtol=ROUND_OFF)
@@ -250,16 +251,9 @@ def test_what_was_finished_before_an_interrupt_is_not_run_again(
 
 @pytest.mark.system
 def test_a_sweep_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
-    command = (
-        Path(sys.executable).with_name("crankslider"),
-        "sweep",
-        NAME,
-        "--engine",
-        "pymunk",
-        "--jobs",
-        "2",
-    )
-    command += "--vary", f"{CLEARANCE}=1e-4:1e-3:40", "--revolutions", "0.5", "--quiet"
+    script = str(Path(sys.executable).with_name("crankslider"))
+    command = [script, "sweep", NAME, "--engine", "pymunk", "--jobs", "2", "--quiet", "--revolutions", "0.5"]
+    command += ["--vary", f"{CLEARANCE}=1e-4:1e-3:40"]
     kept = tmp_path / "killed.csv.rows" / "rows.jsonl"
     with subprocess.Popen([*command, "--out", tmp_path / "killed.csv"]) as run:
         until(lambda: kept.exists() and kept.read_bytes().count(b"\n") >= 3)

@@ -107,7 +107,7 @@ def is_part(file: str, study: str, engine: str) -> bool:
         ("studies/judges/local_error.py", lambda study, _: study in ("clearance", "work-precision")),
         ("studies/judges/horizon.py", lambda study, _: study in (*BY_THE_REFERENCE, "predictability")),
         ("studies/stability/verdict.py", lambda study, _: study == "stability"),
-        ("studies/predictability/study.py", lambda study, _: study == "predictability"),
+        ("studies/predictability.py", lambda study, _: study == "predictability"),
         ("studies/running/worker.py", lambda _study, _engine: True),
         *((file, lambda _study, _engine: False) for file in OF_NOTHING),
     ],
