@@ -182,7 +182,6 @@ def sweep(
     engine: str = "reference",
     *,
     out: Place | None = None,
-    exponent: bool = False,
     scheduler: str | None = None,
     settings: Mapping[str, object] | None = None,
     **options: object,
@@ -190,23 +189,27 @@ def sweep(
     """Run a scene with many values of its fields and return the rows, one per member.
 
     ``vary`` maps the path of a field to a range as text, or to its values. ``options`` are those of the
-    command line, by name (see ``studies.command.sweep.SweepOptions``). The rows are written to the Parquet
-    file ``out``, from which an interrupted sweep resumes; the default is a file in a temporary folder.
+    command line, by name (see ``studies.command.sweep.SweepOptions``). The rows are written to ``out``, a
+    .parquet or .csv file (default: one in a temporary folder); an interrupted sweep resumes from the folder
+    ``out``.rows. In a script, call this function under ``if __name__ == "__main__":``. How many members have
+    warnings is a warning.
 
     Raises:
-        BadInput: an argument is refused, or the resources that the sweep needs.
+        BadInput: an argument is refused.
         Failed: the members cannot continue.
     """
-    from studies.command.options import ending_of
-    from studies.command.sweep import asked, options_of, swept
+    from studies.command.options import checked, ending_of
+    from studies.command.sweep import TABLES, SweepOptions, read_sweep, run_sweep
 
     with as_arguments():
-        chosen = options_of({"jobs": os.cpu_count() or 1, **options})
-        physics = read_scene(scene)
-        wanted = asked(physics, vary or {}, engine, settings or {}, exponent, chosen)
+        chosen = checked(SweepOptions, "--", {"jobs": os.cpu_count() or 1, **options})
+        wanted = read_sweep(read_scene(scene), vary or {}, engine, settings or {}, chosen)
         place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
-        ending_of("--out", place, (".parquet",))
-        return swept(wanted, place, chosen, scheduler)
+        ending_of("--out", place, TABLES)
+        swept = run_sweep(wanted, place, chosen.jobs, scheduler)
+    if swept.warning is not None:
+        warn(swept.warning, stacklevel=3)
+    return swept
 
 
 @check_arguments

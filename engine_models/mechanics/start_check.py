@@ -42,12 +42,6 @@ def checked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
     return position - _turns(position), velocity
 
 
-def unchecked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
-    """Return what ``checked_start`` does of a start that is known to hold."""
-    position, velocity = start_state(scene)
-    return position - _turns(position), velocity
-
-
 def _require_closed(scene: Scene, position: FloatArray, velocity: FloatArray) -> None:
     """Require closed joints, a slider on its guide and a driver at its speed of a plain crank-slider."""
     gaps = [

@@ -96,8 +96,10 @@ class Topology:
         return numbers, [number for table in tables for number in table.rows]
 
     def parameters(self, kernel: ModuleType, q_start: FloatArray) -> FloatArray:
-        """Return p of a kernel for the mechanism's numbers and its start."""
-        return parameters_of(kernel, self.numbers(), q_start)
+        """Return p of a kernel for the mechanism's numbers and its start; tables stand behind the others."""
+        own, of_tables = self.numbers()
+        with np.errstate(all="ignore"):  # a singular mechanism is found in the run
+            return np.array([*kernel.parameters(np.array([*own, *q_start])), *of_tables], dtype=float)
 
     @property
     def by_events(self) -> bool:
@@ -114,15 +116,6 @@ class Topology:
         mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), number)
         q_start = np.array([number(0.0) for _ in range(self.n)], dtype=object)
         return Equations(mechanism, q_start, baumgarte, self.following)
-
-
-def parameters_of(
-    kernel: ModuleType, numbers: tuple[list[float], list[float]], q_start: FloatArray
-) -> FloatArray:
-    """Return p of a kernel for a topology's ``numbers`` and its start; tables stand behind the others."""
-    own, of_tables = numbers
-    with np.errstate(all="ignore"):  # a singular mechanism is found in the run
-        return np.array([*kernel.parameters(np.array([*own, *q_start])), *of_tables], dtype=float)
 
 
 @dataclass(frozen=True)

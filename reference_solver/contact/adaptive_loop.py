@@ -34,7 +34,7 @@ from reference_solver.contact.controlled_step import (
     within,
 )
 from reference_solver.contact.loop import ARRIVE, AT_STATE, FORCES, INNER, MOBILITIES, OPTIONS, SLOPES
-from reference_solver.contact.types import FAILED, FLIGHT, GO, PAUSED, SETTLE
+from reference_solver.contact.types import FAILED, FLIGHT, GO, SETTLE
 
 __all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "Kernel", "advance"]
 
@@ -418,6 +418,4 @@ def advance(run):
             accept(run, step, event, error, factor)
         if event >= 0:
             status = go_on(run, event)
-        if status == GO and now.watched:
-            return PAUSED
     return status

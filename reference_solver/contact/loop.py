@@ -738,8 +738,7 @@ def advance(run):
 
     Events are added to the log, and a sample is written for each of the records' times up to the end. Steps
     do not depend on them; where no events are located, they land on multiples of the clock's interval. An
-    event on a rigid wall
-    ends the call: whoever called settles it. A run that is watched pauses after every step.
+    event on a rigid wall ends the call: whoever called settles it.
     """
     now, contacts, old, new, times = run.clock[0], run.contacts, run.old, run.new, run.records.time
     if not now.resumed:
@@ -802,5 +801,3 @@ def advance(run):
         settled(now, contacts, new_t > t)
         if event >= 0 and meet(run, event) == types.SETTLE:
             return types.SETTLE
-        if now.watched:
-            return types.PAUSED

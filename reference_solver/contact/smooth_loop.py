@@ -14,7 +14,7 @@ from reference_solver import methods
 from reference_solver.contact import controlled_step, loop, types
 from reference_solver.contact.controlled_step import ROWS, Course
 from reference_solver.contact.loop import ARRIVE, FORCES, OPTIONS, SLOPES
-from reference_solver.contact.types import FAILED, GO, PAUSED
+from reference_solver.contact.types import FAILED, GO
 
 __all__ = ["ADVANCE", "COMPILED_WITH", "KERNEL", "OPTIONS", "ROWS", "Kernel", "advance"]
 
@@ -69,6 +69,4 @@ def advance(run):
         controlled_step.move_on(run, step.end, error)
         if now.time < now.end:
             control.step = next_h
-        if now.watched:
-            return PAUSED
     return status

@@ -14,9 +14,9 @@ from reference_solver.tape import FloatArray, RecordArray
 FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 
 #: How ``contact.loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step
-#: that met a singular configuration or overflowed, at an event on a rigid wall that is to be settled, after
-#: any step of a run that is watched, or at such an event that has no answer. It goes on until then.
-DONE, SPENT, FULL, FAILED, SETTLE, PAUSED, REFUSED, GO = range(8)
+#: that met a singular configuration or overflowed, at an event on a rigid wall that is to be settled, or at
+#: such an event that has no answer. It goes on until then.
+DONE, SPENT, FULL, FAILED, SETTLE, REFUSED, GO = range(7)
 
 
 def record(floats: str, integers: str = "") -> np.dtype[np.void]:
@@ -48,12 +48,12 @@ EVENT_RECORD = record("time_s rate depth force force_s deepest deepest_s", "cont
 #: Where a run is, and how it steps: time, what rounding has taken from it, the longest step, steps per
 #: contact, the step tried last, the end, the worst condition so far and the least at a sample; the interval
 #: on whose multiples steps land, or 0, and how many of them have been reached; whether events are located;
-#: events, samples and steps so far, the most steps, the contact whose event on a rigid wall is
-#: to be settled, whether the run is watched, and whether it goes on where its last call paused, as if that
-#: had not ended: slopes at the start of a step are known then, and differ by round-off from such anew.
+#: events, samples and steps so far, the most steps, the contact whose event on a rigid wall is to be settled,
+#: and whether it goes on where its last call ended, as if that had not: slopes at the start of a step are
+#: known then, and differ by round-off from such anew.
 CLOCK_RECORD = record(
     "time lost longest per_contact tried end condition least interval",
-    "landed located events taken steps budget rigid watched resumed",
+    "landed located events taken steps budget rigid resumed",
 )
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the

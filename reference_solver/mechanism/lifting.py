@@ -50,33 +50,6 @@ def lifted(
     return new
 
 
-def flat(data: object) -> tuple[list[float], tuple[object, ...]]:
-    """Return the numbers in dataclasses and tuples without tables, in the order of ``lifted``, and the rest.
-
-    The rest is hashable, and equal for data that ``lifted`` with a mark for every number makes equal.
-    """
-    numbers, rest = list[float](), list[object]()
-    _flatten(data, (), numbers, rest)
-    return numbers, tuple(rest)
-
-
-def _flatten(data: object, written_out: tuple[float, ...], numbers: list[float], rest: list[object]) -> None:
-    if isinstance(data, float):
-        known = data == 0 or data in written_out
-        (rest if known else numbers).append(data)
-        rest.append(known)
-    elif isinstance(data, tuple):
-        rest.append(len(data))
-        for part in data:
-            _flatten(part, written_out, numbers, rest)
-    elif parts := _fields(type(data)):
-        rest.append(type(data))
-        for name, of_field in parts:
-            _flatten(getattr(data, name), of_field, numbers, rest)
-    else:
-        rest.append(data)
-
-
 def tables_in(data: object) -> list[Table]:
     """Return all tables in dataclasses and tuples, in the order of ``lifted``."""
     if isinstance(data, Table):

@@ -19,14 +19,10 @@ DIGITS = ((1, 3), (1, 2, 5))
 DECADES = 30.0
 #: Labels of columns whose names say too little.
 NAMES = {
-    "strobe_m": "slider's deviation once a turn",
     "slider_deviation_m": "largest deviation of the slider",
     "observed_deviation_m": "largest deviation from ideal joints",
     "rms_observed_deviation_m": "rms deviation from ideal joints",
-    "impact_phase_rad": "crank angle at impact",
     "flight_part": "part of time in flight",
-    "exponent_1_s": "finite-time exponent",
-    "exponent_per_revolution": "exponent in a revolution",
 }
 #: Quantities per metre; a torque has the same ending.
 PER_METRE = ("stiffness", "spring")

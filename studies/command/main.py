@@ -5,7 +5,7 @@ import logging
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
@@ -254,20 +254,17 @@ def sweep(
     ] = None,
     transient: Annotated[str, Option(metavar="R", help="Revolutions before the evaluation starts.")] = "0",
     revolutions: Annotated[str, Option(metavar="R", help="Revolutions that are evaluated.")] = "2",
-    chain: Annotated[
-        Text,
-        Option(metavar="WAY", help="up, down or both: each member starts from the end of the one before."),
-    ] = None,
-    exponent: Annotated[bool, Option("--exponent", help="Also compute the Lyapunov exponent.")] = False,
     jobs: Annotated[Text, Option(metavar="N", help="Local processes; default: one for each core.")] = None,
     scheduler: Annotated[
         Text, Option(metavar="ADDRESS", help="Dask scheduler that runs the members.")
     ] = None,
-    hours: Annotated[
-        str, Option(metavar="H", help="Refuse a sweep that would take longer, in hours.")
-    ] = "10",
-    out: Annotated[Path, Option(metavar="FILE", help="Write the rows to .parquet.")] = Path("sweep.parquet"),
-    plot: Annotated[Path | None, Option(metavar="FILE", help="Draw a figure to .png, .svg or .pdf.")] = None,
+    out: Annotated[Path, Option(metavar="FILE", help="Write the rows to .parquet or .csv.")] = Path(
+        "sweep.parquet"
+    ),
+    plot: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Draw a column over one or two fields to .png, .svg or .pdf."),
+    ] = None,
     show: Annotated[Text, Option(metavar="COLUMN", help="Column that the figure shows.")] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -276,29 +273,25 @@ def sweep(
     Revolutions are those of the crank, or of the scene's turning body, at its speed at the start. Without
     such a speed, one revolution is the scene's end time.
     """
-    count = str(os.cpu_count() or 1) if jobs is None else jobs
+    from studies.command import options
+    from studies.command import sweep as sweeps
+
     strings = {"sample": sample, "members": members, "jitter": jitter, "seed": seed, "step": step}
-    strings |= {"transient": transient, "revolutions": revolutions, "hours": hours, "chain": chain}
-    with ExitStack() as stack:
-        pool = None
-        if scheduler is None and count in map(str, range(1, 1001)):  # another is refused below
-            from studies.running.processes import beginning
-
-            # They import what runs members while this process imports and checks the options.
-            pool = stack.enter_context(beginning(int(count), "studies.predictability.sweeps.chunk"))
-        from studies.command import options
-        from studies.command import sweep as sweeps
-
-        chosen = sweeps.options_of({**strings, "jobs": count})
-        options.ending_of("--out", out, (".parquet",))
-        physics = options.read_scene(scene, changes or [])
-        ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
-        settings = options.assigned("--set", "KEY=VALUE", assignments or [])
-        wanted = sweeps.asked(physics, ranges, engine, settings, exponent, chosen)
-        stack.enter_context(failures.quietly(quiet))
-        draw = sweeps.drawing(plot, show, wanted)
-        draw(sweeps.swept(wanted, out, chosen, scheduler, pool))
-        failures.note(f"{len(wanted)} rows are in {out}")
+    strings |= {"transient": transient, "revolutions": revolutions}
+    strings["jobs"] = str(os.cpu_count() or 1) if jobs is None else jobs
+    chosen = options.checked(sweeps.SweepOptions, "--", strings)
+    options.ending_of("--out", out, sweeps.TABLES)
+    physics = options.read_scene(scene, changes or [])
+    ranges = options.assigned("--vary", "FIELD=VALUES", vary or [])
+    settings = options.assigned("--set", "KEY=VALUE", assignments or [])
+    wanted = sweeps.read_sweep(physics, ranges, engine, settings, chosen)
+    write_plot = sweeps.plotting(plot, show, wanted)
+    with failures.quietly(quiet):
+        swept = sweeps.run_sweep(wanted, out, chosen.jobs, scheduler)
+        write_plot(swept)
+        if swept.warning is not None:
+            failures.say(f"warning: {swept.warning}")
+        failures.note(f"{len(swept.frame)} rows are in {out}")
 
 
 @app.command()

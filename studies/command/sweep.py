@@ -1,115 +1,139 @@
-"""Input of ``crankslider sweep``, checked before anything runs, and its result."""
+"""Input of ``crankslider sweep``, checked before anything runs, the run of its members, and the result."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
-from itertools import islice, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, FloatArray, UnsupportedScene, plain
-from engine_models.kernels import KernelsRefused, writable_folder
-from engine_models.mechanics.assembly import start_angle, start_state, started_from
-from engine_models.reference.members import LISTS, numbers_of
-from engine_models.reference.watch import SPEED, Watch, turning_speed_rad_s
+from engine_models.arms import AS_IT_COMES, Arm
+from engine_models.engine import SETTINGS_CONFIG, RunSettings, UnsupportedScene, plain
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import NonNegative, Positive, SceneError
-from engine_models.scene.parts import AnyScene, GeneralParts
+from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import meant, one_of, shown
-from engine_models.scene.scene import Scene
-from studies.command.options import DEFAULT_STEP_S, PICTURES, as_arguments, checked, ending_of, read_engine
-from studies.predictability.sweeps.chunk import Direction
-from studies.predictability.sweeps.draws import MOST_JITTER_RAD, Draw, Sample, drawn
-from studies.predictability.sweeps.ranges import MOST_MEMBERS, values_of
-from studies.predictability.sweeps.run import Sweep, run_sweep
-from studies.predictability.sweeps.task import Task
+from studies.command.options import DEFAULT_STEP_S, PICTURES, as_arguments, ending_of, read_engine
+from studies.command.study_run import running_in
+from studies.running.case import Case, Row
 from studies.running.cluster import cluster
-from studies.running.execution import LimitedExecutor
-from studies.running.failures import BadInput, terminated_as_interrupted, writing
+from studies.running.failures import BadInput, writing
+from studies.running.processes import Processes
+from studies.running.provenance import fingerprint
+from studies.running.runner import lent, run_study
 from studies.running.whole_file import require_place, write_whole
+from studies.sweeps.measure import NAME, VARIED, member
+from studies.sweeps.members import Draw, drawn, values_of
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-#: Directions of a chain, in which each member starts from the end of the one before.
-Chain = Literal["up", "down", "both"]
-#: What chains are made of.
-CRANK_SLIDER = "a crank-slider on a guide along +x through O"
-#: Number of corners of all ranges together, and of values of a field, that are checked before a sweep.
-MOST_LOOKS = 64
+#: Endings of the file of rows, and the most fields of a figure.
+TABLES, MOST_SHOWN = (".parquet", ".csv"), 2
+#: How a member ended; and columns of the rows that are kept which no user needs.
+ENDS, OF_ROWS = ("status", "reason", "warnings"), ("case", "fingerprint", "checksum", "spoken_by")
 
 
 @checked_dataclass(frozen=True, config=SETTINGS_CONFIG)
-class SweepOptions:
-    """The options of ``sweep`` with one value: revolutions (see ``Watch``), jitter in rad, step in s."""
+class SweepOptions(Draw):
+    """The options of ``sweep`` with one value: the draw's, revolutions, longest step in s, processes."""
 
-    sample: Sample = "grid"
-    members: Annotated[int, Field(ge=1, le=MOST_MEMBERS)] | None = None
-    jitter: Annotated[NonNegative, Field(le=MOST_JITTER_RAD)] = 0.0
-    seed: Annotated[int, Field(ge=0)] = 0
     transient: NonNegative = 0.0
     revolutions: Positive = 2.0
     step: Positive | None = None
     jobs: Annotated[int, Field(ge=1, le=1000)] = 1
-    hours: Positive = 10.0
-    chain: Chain | None = None
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep that can run: its ``cases``, a member each, and the paths of the fields that differ."""
+
+    title: str
+    cases: Sequence[Case]
+    fields: Sequence[str]
+    made_by: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Swept:
-    """A finished sweep: ``path`` is the file of its rows, one per member.
-
-    ``show`` is the column of the default figure, None where the fields that were varied decide.
-    """
+    """A finished sweep: ``frame`` has its rows, one per member; they are in the file ``path``."""
 
     path: Path
-    title: str
-    show: str | None = None
+    frame: "pd.DataFrame"
+    sweep: Sweep
 
     @cached_property
-    def frame(self) -> "pd.DataFrame":
-        """The rows, in the order of members."""
-        import pandas as pd
-
-        return pd.read_parquet(self.path)
+    def warning(self) -> str | None:
+        """A line that counts the members with warnings, with the first of them; None without any."""
+        warned = self.frame[self.frame["warnings"].fillna("") != ""]
+        if warned.empty:
+            return None
+        first = warned.iloc[0]
+        count = f"{len(warned)} of {len(self.frame)} members have warnings (column warnings)"
+        return f"{count}: member {first['member']}: {first['warnings']}"
 
     @check_arguments
     def plot(self, show: str | None = None) -> "Figure":
-        """Return the figure for the fields that were varied, of the column ``show`` or of a default one.
+        """Return the figure over the one or two fields that differ, of the column ``show`` or of a default.
 
         Raises:
             BadInput: there is no figure of that number of fields, or no such column.
         """
         with as_arguments():
-            return picture_of(self, show)
+            return draw(self, show)
 
 
-def picture_of(swept: Swept, show: str | None) -> "Figure":
+def draw(swept: Swept, show: str | None) -> "Figure":
     """Return the figure for the command, whose option is ``--show``."""
-    from pyarrow import parquet
-
     from reports.plots.sweeps import NoPicture, sweep_picture
 
-    varied = json.loads(parquet.read_schema(swept.path).metadata[b"varied"])
+    frame = swept.frame
+    numbers = list(frame.columns[list(frame).index("warnings") + 1 :])
+    if show is not None and show not in numbers:
+        raise BadInput(f"--show: expected {one_of(numbers)}, got {shown(show)}{meant(show, numbers)}")
     try:
-        return sweep_picture(swept.frame, varied, swept.title, show or swept.show)
+        return sweep_picture(frame, swept.sweep.fields, swept.sweep.title, show)
     except NoPicture as reason:
-        raise BadInput(f"--show: {reason}") from None
+        raise BadInput(f"--plot: {reason}") from None
 
 
-def asked(
+def plotting(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swept], None]:
+    """Return the function that draws a sweep into a file, if a figure is asked for.
+
+    Raises:
+        BadInput: it cannot be written, there is none of that number of fields, or a column without a file.
+    """
+    if path is None:
+        if show is not None:
+            raise BadInput(f"--show: expected nothing without --plot, got {show}")
+        return lambda _: None
+    ending = ending_of("--plot", path, PICTURES)
+    if len(sweep.fields) > MOST_SHOWN:
+        raise BadInput(f"--plot: expected at most {MOST_SHOWN} fields that differ, got {len(sweep.fields)}")
+    with writing("--plot", path):
+        require_place(path)
+
+    def write(swept: Swept) -> None:
+        from reports.plots.picture import picture_bytes
+
+        with writing("--plot", path):
+            write_whole(path, picture_bytes(draw(swept, show), ending))
+
+    return write
+
+
+def read_sweep(
     scene: AnyScene,
     vary: Mapping[str, str | Sequence[float]],
     engine_name: str,
     settings: Mapping[str, object],
-    exponent: bool,
     options: SweepOptions,
 ) -> Sweep:
     """Return the sweep that a user asks for.
@@ -117,184 +141,75 @@ def asked(
     Raises:
         BadInput: ranges, engine or options are refused, or a scene at the ends of the ranges is.
     """
-    if not scene.joints_with_clearance:
-        raise BadInput(f"SCENE: expected a joint with clearance, got none in {scene.name}")
-    engine = read_engine(engine_name, settings, to_tolerance=True)
-    step_s = options.step
-    if step_s is None and not engine.controls_error:
-        step_s = DEFAULT_STEP_S
-    if exponent and engine_name != "reference" and engine.order is None:
-        expected = "the reference, or an engine with a fixed step"
-        raise BadInput(f"--exponent: expected {expected}, got {engine_name}")
-    assert isinstance(scene, Scene | GeneralParts)
-    states = tuple(f"start.{body}." for body in scene.mechanism.names)
-    if any(field.startswith(states) for field in vary) and not scene.start.states:
-        scene = started_from(scene, *start_state(scene))  # then each body has its own start
-    watch = Watch(options.transient, options.revolutions, exponent)
-    task = Task(scene, engine_name, dict(vars(engine)), step_s, watch)
-    ranges = {field: values_of(field, given) for field, given in vary.items()}
-    for field in ranges:
-        if field == "end_time_s":
-            raise BadInput(
-                f"--vary {field}: expected --transient and --revolutions, which end a member's run"
-            )
-    draw = Draw(options.sample, options.members, options.jitter, options.seed)
-    changes = drawn(scene, ranges, draw)
-    _require_scenes(task, changes)
-    if exponent:
-        _require_neighbours(task, changes)
-    return Sweep(task, changes, tuple(ranges), _directions(task, changes, options))
-
-
-def _directions(
-    task: Task, changes: Mapping[str, FloatArray], options: SweepOptions
-) -> tuple[Direction, ...]:
-    """Return the directions in which chains run; refuse input that gives no chain."""
-    if options.chain is None:
-        return ()
-    scene, kind = task.scene, task.scene.driven_by.kind
-    if not (isinstance(scene, Scene) and scene.is_plain and scene.is_crank_slider):
-        raise BadInput(f"--chain: expected {CRANK_SLIDER}, got {scene.name}")
-    if kind != "constant-speed" or not _turns(task, changes):
-        raise BadInput(f"--chain: expected a crank at constant speed, got the drive '{kind}'")
-    field, *others = changes
-    values = changes[field]
-    if others or options.sample != "grid" or (field.startswith("start.") and field != SPEED):
-        raise BadInput(
-            "--chain: expected one field with --vary, which of the start may only be the crank speed"
-        )
-    if len(values) < 2 or not (np.diff(values) > 0).all():
-        raise BadInput(f"--chain: expected rising values of {field}, got others")
-    if not (options.transient.is_integer() and options.revolutions.is_integer()):
-        raise BadInput(
-            "--chain: expected whole revolutions with --transient and --revolutions, got fractions"
-        )
-    return ("up", "down") if options.chain == "both" else (options.chain,)
-
-
-def swept(
-    sweep: Sweep,
-    path: Path,
-    options: SweepOptions,
-    scheduler: str | None = None,
-    pool: LimitedExecutor | None = None,
-) -> Swept:
-    """Run a sweep, or the rest of an interrupted one, into a file, on local cores or a Dask cluster.
-
-    ``pool`` has ``options.jobs`` local processes, if they were started before.
-
-    Raises:
-        BadInput: the file, the cluster or the resources that the sweep needs are refused.
-        Failed: the members cannot continue.
-    """
-    task = sweep.task
-    made_by: dict[str, object] = {
-        "version": version("crankslider"),
-        "engine": task.engine_name,
-        "settings": dict(task.settings),
-        "watch": vars(task.watch),
-        "seed": options.seed,
-        "scene": task.scene.to_toml(),
-    }
-    try:
-        with writing("--out", path), writable_folder(), terminated_as_interrupted():
-            require_place(path)
-            if scheduler is None:
-                run_sweep(sweep, path, made_by, options.jobs, None, options.hours, pool)
-            else:
-                with cluster(scheduler) as executors:
-                    run_sweep(sweep, path, made_by, options.jobs, executors, options.hours)
-    except KernelsRefused as reason:
-        raise BadInput(str(reason)) from None
-    return Swept(path, f"{task.scene.name}, {task.engine_name}", _default_column(sweep))
-
-
-def _turns(task: Task, changes: Mapping[str, FloatArray]) -> bool:
-    """Return whether a body turns at the start, so that revolutions are its own."""
-    first = {field: float(values[0]) for field, values in changes.items()}
-    return turning_speed_rad_s(task.member(first)) != 0
-
-
-def _default_column(sweep: Sweep) -> str | None:
-    """Return the column of a sweep's figure where the fields that were varied do not decide."""
-    return None if _turns(sweep.task, sweep.changes) else "largest_contact_force_N"
-
-
-def drawing(path: Path | None, show: str | None, sweep: Sweep) -> Callable[[Swept], None]:
-    """Return the function that draws a sweep into a file, if a figure is asked for.
-
-    Raises:
-        BadInput: it cannot be written, there is none of that number of fields or revolutions, there is no
-            such column, or there is a column without a file.
-    """
-    if path is None:
-        if show is not None:
-            raise BadInput(f"--show: expected nothing without --plot, got {show}")
-        return lambda _: None
-    ending = ending_of("--plot", path, PICTURES)
-    from reports.plots.sweeps import EXPONENT, MOST_FIELDS, MOTION, fewest_turns  # loads matplotlib
-
-    varied, watch, default = sweep.varied, sweep.task.watch, _default_column(sweep)
-    if len(varied) > MOST_FIELDS:
-        raise BadInput(f"--plot: expected at most {MOST_FIELDS} fields with --vary, got {len(varied)}")
-    columns = [*numbers_of(sweep.task.scene), *((MOTION,) if len(varied) == MOST_FIELDS else LISTS)]
-    if show is not None and show not in columns:
-        raise BadInput(f"--show: expected {one_of(columns)}, got {shown(show)}{meant(show, columns)}")
-    if show == EXPONENT and not watch.exponent:
-        raise BadInput(f"--show: expected --exponent beside {EXPONENT}, got none")
-    if watch.revolutions < (fewest := fewest_turns(varied, show or default)):
-        expected = f"a number >= {fewest} for this figure, or another one with --show"
-        raise BadInput(f"--revolutions: expected {expected}, got {watch.revolutions:g}")
-    with writing("--plot", path):
-        require_place(path)
-
-    def draw(result: Swept) -> None:
-        from reports.plots.picture import picture_bytes
-
-        with writing("--plot", path):
-            write_whole(path, picture_bytes(picture_of(result, show), ending))
-
-    return draw
-
-
-def options_of(values: Mapping[str, object]) -> SweepOptions:
-    """Return the options from values by name: strings, or values that can be typed as one."""
-    return checked(SweepOptions, "--", values)
-
-
-def _require_neighbours(task: Task, changes: Mapping[str, FloatArray]) -> None:
-    """Refuse an exponent where no start beside a member's own is known, or no time in which to step."""
-    try:
-        if not isinstance(task.scene, Scene):
-            start_angle(task.scene)
-        if not _turns(task, changes):
-            raise ValueError("expected a body that turns at the start, got none")
-    except ValueError as reason:
-        raise BadInput(f"--exponent: {reason}") from None
-
-
-def _require_scenes(task: Task, changes: Mapping[str, FloatArray]) -> None:
-    """Refuse values that give no valid scene, or none that the engine can run.
-
-    The corners of all ranges together are checked, and the values of each field with the other values of the
-    first member. Invalid scenes in between are failed rows.
-    """
-    ends = {field: sorted({float(of.min()), float(of.max())}) for field, of in changes.items()}
-    looked_at = [
-        dict(zip(ends, corner, strict=True)) for corner in islice(product(*ends.values()), MOST_LOOKS)
-    ]
-    first = {field: float(of[0]) for field, of in changes.items()}
-    for field, of in changes.items():
-        values = np.unique(of)
-        places = np.linspace(0, len(values) - 1, min(len(values), MOST_LOOKS)).round().astype(int)
-        looked_at += [{**first, field: value} for value in values[places].tolist()]
-    for member in looked_at:
+    engine = read_engine(engine_name, settings)
+    step = options.step
+    if step is None and not engine.controls_error:
+        step = DEFAULT_STEP_S
+    if "end_time_s" in vary:
+        expected = "--transient and --revolutions, which end a member's run"
+        raise BadInput(f"--vary end_time_s: expected {expected}")
+    changes = drawn(scene, {name: values_of(name, given) for name, given in vary.items()}, options)
+    first = {name: float(values[0]) for name, values in changes.items()}
+    ends = [{**first, name: float(end)} for name, of in changes.items() for end in (of.min(), of.max())]
+    for values in ends:
         try:
-            scene = task.member(member)
-            if not task.engine.any_mechanism:
-                plain(scene, task.engine_name)
-            task.engine.check(scene)
+            checked = member(scene, values, options.transient + options.revolutions)
+            if not engine.any_mechanism:
+                plain(checked, engine_name)
+            engine.check(checked)
         except SceneError as error:
             raise BadInput(f"--vary {error}") from None
         except UnsupportedScene as reason:
             raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
+    arm = Arm(engine_name, AS_IT_COMES)
+    asked: Row = {"transient": options.transient, "revolutions": options.revolutions, "step": step}
+    run, added = RunSettings(step or scene.end_time_s, 1), {name: vars(engine)[name] for name in settings}
+    rows = np.array([*changes.values()]).T.tolist()
+    columns = [
+        asked | {VARIED + name: value for name, value in zip(changes, row, strict=True)} for row in rows
+    ]
+    cases = [Case(NAME, scene, arm, run, added, columns=own) for own in columns]
+    made_by: dict[str, object] = {
+        "version": version("crankslider"),
+        "engine": engine_name,
+        "settings": dict(vars(engine)),
+    }
+    made_by |= {**asked, "seed": options.seed, "scene": scene.to_toml()}
+    return Sweep(f"{scene.name}, {engine_name}", cases, list(changes), made_by)
+
+
+def run_sweep(sweep: Sweep, path: Path, jobs: int, scheduler: str | None = None) -> Swept:
+    """Run the members that the folder ``path``.rows lacks, and write the file of all rows.
+
+    Members run in ``jobs`` processes here, or on the Dask cluster of a ``scheduler``.
+
+    Raises:
+        BadInput: the file, the folder or the cluster is refused.
+        Failed: no member can go on.
+    """
+    folder = path.with_name(f"{path.name}.rows")
+    with Processes(jobs) as pool, writing("--out", path):
+        require_place(path)
+        executors = nullcontext(lent(pool)) if scheduler is None else cluster(scheduler)
+        with running_in(folder), executors as executor:
+            run_study(NAME, list(sweep.cases), folder, executor)
+            frame = _frame(sweep, (folder / "rows.jsonl").read_text(encoding="utf-8"))
+            csv = path.suffix.lower() == ".csv"
+            content = frame.to_csv(index=False).encode("utf-8") if csv else frame.to_parquet(index=False)
+            write_whole(path, content)
+    return Swept(path, frame, sweep)
+
+
+def _frame(sweep: Sweep, lines: str) -> "pd.DataFrame":
+    """Return the rows of members, in their order, from the lines of all rows that are kept."""
+    import pandas as pd
+
+    rows = {row["case"]: row for row in map(json.loads, lines.splitlines())}
+    code = fingerprint(NAME, sweep.cases[0].engine)
+    of_run = pd.DataFrame([rows[case.key(code)] for case in sweep.cases])
+    head = {"member": range(len(of_run))} | {name: of_run[VARIED + name] for name in sweep.fields}
+    ends = {name: of_run.get(name) for name in ENDS}
+    others = {*sweep.cases[0].head(), *ENDS, *OF_ROWS}
+    frame = pd.DataFrame({**head, **ends, **of_run[[name for name in of_run if name not in others]]})
+    frame.attrs = dict(sweep.made_by)  # which Parquet keeps
+    return frame

@@ -8,13 +8,13 @@ cannot always tell which call that was. Here every process has its own pipe.
 import os
 import pickle
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
-from importlib import import_module
-from multiprocessing import get_context, resource_tracker
+from multiprocessing import current_process, get_context, parent_process, resource_tracker
 from multiprocessing.connection import wait
 from queue import LifoQueue
 from threading import Lock
@@ -31,6 +31,7 @@ from studies.running.execution import (
     LimitedExecutor,
     Limits,
 )
+from studies.running.failures import Failed
 from studies.running.worker import BEGUN, serve
 
 P = ParamSpec("P")
@@ -42,8 +43,8 @@ KEPT_WORDS, SHOWN_WORDS = 10_000, 200
 DYING_S = 5.0
 #: A process that has not imported what a call needs within this time never will.
 BEGINNING_S = 600.0
-#: Processes that begin before there is a call for them, at most.
-EARLY = 8
+#: The exit code of a process that imports a script which calls for processes itself.
+UNGUARDED = 113
 #: Signals that no solver sends to itself: the kernel short of memory does, and people do.
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT")
 #: Starting a child reaps others: two threads at once would take each other's exit codes.
@@ -79,6 +80,8 @@ class Processes(LimitedExecutor):
     """
 
     def __init__(self, jobs: int) -> None:
+        if current_process().name != "MainProcess" and parent_process() is None:  # one that is only beginning
+            sys.exit(UNGUARDED)
         with starting():
             resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
         self._slots = [_Slot() for _ in range(jobs)]
@@ -111,18 +114,6 @@ class Processes(LimitedExecutor):
             return slot.run(call, limits)
         finally:
             self._idle.put(slot)
-
-
-@contextmanager
-def beginning(jobs: int, module: str) -> Iterator[Processes]:
-    """Yield processes; the first import a module, by its path, while this one goes on; they end here."""
-    pool = Processes(jobs)
-    try:
-        for _ in range(min(jobs, EARLY)):
-            pool.submit(import_module, module)
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _keep_ctrl_c_from_children() -> None:
@@ -262,6 +253,10 @@ class _WorkerProcess:
         code = self._exit_code()
         while os.name == "posix" and self._stderr.poll(0) and self._listen():
             pass
+        if code == UNGUARDED:
+            guard = 'if __name__ == "__main__":'
+            reason = f"script: expected this call under {guard}, since every process imports the script"
+            raise Failed(reason) from None
         last = (self._words.decode(errors="replace").strip().splitlines() or [""])[-1].strip()
         signals = {number.value: number.name for number in signal.Signals}
         name = signals.get(-code, f"signal {-code}")

@@ -5,13 +5,13 @@ STUDIES = {
     "clearance": "studies.clearance",
     "work-precision": "studies.work_precision.study",
     "energy": "studies.energy",
-    "predictability": "studies.predictability.study",
+    "predictability": "studies.predictability",
     "stability": "studies.stability",
     "extremes": "studies.extremes",
     "motions": "studies.motions",
 }
 #: Studies of one scene of the user's, which commands of their own run.
-OF_ONE_SCENE = {"comparison": "studies.comparison.study"}
+OF_ONE_SCENE = {"comparison": "studies.comparison.study", "sweep": "studies.sweeps.measure"}
 
 
 def study_module(name: str) -> str:

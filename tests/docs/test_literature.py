@@ -10,7 +10,7 @@ import crankslider
 from tests.docs.pages import DOCS, ROOT, table
 
 PACKAGES = ("reference_solver", "engine_models", "studies", "reports", "tests")
-#: "Pfeiffer and Glocker 1996", "Kane (1984)", "Benettin et al. 1980".
+#: "Pfeiffer and Glocker 1996", "Kane (1984)", "Virtanen et al. 2020".
 SOURCE = re.compile(
     r"\b([A-Z][a-z]+)(?:(?:, [A-Z][a-z]+)*,? and ([A-Z][a-z]+)| et al\.)?,? \(?(1[89]\d\d|20[012]\d)\b"
 )

@@ -7,12 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
-from matplotlib.colors import to_hex
-from matplotlib.lines import Line2D
 
-from reports.analysis import sweeps
 from reports.chapters import answer
 from reports.chapters.predictability import CHAPTER, horizon_turns
 from reports.parts import Contradiction, Figure, Finding, Studies, Table
@@ -20,8 +16,8 @@ from reports.results import Results
 from tests.end_to_end.student import student_quantile
 from tests.end_to_end.written_rows import results_of, row
 
-#: Exponents per revolution of four starts, and the parts of them that half and a quarter of the run give.
-EXPONENTS, HALF, QUARTER = (3.0, 3.5, 4.0, 4.5), 0.9, 0.5
+#: Impacts per revolution of four members.
+HITS = (8.0, 10.0, 11.0, 11.0)
 END_S = {"scene-a": 0.03, "scene-b": 0.02, "scene-c": 0.5}
 
 
@@ -69,83 +65,18 @@ def horizons(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     return rows, curves
 
 
-def exponents(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """A scene with an exponent from every start, one where all settle, one where one does, one cut short."""
+def ensembles(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Four members of the reference and one of an engine, on one scene; one more has failed."""
     rows: list[dict[str, Any]] = []
-    curves = {}
-    name = "lyapunov_exponent_per_revolution"
-    for scene in ("scene-a", "scene-b", "scene-c", "scene-d"):
-        for k, exponent in enumerate(EXPONENTS):
-            columns: dict[str, Any] = {"part": "Lyapunov exponent", "end_time_s": 1.0, "revolutions": 9.0}
-            columns["settled"] = scene == "scene-b" or (scene, k) == ("scene-c", 0)
-            if not columns["settled"] and (scene, k) != ("scene-d", 3):
-                parts = {"_quarter": QUARTER, "_half": HALF, "": 1.0}
-                columns |= {name + part: times * exponent for part, times in parts.items()}
-            rows.append(row(first + len(rows), scene, "reference", "default", 1e-5, **columns))
-            # Nothing grows in the first of nine revolutions, and later as the exponent says.
-            grown = [0.0, 0.0, 8 * exponent]
-            curves[rows[-1]["case"]] = {"time_s": [0.0, 1 / 9, 1.0], "log_growth": grown}
-    return rows, curves
-
-
-#: The diagram: values in m, impacts in a revolution, and where the slider is once a turn.
-VALUES_M, IMPACTS, SPEED_RAD_S = (1e-5, 1e-4, 2e-4, 5e-4), (0.0, 1.0, 2.0, 3.0), 200 * math.pi
-STROBES_M = (
-    [1e-6] * 6,
-    [2e-5] * 6,
-    [3e-5, 4e-5] * 3,
-    [1e-5, 5e-5, 2e-5, 4e-5, 3e-5, 6e-5],
-)
-#: Per second, of turns that take 10 ms: -0.5 and 2.5 in a revolution, and from half of the turns.
-MEASURED = {1e-4: (-50.0, -40.0), 5e-4: (250.0, 240.0)}
-
-
-def diagram(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
-    curves = {}
-    for k in (0, 2):
-        columns: dict[str, Any] = {"part": "diagram over clearance", "columns": 4, "in_case": 2, "first": k}
-        columns |= {"crank_speed_rad_s": SPEED_RAD_S, "revolutions": 6, "end_time_s": 0.1}
-        rows.append(row(first + len(rows), "set R", "reference", "DOP853", 1e-5, **columns))
-        found = {value: pair for value, pair in MEASURED.items() if value in VALUES_M[k : k + 2]}
-        curves[rows[-1]["case"]] = {
-            "value": VALUES_M[k : k + 2],
-            "impacts_per_revolution": IMPACTS[k : k + 2],
-            "strobe_m": [*STROBES_M[k], *STROBES_M[k + 1]],
-            "exponent_value": list(found),
-            "exponent_1_s": [whole for whole, _ in found.values()],
-            "exponent_half_1_s": [half for _, half in found.values()],
-        }
-    return rows, curves
-
-
-#: Of the map's slowest members.
-FORCE_N = 2000.0
-
-
-def exponents_map(first: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """A map of 3 speeds and 100 clearances: exponents of 1 in a revolution, but for a -2 and two of 30.
-
-    Forces go with the third power of the speed, and are twice as large with the widest clearance.
-    """
-    rows: list[dict[str, Any]] = []
-    curves = {}
-    for k, odd in enumerate((-2.0, 30.0, 30.0)):
-        speed_rad_s = 200 * math.pi * (1 + k)  # a turn in 10 ms, 5 ms, ...
-        columns: dict[str, Any] = {"part": "map of exponents", "crank_speed_rad_s": speed_rad_s}
-        columns |= {"columns": 100, "in_case": 100, "first": 0, "revolutions": 2, "end_time_s": 0.1}
-        rows.append(row(first + k, "set R", "reference", "DOP853", 1e-5, **columns))
-        per_s = [100 * (1 + k) * exponent for exponent in (odd, *99 * (1.0,))]
-        clearances = np.geomspace(1e-5, 1e-3, 100).tolist()
-        curves[rows[-1]["case"]] = {
-            "value": clearances,
-            "strobe_m": [1e-6] * 200,
-            "largest_contact_force_N": [FORCE_N * (1 + k) ** 3 * (1 + (c > 9.9e-4)) for c in clearances],
-            "exponent_value": clearances,
-            "exponent_1_s": per_s,
-            "exponent_half_1_s": per_s,
-        }
-    return rows, curves
+    for member, hits in enumerate(HITS):
+        columns: dict[str, Any] = {"part": "reference (DOP853)", "member": member, "end_time_s": 0.144}
+        columns |= {"impacts_per_revolution": hits, "impact_speed_m_s": 0.5, "rms_slider_deviation_m": 2e-4}
+        rows.append(row(first + len(rows), "scene-a", "reference", "DOP853", 1e-5, **columns))
+    alone = {"part": "pymunk (as the scene)", "member": 0, "impacts_per_revolution": 7.0}
+    rows.append(row(first + len(rows), "scene-a", "pymunk", "as the scene", 1e-5, **alone))
+    failed = {"part": "reference (DOP853)", "member": 4, "status": "failed", "reason": "singular"}
+    rows.append(row(first + len(rows), "scene-a", "reference", "DOP853", 1e-5, **failed))
+    return rows, {}
 
 
 def written(folder: Path, part: Callable[[int], tuple[list[dict[str, Any]], dict[str, Any]]]) -> Results:
@@ -157,7 +88,7 @@ def written(folder: Path, part: Callable[[int], tuple[list[dict[str, Any]], dict
 def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
     rows: list[dict[str, Any]] = []
     curves: dict[str, Any] = {}
-    for part in (horizons, exponents, diagram, exponents_map):
+    for part in (horizons, ensembles):
         more, of_more = part(len(rows))
         rows, curves = rows + more, curves | of_more
     return {"predictability": results_of(tmp_path_factory.mktemp("results") / "predictability", rows, curves)}
@@ -180,11 +111,12 @@ def test_horizons_are_told_in_ms_of_the_longest_run(studies: Studies) -> None:
     columns = [
         f"{at}: {how} [ms]" for at in ("1 nm", "1 µm", "100 µm") for how in ("perturbed", "step halved")
     ]
-    assert shown.head == ("scene", "length of the run", *columns)
-    assert shown.rows == (
-        ("scene-a", "3 revolutions", "4 (3 to 5.2)", "6", "12 (10 to later)", "15", "20 (18 to 24)", "21"),
-        ("scene-b", "2 revolutions", "–", "–", "–", "–", "–", "–"),
-        ("scene-c", "0.5 s", "–", "1250", "–", "–", "–", "–"),
+    assert shown.head == ("scene", "length of the run", *columns, "growth per revolution")
+    of_a = "4 (3 to 5.2)", "6", "12 (10 to later)", "15", "20 (18 to 24)", "21"
+    assert shown.rows == (  # from 1 nm to 100 µm in 1.6 of three revolutions: ln(1e5) / 1.6
+        ("scene-a", "3 revolutions", *of_a, "7.2"),
+        ("scene-b", "2 revolutions", *["–"] * 7),
+        ("scene-c", "0.5 s", "–", "1250", *["–"] * 5),
     )
 
 
@@ -232,90 +164,27 @@ def test_distances_of_perturbed_runs_are_drawn_as_the_largest_so_far(studies: St
         assert (least[-1, 1], most[-1, 1]) == pytest.approx((4e-9, 1e-7))
         assert halved[1:, 1] == pytest.approx([5e-10, 6e-10])
     marks = [np.asarray(line.get_xydata()) for line in drawing.axes[0].lines if line.get_color() == "#D55E00"]
-    # 3, 4 and 5.2 of 30 ms are 0.3, 0.4 and 0.52 of three revolutions; a last one that is open ends the run.
-    expected = [
-        *([[0.3, 1e-9], [0.52, 1e-9]], [[0.4, 1e-9]], [[1.0, 1e-6], [3.0, 1e-6]], [[1.2, 1e-6]]),
-        *([[1.8, 1e-4], [2.4, 1e-4]], [[2.0, 1e-4]]),
-    ]
+    # 4, 12 and 20 of 30 ms are 0.4, 1.2 and 2 of three revolutions.
+    expected = [[[0.4, 1e-9]], [[1.2, 1e-6]], [[2.0, 1e-4]]]
     assert marks == [pytest.approx(np.array(each)) for each in expected]
 
 
-def test_exponents_have_students_interval_over_starts(studies: Studies) -> None:
-    mean = sum(EXPONENTS) / 4
-    scatter = math.sqrt(sum((x - mean) ** 2 for x in EXPONENTS) / 3)
-    half = student_quantile(0.025, 3) * scatter / 2
-    shown = table(studies, "exponents")
-    parts = ("exponent from the first quarter", "exponent from the first half", "exponent from all")
-    assert shown.head == ("scene", "starts", "settled", "revolutions", *parts, "motion")
-    cells = [f"{times * mean:.3g} ± {times * half:.1g}" for times in (QUARTER, HALF, 1.0)]
-    assert shown.rows[0] == ("scene-a", "4", "0", "9", *cells, "chaotic")
-    settles = "settles to continuous contact"
-    assert shown.rows[1] == ("scene-b", "4", "4", "9", "–", "–", "–", settles)
-    assert [(*line[:4], line[-1]) for line in shown.rows[2:]] == [
-        ("scene-c", "4", "1", "9", "not decided, because some starts settle"),
-        ("scene-d", "4", "0", "9", "not decided, because starts were not followed to the end"),
+def test_means_have_students_interval_over_members(studies: Studies) -> None:
+    mean = sum(HITS) / 4
+    half = student_quantile(0.025, 3) * math.sqrt(sum((hits - mean) ** 2 for hits in HITS) / 3) / 2
+    shown = table(studies, "means-scene-a")
+    assert shown.head[:4] == ("ensemble", "members", "impacts per revolution", "impact speed [m/s]")
+    assert [line[:4] for line in shown.rows] == [
+        ("reference (DOP853)", "4", f"{mean:.3g} ± {half:.1g}", "0.5 ± 0"),
+        ("pymunk (as the scene)", "1", "7", "–"),
     ]
-    told = finding(studies, "lyapunov-exponents")
+    assert shown.rows[0][shown.head.index("slider deviation from ideal [mm]")] == "0.2 ± 0"
+    told = finding(studies, "ensemble-scene-a")
     assert told == (
-        "The motion is chaotic, by a converged positive Lyapunov exponent per revolution, on scene-a "
-        f"({mean:.2g}). Settles to continuous contact: scene-b. Not decided, because some starts settle: "
-        "scene-c. Not decided, because starts were not followed to the end: scene-d."
+        "Over 4 starts on scene-a, reference (DOP853) has 10 impacts per revolution at 0.5 m/s, in the mean."
     )
-    (number,) = told.numbers
-    assert (number.value, number.low, number.high) == pytest.approx((mean, mean - half, mean + half))
-
-
-def test_the_diagram_shows_strobe_and_exponents_over_the_clearance(studies: Studies) -> None:
-    drawing = figure(studies, "diagram-clearance").drawing
-    above, below = drawing.axes
-    assert above.get_ylabel() == "slider's deviation once a turn / clearance"
-    assert below.get_ylabel() == "exponent in a revolution"
-    assert (below.get_xlabel(), below.get_xscale()) == ("radial clearance at B [µm]", "log")
-    points = np.asarray(above.lines[0].get_xydata())
-    strobes = zip(VALUES_M, STROBES_M, strict=True)
-    expected = np.array([(1e6 * value, place / value) for value, places in strobes for place in places])
-    assert points == pytest.approx(expected)
-    whole, _, half = (np.asarray(line.get_xydata()) for line in below.lines)
-    assert whole == pytest.approx(np.array([[100.0, -0.5], [500.0, 2.5]]))
-    assert half == pytest.approx(np.array([[100.0, -0.4], [500.0, 2.4]]))
-    (legend,) = drawing.legends
-    colours = [to_hex(handle.get_color()) for handle in legend.legend_handles if isinstance(handle, Line2D)]
-    names = [text.get_text() for text in legend.get_texts()]
-    assert dict(zip(names, colours, strict=True)) == {
-        "exponent from all revolutions": "#000000",
-        "from half of them": "#0072b2",
-    }
-    assert finding(studies, "diagrams") == (
-        "The Lyapunov exponent has converged and is above 1 per revolution over clearance at 1 of 2 values, "
-        "from 500 µm to 500 µm."
-    )
-
-
-@pytest.mark.parametrize(
-    ("whole", "half", "chaotic"),
-    [(1.1, 1.3, True), (1.1, 1.4, False), (0.9, 0.9, False), (-2.0, -2.0, False)],
-)
-def test_chaos_is_claimed_of_a_large_exponent_that_half_of_the_revolutions_give_as_well(
-    whole: float, half: float, chaotic: bool
-) -> None:
-    members = pd.DataFrame({sweeps.EXPONENT: [whole, np.nan], sweeps.HALF: [half, np.nan]})
-    assert sweeps.chaotic(members).tolist() == [chaotic]
-
-
-def test_the_map_of_forces_shows_them_in_kN(studies: Studies) -> None:
-    drawing = figure(studies, "map-force").drawing
-    (cells,) = drawing.axes[0].collections
-    forces = np.asarray(cells.get_array(), dtype=float)
-    assert forces[:, 0] == pytest.approx([2.0, 16.0, 54.0])
-    assert forces[:, -1] == pytest.approx([4.0, 32.0, 108.0])
-    assert [axes.get_ylabel() for axes in drawing.axes] == [
-        "crank speed [rad/s]",
-        "largest contact force [kN]",
-    ]
-    (cells,) = figure(studies, "map-exponent").drawing.axes[0].collections
-    exponents = np.asarray(cells.get_array(), dtype=float)
-    assert exponents[:, 0] == pytest.approx([-2.0, 30.0, 30.0])
-    assert exponents[:, 1:] == pytest.approx(np.ones((3, 99)))
+    _, hits, _ = told.numbers
+    assert (hits.low, hits.high) == pytest.approx((mean - half, mean + half))
 
 
 def test_without_curves_the_figures_of_curves_are_left_out(studies: Studies, tmp_path: Path) -> None:
@@ -323,4 +192,4 @@ def test_without_curves_the_figures_of_curves_are_left_out(studies: Studies, tmp
     assert not bare.has_curves
     assert list(CHAPTER.figures({"predictability": bare})) == []
     names = [each.name for each in CHAPTER.findings({"predictability": bare})]
-    assert names == ["horizon", "lyapunov-exponents", "reliability"]
+    assert names == ["horizon", "ensemble-scene-a", "reliability"]

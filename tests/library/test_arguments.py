@@ -36,7 +36,7 @@ def compare(engines: Any, folder: Any = "/dev/null/here") -> Any:
 
 
 def sweep(vary: Any = MASS, **options: Any) -> Any:
-    return lib.sweep(LOOSE, vary, **{"hours": 1e-9, **options})
+    return lib.sweep(LOOSE, vary, **{"jobs": 0, **options})
 
 
 #: What is said, where ... stands for more, of which call.
@@ -94,11 +94,10 @@ WRONG: dict[str, Callable[[], object]] = {
     "vary.f: expected a string or a list of numbers, got 5": lambda: sweep({"f": 5}),
     'vary.f: expected a string or a list of numbers, got "x"': lambda: sweep({"f": [1, "x"]}),
     "vary.f: expected a string or a list of numbers, got true": lambda: sweep({"f": [True]}),
-    'exponent: expected true or false, got "no"': lambda: sweep(exponent="no"),
     "scheduler: expected a string, got 5": lambda: sweep(scheduler=5),
-    'out: expected a file that ends in .parquet, got "rows.csv"': lambda: sweep(out="rows.csv"),
+    'out: expected a file that ends in .parquet or .csv, got "x.txt"': lambda: sweep(jobs=1, out="x.txt"),
     "jobs: expected an integer >= 1 and <= 1000, got a huge integer": lambda: sweep(jobs=HUGE),
-    "member: expected the key sample, ..., got an unknown key ...": lambda: sweep(member=5),
+    "member: expected the key sample, ..., got an unknown key ...": lambda: sweep(jobs=1, member=5),
     "joint: expected a string, got a list": lambda: simulate(LOOSE).plot_orbit([]),
     "file: expected a path, got 5": lambda: simulate().animate(5),
     "exaggerate: expected a finite number > 0, got true": lambda: simulate().animate("x.gif", True),

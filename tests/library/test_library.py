@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -199,16 +198,6 @@ def test_a_notebook_shows_what_ran_how_well_and_a_figure() -> None:
     assert run.quality.summary() in html
     assert 'src="data:image/png;base64,iVBOR' in html
     assert run.plot()._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
-
-
-def test_a_sweep_has_exponents_where_they_are_asked_for(tmp_path: Path) -> None:
-    speeds = {"start.crank_speed_rad_s": [500.0, 520.0]}
-    short: dict[str, Any] = {"revolutions": 0.2, "settings": {"method": "rk4"}, "jobs": 1}
-    for asked in (False, True):
-        swept = cs.sweep(
-            "clearance-driven-0.5mm", speeds, exponent=asked, out=tmp_path / f"{asked}.parquet", **short
-        )
-        assert swept.frame["exponent_1_s"].notna().tolist() == [asked, asked]
 
 
 def test_the_version_is_the_packages() -> None:

@@ -61,13 +61,7 @@ CHANGES: dict[str, Change] = {
     ),
     "constraints drift otherwise": scaled("_exponent$|^constraint_", of_engine("reference", 1.5)),
     "motions are known for longer": scaled("^horizon_", lambda rows: rows["step_s"] * 0 + 1.5),
-    "motions differ less": scaled("^lyapunov_", lambda rows: rows["step_s"] * 0 + 1e-3),
-    "ensembles differ": lambda rows: scaled(
-        "^(impacts_per|flight_part|impact_speed)",
-        lambda of: (
-            of["part"].str.contains("other").map({True: 1.3, False: 1.0}) if "part" in of else of["step_s"]
-        ),
-    )(rows),
+    "impacts are harder": scaled("^impact_speed_m_s$", lambda rows: rows["step_s"] * 0 + 1.3),
     "maps are otherwise": given(verdict_severity=2.0),
 }
 

@@ -11,25 +11,14 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-import pandas as pd
-import pyarrow as pa
-from pyarrow import parquet
-
-from engine_models.scene.library import SCENES
-from studies.command.sweep import asked, options_of
-from studies.predictability.sweeps.run import run_sweep
 from tests.helpers.command import Finished, crankslider
 from tests.helpers.mischief import steady
 from tests.helpers.row_files import read_rows
-from tests.helpers.running import Here
 
-SCENE, FIELD, MEMBERS = "clearance-driven-0.5mm", "clearance.B.radial_clearance_m", 30
-VALUES, TURNS = f"1e-5:1e-3:log:{MEMBERS}", "0.1"
-SWEEP = ("sweep", SCENE, "--vary", f"{FIELD}={VALUES}", "--revolutions", TURNS, "--jobs", 1, "--out")
 STUDY = ("run", "agreement", "--scene", "ideal-free", "--engine", "scipy", "--jobs", 1, "--out")
 #: What a report says of rows that are not those of a finished run.
 TO_DO = "run `crankslider run`"
-#: What may be done to a file, and to the table in one.
+#: What may be done to a file.
 KINDS = (
     "cut",
     "emptied",
@@ -43,23 +32,21 @@ KINDS = (
     "under another name",
     "under another's name",
 )
-OF_TABLES = ("fewer rows", "rows twice", "rows mixed up", "a column less", "another type", "another number")
 #: What a case comes to when it breaks the rules, and else by its exit code.
 BROKEN, CODES = "broken", {0: "made right", 1: "failed", 2: "refused"}
 
 
 def damage(seed: int, cases: int) -> Counter[str]:
-    """Damage sweeps and studies from a seed, run the same commands again, and return what came of it."""
+    """Damage a study from a seed, run the same commands again, and return what came of it."""
     some, found = random.Random(seed), Counter[str]()
     with tempfile.TemporaryDirectory(prefix="damage-") as name:
         folder = Path(name)
-        subjects = [sweeps(folder / "whole", None), sweeps(folder / "parts", 4), studies(folder / "study")]
+        whole, again = studies(folder / "study")
         for number in range(cases):
-            whole, again = subjects[number % len(subjects)]
             copy = Path(shutil.copytree(whole, folder / "copy"))
             file = some.choice(sorted(path for path in copy.rglob("*") if path.is_file()))
             others = [path for path in whole.rglob("*") if path.is_file() and path.suffix == file.suffix]
-            kind = some.choice([*KINDS, *(OF_TABLES if file.suffix == ".parquet" else ())])
+            kind = some.choice(KINDS)
             harm(some, kind, file, some.choice(sorted(others)))
             outcome = again(copy)
             found[outcome if outcome in CODES.values() else BROKEN] += 1
@@ -69,36 +56,6 @@ def damage(seed: int, cases: int) -> Counter[str]:
                 )
             shutil.rmtree(copy)
     return found
-
-
-def sweeps(folder: Path, calls: int | None) -> tuple[Path, Callable[[Path], str]]:
-    """Return the folder of a sweep, interrupted after so many calls if it is, and what goes on there."""
-    sweep = asked(
-        SCENES[SCENE](), {FIELD: VALUES}, "reference", {}, False, options_of({"revolutions": TURNS})
-    )
-
-    def run(place: Path, first: Callable[[int], None] = lambda _: None) -> pd.DataFrame:
-        place.mkdir(exist_ok=True)
-        run_sweep(sweep, place / "rows.parquet", {}, 2, lambda: Here(first), 1.0)
-        return pd.read_parquet(place / "rows.parquet")
-
-    def interrupt(call: int) -> None:
-        if call == calls:
-            raise KeyboardInterrupt
-
-    try:
-        right = run(folder, interrupt)
-    except KeyboardInterrupt:
-        right = run(folder.with_name("right"))
-
-    def again(copy: Path) -> str:
-        done = crankslider(*SWEEP, copy / "rows.parquet")
-        if (wrong := wrongs(done)) or done.code:
-            return wrong or CODES[int(str(done.code))]
-        same = pd.read_parquet(copy / "rows.parquet").equals(right)
-        return CODES[0] if same else f"other rows: {done.stderr}"
-
-    return folder, again
 
 
 def studies(folder: Path) -> tuple[Path, Callable[[Path], str]]:
@@ -150,10 +107,6 @@ def _rows(folder: Path) -> dict[str, object]:
 def harm(some: random.Random, kind: str, file: Path, other: Path) -> None:
     """Do something to a file, which may take the place or the name of an ``other`` one like it."""
     content = file.read_bytes()
-    if kind in OF_TABLES:
-        table = parquet.read_table(file)
-        parquet.write_table(_changed(some, kind, table).replace_schema_metadata(table.schema.metadata), file)
-        return
     match kind:
         case "cut":
             file.write_bytes(content[: some.randrange(len(content) + 1)])
@@ -183,27 +136,6 @@ def harm(some: random.Random, kind: str, file: Path, other: Path) -> None:
             file.unlink()
         case _:
             raise AssertionError(kind)
-
-
-def _changed(some: random.Random, kind: str, table: pa.Table) -> pa.Table:
-    names, count = table.schema.names, len(table)
-    match kind:
-        case "fewer rows":
-            return table.slice(0, some.randrange(count))
-        case "rows twice":
-            return pa.concat_tables([table, table])
-        case "rows mixed up":
-            return table.take(some.sample(range(count), count))
-        case "a column less":
-            return table.drop([some.choice(names)])
-        case "another type":
-            place, column = names.index("member"), table["member"].cast(pa.int32())
-        case _:
-            place = some.choice([n for n in range(len(names)) if table.schema.field(n).type == pa.float64()])
-            numbers = table[place].to_pylist()
-            numbers[some.randrange(count)] = some.choice([0.0, 1e300, -1.5])
-            column = pa.array(numbers, pa.float64())
-    return table.set_column(place, names[place], column)
 
 
 if __name__ == "__main__":

@@ -81,10 +81,8 @@ SWEEP: dict[str, Any] = {"scene": LOOSE, "vary": {"crank.mass_kg": [0.1, 0.2]}, 
 SWEEP |= {
     "settings": None,
     "scheduler": None,
-    "exponent": False,
     "revolutions": 0.01,
     "jobs": 1,
-    "hours": 0.01,
 }
 SWEEP |= {
     "members": None,
@@ -92,7 +90,6 @@ SWEEP |= {
     "seed": 0,
     "transient": 0.0,
     "step": 1e-5,
-    "chain": None,
     "out": None,
 }
 #: What is called with one argument changed, and what has to come: of the comparison two are wrong already.

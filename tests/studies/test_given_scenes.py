@@ -24,7 +24,6 @@ TAKEN = {
     "clearance": "rigid-free-0.5mm",
     "work-precision": "clearance-start-up",
     "energy": "ideal-compressor",
-    "predictability": "clearance-driven-damped",
     "stability": "clearance-driven-0.1mm",
 }
 CODE = "0123456789abcdef"
@@ -35,7 +34,7 @@ def mine(name: str) -> Scene:
 
 
 def test_every_study_takes_scenes_but_the_gallery_and_the_pictures() -> None:
-    assert TAKEN.keys() == STUDIES.keys() - {"extremes", "motions"}
+    assert TAKEN.keys() == STUDIES.keys() - {"extremes", "motions", "predictability"}
 
 
 @pytest.mark.parametrize("study", TAKEN)
@@ -53,7 +52,6 @@ OTHERS = {
     "agreement": FOUR_BAR,
     "energy": ANDREWS,
     "clearance": FOUR_BAR_CLEARANCE,
-    "predictability": FOUR_BAR_CLEARANCE,
 }
 
 

@@ -151,10 +151,6 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("run", "agreement", "--scene", "clearance-free-0.5mm"),
         ("--scene clearance-free-0.5mm: expected ideal joints", "clearance at B"),
     ),
-    "predictability of an ideal scene": (
-        ("run", "predictability", "--scene", "ideal-free"),
-        ("--scene ideal-free: expected a joint with clearance",),
-    ),
     "stability of a free crank": (
         ("run", "stability", "--scene", "clearance-free-0.5mm"),
         ("--scene clearance-free-0.5mm: expected a crank at constant speed", "drive.kind = 'free'"),
@@ -252,7 +248,6 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "engine that is none": ((*SIMULATE, "--engine", "os.path:join"), ("the methods check, simulate",)),
     "film to stdout": ((*SIMULATE, "--animate", "-"), ("--animate: expected a file that ends in .html",)),
     "device": (("show", "/dev/null"), ("/dev/null: expected a file that can be read, got a device",)),
-    "sweep of an ideal scene": (("sweep", "ideal-free"), ("SCENE: expected a joint with clearance",)),
     "sweep of nothing": (("sweep", LOOSE), ("--vary: expected FIELD=VALUES, or --members and --jitter",)),
     "sweep of a field that is none": (
         ("sweep", LOOSE, "--vary", "crank.mas_kg=1,2"),
@@ -265,10 +260,10 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     ),
     "sweep over words": ((*SWEEP, "crank.mass_kg=a,b"), ("--vary crank.mass_kg: expected LOW:HIGH", '"a"')),
     "sweep over kinds": ((*SWEEP, "drive.kind=1,2"), ("--vary drive.kind: expected", "got 1")),
-    "sweep without end": ((*SWEEP, "crank.mass_kg=1:2:1000000000000"), ("expected 1 to 10000000 members",)),
+    "sweep without end": ((*SWEEP, "crank.mass_kg=1:2:1000000000000"), ("expected 1 to 100000 members",)),
     "sweep to a table": (
-        (*SWEEP, "crank.mass_kg=1,2", "--out", "x.csv"),
-        ("--out: expected a file that ends in .parquet",),
+        (*SWEEP, "crank.mass_kg=1,2", "--out", "x.txt"),
+        ("--out: expected a file that ends in .parquet or .csv",),
     ),
     "sweep to no picture": (
         (*SWEEP, "crank.mass_kg=1,2", "--plot", "x.txt"),
@@ -278,13 +273,9 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         (*SWEEP, "crank.mass_kg=1,2", "--plot", "no/x.png"),
         ("--plot: expected a place that can be written, got no/x.png",),
     ),
-    "sweep that shows what it has not": (
-        (*SWEEP, "crank.mass_kg=1,2", "--plot", "sweep.png", "--show", "strobe"),
-        ("--show: expected impacts_per_revolution, ", 'got "strobe" (did you mean strobe_m?)'),
-    ),
     "column of no picture": (
-        (*SWEEP, "crank.mass_kg=1,2", "--show", "strobe_m"),
-        ("--show: expected nothing without --plot, got strobe_m",),
+        (*SWEEP, "crank.mass_kg=1,2", "--show", "flight_part"),
+        ("--show: expected nothing without --plot, got flight_part",),
     ),
     "draws of no number": (
         (*SWEEP, "crank.mass_kg=1:2", "--sample", "sobol"),

@@ -17,7 +17,6 @@ from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.energy_rates import drift_rate, growth_exponent
 from studies.judges.horizon import first_beyond_s
 from studies.judges.impact_matching import impact_errors
-from studies.judges.lyapunov import Growth
 from studies.judges.metrics import conserved, errors, in_flight, sizes, uncertainties
 from tests.studies.truth.closed_forms.crank_slider import exact
 
@@ -229,12 +228,6 @@ def test_a_horizon_is_the_first_time_beyond() -> None:
     distance = np.array([0.0, 2.0, 0.5, 3.0])
     assert first_beyond_s(np.arange(4.0), distance, 1.0) == 1.0
     assert first_beyond_s(np.arange(4.0), distance, 3.0) == np.inf
-
-
-def test_an_exponent_begins_where_it_is_told_to() -> None:
-    parting = Growth(np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.0, 9.0, 10.0, 16.0]), False)
-    assert parting.exponent_per_s(1.0) == pytest.approx(7 / 3)
-    assert parting.exponent_per_s(0.0, 2.0) == pytest.approx(9.0), "the end is left out"
 
 
 def test_a_start_from_rest_has_truth_too() -> None:

@@ -8,16 +8,12 @@ from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import pandas as pd
 import pytest
 from distributed import Client, LocalCluster
-from pyarrow.parquet import read_table
 
+import crankslider as cs
 from engine_models.engines import ENGINES
-from engine_models.reference.watch import Watch
-from engine_models.scene.library import SCENES
-from studies.predictability.sweeps.run import Sweep, run_sweep
-from studies.predictability.sweeps.task import Task
 from studies.running import cluster as execution_cluster
 from studies.running import provenance, runner
 from studies.running.cluster import cluster
@@ -147,10 +143,10 @@ def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_cluster_gives_the_rows_of_a_sweep_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
-    field = "clearance.B.radial_clearance_m"
-    task = Task(SCENES["clearance-driven-0.5mm"](), "pymunk", {}, 1e-5, Watch(0.0, 0.02))
-    sweep = Sweep(task, {field: np.geomspace(1e-5, 1e-3, 40)}, (field,))
-    with cluster(local.scheduler_address) as executors:
-        run_sweep(sweep, tmp_path / "cluster.parquet", {}, 1, executors, 1.0)
-    run_sweep(sweep, tmp_path / "here.parquet", {}, 2, None, 1.0)
-    assert read_table(tmp_path / "cluster.parquet").equals(read_table(tmp_path / "here.parquet"))
+    def swept(name: str, **how: Any) -> pd.DataFrame:
+        vary = {"clearance.B.radial_clearance_m": "1e-5:1e-3:log:8"}
+        out = tmp_path / f"{name}.parquet"
+        return cs.sweep("clearance-driven-0.5mm", vary, "pymunk", out=out, revolutions=0.02, **how).frame
+
+    there, here = swept("cluster", scheduler=local.scheduler_address), swept("here", jobs=2)
+    pd.testing.assert_frame_equal(there, here, check_exact=True)

@@ -17,7 +17,7 @@ from studies.running import runner
 from studies.running.case import Case
 from studies.running.execution import CaseEnded, Limits, RunBroken
 from studies.running.outcome import run_case
-from studies.running.processes import Processes, beginning
+from studies.running.processes import Processes
 from studies.running.runner import run_study
 from studies.running.worker import _memory_limited
 from tests.helpers.mischief import MEGABYTE, NAME, case
@@ -198,30 +198,3 @@ def test_a_cancelled_executor_kills_what_hangs_and_starts_nothing(tmp_path: Path
 def test_ctrl_c_does_not_reach_the_processes() -> None:
     with Processes(1) as pool:
         assert signal.SIGINT in pool.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
-
-
-def is_loaded(name: str) -> bool:
-    return name in sys.modules
-
-
-def test_processes_that_begin_early_have_imported_what_calls_will_need() -> None:
-    name = "studies.predictability.sweeps.chunk"
-    with beginning(2, name) as pool, Processes(1) as other:
-        futures = [pool.submit(is_loaded, name) for _ in range(2)]
-        assert [future.result() for future in futures] == [True, True]
-        assert not other.submit(is_loaded, name).result()
-
-
-def test_an_error_beside_processes_that_begin_early_ends_them_at_once() -> None:
-    futures = list[Future[None]]()
-
-    def fail() -> None:
-        with beginning(2, "time") as pool:
-            futures.extend(pool.submit(time.sleep, 600) for _ in range(2))
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    for future in futures:
-        with pytest.raises((CaseEnded, CancelledError)):
-            future.result(timeout=60)

@@ -106,7 +106,7 @@ def is_part(file: str, study: str, engine: str) -> bool:
         ("reference_solver/methods.py", of_the_reference),
         ("studies/judges/horizon.py", lambda study, _: study in (*BY_THE_REFERENCE, "predictability")),
         ("studies/stability.py", lambda study, _: study == "stability"),
-        ("studies/predictability/study.py", lambda study, _: study == "predictability"),
+        ("studies/predictability.py", lambda study, _: study == "predictability"),
         ("studies/running/worker.py", lambda _study, _engine: True),
         *((file, lambda _study, _engine: False) for file in OF_NOTHING),
     ],

@@ -1,0 +1,1 @@
+"""Sweeps: one scene with many values of its fields, a row for each."""

@@ -1,0 +1,314 @@
+"""Sweeps: which members there are, that each is what ``simulate`` makes of its scene, and how they resume."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import qmc
+
+import crankslider as cs
+from engine_models.mechanics.assembly import start_state
+from engine_models.scene.file import from_toml
+from engine_models.scene.parts import AnyScene
+from studies.command.sweep import SweepOptions, read_sweep
+from studies.running.failures import BadInput
+from studies.running.finished_cases import Rows
+from studies.sweeps.closing import closed
+from studies.sweeps.members import Draw, Sample, drawn, values_of
+from tests.engine_models.reference.mechanism_texts import FOUR_BAR_CLEARANCE, SCOTCH_YOKE, WALL
+from tests.helpers.command import crankslider
+from tests.helpers.refusals import require_refusal
+from tests.helpers.running import Here, until
+from tests.studies.truth.closed_forms.crank_slider import configuration
+
+NAME, CLEARANCE, SPEED = (
+    "clearance-driven-0.5mm",
+    "clearance.B.radial_clearance_m",
+    "start.crank_speed_rad_s",
+)
+ANGLE = "start.crank_angle_rad"
+SCENE = cs.scenes[NAME]
+#: One that does not start at an angle of zero.
+TURNED = SCENE.replace(ANGLE, 0.4)
+PERIOD_S = 2 * math.pi / SCENE.start.crank_speed_rad_s
+#: A logarithm and its inverse are each right to some units in the last place.
+ROUND_OFF = 1e-14
+pytestmark = pytest.mark.filterwarnings("ignore:.*in doubt")
+
+
+# Members
+
+
+def members(draw: Draw, **texts: str) -> dict[str, np.ndarray]:
+    fields = {CLEARANCE: texts.get("clearance"), SPEED: texts.get("speed")}
+    return drawn(SCENE, {field: values_of(field, text) for field, text in fields.items() if text}, draw)
+
+
+def test_a_grid_has_every_value_of_one_field_with_every_one_of_the_other_and_the_last_goes_fastest() -> None:
+    grid = members(Draw(), clearance="1e-5:1e-3:log:3", speed="100:300:3")
+    np.testing.assert_allclose(grid[CLEARANCE], np.repeat([1e-5, 1e-4, 1e-3], 3), rtol=ROUND_OFF)
+    assert grid[SPEED].tolist() == [100.0, 200.0, 300.0] * 3
+
+
+@pytest.mark.parametrize("sample", ["random", "latin-hypercube", "sobol"])
+def test_draws_are_those_of_numpy_and_scipy_from_the_seed(sample: Sample) -> None:
+    generator = np.random.default_rng(5)
+    hypercube: Any = qmc.LatinHypercube(2, seed=generator)
+    sobol: Any = qmc.Sobol(2, seed=np.random.default_rng(5))
+    if sample == "random":
+        points = generator.random((37, 2))
+    else:
+        points = sobol.random(64)[:37] if sample == "sobol" else hypercube.random(37)
+    found = members(Draw(sample, 37, seed=5), clearance="1e-5:1e-3:log", speed="50:800")
+    np.testing.assert_allclose(found[CLEARANCE], 1e-5 * 100 ** points[:, 0], rtol=ROUND_OFF)
+    np.testing.assert_allclose(found[SPEED], 50 + 750 * points[:, 1], rtol=ROUND_OFF)
+
+
+def test_a_jitter_moves_each_start_of_the_grid_around_the_scenes_own_angle() -> None:
+    turned = SCENE.replace(ANGLE, 0.7)
+    draws = (Draw(members=50, jitter=1e-6, seed=seed) for seed in (0, 1))
+    one, other = (drawn(turned, {CLEARANCE: np.array([1e-5, 1e-4])}, draw) for draw in draws)
+    moves = one[ANGLE] - 0.7
+    assert len(set(moves)) == 100
+    assert 0.9e-6 < np.abs(moves).max() <= 1e-6
+    assert one[CLEARANCE].tolist() == [1e-5] * 50 + [1e-4] * 50
+    assert (one[ANGLE] != other[ANGLE]).all()
+
+
+@pytest.mark.parametrize(
+    ("draw", "text", "pieces"),
+    [
+        (Draw(), "1e-3:1e-5:10", "expected a range that rises, got 0.001 to 1e-05"),
+        (Draw(), "0:1e-3:log:10", "expected numbers > 0 in a range with log, got 0"),
+        (Draw(), "1e-5:1e-3:0", 'expected log or a count >= 2 behind the ends, got "0"'),
+        (Draw(), "1e-5:1e-3", "expected a count behind the ends on a grid"),
+        (Draw(), "1e-5:1e-3:log:10:5", "expected LOW:HIGH[:log][:COUNT]"),
+        (Draw(), "1e-5:nan:3", 'got "nan"'),
+        (Draw(), "1e-5,,2e-5", 'got ""'),
+        (Draw(), "1e-5:1e-3:99999999", "expected 1 to 100000 members, got 99999999"),
+        (Draw(members=3), "1e-5,1e-4", "--members: expected --jitter beside it on a grid"),
+        (Draw("sobol"), "1e-5:1e-3", "--sample: expected --members N beside sobol"),
+        (Draw("sobol", 8), "1e-5:1e-3:5", "expected LOW:HIGH[:log] with --sample sobol, got a count"),
+        (Draw("random", 8), "1e-5,1e-4", "expected LOW:HIGH[:log] with --sample random, got a list"),
+    ],
+)
+def test_a_range_without_members_is_refused(draw: Draw, text: str, pieces: str) -> None:
+    with pytest.raises(BadInput) as refusal:
+        members(draw, clearance=text)
+    assert pieces in str(refusal.value)
+
+
+# Rows
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run members in this process."""
+    monkeypatch.setattr("studies.command.sweep.Processes", lambda _: Here())
+
+
+def simulated(scene: AnyScene, revolutions: float, **how: Any) -> cs.Run:
+    end = revolutions * PERIOD_S
+    return cs.simulate(scene, end=end, samples=round(200 * revolutions), **how)
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+    out = tmp_path_factory.mktemp("sweep") / "rows.parquet"
+    with (
+        mock.patch("studies.command.sweep.Processes", return_value=Here()),
+        pytest.warns(UserWarning, match=r"of 3 members have warnings .*: member [01]: slider position in"),
+    ):
+        return cs.sweep(TURNED, {CLEARANCE: [2e-4, 4e-4, 1e-3]}, transient=1, out=out, jobs=1).frame
+
+
+def test_a_member_has_the_numbers_and_the_warnings_of_its_own_simulation(swept: pd.DataFrame) -> None:
+    assert (swept["status"] == "ok").all()
+    for _, row in swept.iterrows():
+        run = simulated(TURNED.replace(CLEARANCE, row[CLEARANCE]), 3)
+        impacts, late = run.impacts, run.frame.iloc[200:]
+        from_s = late.index[0]
+        assert row["warnings"] == "; ".join(run.warnings)
+        assert row["largest_contact_force_N"] == max(
+            impacts["largest_normal_force_N"][impacts["largest_normal_force_time_s"] >= from_s].max(),
+            late["contact_B_normal_force_N"].max(),
+        )
+        ended = impacts[impacts["time_s"] >= from_s]
+        touching = bool(late["contact_B_penetration_m"].iloc[-1] >= 0)
+        assert row["impacts_per_revolution"] == (len(ended) + touching) / 2
+        assert row["impulse_N_s"] == ended["normal_impulse_N_s"].mean()
+        assert row["flight_part"] == (late["contact_B_penetration_m"] < 0).mean()
+        lost = late["dissipated_energy_J"]
+        assert row["dissipated_energy_per_revolution_J"] == (lost.iloc[-1] - lost.iloc[0]) / 2
+        assert row["penetration_part"] == run.quality.parts()["penetration_part"]
+        lasting = [late.index[late["contact_B_penetration_m"] < 0][-1]] * touching  # the sample before it
+        touch_s = np.append(ended["time_s"], lasting)
+        phase = TURNED.start.crank_angle_rad + SCENE.start.crank_speed_rad_s * touch_s
+        a_sample = 2 * math.pi / 200 / len(phase) if touching else 1e-9
+        assert row["impact_phase_cosine"] == pytest.approx(np.cos(phase).mean(), abs=a_sample)
+
+
+def test_the_deviation_is_that_from_the_closed_form_of_ideal_joints(swept: pd.DataFrame) -> None:
+    late = simulated(TURNED.replace(CLEARANCE, 1e-3), 3).frame.iloc[200:]
+    ideal, *_ = configuration(TURNED, late["crank_angle_rad"].to_numpy())
+    deviation = late["slider_position_m"].to_numpy() - ideal[:, -1, 0]
+    assert swept["slider_deviation_m"][2] == pytest.approx(np.abs(deviation).max(), abs=1e-12)
+    assert swept["rms_slider_deviation_m"][2] == pytest.approx(np.sqrt(np.mean(deviation**2)), abs=1e-12)
+
+
+def test_peaks_are_those_of_impacts_between_the_samples(swept: pd.DataFrame) -> None:
+    late = simulated(TURNED.replace(CLEARANCE, 4e-4), 3).frame.iloc[200:]
+    assert swept["largest_contact_force_N"][1] > 1.02 * late["contact_B_normal_force_N"].max()
+
+
+@pytest.mark.usefixtures("here")
+def test_an_ideal_scene_in_another_engine_has_its_forces(tmp_path: Path) -> None:
+    vary, out = {"crank.length_m": [0.02, 0.03]}, tmp_path / "rows.csv"
+    swept = cs.sweep("ideal-driven", vary, "pymunk", revolutions=1, step=1e-4, out=out, jobs=1)
+    scene = cs.scenes["ideal-driven"].replace("crank.length_m", 0.03)
+    run = cs.simulate(scene, "pymunk", end=PERIOD_S, samples=200, step=1e-4)
+    force = np.hypot(run.frame["joint_B_force_x_N"], run.frame["joint_B_force_y_N"])
+    assert swept.frame["largest_joint_B_force_N"][1] == force.max()
+    assert swept.frame["largest_driver_torque_N_m"][1] == run.frame["driver_torque_N_m"].abs().max()
+    assert "flight_part" not in swept.frame
+    read = pd.read_csv(out, keep_default_na=False)
+    pd.testing.assert_frame_equal(read, swept.frame, check_exact=True, check_dtype=False)
+    assert swept.plot().axes[0].get_ylabel() == "largest joint O force [N]"
+
+
+@pytest.mark.usefixtures("here")
+def test_another_mechanism_is_watched_by_its_turning_body(tmp_path: Path) -> None:
+    scene = from_toml(FOUR_BAR_CLEARANCE)
+    how: dict[str, Any] = {"settings": {"method": "dop853"}, "revolutions": 0.5, "jobs": 1}
+    (row,) = cs.sweep(scene, {CLEARANCE: [1e-4]}, out=tmp_path / "a.parquet", **how).frame.to_dict("records")
+    end = 0.5 * 2 * math.pi / 60
+    run = cs.simulate(scene.replace(CLEARANCE, 1e-4), end=end, samples=100, method="dop853")
+    assert row["largest_contact_force_N"] == run.impacts["largest_normal_force_N"].max()
+    assert 0 < row["rms_observed_deviation_m"] < row["observed_deviation_m"] < 5e-4
+
+
+def test_ideal_positions_are_those_of_the_closed_form_or_none() -> None:
+    off, scene = np.random.default_rng(1), cs.scenes["clearance-driven-AB"]
+    ideal, *_ = configuration(scene, np.linspace(0.0, 20.0, 5000))  # more than are closed at a time
+    moves = 1e-3 * off.uniform(-1, 1, ideal.shape) * [1.0, 1.0, 0.0]
+    assert np.abs(closed(scene, ideal + moves, 0) - ideal).max() < ROUND_OFF
+    four_bar = from_toml(FOUR_BAR_CLEARANCE)
+    position = np.repeat(start_state(four_bar)[0][None], 2, axis=0)
+    position[1, 2, 2] = -0.5  # a rocker 0.2 rad beyond the end of its swing
+    assert np.isnan(closed(four_bar, position, 2)).any(axis=(1, 2)).tolist() == [False, True]
+
+
+# Runs
+
+
+def test_two_processes_write_the_rows_and_the_map_that_one_gives_in_the_library(tmp_path: Path) -> None:
+    rows, picture = tmp_path / "rows.parquet", tmp_path / "map.svg"
+    vary = {CLEARANCE: "1e-5,1e-4,1e-3", SPEED: "200:400:2"}
+    called = [part for field, values in vary.items() for part in ("--vary", f"{field}={values}")]
+    files = ("--jobs", 2, "--out", rows, "--plot", picture)
+    done = crankslider("sweep", NAME, *called, "--revolutions", "0.1", *files)
+    assert (done.code, done.stdout) == (0, ""), done.stderr
+    assert picture.read_bytes().startswith(b"<?xml")
+    same = cs.sweep(NAME, vary, revolutions=0.1, jobs=1, out=tmp_path / "same.parquet")
+    pd.testing.assert_frame_equal(pd.read_parquet(rows), same.frame, check_exact=True)
+
+
+def sweep(out: Path, values: list[float]) -> pd.DataFrame:
+    return cs.sweep(NAME, {CLEARANCE: values}, "pymunk", revolutions=0.02, out=out, jobs=1).frame
+
+
+@pytest.mark.usefixtures("here")
+def test_what_was_finished_before_an_interrupt_is_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept, keep, values = list[str](), Rows.keep, np.geomspace(1e-5, 1e-3, 5).tolist()
+
+    def noted(rows: Rows, key: str, *row: Any) -> None:
+        if len(kept) == 3:
+            kept.clear()
+            raise KeyboardInterrupt
+        keep(rows, key, *row)
+        kept.append(key)
+
+    monkeypatch.setattr(Rows, "keep", noted)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(tmp_path / "rows.csv", values)
+    assert not (tmp_path / "rows.csv").exists()
+    found = sweep(tmp_path / "rows.csv", values)
+    assert len(kept) == 2
+    monkeypatch.undo()
+    pd.testing.assert_frame_equal(found, sweep(tmp_path / "whole.csv", values), check_exact=True)
+    others = sweep(tmp_path / "rows.csv", [2e-3, values[1]])  # of which one is there
+    assert others[CLEARANCE].tolist() == [2e-3, values[1]]
+    assert others["flight_part"][1] == found["flight_part"][1]
+
+
+@pytest.mark.system
+def test_a_sweep_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+    script = str(Path(sys.executable).with_name("crankslider"))
+    command = [script, "sweep", NAME, "--engine", "pymunk", "--jobs", "2", "--quiet", "--revolutions", "0.5"]
+    command += ["--vary", f"{CLEARANCE}=1e-4:1e-3:40"]
+    kept = tmp_path / "killed.csv.rows" / "rows.jsonl"
+    with subprocess.Popen([*command, "--out", tmp_path / "killed.csv"]) as run:
+        until(lambda: kept.exists() and kept.read_bytes().count(b"\n") >= 3)
+        run.kill()
+    before = kept.read_bytes().splitlines(keepends=True)
+    subprocess.run([*command, "--out", tmp_path / "killed.csv"], check=True)
+    assert pd.read_csv(tmp_path / "killed.csv")["status"].tolist() == ["ok"] * 40
+    assert len(before) < 40
+    assert kept.read_bytes().splitlines(keepends=True)[: len(before) - 1] == before[:-1]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_member_that_is_no_scene_is_a_row_with_the_reason(tmp_path: Path) -> None:
+    vary = {"clearance.B.bearing_radius_m": [1e-2, 1e-3], CLEARANCE: [1e-4, 5e-3]}
+    swept = cs.sweep(NAME, vary, "pymunk", revolutions=0.02, out=tmp_path / "a.parquet", jobs=1).frame
+    assert swept["status"].tolist() == ["ok", "ok", "ok", "failed"]
+    assert swept["reason"][3] == f"{CLEARANCE}: expected a number < bearing_radius_m = 0.001, got 0.005"
+    assert swept["flight_part"].notna().tolist() == [True, True, True, False]
+
+
+@pytest.mark.system
+def test_a_script_without_a_main_guard_is_told_so_in_one_line(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(f'import crankslider as cs\ncs.sweep("{NAME}", {{"{SPEED}": [300, 400]}}, jobs=2)\n')
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    *_, last = done.stderr.splitlines()
+    guard = 'if __name__ == "__main__":'
+    assert last.endswith(f"expected this call under {guard}, since every process imports the script")
+    assert done.stderr.count("Traceback") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "pieces"),
+    [
+        ([], "--vary: expected FIELD=VALUES, or --members and --jitter, got nothing"),
+        (["--vary", "clearance"], '--vary: expected FIELD=VALUES, got "clearance"'),
+        (["--vary", f"{CLEARANCE}=0:1e-3:9"], f"--vary {CLEARANCE}: expected a finite number > 0, got 0"),
+        (["--vary", f"{CLEARANCE}=1e-3:1:9"], f"--vary {CLEARANCE}: expected a number < bearing_radius_m"),
+        (["--vary", "clearance.B.radius=1,2"], "--vary clearance.B.radius: expected the key"),
+        (["--vary", "end_time_s=1,2"], "--vary end_time_s: expected --transient and --revolutions"),
+        (["--members", "5", "--jitter", "1e308"], "--jitter: expected a finite number >= 0 and <= 6.28"),
+        (["--members", "9" * 400, "--jitter", "1"], "--members: expected an integer >= 1 and <= 100000"),
+        (["--vary", f"{SPEED}=1,2", "--sample", "dice"], '--sample: expected "grid", "random"'),
+        (["--vary", f"{SPEED}=1,2", "--out", "rows.txt"], "--out: expected a file that ends in .parquet or"),
+        (["--vary", f"{SPEED}=1,2", "--plot", "map.txt"], "--plot: expected a file that ends in"),
+        (["--vary", f"{CLEARANCE}=1e-5,1e-4", "--engine", "pymun"], "did you mean pymunk?"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused_in_one_line(options: list[str], pieces: str) -> None:
+    done = crankslider("sweep", NAME, *options)
+    require_refusal(done.stdout, done.stderr, done.code, pieces)
+
+
+def test_a_scene_that_the_engine_cannot_run_is_refused() -> None:
+    loose_yoke = from_toml(f"{SCOTCH_YOKE}[clearance.O]{WALL}")
+    with pytest.raises(BadInput, match="--engine: expected one that can run this scene"):
+        read_sweep(loose_yoke, {"gravity_m_s2": [1, 2]}, "pymunk", {}, SweepOptions())
