@@ -35,7 +35,7 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """
     rows = with_columns(
         rows,
-        *(*VARIED, "map_of", "limit_frequency_step", "measured_limit_frequency_step", "damping_ratio"),
+        *(*VARIED, "limit_frequency_step", "measured_limit_frequency_step", "damping_ratio"),
         *("frequency_step", "energy_loss_per_step", "expected_energy_loss_per_step"),
         *("leading_energy_loss_per_step", "relative_difference", "verdict_severity", "contact_step_s"),
     )

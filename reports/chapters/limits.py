@@ -181,13 +181,10 @@ def _maps(rows: pd.DataFrame) -> Figure | None:
 
 
 def _each_map(rows: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Yield the column that varies, the name and the cells of each map, those of a user's scenes last."""
-    own = rows["map_of"].isna()
-    scenes = [("", rows[own]), *((f" on {scene}", of) for scene, of in rows[~own].groupby("map_of"))]
-    for where, of_scene in scenes:
-        for varied, (what, _, _) in map_cells.VARIED.items():
-            if len(found := map_cells.cells(of_scene, varied)):
-                yield varied, f"{what}{where}", found
+    """Yield the column that varies, the name and the cells of each map."""
+    for varied, (what, _, _) in map_cells.VARIED.items():
+        if len(found := map_cells.cells(rows, varied)):
+            yield varied, what, found
 
 
 def tables(studies: Studies) -> Iterator[Table | None]:

@@ -326,15 +326,6 @@ def run(
         Text,
         Option(metavar="ADDRESS", help="Dask scheduler that runs cases; timed or limited cases run locally."),
     ] = None,
-    scenes: Annotated[
-        list[str] | None,
-        Option(
-            "--scene",
-            metavar="SCENE",
-            help="Run the studies on this scene instead of their own.",
-            autocompletion=_scenes,
-        ),
-    ] = None,
     retry_failed: Annotated[
         bool, Option("--retry-failed", help="Run cases again that neither finished nor were refused.")
     ] = False,
@@ -342,19 +333,18 @@ def run(
 ) -> None:
     """Run studies; finished cases are saved and skipped the next time."""
     from studies.command.options import RunOptions, checked
-    from studies.command.study_run import given_scenes, joined, require_studies, running_in, studies_of
+    from studies.command.study_run import joined, require_studies, running_in
     from studies.running.cluster import cluster
     from studies.running.runner import run_studies
 
     require_studies(studies or [])
     joined(engines or [])
-    given = given_scenes(scenes or [])
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     executors = nullcontext() if scheduler is None else cluster(scheduler)
     with failures.quietly(quiet):
-        names = list(dict.fromkeys(studies or studies_of(given, full)))
+        names = list(dict.fromkeys(studies or STUDIES))
         with executors as executor, running_in(out):
-            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or (), given)
+            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or ())
         failures.note(f"the results are in {out}")
 
 
@@ -394,43 +384,6 @@ def compare(
         Console().print(found.table())
         print(found.recommendation)
         failures.note(f"the page is {folder / 'index.html'}")
-
-
-@app.command()
-def search(
-    full: Annotated[
-        bool, Option("--full", help="Also run scenes that were not used to choose the settings.")
-    ] = False,
-    jobs: Annotated[
-        Text, Option(metavar="N", help="Cases to run in parallel; default: one for each core.")
-    ] = None,
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results and the record.")] = Path(
-        "search"
-    ),
-    quiet: Quiet = False,
-) -> None:
-    """Search engine settings for better error / run-time trade-offs than those of the studies."""
-    from rich.console import Console
-    from rich.table import Table
-
-    from studies.command.options import RunOptions, checked
-    from studies.command.search import beaten, found
-    from studies.command.study_run import running_in
-    from studies.running.runner import run_studies
-    from studies.work_precision import settings_search
-
-    options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    with failures.quietly(quiet), running_in(out):
-        run_studies([settings_search.__name__], full, options.jobs, out)
-        record = found(out / settings_search.__name__)
-        record.to_csv(out / "record.csv", index=False, float_format="%.3g")
-        failures.note(f"the record is {out / 'record.csv'}")
-    table = Table("scene", "signal", "error", "studies", "search", "ratio of times")
-    for row in beaten(record).itertuples():
-        table.add_row(row.scene, row.signal, f"{row.error:g}", row.ladder, row.search, f"{row.part:.2f}")
-    Console().print(
-        table if table.row_count else "No searched setting saves more than a quarter of the run time."
-    )
 
 
 @app.command()

@@ -9,7 +9,7 @@ from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.scene import Scene
 from studies.judges import horizon
-from studies.judges.kinds import require, turns_steadily
+from studies.judges.kinds import turns_steadily
 from studies.ladders import Rung
 from studies.predictability import basins, chains, diagrams
 from studies.predictability.ensemble import WATCH
@@ -76,23 +76,6 @@ def cases(full: bool) -> list[Case]:
     for name, parts in ENSEMBLES[full]:
         out += _ensembles(following(SCENES[name](), round(WATCH.turns)), parts, full)
     return out + diagrams.cases(full) + (chains.cases() + basins.cases() if full else [])
-
-
-def cases_on(scene: Scene, full: bool) -> list[Case]:
-    """Return the horizon of a scene of the user's; if its crank turns steadily, exponents and ensembles.
-
-    Raises:
-        BadInput: it has no clearance, or starts with the state of every body.
-    """
-    expected = "a joint with clearance and a start by the crank's angle"
-    require("predictability", bool(scene.joints_with_clearance) and not scene.start.states, expected, scene)
-    out = [_horizon(scene)]
-    if turns_steadily(scene):
-        laws = {room.law for room in scene.clearances.values()}
-        engines = ("native contact",) if laws == {"rigid"} else _SAME_LAW
-        out += _exponents(scene, full)
-        out += _ensembles(following(scene, round(WATCH.turns)), engines, full)
-    return out
 
 
 def moves_rad(name: str, count: int) -> list[float]:

@@ -18,7 +18,7 @@ from studies.predictability import cases as parts
 from studies.predictability.scenes import period_s
 from studies.running.case import Case, Curves, Row
 
-cases, cases_on = parts.cases, parts.cases_on
+cases = parts.cases
 
 #: Tolerances on the slider's position by the words in the names of columns.
 TOLERANCES_M = {"1nm": 1e-9, "1um": 1e-6, "100um": 1e-4}

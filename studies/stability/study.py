@@ -13,11 +13,10 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
-from engine_models.mechanics.contact_law import exponent_of, stiffness_of
+from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
-from engine_models.scene.scene import Clearance, Clearances, Scene, Start
+from engine_models.scene.scene import Clearance, Clearances, Scene
 from studies.judges.converged_truth import converged, followed
-from studies.judges.kinds import require, turns_steadily
 from studies.running.case import Case, Curves, Row, Value
 from studies.running.execution import Limits
 from studies.running.outcome import ended
@@ -50,7 +49,7 @@ END_S, SAMPLES = 0.002, 20
 #: Steps per sample of the maps: 1e-4 s to 1e-6 s, and to 2e-7 s in the full set.
 COARSE = (1, 2, 5, 10, 20, 50, 100)
 FINE = (1, 2, 3, 5, 7, 10, 14, 20, 30, 50, 70, 100, 140, 200, 300, 500)
-CLEARANCE_M, SPEED_RPM, EXPONENT = 5e-4, 5000.0, 1.5
+CLEARANCE_M, SPEED_RPM = 5e-4, 5000.0
 #: Parts of the stiffness of steel, radial clearances and crank speeds of the maps: quick, then what the full
 #: set adds.
 STIFFNESS_FACTORS, MORE_FACTORS = (1.0, 100.0, 1000.0), (0.1, 0.3, 3.0, 10.0, 30.0, 300.0)
@@ -68,21 +67,6 @@ def cases(full: bool) -> list[Case]:
     The quick set has the map over stiffness alone.
     """
     return [*_scalar_cases(), *_cells(scenes(full), full)]
-
-
-def cases_on(scene: Scene, full: bool) -> list[Case]:
-    """Return the cells of the maps of a scene of the user's, from the crank's dead centre on.
-
-    They go by parts of its own stiffness, clearance and speed, and over steps in proportion to its turn.
-
-    Raises:
-        BadInput: theory's first impact is not that of its mechanism.
-    """
-    rooms = scene.clearances
-    holds = turns_steadily(scene) and list(rooms) == ["B"] and exponent_of(rooms["B"]) == EXPONENT
-    expected = "a crank at constant speed and one clearance, at B, of an exponent of 1.5"
-    require("stability", holds and rooms["B"].law != "rigid", expected, scene)
-    return list(_cells(_scenes_on(scene, full), full, map_of=scene.name))
 
 
 def _scalar_cases() -> Iterator[Case]:
@@ -105,7 +89,7 @@ def _arms() -> tuple[Method, ...]:
     return (*ARMS, *((arm, None) for arm in arms.newcomers()))
 
 
-def _cells(of: Iterable[tuple[str, float, Scene]], full: bool, **more: Value) -> Iterator[Case]:
+def _cells(of: Iterable[tuple[str, float, Scene]], full: bool) -> Iterator[Case]:
     for varied, value, scene in of:
         energy, frequency = theory.first_impact(scene)
         for arm, method in _arms():
@@ -118,7 +102,6 @@ def _cells(of: Iterable[tuple[str, float, Scene]], full: bool, **more: Value) ->
                 "impact_frequency_rad_s": frequency,
                 "limit_frequency_step": theory.limit(method, 0.0) if method else None,
                 **BOUND_COLUMNS,
-                **more,
             }
             for count in FINE if full else COARSE:
                 run = RunSettings(scene.end_time_s / (SAMPLES * count), SAMPLES)
@@ -137,37 +120,6 @@ def scenes(full: bool) -> Iterator[tuple[str, float, Scene]]:
         yield "radial_clearance_m", c, _scene("clearance", c, SPEED_RPM, _clearance(c))
     for speed in sorted(SPEEDS_RPM + MORE_SPEEDS_RPM):
         yield "crank_speed_rpm", speed, _scene("speed", speed, speed, _clearance(CLEARANCE_M))
-
-
-def _scenes_on(scene: Scene, full: bool) -> Iterator[tuple[str, float, Scene]]:
-    """Yield the rows of the maps of a scene of the user's, through as much of a turn as those of set R."""
-    room, speed_rad_s = scene.clearance.B, scene.start.crank_speed_rad_s
-    assert room is not None
-    start = Start(crank_angle_rad=0.0, crank_speed_rad_s=speed_rad_s)
-    c, stiffness, rpm = room.radial_clearance_m, stiffness_of(room), abs(speed_rad_s) * 60 / (2 * math.pi)
-    # Young's modulus would be a second stiffness.
-    room = room.model_copy(update={"stiffness": stiffness, "young_modulus_Pa": None, "poisson_ratio": None})
-    changes = {"start": start, "end_time_s": END_S * SPEED_RPM / rpm, "clearance": Clearances(B=room)}
-    scene = scene.model_copy(update=changes)
-
-    def other(varied: str, value: float, **changes: object) -> tuple[float, Scene]:
-        name = f"{scene.name}-{varied}-{value:g}"
-        return value, scene.model_copy(update={"name": name, **changes})
-
-    def with_room(**changes: float) -> Clearances:
-        return Clearances(B=room.model_copy(update=changes))
-
-    for factor in sorted(STIFFNESS_FACTORS + (MORE_FACTORS if full else ())):
-        stiff = with_room(stiffness=factor * stiffness)
-        yield "contact_stiffness_N_m1_5", *other("stiffness", factor * stiffness, clearance=stiff)
-    for part in sorted(CLEARANCES_M + (MORE_CLEARANCES_M if full else ())):
-        wide = part / CLEARANCE_M * c
-        if wide < room.bearing_radius_m:
-            loose = with_room(radial_clearance_m=wide)
-            yield "radial_clearance_m", *other("clearance", wide, clearance=loose)
-    for part in sorted(SPEEDS_RPM + (MORE_SPEEDS_RPM if full else ())):
-        quick = start.model_copy(update={"crank_speed_rad_s": part / SPEED_RPM * speed_rad_s})
-        yield "crank_speed_rpm", *other("speed", part / SPEED_RPM * rpm, start=quick)
 
 
 def _clearance(radial_m: float, stiffness: float | None = None) -> Clearance:

@@ -187,9 +187,6 @@ def test_a_tenth_less_clearance_that_comes_out_equivalent_contradicts_the_chapte
     results = results_of(tmp_path / "predictability", blind, {})
     with pytest.raises(Contradiction, match="a tenth less clearance"):
         finding({"predictability": results}, "ensembles")
-    given = [{**each, "scene_content": "a file of a user's"} for each in blind]
-    results = results_of(tmp_path / "given", given, {})
-    assert LESS in finding({"predictability": results}, "ensembles")
 
 
 def test_differences_are_drawn_in_units_of_the_margin(studies: Studies) -> None:

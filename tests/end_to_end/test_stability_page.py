@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.collections import QuadMesh
 
@@ -307,17 +306,6 @@ def test_the_cells_of_a_map_tell_their_verdicts(maps: dict[str, View]) -> None:
         letters = ARMS[engine, arm][1][4]
         assert each.label == f"{engine} ({arm})"
         assert sorted(each.notes) == sorted(names[LETTERS.index(letter)] for letter in letters)
-
-
-def test_maps_of_a_users_scene_are_views_of_their_own(studies: Studies) -> None:
-    rows = studies[STABILITY].rows
-    mine = rows[rows["crank_speed_rpm"].notna()].assign(map_of="mine")
-    both = {STABILITY: replace(studies[STABILITY], rows=pd.concat([rows, mine], ignore_index=True))}
-    (figure,) = CHAPTER.figures(both)
-    assert figure
-    choices = [view.choice for view in figure.views]
-    assert choices == [("contact stiffness",), ("clearance",), ("crank speed",), ("crank speed on mine",)]
-    assert {line[0] for line in table(both, "boundaries").rows} == {choice for (choice,) in choices}
 
 
 def test_a_figure_has_one_quantity(studies: Studies) -> None:

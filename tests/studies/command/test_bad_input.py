@@ -134,31 +134,6 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("compare", "ideal-free", "--with", "crank.lenght_m=1"),
         ("--with crank.lenght_m", "(did you mean"),
     ),
-    "study of no scene": (("run", "energy", "--scene", "idle"), ("--scene: expected ideal-free, ", '"idle"')),
-    "study of two scenes of one name": (
-        ("run", "energy", "--scene", "ideal-free", "--scene", "ideal-free"),
-        ("--scene: expected scenes with names of their own", '"ideal-free"'),
-    ),
-    "gallery of a scene": (
-        ("run", "extremes", "--scene", "ideal-free"),
-        ("--scene: expected nothing for the study extremes",),
-    ),
-    "clearance study of an ideal scene": (
-        ("run", "clearance", "--scene", "ideal-free"),
-        ("--scene ideal-free: expected a joint with clearance", "got a crank-slider with ideal joints"),
-    ),
-    "agreement study of a loose scene": (
-        ("run", "agreement", "--scene", "clearance-free-0.5mm"),
-        ("--scene clearance-free-0.5mm: expected ideal joints", "clearance at B"),
-    ),
-    "predictability of an ideal scene": (
-        ("run", "predictability", "--scene", "ideal-free"),
-        ("--scene ideal-free: expected a joint with clearance",),
-    ),
-    "stability of a free crank": (
-        ("run", "stability", "--scene", "clearance-free-0.5mm"),
-        ("--scene clearance-free-0.5mm: expected a crank at constant speed", "drive.kind = 'free'"),
-    ),
     "missing file": (("simulate", "no/such.toml"), ("SCENE: expected", 'got "no/such.toml"')),
     "directory": (("simulate", "."), (".: expected a file that can be read", "Is a directory")),
     "negative step": ((*SIMULATE, "--step=-1e-5"), ("--step: expected a finite number > 0", '"-1e-5"')),
