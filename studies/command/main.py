@@ -391,11 +391,9 @@ def conform(
     engine: Annotated[str, Argument(metavar="ENGINE", help="An engine, or your own: my_module:MyEngine.")],
     baselines: Annotated[
         Path | None,
-        Option(metavar="DIR", help="Also compare its numbers with baseline tables in this folder."),
+        Option(metavar="DIR", help="Also compare its numbers with the table in this folder."),
     ] = None,
-    accept: Annotated[
-        bool, Option("--accept", help="Accept numbers that left their bands, with --why.")
-    ] = False,
+    accept: Annotated[bool, Option("--accept", help="Accept the numbers as they are, with --why.")] = False,
     why: Annotated[Text, Option(metavar="TEXT", help="Reason why the numbers changed.")] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -403,50 +401,56 @@ def conform(
     from rich.progress import track
 
     from engine_models.engines import join
-    from studies.command.baseline import Gate, require_reason
+    from studies.baselines import compare_or_accept, read
     from studies.command.options import read_engine
-    from studies.conformance.baselines.subjects import subjects
     from studies.conformance.verdicts import count, summary, verdicts
+    from studies.running.whole_file import require_folder
 
     try:
         of = read_engine(engine, {})
     except failures.BadInput as reason:
         raise failures.BadInput(str(reason).replace("--engine", "ENGINE", 1)) from None
-    require_reason(accept, why)
+    _require_reason(accept, why)
     if accept and baselines is None:
         raise failures.BadInput("--accept: expected a folder with --baselines to write to, got none")
     join(engine)
-    gate = None if baselines is None else Gate(subjects([engine]), baselines)
-    if gate:
-        gate.require_place(accept)
+    if accept and baselines is not None:
+        with failures.writing("--baselines", baselines):
+            require_folder(baselines)
+    elif baselines is not None:
+        read(baselines)
     with failures.quietly(quiet):
         console = failures.progress_console()
         lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
         print("\n".join(lines))
         if not holds:
             raise failures.Failed(f"{engine} does not pass all checks")
-        if gate:
-            gate.hold_or_accept(why)
+        if baselines is not None:
+            compare_or_accept([engine], baselines, why)
 
 
 @app.command()
 def baseline(
-    accept: Annotated[
-        bool, Option("--accept", help="Accept numbers that left their bands, with --why.")
-    ] = False,
+    accept: Annotated[bool, Option("--accept", help="Accept the numbers as they are, with --why.")] = False,
     why: Annotated[Text, Option(metavar="TEXT", help="Reason why the numbers changed.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band."""
-    from studies.command.baseline import Gate, require_reason
-    from studies.conformance.baselines.subjects import subjects
-    from studies.conformance.baselines.table import FOLDER
+    from engine_models.engines import ENGINES
+    from studies.baselines import FOLDER, compare_or_accept, read
 
-    require_reason(accept, why)
-    gate = Gate(subjects(), FOLDER)
-    gate.require_place(accept)
+    _require_reason(accept, why)
+    if not accept:
+        read(FOLDER)
     with failures.quietly(quiet):
-        gate.hold_or_accept(why)
+        compare_or_accept(ENGINES, FOLDER, why)
+
+
+def _require_reason(accept: bool, why: str | None) -> None:
+    """Raise BadInput if there is acceptance without a reason, or a reason without acceptance."""
+    if accept != bool(why and why.strip()):
+        came = "none" if accept else "one without --accept"
+        raise failures.BadInput(f"--why: expected a reason with --accept, got {came}")
 
 
 @app.command()
