@@ -6,18 +6,93 @@ from pathlib import Path
 from random import Random
 
 import pandas as pd
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 from engine_models.scene.library import SCENES
 from studies.command.sweep import asked, options_of
 from studies.predictability.sweeps.run import run_sweep
 from studies.running.failures import BadInput
 from tests.helpers.running import Here
-from tests.soak.damage import KINDS, OF_TABLES, harm
 
 #: Sixteen chunks, of which twelve are there when a sweep is interrupted.
 FIELD, MEMBERS, DONE = "clearance.B.radial_clearance_m", 30, 12
 NAME, PARTS = "rows.parquet", "rows.parquet.parts"
+#: What may be done to a file, and to the table in one.
+KINDS = (
+    "cut",
+    "emptied",
+    "bits flipped",
+    "lines left out",
+    "noise",
+    "more behind it",
+    "gone",
+    "there twice",
+    "another in its place",
+    "under another name",
+    "under another's name",
+)
+OF_TABLES = ("fewer rows", "rows twice", "rows mixed up", "a column less", "another type", "another number")
+
+
+def harm(some: Random, kind: str, file: Path, other: Path) -> None:
+    """Do something to a file, which may take the place or the name of an ``other`` one like it."""
+    content = file.read_bytes()
+    if kind in OF_TABLES:
+        table = parquet.read_table(file)
+        parquet.write_table(_changed(some, kind, table).replace_schema_metadata(table.schema.metadata), file)
+        return
+    match kind:
+        case "cut":
+            file.write_bytes(content[: some.randrange(len(content) + 1)])
+        case "emptied":
+            file.write_bytes(b"")
+        case "bits flipped":
+            flipped = bytearray(content)
+            for _ in range(some.choice([1, 1, 8, 64]) if content else 0):
+                flipped[some.randrange(len(content))] ^= 1 << some.randrange(8)
+            file.write_bytes(flipped)
+        case "lines left out":
+            lines = content.splitlines(keepends=True)
+            file.write_bytes(b"".join(line for line in lines if some.random() < 0.7))
+        case "noise":
+            file.write_bytes(some.randbytes(300))
+        case "more behind it":
+            file.write_bytes(content + b"{}\n")
+        case "another in its place":
+            file.write_bytes(other.read_bytes())
+        case "under another name":
+            file.rename(file.with_name(f"0{file.name}"))
+        case "under another's name":
+            file.rename(file.with_name(other.name))
+        case "there twice":
+            shutil.copy(file, file.with_name(f"9{file.name}"))
+        case "gone":
+            file.unlink()
+        case _:
+            raise AssertionError(kind)
+
+
+def _changed(some: Random, kind: str, table: pa.Table) -> pa.Table:
+    names, count = table.schema.names, len(table)
+    match kind:
+        case "fewer rows":
+            return table.slice(0, some.randrange(count))
+        case "rows twice":
+            return pa.concat_tables([table, table])
+        case "rows mixed up":
+            return table.take(some.sample(range(count), count))
+        case "a column less":
+            return table.drop([some.choice(names)])
+        case "another type":
+            place, column = names.index("member"), table["member"].cast(pa.int32())
+        case _:
+            place = some.choice([n for n in range(len(names)) if table.schema.field(n).type == pa.float64()])
+            numbers = table[place].to_pylist()
+            numbers[some.randrange(count)] = some.choice([0.0, 1e300, -1.5])
+            column = pa.array(numbers, pa.float64())
+    return table.set_column(place, names[place], column)
 
 
 def swept(
