@@ -37,9 +37,9 @@ FLOORS = {
     "order": 0.0,
     "steps": 0.0,
 }
-#: By what factor a number may differ from its baseline, to either side: errors of smooth motion; past impacts in
-#: equal steps, and at a tolerance; and at an engine's own tolerance. Processors move these by up to 1.2, 1.5, 4
-#: and 2, others hardly.
+#: By what factor a number may differ from its baseline, to either side: errors of smooth motion; past impacts
+#: in equal steps, and at a tolerance; and of an engine as it comes. Processors move these by up to 1.2, 1.5,
+#: 4 and 2, others hardly.
 FACTORS = {"smooth": 1.25, "step": 2.0, "tolerance": 8.0, "as": 3.0, "order": 1.02, "steps": 1.1}
 #: Of each scene the end in s, with clearance long before the horizon; the first step in s and the first
 #: tolerance; and how many settings there are.
