@@ -11,6 +11,7 @@ from engine_models.arms import Arm
 from engine_models.engines import make_engine
 from studies import baselines
 from studies.baselines import FLOORS, FOLDER, differences, measure_all, read
+from studies.running.failures import BadInput, Failed
 from tests.helpers.command import crankslider
 
 RUNS = {
@@ -86,7 +87,7 @@ def test_a_table_comes_back_as_it_was_written_and_is_left_by_other_numbers(
     baselines.compare_or_accept(["e"], tmp_path, None)
     assert capsys.readouterr().err.endswith("note: 2 numbers are within their bands\n")
     measured["steps"] = 2000
-    with pytest.raises(baselines.Failed, match="1 numbers left their bands"):
+    with pytest.raises(Failed, match="1 numbers left their bands"):
         baselines.compare_or_accept(["e"], tmp_path, None)
     assert "steps of e (c) on ideal-x, step 1 s: got 2000 (baseline 1000, " in capsys.readouterr().out
 
@@ -94,7 +95,7 @@ def test_a_table_comes_back_as_it_was_written_and_is_left_by_other_numbers(
 def test_a_damaged_table_is_refused(tmp_path: Path) -> None:
     for text in ("", "scene,engine\na,b\n", '"'):
         (tmp_path / baselines.FILE).write_text(text)
-        with pytest.raises(baselines.BadInput, match=r"--baselines: expected .*baselines\.csv, got"):
+        with pytest.raises(BadInput, match=r"--baselines: expected .*baselines\.csv, got"):
             read(tmp_path)
 
 
