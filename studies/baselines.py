@@ -98,7 +98,7 @@ def measure(case: Case) -> dict[str, str | float] | None:
         return row
     errors = {name: float(str(value)) for name, value in compared(result)[0].items() if "_error_" in name}
     row["position_error_m"], row["velocity_error_m_s"], *_ = errors.values()
-    row["force_error_N"] = max(value for name, value in errors.items() if is_force(name))
+    row["force_error_N"] = max((value for name, value in errors.items() if is_force(name)), default=math.nan)
     row["peak_force_error_N"] = _peak_error_N(result)
     row["energy_error_J"] = float(np.abs(energy_balance_residual_J(case.scene, result.plain)).max())
     return row | {"steps": result.plain.steps}

@@ -436,14 +436,14 @@ def baseline(
     quiet: Quiet = False,
 ) -> None:
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band."""
-    from engine_models.engines import ENGINES
+    from engine_models.arms import NAMED
     from studies.baselines import FOLDER, compare_or_accept, read
 
     _require_reason(accept, why)
     if not accept:
         read(FOLDER)
     with failures.quietly(quiet):
-        compare_or_accept(ENGINES, FOLDER, why)
+        compare_or_accept(NAMED, FOLDER, why)
 
 
 def _require_reason(accept: bool, why: str | None) -> None:
