@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study published-page test system accuracy coverage planted mutants docs soak lint types benchmark publish lock clean
+.PHONY: study published-page test system accuracy coverage planted docs lint types benchmark publish lock clean
 
 study: .venv/.study
 	$(BIN)/crankslider run
@@ -35,13 +35,6 @@ docs: .venv/.ready
 planted: .venv/.ready
 	$(BIN)/python -m tests.planted_bugs $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
 
-# Alters what judges, counts and says, operator by operator, and lists what no test notices.
-mutants: .venv/.ready
-	$(BIN)/python -m tests.planted_bugs.mutations $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
-
-# Kills, full disks, fuzzed calls, damaged results and singular positions, an hour; it prints its seed and its figures. Linux.
-soak: .venv/.ready
-	$(BIN)/python -m tests.soak $(if $(SEED),--seed $(SEED))
 
 lint: .venv/.ready
 	$(BIN)/ruff check .

@@ -29,15 +29,6 @@ def recorded(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[with_columns(rows, *of_times)[[*of_times]].isna().all(axis=1)]
 
 
-def own_scenes(rows: pd.DataFrame) -> pd.Series:
-    """Return of each row whether it is on a scene of the study's own, of which theory says what to expect.
-
-    The others are of scenes that a user gave, on which anything may come out.
-    """
-    content = rows["scene_content"] if "scene_content" in rows else pd.Series(None, rows.index, dtype=object)
-    return content.isna()
-
-
 def has_clearance(rows: pd.DataFrame) -> pd.Series:
     """Return of each row whether its scene has a joint with clearance, by the columns of any run on it."""
     loose = rows.filter(regex=LOOSE).notna().any(axis=1)

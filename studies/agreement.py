@@ -10,7 +10,6 @@ from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.parts import AnyScene
 from studies.judges.comparison import compared, judged
 from studies.judges.converged_truth import REFERENCE
-from studies.judges.kinds import require
 from studies.judges.metrics import conserved
 from studies.ladders import QUICK_IDEAL, by_tolerance
 from studies.running.case import Case, Curves, Row
@@ -41,22 +40,8 @@ ITERATIONS, ITERATIONS_STEPS_PER_SAMPLE = (2, 5, 7, 10, 15, 20, 50, 100), 32
 
 def cases(full: bool) -> list[Case]:
     """Return for scenes ladders of steps, ladders of tolerances, and Pymunk's sweep of iterations."""
-    return [
-        case
-        for name in IDEAL_SCENES
-        if full or name in QUICK_IDEAL
-        for case in _cases_on(IDEAL_SCENES[name](), full)
-    ]
-
-
-def cases_on(scene: AnyScene, full: bool) -> list[Case]:
-    """Return the same for a scene of the user's.
-
-    Raises:
-        BadInput: it has clearance.
-    """
-    require("agreement", not scene.joints_with_clearance, "ideal joints", scene)
-    return _cases_on(scene, full)
+    names = IDEAL_SCENES if full else QUICK_IDEAL
+    return [case for name in names for case in _cases_on(IDEAL_SCENES[name](), full)]
 
 
 def _cases_on(scene: AnyScene, full: bool) -> list[Case]:

@@ -25,7 +25,6 @@ from studies.judges.impact_matching import (
     force_error_in_phase_N,
     impact_errors,
 )
-from studies.judges.kinds import require
 from studies.judges.metrics import COVERAGE, conserved, errors, is_force
 from studies.ladders import QUICK_LOOSE, clearance_ladder, only_full
 from studies.running.case import Case, Curves, Row
@@ -64,24 +63,11 @@ def scenes(full: bool) -> list[AnyScene]:
 
 def cases(full: bool) -> list[Case]:
     """Return a ladder of every engine's own best settings for every scene."""
-    found = [case for scene in scenes(full) for case in _cases_on(scene, full)]
-    return [case for case in found if full or not only_full(case.arm, case.scene)]
-
-
-def cases_on(scene: AnyScene, full: bool) -> list[Case]:
-    """Return the same for a scene of the user's, followed to its end.
-
-    Raises:
-        BadInput: it has no clearance.
-    """
-    require("clearance", bool(scene.joints_with_clearance), "a joint with clearance", scene)
-    return _cases_on(scene, full)
-
-
-def _cases_on(scene: AnyScene, full: bool) -> list[Case]:
     out = [
         Case("clearance", scene, rung.arm, RunSettings(rung.step_s, SAMPLES), rung.added)
+        for scene in scenes(full)
         for rung in clearance_ladder(scene, full, fast=False)
+        if full or not only_full(rung.arm, scene)
     ]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
 

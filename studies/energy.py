@@ -20,7 +20,7 @@ from studies.judges.metrics import (
     energy_balance_residual_J,
     numerical_gain_J,
 )
-from studies.ladders import speeds_rad_s, turns_of
+from studies.ladders import speeds_rad_s
 from studies.running.case import Case, Curves, Row
 
 
@@ -93,10 +93,6 @@ LASTING = (
 )
 #: Their tolerance and steps in a turn, and their samples in one.
 LASTING_TOLERANCE, LASTING_STEPS, LASTING_SAMPLES = 1e-5, 1200, 10
-#: Samples in a turn of a scene of the user's, without clearance and with it, and steps between two on each
-#: rung, as set R has them; and its samples in all.
-PER_TURN = {False: (10, (15, 30, 60)), True: (120, (10, 20, 40))}
-FEWEST_SAMPLES, MOST_SAMPLES = 200, 5000
 #: Samples of a curve that are kept.
 KEPT = 240
 #: Round-off of a constraint in places of the largest coordinate or speed, below which no growth is told: so
@@ -113,21 +109,6 @@ def cases(full: bool) -> list[Case]:
     lengths = SHORT + LONG if full else tuple(length for length in SHORT if length.scene in QUICK)
     every = [case for length in lengths for case in _ladder(_scene(length), length)]
     every += [case for lasting in LASTING if full for case in _lasting(*lasting)]
-    return _affordable(every, full)
-
-
-def cases_on(scene: AnyScene, full: bool) -> list[Case]:
-    """Return every engine and arm on a scene of the user's at a ladder of steps, to its end."""
-    per_turn, steps = PER_TURN[bool(scene.joints_with_clearance)]
-    wanted = math.ceil(per_turn * turns_of(scene))
-    intervals = min(max(wanted, FEWEST_SAMPLES), MOST_SAMPLES)
-    longer = math.ceil(wanted / intervals)
-    length = Length(scene.name, scene.end_time_s, intervals, tuple(longer * count for count in steps))
-    return _affordable(_ladder(scene, length), full)
-
-
-def _affordable(every: list[Case], full: bool) -> list[Case]:
-    """Return the cases, of the quick set without what takes a kernel more."""
     return [
         case
         for case in every

@@ -29,10 +29,10 @@ MORE_LOOSE = (
     arms.NATIVE_CONTACT,
     arms.LSODA,
 )
-#: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts. The search's fewest
-#: sweeps that cost no accuracy leave so much; its rungs are steps that resolve contacts, where the engine's
-#: own bounds are for any. Under a drive that is neither free nor a torque, forces of the first steps are of
-#: order 1 by what sweeps leave: with 0.42 of ideal-driven torques are off by 30 times as much.
+#: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts. The fewest sweeps that
+#: cost no accuracy leave so much; its rungs are steps that resolve contacts, where the engine's own bounds
+#: are for any. Under a drive that is neither free nor a torque, forces of the first steps are of order 1 by
+#: what sweeps leave: with 0.42 of ideal-driven torques are off by 30 times as much.
 LEFT_IDEAL, LEFT_DRIVEN, LEFT_LOOSE = 0.42, 1 / 50, 1 / 8
 
 

@@ -11,7 +11,7 @@ from reports import quantities, shared_tables
 from reports.analysis.convergence import RULE
 from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
 from reports.plots.panels import against, against_tolerance, by_signal
-from reports.quantities import FORCE, finished, motion_error, own_scenes, signal_errors, value, with_forces
+from reports.quantities import FORCE, finished, motion_error, signal_errors, value, with_forces
 from reports.results import with_columns
 from reports.shared_tables import CASE, head, heading, orders, signal
 from reports.style import labels
@@ -102,14 +102,14 @@ def slopes(rows: pd.DataFrame, column: str) -> dict[str, list[float]]:
 
 
 def reference_orders(rows: pd.DataFrame, position: str) -> Finding | None:
-    """Return the observed orders of the reference engine's RK4, which are 4 on the study's own scenes."""
+    """Return the observed orders of the reference engine's RK4, which are 4."""
     methods = with_columns(rows, "setting_method")["setting_method"]
     rk4 = rows[(rows["engine"] == REFERENCE) & methods.isna()]
     parts, values, judged = list[str](), dict[str, Number](), list[float]()
     for column in (position, FORCE):
         if found := list(chain(*slopes(rk4, column).values())):
             parts.append(f"{_range(found, values)} in {signal(column)}")
-        judged += chain(*slopes(rk4[own_scenes(rk4)], column).values())
+        judged += found
     text = f"Observed order of the reference engine (RK4): {listed(parts or [ABSENT])}."
     finding = Finding("rk4-order", text, **values).require(set(map(round, judged)) <= {RK4_ORDER})
     return finding if parts else None
@@ -117,7 +117,7 @@ def reference_orders(rows: pd.DataFrame, position: str) -> Finding | None:
 
 def pymunk_orders(rows: pd.DataFrame, position: str) -> Finding | None:
     """Return the observed orders of Pymunk's two configurations, None unless both have one."""
-    by_label = slopes(rows[own_scenes(rows)], position)
+    by_label = slopes(rows, position)
     default, tuned = PYMUNK_ORDERS
     if not by_label.get(default) or not by_label.get(tuned):
         return None

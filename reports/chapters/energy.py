@@ -14,7 +14,7 @@ import pandas as pd
 from reports.parts import Chapter, Figure, Finding, Number, Studies, Table
 from reports.plots.energy_balance import TERMS, balance_drawing
 from reports.plots.panels import MOST_LINES, against, draw
-from reports.quantities import finished, knobs, own_scenes, tolerances
+from reports.quantities import finished, knobs, tolerances
 from reports.results import Results, with_columns
 from reports.shared_tables import head, order_cells, reliability, runs_tables
 from reports.style import axis_label, labels
@@ -131,7 +131,7 @@ def findings(studies: Studies) -> Iterator[Finding]:
 
 def drift(rows: pd.DataFrame) -> Iterator[Finding]:
     """Yield, checked, how the reference's constraints drift on ideal joints, by their stabilisation."""
-    rows = finished(rows[~rows["contact"] & own_scenes(rows)])
+    rows = finished(rows[~rows["contact"]])
     free, bounded, projected = (rows[rows["label"] == label] for label in (PLAIN, BAUMGARTE, PROJECTED))
     names = ["constraint_violation_exponent", "constraint_speed_exponent"]
     grows, stays = (of[names].dropna() for of in (free, bounded))

@@ -319,15 +319,6 @@ def run(
         Text,
         Option(metavar="ADDRESS", help="Dask scheduler that runs cases; timed or limited cases run locally."),
     ] = None,
-    scenes: Annotated[
-        list[str] | None,
-        Option(
-            "--scene",
-            metavar="SCENE",
-            help="Run the studies on this scene instead of their own.",
-            autocompletion=_scenes,
-        ),
-    ] = None,
     retry_failed: Annotated[
         bool, Option("--retry-failed", help="Run cases again that neither finished nor were refused.")
     ] = False,
@@ -335,19 +326,18 @@ def run(
 ) -> None:
     """Run studies; finished cases are saved and skipped the next time."""
     from studies.command.options import RunOptions, checked
-    from studies.command.study_run import given_scenes, joined, require_studies, running_in, studies_of
+    from studies.command.study_run import joined, require_studies, running_in
     from studies.running.cluster import cluster
     from studies.running.runner import run_studies
 
     require_studies(studies or [])
     joined(engines or [])
-    given = given_scenes(scenes or [])
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
     executors = nullcontext() if scheduler is None else cluster(scheduler)
     with failures.quietly(quiet):
-        names = list(dict.fromkeys(studies or studies_of(given, full)))
+        names = list(dict.fromkeys(studies or STUDIES))
         with executors as executor, running_in(out):
-            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or (), given)
+            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or ())
         failures.note(f"the results are in {out}")
 
 
@@ -390,52 +380,13 @@ def compare(
 
 
 @app.command()
-def search(
-    full: Annotated[
-        bool, Option("--full", help="Also run scenes that were not used to choose the settings.")
-    ] = False,
-    jobs: Annotated[
-        Text, Option(metavar="N", help="Cases to run in parallel; default: one for each core.")
-    ] = None,
-    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results and the record.")] = Path(
-        "search"
-    ),
-    quiet: Quiet = False,
-) -> None:
-    """Search engine settings for better error / run-time trade-offs than those of the studies."""
-    from rich.console import Console
-    from rich.table import Table
-
-    from studies.command.options import RunOptions, checked
-    from studies.command.search import beaten, found
-    from studies.command.study_run import running_in
-    from studies.running.runner import run_studies
-    from studies.work_precision import settings_search
-
-    options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    with failures.quietly(quiet), running_in(out):
-        run_studies([settings_search.__name__], full, options.jobs, out)
-        record = found(out / settings_search.__name__)
-        record.to_csv(out / "record.csv", index=False, float_format="%.3g")
-        failures.note(f"the record is {out / 'record.csv'}")
-    table = Table("scene", "signal", "error", "studies", "search", "ratio of times")
-    for row in beaten(record).itertuples():
-        table.add_row(row.scene, row.signal, f"{row.error:g}", row.ladder, row.search, f"{row.part:.2f}")
-    Console().print(
-        table if table.row_count else "No searched setting saves more than a quarter of the run time."
-    )
-
-
-@app.command()
 def conform(
     engine: Annotated[str, Argument(metavar="ENGINE", help="An engine, or your own: my_module:MyEngine.")],
     baselines: Annotated[
         Path | None,
-        Option(metavar="DIR", help="Also compare its numbers with baseline tables in this folder."),
+        Option(metavar="DIR", help="Also compare its numbers with the table in this folder."),
     ] = None,
-    accept: Annotated[
-        bool, Option("--accept", help="Accept numbers that left their bands, with --why.")
-    ] = False,
+    accept: Annotated[bool, Option("--accept", help="Accept the numbers as they are, with --why.")] = False,
     why: Annotated[Text, Option(metavar="TEXT", help="Reason why the numbers changed.")] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -443,50 +394,56 @@ def conform(
     from rich.progress import track
 
     from engine_models.engines import join
-    from studies.command.baseline import Gate, require_reason
+    from studies.baselines import compare_or_accept, read
     from studies.command.options import read_engine
-    from studies.conformance.baselines.subjects import subjects
     from studies.conformance.verdicts import count, summary, verdicts
+    from studies.running.whole_file import require_folder
 
     try:
         of = read_engine(engine, {})
     except failures.BadInput as reason:
         raise failures.BadInput(str(reason).replace("--engine", "ENGINE", 1)) from None
-    require_reason(accept, why)
+    _require_reason(accept, why)
     if accept and baselines is None:
         raise failures.BadInput("--accept: expected a folder with --baselines to write to, got none")
     join(engine)
-    gate = None if baselines is None else Gate(subjects([engine]), baselines)
-    if gate:
-        gate.require_place(accept)
+    if accept and baselines is not None:
+        with failures.writing("--baselines", baselines):
+            require_folder(baselines)
+    elif baselines is not None:
+        read(baselines)
     with failures.quietly(quiet):
         console = failures.progress_console()
         lines, holds = summary(track(verdicts(of), engine, count(of), console=console, transient=True))
         print("\n".join(lines))
         if not holds:
             raise failures.Failed(f"{engine} does not pass all checks")
-        if gate:
-            gate.hold_or_accept(why)
+        if baselines is not None:
+            compare_or_accept([engine], baselines, why)
 
 
 @app.command()
 def baseline(
-    accept: Annotated[
-        bool, Option("--accept", help="Accept numbers that left their bands, with --why.")
-    ] = False,
+    accept: Annotated[bool, Option("--accept", help="Accept the numbers as they are, with --why.")] = False,
     why: Annotated[Text, Option(metavar="TEXT", help="Reason why the numbers changed.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band."""
-    from studies.command.baseline import Gate, require_reason
-    from studies.conformance.baselines.subjects import subjects
-    from studies.conformance.baselines.table import FOLDER
+    from engine_models.arms import NAMED
+    from studies.baselines import FOLDER, compare_or_accept, read
 
-    require_reason(accept, why)
-    gate = Gate(subjects(), FOLDER)
-    gate.require_place(accept)
+    _require_reason(accept, why)
+    if not accept:
+        read(FOLDER)
     with failures.quietly(quiet):
-        gate.hold_or_accept(why)
+        compare_or_accept(NAMED, FOLDER, why)
+
+
+def _require_reason(accept: bool, why: str | None) -> None:
+    """Raise BadInput if there is acceptance without a reason, or a reason without acceptance."""
+    if accept != bool(why and why.strip()):
+        came = "none" if accept else "one without --accept"
+        raise failures.BadInput(f"--why: expected a reason with --accept, got {came}")
 
 
 @app.command()

@@ -44,10 +44,15 @@ STRENGTH = 0.1
 
 
 class Finding(NamedTuple):
-    """Whether a claim holds, and what was measured."""
+    """Whether a claim holds, and in words what was measured, with the bound that it has to keep and why."""
 
     holds: bool
     measured: str
+
+
+def _within(value: float, bound: float, unit: str, reason: str) -> Finding:
+    """Return that a number is within its bound, which is for this reason."""
+    return Finding(bool(value < bound), f"{value:.1e} {unit}, at most {bound:.0e}: {reason}")
 
 
 @dataclass(frozen=True)
@@ -131,21 +136,21 @@ def begins_in_the_scenes_state(trial: Trial) -> Finding:
     position, velocity = start_state(trial.scene)
     off = np.abs(trial.run.position[0] - position).max()
     speed = np.abs(trial.run.velocity[0] - velocity).max() / (1 + np.abs(velocity).max())
-    return Finding(
-        bool(off <= START and speed <= START_SPEED), f"{off:.1e} m or rad, {speed:.1e} of the speeds"
-    )
+    place = f"{off:.1e} m or rad off, at most {START:.0e}"
+    rates = f"{speed:.1e} of the speeds, at most {START_SPEED:.0e}: both are round-off"
+    return Finding(bool(off <= START and speed <= START_SPEED), f"{place}; {rates}")
 
 
 def joints_stay_closed(trial: Trial) -> Finding:
     """Ideal joints and the guide stay closed."""
     apart = float(constraint_violation_m(trial.scene, trial.run).max())
-    return Finding(apart < CLOSED_M, f"{apart:.1e} m")
+    return _within(apart, CLOSED_M, "m apart", "eight times what Pymunk's sweeps leave")
 
 
 def ledger_closes(trial: Trial) -> Finding:
     """No energy comes or goes that work and losses do not explain."""
     left = float(unaccounted_part(trial.scene, trial.run).max())
-    return Finding(left < LEDGER, f"{left:.1e} of the energy in play")
+    return _within(left, LEDGER, "of the energy in play", "what first-order engines leave at an impact")
 
 
 def forces_fit_accelerations(trial: Trial) -> Finding:
@@ -160,14 +165,16 @@ def forces_fit_accelerations(trial: Trial) -> Finding:
     needed = masses * (run.velocity[2:, :, :2] - run.velocity[:-2, :, :2]) / (2 * run.time_s[1])
     scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
     off = float(np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale)
-    return Finding(off < FORCES, f"{off:.1e} of the largest force")
+    return _within(
+        off, FORCES, "of the largest force", "what central differences over two samples are good to"
+    )
 
 
 def observed_is_where_it_should_be(trial: Trial) -> Finding:
     """What the scene observes is where the true solution of the engine's own law has it."""
     truth, _ = converged(trial.engine.twin(trial.scene), SAMPLES)
     off = float(np.abs(observed_m(trial.scene, trial.run) - observed_m(trial.scene, truth)).max())
-    return Finding(off < PLACE_M, f"{off:.1e} m")
+    return _within(off, PLACE_M, "m off", "a tenth of the usual clearance")
 
 
 def impacts_are_as_strong_as_they_should_be(trial: Trial) -> Finding:
@@ -182,8 +189,12 @@ def impacts_are_as_strong_as_they_should_be(trial: Trial) -> Finding:
             strongest_N = max([strongest_N, *true.largest_normal_force_N])
             off_N = max(off_N, row.get(FORCE_ERROR, np.nan if row["impacts_matched"] else 0.0))
     part = off_N / strongest_N if strongest_N else 0.0
-    found = f"{missed:g} impacts too few or many, off by {part:.1e} of the largest force"
-    return Finding(bool(not missed and part < STRENGTH), found)
+    force = _within(
+        part, STRENGTH, "of the largest force off", "twice what engines that end no step on a touch are"
+    )
+    return Finding(
+        not missed and force.holds, f"{missed:g} impacts too few or many, none is allowed; {force.measured}"
+    )
 
 
 def repeats_itself(trial: Trial) -> Finding:
@@ -192,7 +203,7 @@ def repeats_itself(trial: Trial) -> Finding:
     same = np.array_equal(first.position, second.position) and all(
         np.array_equal(force, second.joint_force_N[joint]) for joint, force in first.joint_force_N.items()
     )
-    return Finding(same, "the same" if same else "another")
+    return Finding(same, "the same" if same else "another, and an engine draws no numbers")
 
 
 #: The claims by their sentences.

@@ -1,6 +1,7 @@
 """The verdict on an engine: every claim on every scene that it runs, and what was found."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from typing import NamedTuple, TypeVar
 
 from engine_models.engine import Engine, UnsupportedScene
@@ -25,29 +26,26 @@ OF_ENGINE: dict[str, Callable[[Engine], Finding]] = {
 }
 
 
-def scenes_of(engine: Engine) -> tuple[list[str], dict[str, str]]:
-    """Return the scenes that an engine runs, and those that it refuses, with the reason."""
-    runs: list[str] = []
-    refused: dict[str, str] = {}
+def scenes_of(engine: Engine) -> list[str]:
+    """Return the scenes that an engine runs."""
+    runs = []
     for name in NAMES:
-        try:
+        with suppress(UnsupportedScene):
             engine.check(scene_of(name))
             runs.append(name)
-        except UnsupportedScene as reason:
-            refused[name] = str(reason)
-    return runs, refused
+    return runs
 
 
 def count(engine: Engine) -> int:
     """Return how many verdicts there are on an engine."""
-    return len(OF_ENGINE) + len(CLAIMS) * len(scenes_of(engine)[0])
+    return len(OF_ENGINE) + len(CLAIMS) * len(scenes_of(engine))
 
 
 def verdicts(engine: Engine) -> Iterator[Verdict]:
     """Yield the verdicts on an engine, scene by scene."""
     for claim, holds_of in OF_ENGINE.items():
         yield Verdict(claim, "", tried(holds_of, engine))
-    for scene in scenes_of(engine)[0]:
+    for scene in scenes_of(engine):
         trial = Trial(engine, scene_of(scene))
         for claim, holds in CLAIMS.items() if not trial.refusal else ():
             yield Verdict(claim, scene, tried(holds, trial))

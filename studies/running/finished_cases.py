@@ -2,7 +2,7 @@
 
 The folder holds ``rows.jsonl`` (a line per case finished by the present code of the study and of the case's
 engine), ``rows.FINGERPRINT.jsonl`` for rows that were set aside, by their code, and ``curves/KEY.npz``. Set
-aside are rows of other code, and those of another scene of the same name.
+aside are rows of other code.
 """
 
 import hashlib
@@ -13,23 +13,19 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
-from studies.running.case import Curves, Row, Value
+from studies.running.case import Curves, Row
 from studies.running.execution import NO_RESULT
 from studies.running.failures import note
 from studies.running.folder_lock import held
-from studies.running.given_scenes import CONTENT
 from studies.running.whole_file import UNFINISHED, write_through, write_whole
 
 #: The columns that every row has, beside those of its study.
 HEAD = ("case", "fingerprint", "status", "checksum")
 #: The column of a hash of a row's curves, where it has any.
 CURVES = "curves_checksum"
-#: Whatever is in a scene of any name.
-NO_SCENES: Mapping[str, Value] = MappingProxyType({})
 
 
 class DamagedRows(Exception):
@@ -39,10 +35,10 @@ class DamagedRows(Exception):
 class Rows:
     """The finished cases of a folder, by their keys; see ``opened``."""
 
-    def __init__(self, folder: Path, fingerprints: Mapping[str, str], scenes: Mapping[str, Value]) -> None:
+    def __init__(self, folder: Path, fingerprints: Mapping[str, str]) -> None:
         self._folder, self._fingerprints = folder, fingerprints
         self._path = folder / "rows.jsonl"
-        self._rows = _sorted_out(folder, frozenset(fingerprints.values()), scenes)
+        self._rows = _sorted_out(folder, frozenset(fingerprints.values()))
         self._bare = {key for key, row in self._rows.items() if not self._has_its_curves(key, row)}
         if self._bare:
             note(f"{folder}: {len(self._bare)} cases have not the curves that they had: they are run again")
@@ -93,13 +89,10 @@ class Rows:
 
 
 @contextmanager
-def opened(
-    folder: Path, fingerprints: Mapping[str, str], scenes: Mapping[str, Value] = NO_SCENES
-) -> Iterator[Rows]:
+def opened(folder: Path, fingerprints: Mapping[str, str]) -> Iterator[Rows]:
     """Hold a folder and give the rows that the present code made there: its fingerprints, by engine.
 
-    ``scenes`` says what is in those of some names (see ``given_scenes``): rows of others are set aside, as
-    are those of other code, and what was set aside and is wanted is taken up again.
+    Rows of other code are set aside, and what was set aside and is wanted is taken up again.
 
     Raises:
         FolderHeld: another run holds the folder.
@@ -110,7 +103,7 @@ def opened(
     with held(folder):
         for file in folder.rglob(f"*{UNFINISHED}"):
             file.unlink()
-        yield Rows(folder, fingerprints, scenes)
+        yield Rows(folder, fingerprints)
 
 
 def checksum(row: Mapping[str, object]) -> str:
@@ -123,39 +116,27 @@ def _hash(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:16]
 
 
-def _sorted_out(folder: Path, present: frozenset[str], scenes: Mapping[str, Value]) -> dict[str, Row]:
-    """Return the rows of the present code and scenes and leave them alone in ``rows.jsonl``, each once.
+def _sorted_out(folder: Path, present: frozenset[str]) -> dict[str, Row]:
+    """Return the rows of the present code and leave them alone in ``rows.jsonl``, each once.
 
     Whatever is interrupted here, no row is lost: it is in the new file before it leaves the old one.
     """
     path = folder / "rows.jsonl"
     rows, clean = _read(path)
     asides = [_aside(folder, code) for code in sorted(present)]
-
-    known = dict(scenes)
-
-    def wanted(row: Row) -> bool:  # of a scene that nobody asks for, the first one of its name
-        content = row.get(CONTENT)
-        return row["fingerprint"] in present and known.setdefault(str(row.get("scene")), content) == content
-
-    own = {key: row for key, row in rows.items() if wanted(row)}
+    own = {key: row for key, row in rows.items() if row["fingerprint"] in present}
     leaving: dict[str, dict[str, Row]] = {}
     for key, row in rows.items():
         if key not in own:
             leaving.setdefault(str(row["fingerprint"]), {})[key] = row
-    returning = {key: row for aside in asides for key, row in _read(aside)[0].items() if wanted(row)}
+    returning = {key: row for aside in asides for key, row in _read(aside)[0].items()}
     for code, others in leaving.items():
         _write(_aside(folder, code), {**_read(_aside(folder, code))[0], **others})
     here = returning | own
     if leaving or returning or not clean:
         _write(path, here)
     for aside in asides:
-        there = _read(aside)[0]
-        staying = {key: row for key, row in there.items() if not wanted(row)}
-        if not staying:
-            aside.unlink(missing_ok=True)
-        elif staying != there:
-            _write(aside, staying)
+        aside.unlink(missing_ok=True)
     return here
 
 

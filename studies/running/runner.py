@@ -17,12 +17,10 @@ from typing import ParamSpec, TypeVar, cast
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from engine_models import engines
-from engine_models.scene.parts import AnyScene
 from studies.running.case import Case, Curves, Row
 from studies.running.execution import NO_RESULT, NOT_BEGUN, ROOMY, LimitedExecutor, Limits, RunBroken
 from studies.running.failures import progress_console
 from studies.running.finished_cases import Rows, checksum, opened
-from studies.running.given_scenes import cases_of, contents
 from studies.running.outcome import load_study, outcome, run_case
 from studies.running.processes import Processes
 from studies.running.provenance import changed_code, code_of, fingerprint, sidecar
@@ -84,24 +82,21 @@ def run_studies(
     executor: Executors | None = None,
     retry_failed: bool = False,
     only: Collection[str] = (),
-    scenes: Sequence[AnyScene] = (),
 ) -> None:
     """Run the named studies into ``out/NAME``, skipping every case that is there already.
 
     Cases run in ``jobs`` processes of this machine, the same for all studies since each takes two seconds to
     import what it needs (see ``Lanes``), or on what ``executor`` makes. All folders are held before any work
-    is done. If engines are named, ``only`` theirs are run; ``scenes`` of the user's take the place of the
-    studies'.
+    is done. If engines are named, ``only`` theirs are run.
 
     Raises:
-        BadInput: a study takes no such scene.
         FolderHeld: another run holds one of the folders.
         DamagedRows: the rows kept are no rows.
         RunBroken: the cases cannot go on.
         OSError: a folder cannot be written.
     """
     with ExitStack() as stack:
-        cases = {name: cases_of(name, load_study(name), full, scenes) for name in names}
+        cases = {name: load_study(name).cases(full) for name in names}
         folders = {name: stack.enter_context(_rows(name, cases[name], out / name)) for name in names}
         facts = {name: sidecar(name, full, _engines(cases[name])) for name in names}
         local = lent(stack.enter_context(Lanes(jobs, names)))
@@ -141,7 +136,7 @@ def run_study(
 def _rows(name: str, cases: list[Case], folder: Path) -> AbstractContextManager[Rows]:
     """Open the rows of a study's folder: those of all engines, not only of these cases."""
     codes = {engine: fingerprint(name, engine) for engine in (*engines.ENGINES, *_engines(cases))}
-    return opened(folder, codes, contents(cases))
+    return opened(folder, codes)
 
 
 def _engines(cases: list[Case]) -> list[str]:

@@ -6,7 +6,6 @@ machine that has no kernels yet is measured apart.
 """
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from random import Random
@@ -73,29 +72,18 @@ def cases(full: bool) -> list[Case]:
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
-    finer = QUICK if full else ()
-    found = _cases_on(scenes(full), COMPILED if full else (), full, finer)
-    return [case for case in found if full or not only_full(case.arm, case.scene)]
-
-
-def cases_on(scene: AnyScene, full: bool) -> list[Case]:
-    """Return the same for a scene of the user's, for which kernels are compiled as well."""
-    return _cases_on([scene], (scene.name,), full, (scene.name,) if full else ())
-
-
-def _cases_on(
-    scenes: Sequence[AnyScene], compiled: Sequence[str], full: bool, finer: Sequence[str]
-) -> list[Case]:
-    """Return the cases on scenes, those named in ``finer`` with ladders of more and finer rungs."""
-    rungs = [(scene, rung) for scene in scenes for rung in ladder(scene, scene.name in finer)]
+    there = scenes(full)
+    rungs = [(scene, rung) for scene in there for rung in ladder(scene, full and scene.name in QUICK)]
     out = [case_of(NAME, scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
         shuffled = Random(k).sample(rungs, len(rungs))
         out += [case_of(NAME, scene, rung, 1, timed=True, round=k) for scene, rung in shuffled]
+    compiled = COMPILED if full else ()
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
     out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
-    return list({str(one.head()): one for one in out}.values())  # samples may cut two rungs to one step
+    found = {str(one.head()): one for one in out}.values()  # samples may cut two rungs to one step
+    return [case for case in found if full or not only_full(case.arm, case.scene)]
 
 
 def ladder(scene: AnyScene, full: bool) -> list[Rung]:

@@ -23,7 +23,7 @@ def engine_of(engine: str) -> Engine:
 
 
 def supported() -> list[tuple[str, str]]:
-    return [(engine, name) for engine in BOTH for name in scenes_of(engine_of(engine))[0]]
+    return [(engine, name) for engine in BOTH for name in scenes_of(engine_of(engine))]
 
 
 @cache

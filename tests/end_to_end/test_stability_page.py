@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure as Drawing
@@ -141,12 +140,6 @@ def test_a_cell_called_accurate_beyond_a_bound_breaks_the_chapter(studies: Studi
     rows = rows.assign(**{column: rows[column].mask(rows.index == rows.index[0], 1.0)})
     with pytest.raises(Contradiction, match="are called accurate"):
         list(CHAPTER.findings({STABILITY: replace(studies[STABILITY], rows=rows)}))
-
-
-def test_of_engines_that_are_not_installed_there_is_nothing_to_say(studies: Studies) -> None:
-    rows: pd.DataFrame = studies[STABILITY].rows
-    absent = {STABILITY: replace(studies[STABILITY], rows=rows[rows["engine"] == "scipy"])}
-    assert [*CHAPTER.findings(absent), *CHAPTER.figures(absent)] == []
 
 
 @pytest.mark.parametrize("column", MAPS)

@@ -102,6 +102,19 @@ WRONG: dict[str, Callable[[], object]] = {
     "file: expected a path, got 5": lambda: simulate().animate(5),
     "exaggerate: expected a finite number > 0, got true": lambda: simulate().animate("x.gif", True),
     "plot: expected no arguments, got a call with too many ...": lambda: simulate().plot(1),
+    "scene: expected ... (did you mean ideal-free?)": lambda: simulate("ideal-fre"),
+    "scene: expected a TOML file that is there...": lambda: simulate("no/such.toml"),
+    "step: expected a number from 1e-12 to ...": lambda: lib.simulate("ideal-free", step=2),
+    "tolerance: expected nothing beside step, got 1e-06": lambda: simulate(step=1e-4, tolerance=1e-6),
+    "engine: expected one that can run this scene...": lambda: simulate("rigid-pendulum", engine="exudyn"),
+    "iterations: expected an integer > 0...": lambda: simulate(engine="pymunk", iterations=0),
+    "crank.lenght_m: ... (did you mean length_m?)": lambda: LOOSE.replace("crank.lenght_m", 1.0),
+    "clearance.B.radial_clearance_m: expected a number < bearing_radius_m...": lambda: LOOSE.replace(
+        "clearance.B.radial_clearance_m", 1.0
+    ),
+    "clearance.A.bearing_radius_m: expected a finite number > 0, got nothing...": lambda: LOOSE.replace(
+        "clearance.A.radial_clearance_m", 1e-4
+    ),
 }
 
 

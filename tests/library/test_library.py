@@ -1,7 +1,6 @@
 """The library does what the command line does, and refuses in its words."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -109,68 +108,6 @@ def test_another_value_in_a_field_makes_another_scene() -> None:
     rubbing = LOOSE.replace({f"clearance.B.friction.{name}": value for name, value in friction.items()})
     assert rubbing.clearance.B is not None
     assert rubbing.clearance.B.friction is not None
-
-
-REFUSED: dict[str, tuple[Callable[[], object], str]] = {
-    "unknown scene": (lambda: cs.simulate("ideal-fre"), "(did you mean ideal-free?)"),
-    "no scene": (lambda: cs.simulate(None), "scene: expected ideal-free, "),  # type: ignore[arg-type]
-    "endless name": (lambda: cs.simulate("x" * 300), "scene: expected ideal-free, "),
-    "missing file": (lambda: cs.simulate("no/such.toml"), "scene: expected a TOML file that is there"),
-    "missing file to load": (lambda: cs.load("such.toml"), "such.toml: expected a file that can be read"),
-    "negative step": (lambda: cs.simulate("ideal-free", step=-1.0), "step: expected a finite number > 0"),
-    "endless step": (lambda: cs.simulate("ideal-free", step=np.inf), "step: expected a finite number > 0"),
-    "true step": (
-        lambda: cs.simulate("ideal-free", step=True),
-        "step: expected a finite number > 0, got true",
-    ),
-    "long step": (lambda: cs.simulate("ideal-free", step=2), "step: expected a number from 1e-12 to"),
-    "step and tolerance": (
-        lambda: cs.simulate("ideal-free", step=1e-4, tolerance=1e-6),
-        "tolerance: expected nothing beside step, got 1e-06",
-    ),
-    "no samples": (lambda: cs.simulate("ideal-free", samples=0), "samples: expected an integer >= 1 and <= "),
-    "no end": (lambda: cs.simulate("ideal-free", end=0), "end: expected a finite number > 0"),
-    "unknown engine": (lambda: cs.simulate("ideal-free", "exudin"), "engine: expected reference, exudyn, "),
-    "unfit engine": (
-        lambda: cs.simulate("rigid-pendulum", "exudyn"),
-        "engine: expected one that can run this scene",
-    ),
-    "unknown setting": (
-        lambda: cs.simulate("ideal-free", stabilization="none"),
-        "stabilization: expected the key method, ",
-    ),
-    "no setting's value": (
-        lambda: cs.simulate("ideal-free", "pymunk", iterations=0),
-        "iterations: expected an integer > 0",
-    ),
-    "settings in a list": (
-        lambda: cs.simulate("ideal-free", settings=["none"]),  # type: ignore[arg-type]
-        "settings: expected a mapping",
-    ),
-    "no field": (lambda: LOOSE.replace("crank.lenght_m", 1.0), "(did you mean length_m?)"),
-    "no value of a field": (lambda: LOOSE.replace("crank.mass_kg", -1), "crank.mass_kg: expected a finite"),
-    "no part": (lambda: LOOSE.replace("crank.mass_kg.x", 1), "crank.mass_kg: expected a finite number > 0"),
-    "no room": (
-        lambda: LOOSE.replace("clearance.B.radial_clearance_m", 1.0),
-        "clearance.B.radial_clearance_m: expected a number < bearing_radius_m",
-    ),
-    "half a part": (
-        lambda: LOOSE.replace("clearance.A.radial_clearance_m", 1e-4),
-        "clearance.A.bearing_radius_m: expected a finite number > 0, got nothing",
-    ),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_is_wrong_is_refused_in_one_line(case: str) -> None:
-    wrong, words = REFUSED[case]
-    with pytest.raises(cs.BadInput) as refused:
-        wrong()
-    said = str(refused.value)
-    assert words in said
-    assert "--" not in said
-    assert "\n" not in said
-    assert isinstance(refused.value, ValueError)
 
 
 def test_pictures_are_refused_in_one_line(loose_run: cs.Run, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Plant bugs, and see who catches them: ``python -m tests.planted_bugs [NAME ...] [--sample K]``.
 
 A bug that nobody catches, one that no longer fits its file, and a test that fails without any bug are
-failures, and the exit code is then 1. What is found of all or of named bugs is kept in the table.
+failures, and the exit code is then 1.
 """
 
 import argparse
@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 from random import Random, randrange
 
-from tests.planted_bugs import table
 from tests.planted_bugs.catalogue import Bug, bugs
 from tests.planted_bugs.planting import copies
 
@@ -28,19 +27,17 @@ def main() -> int:
     if asked.sample is not None:
         print(f"seed {asked.seed}", flush=True)
         chosen = Random(asked.seed).sample(chosen, min(asked.sample, len(chosen)))
-    wrong = planted(chosen, asked.jobs, keep=asked.sample is None)
+    wrong = planted(chosen, asked.jobs)
     print("\n".join([*wrong, f"{len(chosen)} bugs planted, {len(wrong)} failures"]))
     return int(bool(wrong))
 
 
-def planted(chosen: Sequence[Bug], jobs: int, keep: bool) -> list[str]:
-    """Plant bugs, ``keep`` what is found of each in the table, and return in a line each what is wrong."""
+def planted(chosen: Sequence[Bug], jobs: int) -> list[str]:
+    """Plant bugs, and return in a line each what is wrong."""
     wrong, catching = list[str](), set[str]()
     with copies(jobs) as places:
-        for number, one in enumerate(places.outcomes([table.first(bug) for bug in chosen]), 1):
+        for number, one in enumerate(places.outcomes(chosen), 1):
             catching.add(one.caught_by)
-            if keep:
-                table.keep(one)
             if not one.caught_by:
                 wrong.append(f"{one.bug.name}: caught by nobody ({one.said or 'all passed'})")
             who = one.caught_by or "NOBODY"

@@ -16,10 +16,10 @@ from itertools import groupby
 from pathlib import Path
 from queue import Queue
 from tempfile import TemporaryDirectory
-from typing import Protocol, TypeVar
+from typing import TypeVar
 from xml.etree import ElementTree
 
-from tests.planted_bugs.catalogue import ROOT, Inapplicable
+from tests.planted_bugs.catalogue import ROOT, Bug, Inapplicable
 
 #: What is done in a copy, and what comes of it.
 Asked = TypeVar("Asked")
@@ -30,29 +30,6 @@ LIMIT_S = 300.0
 FAILED = 1
 #: Characters of what a test says, and how folders begin there that are another ones each time.
 MOST, PASSING = 100, re.compile(r"/\S*?/(planted-\w+|pytest-of-\w+/pytest-\d+)/")
-
-
-class Planted(Protocol):
-    """A change of a file, by its path from the root, and the tests that could see it."""
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-        ...
-
-    @property
-    def file(self) -> str:
-        """The file that it changes."""
-        ...
-
-    @property
-    def tests(self) -> tuple[str, ...]:
-        """Paths, or pytest's names, of the tests."""
-        ...
-
-    def planted(self, text: str) -> str:
-        """Return the text of the file with the change in it, or raise Inapplicable."""
-        ...
 
 
 def as_text(content: bytes, file: Path) -> str:
@@ -69,7 +46,7 @@ def as_content(text: str, file: Path) -> bytes:
 class Outcome:
     """Who caught a bug, by pytest's name, and what that said; nobody if the name is empty."""
 
-    bug: Planted
+    bug: Bug
     caught_by: str
     said: str
     took_s: float
@@ -82,7 +59,7 @@ class Copy:
     folder: Path
     tests: "subprocess.Popen[str]"
 
-    def outcome(self, bug: Planted) -> Outcome:
+    def outcome(self, bug: Bug) -> Outcome:
         """Plant a bug, run the tests that could see it up to the first that does, and take it out.
 
         One that does not fit its file any more is caught by nobody.
@@ -132,7 +109,7 @@ class Copies:
     free: "Queue[Copy]"
     threads: ThreadPoolExecutor
 
-    def outcomes(self, bugs: Sequence[Planted]) -> Iterator[Outcome]:
+    def outcomes(self, bugs: Sequence[Bug]) -> Iterator[Outcome]:
         """Yield the outcome of each bug as soon as it is known."""
         return self._each(Copy.outcome, bugs)
 

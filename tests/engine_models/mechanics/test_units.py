@@ -8,8 +8,8 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from tests.helpers.arrays import joint_forces
+from tests.helpers.random_scenes import random_scene
 from tests.helpers.units import Units, in_units
-from tests.random_scenes.recipe import random_scene
 
 UNITS = [Units(4.0, 1.0, 1.0), Units(1.0, 1 / 16, 1.0), Units(1.0, 1.0, 64.0), Units(1 / 1024, 4.0, 1 / 4)]
 METHODS = ["rk4", "dop853"]

@@ -422,14 +422,3 @@ def test_the_truth_of_a_general_file_says_of_what_it_is_certain(tmp_path: Path) 
     assert re.match(r"rocker\.angle is certain to \d\.\de-1\d rad until", of_angle.notes()[0])
     assert of_angle.certain_m < 1e-14
     assert {"observed_rocker_angle_rad", "coupler_x_m"} < {*of_angle.frame.columns}
-
-
-def test_what_is_of_crank_sliders_alone_refuses_other_mechanisms(tmp_path: Path) -> None:
-    file = tmp_path / "four-bar.toml"
-    file.write_text(FOUR_BAR)
-    done = crankslider("run", "stability", "--scene", file)
-    expected = (
-        "expected a crank at constant speed and one clearance",
-        "got another mechanism with ideal joints",
-    )
-    require_refusal(done.stdout, done.stderr, done.code, "--scene four-bar: ", *expected)

@@ -10,7 +10,7 @@ from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State, ends_of
-from tests.random_scenes.recipe import random_scene
+from tests.helpers.random_scenes import random_scene
 
 SAMPLES = 200
 #: Seeds of the recipe with clearance at several joints, and friction.

@@ -134,27 +134,6 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("compare", "ideal-free", "--with", "crank.lenght_m=1"),
         ("--with crank.lenght_m", "(did you mean"),
     ),
-    "study of no scene": (("run", "energy", "--scene", "idle"), ("--scene: expected ideal-free, ", '"idle"')),
-    "study of two scenes of one name": (
-        ("run", "energy", "--scene", "ideal-free", "--scene", "ideal-free"),
-        ("--scene: expected scenes with names of their own", '"ideal-free"'),
-    ),
-    "gallery of a scene": (
-        ("run", "extremes", "--scene", "ideal-free"),
-        ("--scene: expected nothing for the study extremes",),
-    ),
-    "clearance study of an ideal scene": (
-        ("run", "clearance", "--scene", "ideal-free"),
-        ("--scene ideal-free: expected a joint with clearance", "got a crank-slider with ideal joints"),
-    ),
-    "agreement study of a loose scene": (
-        ("run", "agreement", "--scene", "clearance-free-0.5mm"),
-        ("--scene clearance-free-0.5mm: expected ideal joints", "clearance at B"),
-    ),
-    "stability of a free crank": (
-        ("run", "stability", "--scene", "clearance-free-0.5mm"),
-        ("--scene clearance-free-0.5mm: expected a crank at constant speed", "drive.kind = 'free'"),
-    ),
     "missing file": (("simulate", "no/such.toml"), ("SCENE: expected", 'got "no/such.toml"')),
     "directory": (("simulate", "."), (".: expected a file that can be read", "Is a directory")),
     "negative step": ((*SIMULATE, "--step=-1e-5"), ("--step: expected a finite number > 0", '"-1e-5"')),
@@ -285,9 +264,7 @@ ARGUMENT_CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("compare", LOOSE, "--out", __file__),
         ("--out: expected a place that can be written", "Not a directory"),
     ),
-    "search into a file": (("search", "--out", __file__), ("--out: expected a place", "Not a directory")),
     "study into a file": (("run", "energy", "--out", __file__), ("--out: expected a", "Not a directory")),
-    "search with a study": (("search", "energy"), ("search: expected --full", "energy")),
     "conformance of nothing": (("conform",), ("ENGINE: expected a value, got nothing",)),
     "conformance of a slip": (("conform", "exudin"), ("ENGINE: expected", "(did you mean exudyn?)")),
     "reason for nothing": (("baseline", "--why", "x"), ("--why: expected a reason with --accept",)),

@@ -368,8 +368,8 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
         crankslider("run", "agreement", "--full", "--retry-failed", "--jobs", 3, "--out", tmp_path).code == 0
     )
     assert calls == [
-        (list(STUDIES), False, os.cpu_count(), Path("results"), None, False, (), []),
-        (["agreement"], True, 3, tmp_path, None, True, (), []),
+        (list(STUDIES), False, os.cpu_count(), Path("results"), None, False, ()),
+        (["agreement"], True, 3, tmp_path, None, True, ()),
     ]
 
 

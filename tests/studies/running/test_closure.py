@@ -54,7 +54,6 @@ ONLY_RUNS = {
     "studies.running.runner": "says when a case runs and where, and hands its row on",
     "studies.running.cluster": "hands a case on to the processes of another machine",
     "studies.running.finished_cases": "keeps rows as they come",
-    "studies.running.given_scenes": "says which cases there are: a hash of the scene is in their keys",
     "studies.running.folder_lock": "keeps other runs away",
     "studies.running.whole_file": "writes files whole",
 }

@@ -205,18 +205,7 @@ def test_curves_that_are_not_those_of_their_row_are_made_again(
 @pytest.mark.system
 def test_a_sidecar_is_of_the_rows_that_a_finished_run_left_and_is_not_trusted(tmp_path: Path) -> None:
     """The smallest study there is, by the command."""
-    command = (
-        "run",
-        "agreement",
-        "--scene",
-        "ideal-free",
-        "--engine",
-        "scipy",
-        "--jobs",
-        1,
-        "--out",
-        tmp_path,
-    )
+    command = ("run", "agreement", "--engine", "scipy", "--jobs", 1, "--out", tmp_path)
     assert crankslider(*command).code == 0
     folder = tmp_path / "agreement"
     sidecar, rows = folder / "sidecar.json", (folder / "rows.jsonl").read_bytes()

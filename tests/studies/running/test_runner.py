@@ -1,11 +1,6 @@
 """The runner keeps every finished case, resumes, and records failures as rows."""
 
-import json
 import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
@@ -127,25 +122,6 @@ def test_a_free_scene_has_no_driver_torque_and_the_full_set_contains_the_quick_o
     assert not [name for name in (*row, *curves) if "torque" in name]
     quick, full = ({c.key("") for c in agreement.cases(which)} for which in (False, True))
     assert quick < full
-
-
-@pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")
-def test_a_killed_run_loses_no_finished_case(tmp_path: Path) -> None:
-    code = "from studies.command.main import main; main()"
-    command = [sys.executable, "-c", code, "run", "agreement", "--jobs", "1", "--out", str(tmp_path)]
-    run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
-    file = tmp_path / "agreement" / "rows.jsonl"
-    deadline = time.monotonic() + 120
-    while time.monotonic() < deadline and not (file.exists() and file.read_text().count("\n") >= 3):
-        time.sleep(0.05)
-    os.killpg(run.pid, signal.SIGKILL)
-    run.wait()
-    whole = [line for line in file.read_text().splitlines(keepends=True) if line.endswith("\n")]
-    assert len(whole) >= 3
-    done = {json.loads(line)["case"] for line in whole}
-    cases = [c for c in agreement.cases(False) if c.key(fingerprint("agreement", c.engine)) in done]
-    run_study("agreement", cases, tmp_path / "agreement", refused)
-    assert [json.loads(line) for line in whole] == rows(tmp_path / "agreement")
 
 
 def process_of(_: Case) -> int:

@@ -56,11 +56,11 @@ def test_processes_of_a_sweep_run_nothing_there(users: Path) -> None:
 
 
 def test_of_a_study_they_run_the_engine_that_is_asked_for_and_nothing_else(users: Path) -> None:
-    scene = ("--scene", "ideal-free", "--engine", "my_module:Mine")
-    crankslider(users, "run", "agreement", *scene, "--jobs", "2", "--out", "results")
+    mine = ("--engine", "my_module:Mine")
+    crankslider(users, "run", "agreement", *mine, "--jobs", "2", "--out", "results")
     rows = read_rows(users / "results" / "agreement" / "rows.jsonl")
     assert {(row["engine"], row["status"]) for row in rows} == {("my_module:Mine", "ok")}
-    crankslider(users, "run", "energy", "--scene", "ideal-free", "--engine", "scipy", "--out", "results")
+    crankslider(users, "run", "agreement", "--engine", "scipy", "--out", "results")
     crankslider(users, "report")
 
 

@@ -172,7 +172,6 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     "command",
     [
         ("run", "--out"),
-        ("search", "--out"),
         ("compare", "clearance-driven-0.5mm", "--out"),
         ("report", "--out"),
         ("conform", "pymunk", "--accept", "--why", "so", "--baselines"),

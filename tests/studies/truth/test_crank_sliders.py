@@ -30,7 +30,7 @@ from studies.judges.metrics import (
     potential_energy_J,
 )
 from studies.truth.solver import TrueSolver
-from tests.random_scenes.recipe import COMPLIANT, random_scene
+from tests.helpers.random_scenes import COMPLIANT, random_scene
 from tests.studies.truth.alike import assert_alike
 from tests.studies.truth.newton_euler import integrate
 

@@ -10,7 +10,7 @@ from engine_models.engine import RunSettings, UnsupportedScene
 from studies.truth.physics import damping_of
 from studies.truth.solver import TrueSolver
 from tests.engine_models.reference.mechanism_texts import scene
-from tests.random_scenes.recipe import WITH_RESTITUTION
+from tests.helpers.random_scenes import WITH_RESTITUTION
 
 #: Approach speed in m/s, stiffness in N/m^n, clearance in m and mass in kg.
 SPEED, STIFFNESS, ROOM, MASS = 1.5, {1.0: 1e8, 1.5: 1e10}, 1e-3, 0.3
