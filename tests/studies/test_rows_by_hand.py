@@ -1,7 +1,6 @@
 """What studies write into rows, run again and resume, against what was worked out by hand."""
 
 from dataclasses import replace
-from itertools import chain, repeat
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import BareRun, FloatArray, Impacts, RunSettings
+from engine_models.engine import Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES, ideal_driven
 from studies import clearance, energy
@@ -19,8 +18,6 @@ from studies.predictability.scenes import tighter
 from studies.running import provenance
 from studies.running.case import Case
 from studies.running.finished_cases import opened
-from studies.work_precision import study as work_precision
-from studies.work_precision.reach import reach
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 
@@ -84,71 +81,12 @@ def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts()
     assert row["largest_contact_force_error_N"] == pytest.approx(0.5)
 
 
-def test_a_run_reaches_as_far_as_its_slider_is_right_and_is_off_by_what_it_was_until_then() -> None:
-    """Off by 1e-9 m, from 5 ms on by 1e-6 m and a bit, from 11 ms on by half of a clearance of 0.5 mm.
-
-    Impacts end at 1, 2, 4 and 8 ms, in two joints; the comparison ends at 20 ms, a repeat is 1e-12 m off.
-    """
-    time_s = np.linspace(0.0, 0.024, 241)
-    true_m = np.full(241, 0.25)
-    off_m = np.select([time_s < 4.95e-3, time_s < 10.95e-3], [1e-9, 1.001e-6], 2.5e-4)
-    off_m[time_s > 0.0205] = 1.0  # which nobody compares
-
-    def ended(*times: float) -> SimpleNamespace:
-        return SimpleNamespace(impacts=SimpleNamespace(time_s=np.array(times), duration_s=1e-3))
-
-    def slider_at(place_m: FloatArray) -> dict[str, FloatArray]:
-        position = np.zeros((241, 3, 3))
-        position[:, -1, 0] = place_m
-        return {"position": position, "velocity": 0 * position}
-
-    truth = SimpleNamespace(time_s=time_s, **slider_at(true_m))
-    truth.contacts = {"A": ended(0.0, 0.003), "B": ended(0.001, 0.007)}
-    repeat_of = SimpleNamespace(**slider_at(true_m - 1e-12))
-    scene = SCENES["clearance-free-0.5mm"]()
-    found: Any = SimpleNamespace(
-        own=scene,
-        run=SimpleNamespace(**slider_at(true_m + off_m)),
-        solved=SimpleNamespace(truth=truth, repeats=(repeat_of,)),
-        compared_until_s=0.02,
-    )
-    row = reach(found)
-    assert row["smallest_clearance_m"] == 5e-4
-    assert (row["reached_1um_s"], row["reached_clearance_s"]) == pytest.approx((0.005, 0.011))
-    names = ("3_impacts", "6ms", "12ms")
-    errors = [row[f"slider_position_error_until_{name}_m"] for name in names]
-    assert errors == pytest.approx([1e-9, 1.001e-6, 2.5e-4], rel=1e-6)
-    doubt = 1e-12 + 4 * np.finfo(float).eps * 0.25
-    assert row["slider_position_uncertainty_until_12ms_m"] == pytest.approx(doubt, rel=1e-3)
-    found.compared_until_s = 0.0045
-    early = reach(found)
-    assert (early["reached_1um_s"], early["reached_clearance_s"]) == (0.0045, 0.0045), "and no further"
-    assert {name for name in early if "_until_" in name} == {
-        f"slider_position_{what}_until_3_impacts_m" for what in ("error", "uncertainty")
-    }
-    found.compared_until_s = 0.0035  # the third impact has begun, and not ended
-    assert not {name for name in reach(found) if "_until_" in name}
-
-
 def test_a_cross_check_ends_at_the_horizon(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, truth = ideal_driven(), exact(ideal_driven(), 8)
     position = truth.position.copy()
     position[2:, 2, 0] += np.array([1e-9, -3e-9, 0, 0, 0.1, 0.1, 0.1])
     monkeypatch.setattr(clearance, "cross_check", lambda *_: replace(truth, position=position))
     assert clearance._cross_check_m(scene, truth, 6) == pytest.approx(3e-9, rel=1e-6)
-
-
-def test_of_timed_runs_the_first_is_left_out_and_the_median_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The native solve's own times, after what is loaded: 9 s in the first, then 1, 5, 2, 2."""
-    times = chain([9.0, 1.0, 5.0, 2.0, 2.0], repeat(1e3))
-    end = np.zeros((3, 3))
-    engine = SimpleNamespace(bare_run=lambda *_: BareRun(next(times), end))
-    monkeypatch.setattr(work_precision, "make_engine", lambda *_, **__: engine)
-    monkeypatch.setattr(work_precision, "REPEAT_S", 1e9)
-    monkeypatch.setattr(work_precision, "REPEATS", 5)
-    monkeypatch.setattr(work_precision, "_recorded_end", lambda *_: end)
-    row = work_precision.times(work_precision.cases(False)[0])
-    assert (row["solve_time_s"], row["least_solve_time_s"], row["repeats"]) == (2.0, 1.0, 4)
 
 
 def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:
