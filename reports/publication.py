@@ -43,7 +43,7 @@ SEALS = "seals.json"
 BINARY = (".png", ".npz", ".xz")
 #: Columns that are other at every run, and those that say no more than the code and the row itself.
 TIMES = (
-    *("solve_time_s", "least_solve_time_s", "build_time_s"),
+    *("solve_time_s", "build_time_s"),
     *("compile_time_s", "other_start_time_s", "repeats"),
 )
 LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)

@@ -48,7 +48,7 @@ REACHED = {"1 µm": "reached_1um_s", "a tenth of the clearance": "reached_cleara
 OPTIONAL = ("compared_until_s", "solve_time_s", "build_time_s", "compile_time_s", "other_start_time_s")
 INTRODUCTION = (
     "Every configuration is run at a series of settings, from coarse to fine. Run times are of the native "
-    "solve alone, in rounds over all engines. A setting counts by the largest error of its own and all finer "
+    "solve alone, the least of the rounds. A setting counts by the largest error of its own and all finer "
     "ones."
 )
 
@@ -80,7 +80,7 @@ def findings(studies: Studies) -> Iterator[Finding]:
         scenes = [ran for of_class in by_class(rows, column).values() for ran, _ in of_class.values()]
         yield from _fastest(column, scenes)
     ran = recorded(finished(rows))
-    lost = saturated(ran, SLIDER).sum()
+    lost = saturated(ran).sum()
     if lost:
         text = "In {lost} of {runs} runs the slider is off by a tenth of the clearance; these are not ranked."
         yield Finding("saturated", text, lost=Number(float(lost)), runs=Number(float(len(ran))))
@@ -99,7 +99,7 @@ def _fastest(column: str, scenes: Sequence[pd.DataFrame]) -> Iterator[Finding]:
             own = next((each for each in engines if each.engine == REFERENCE), engines[0])
             behind = ratio(own, engines[0])
             who = f"{engines[0].engine}{engines[0].mark(column)}"
-            wins.setdefault(who, []).append(behind.median if behind else 1.0)
+            wins.setdefault(who, []).append(behind.times)
         else:
             wins.setdefault("reached by no engine", []).append(1.0)
     if not wins:
@@ -251,8 +251,8 @@ def _ratios(scenes: Sequence[pd.DataFrame], engine: str, column: str) -> str:
         base = base_of(ran, TARGETS[column])
         there += own is not None
         alone = alone or (own.mark(column) if own else "")
-        if own and base and (of := ratio(own, base)):
-            ratios.append(of.median)
+        if own and base:
+            ratios.append(ratio(own, base).times)
     return f"{span(ratios)}{alone} ({there} of {len(scenes)})" if there else f"{ABSENT} (0 of {len(scenes)})"
 
 
@@ -264,14 +264,14 @@ def _by_scene(classes: Mapping[str, Mapping[str, ByScene]]) -> Table | None:
                 base = base_of(ran, TARGETS[column])
                 for each in reaching(ran, TARGETS[column]):
                     times = ratio(each, base) if base else None
-                    time = plain(1e3 * each.time_s) + each.mark(column)
+                    time = each.shown_ms(column)
                     ends = (
-                        [plain(times.median), plain(times.low), plain(times.high)] if times else [ABSENT] * 3
+                        [plain(times.times), plain(times.low), plain(times.high)] if times else [ABSENT] * 3
                     )
                     lines.append((asked(column), joints, scene, each.label, each.setting, time, *ends))
     head_of = ("needed", "joints", "scene", "configuration", "setting", "run time [ms]")
     ratios = (f"ratio to {BASE}", "low", "high")
-    reading = f"The ratio has its 95 % interval by drawing rounds with replacement. {ALONE}"
+    reading = f"Least of the rounds; low and high: by the next fastest round of either. {UNRESOLVED} {ALONE}"
     return Table(
         "cost-at-targets", "Fastest settings by scene", reading, STUDY, (*head_of, *ratios), tuple(lines)
     )
@@ -285,7 +285,7 @@ def _at_equal_errors(classes: Mapping[str, Mapping[str, ByScene]]) -> Table | No
                 base = fastest(ran[ran["label"] == BASE], level)
                 for each in choices(ran, level):
                     times = ratio(each, base) if base else None
-                    time = plain(1e3 * each.time_s) + each.mark(column)
+                    time = each.shown_ms(column)
                     way = (each.label, each.setting, time, str(times or ABSENT))
                     lines.append((scene, heading(column), number(level), *way))
     reading = (
