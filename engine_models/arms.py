@@ -78,11 +78,11 @@ NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
 
 #: SciPy as it comes, and its methods.
 SCIPY = Arm("scipy", AS_IT_COMES)
-SCIPY_DOP853 = Arm("scipy", "DOP853", {"method": "DOP853"}, ("rtol", "atol"))
-LSODA = Arm("scipy", "LSODA", {"method": "LSODA"}, ("rtol", "atol"))
+SCIPY_DOP853 = Arm("scipy", "solve_ivp, DOP853", {"method": "DOP853"}, ("rtol", "atol"))
+LSODA = Arm("scipy", "solve_ivp, LSODA", {"method": "LSODA"}, ("rtol", "atol"))
 ODEINT = Arm("scipy", "odeint", {"method": "odeint"}, ("rtol", "atol"))
-ODE = Arm("scipy", "ode", {"method": "dop853"}, ("rtol", "atol"))
-RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
+ODE = Arm("scipy", "ode(dop853)", {"method": "dop853"}, ("rtol", "atol"))
+RADAU = Arm("scipy", "solve_ivp, Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: The same on minimal coordinates, and heyoka, which has no others.
 SCIPY_DOP853_MINIMAL = Arm(
     "scipy", "DOP853 minimal", {"method": "DOP853", "coordinates": "minimal"}, ("rtol", "atol")

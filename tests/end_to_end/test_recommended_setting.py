@@ -150,7 +150,7 @@ def test_who_is_faster_on_the_scenes_that_it_runs_is_named(
 ) -> None:
     """heyoka takes 1 ms to 4 ms on the first scene, and is beyond a micrometre on the second; SciPy 9 ms."""
     monkeypatch.setitem(SETTINGS, ("heyoka", "Taylor", 1e-6), ((1e-7, 1.0), (1e-4, 1.0)))
-    monkeypatch.setitem(SETTINGS, ("scipy", "DOP853", 1e-6), ((1e-7, 9.0), (1e-4, 1.0)))
+    monkeypatch.setitem(SETTINGS, ("scipy", "solve_ivp, DOP853", 1e-6), ((1e-7, 9.0), (1e-4, 1.0)))
     told = cells(timed_on(tmp_path))["motion within 1 µm, clearance"]
     assert told["use"] == "exudyn (DOPRI5), step_tolerance 1e-06"
     assert told["next best"] == (
@@ -179,7 +179,7 @@ def test_it_fails_at_the_extreme_cases_of_its_own_configuration_and_at_scenes_th
     On clearance-b all of Exudyn's runs are refused, or its trapezoidal ones; or those on ideal-a are.
     """
     wrong = {"exudyn (DOPRI5)": (True, False), "exudyn (trapezoidal)": (True, True)}
-    wrong["scipy (ode)"] = (True, True)
+    wrong["scipy (ode(dop853))"] = (True, True)
     runs = [(label, each) for label, of in wrong.items() for each in of]
     rows = [extreme(k, label, each) for k, (label, each) in enumerate(runs)]
     timed = timed_on(tmp_path)
