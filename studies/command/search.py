@@ -20,16 +20,13 @@ TORQUE = "driver_torque_error_N_m"
 def found(folder: Path) -> pd.DataFrame:
     """Return a row per scene, signal, error and engine: the fastest choice of the series and of the search.
 
-    ``part`` is the time of the search relative to that of the series, over the rounds that have both. ``low``
-    and ``high`` are the ends of its 95 % interval. It is 1 if no changed parameter is faster, and NaN if the
-    series does not reach the error. Of the repeats of a round the shortest time counts, because the load of
-    the machine changes during a search.
+    ``part`` is the time of the search relative to that of the series, ``low`` and ``high`` the ends of its
+    interval. It is 1 if no changed parameter is faster, and NaN if the series does not reach the error.
 
     Raises:
         NoResults, BrokenResults: see ``reports.results.read_study``.
     """
     rows = with_columns(finished(read_study(folder).rows), "round", "compiled_anew", TORQUE)
-    rows = rows.assign(solve_time_s=rows["least_solve_time_s"])
     labels = rows["label"].astype(str) + rows["turned"].map(lambda knob: f", {knob}" if knob else "")
     rows = with_forces(rows.assign(label=labels))
     driven = rows[TORQUE].notna().groupby(rows["scene"]).transform("any") & ~has_clearance(rows)
@@ -60,7 +57,7 @@ def _compare(rows: pd.DataFrame, column: str) -> Iterator[dict[str, object]]:
                     "engine": engine,
                     "ladder": f"{before.label}, {before.setting}" if before else "",
                     "search": f"{best.label}, {best.setting}",
-                    "part": share.median if share else None,
+                    "part": share.times if share else None,
                     "low": share.low if share else None,
                     "high": share.high if share else None,
                 }

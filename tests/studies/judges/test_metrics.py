@@ -115,7 +115,7 @@ def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
 
 
 def test_what_is_no_study_and_what_has_no_exponent_are_refused() -> None:
-    with pytest.raises(ValueError, match=r'study: expected agreement, clearance, .* got "agrement"'):
+    with pytest.raises(ValueError, match=r'study: expected agreement, .*, clearance, .* got "agrement"'):
         load_study("agrement")
     with pytest.raises(ValueError, match=r"scene ideal-driven: expected a joint with clearance, got none"):
         growth(make_engine("reference"), ideal_driven(), 1e-5, 0.012, 100)
