@@ -78,11 +78,11 @@ NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
 
 #: SciPy as it comes, and its methods.
 SCIPY = Arm("scipy", AS_IT_COMES)
-SCIPY_DOP853 = Arm("scipy", "DOP853", {"method": "DOP853"}, ("rtol", "atol"))
-LSODA = Arm("scipy", "LSODA", {"method": "LSODA"}, ("rtol", "atol"))
+SCIPY_DOP853 = Arm("scipy", "solve_ivp, DOP853", {"method": "DOP853"}, ("rtol", "atol"))
+LSODA = Arm("scipy", "solve_ivp, LSODA", {"method": "LSODA"}, ("rtol", "atol"))
 ODEINT = Arm("scipy", "odeint", {"method": "odeint"}, ("rtol", "atol"))
-ODE = Arm("scipy", "ode", {"method": "dop853"}, ("rtol", "atol"))
-RADAU = Arm("scipy", "Radau", {"method": "Radau"}, ("rtol", "atol"))
+ODE = Arm("scipy", "ode(dop853)", {"method": "dop853"}, ("rtol", "atol"))
+RADAU = Arm("scipy", "solve_ivp, Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: Engines, and arms, whose solve gives the motion alone: forces are computed after the run, at the samples
 #: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
 MOTION_ALONE = ("scipy", DOPRI5, WIDE_GAP, ODE23, RK44)

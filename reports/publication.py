@@ -34,7 +34,7 @@ from reports.results import (
 from reports.tables import markdown
 
 #: Columns that are other at every run, and those that say no more than the code and the row itself.
-TIMES = ("solve_time_s", "least_solve_time_s", "build_time_s", "compile_time_s", "repeats")
+TIMES = ("solve_time_s", "build_time_s", "compile_time_s", "repeats")
 LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)
 #: Significant digits of a measured number, of a time and of an uncertainty; and of an error so many as are
 #: above a tenth of its uncertainty, but some.

@@ -25,7 +25,7 @@ from studies.judges.impact_matching import (
     force_error_in_phase_N,
     impact_errors,
 )
-from studies.judges.metrics import COVERAGE, conserved, errors, is_force
+from studies.judges.metrics import COVERAGE, conserved, errors
 from studies.ladders import QUICK_LOOSE, clearance_ladder, only_full
 from studies.running.case import Case, Curves, Row
 
@@ -111,20 +111,14 @@ def _cross_check_m(scene: AnyScene, truth: Trajectory, until: int) -> float | No
 def _model_differences(scene: AnyScene, own: AnyScene, samples: int) -> Row:
     """Return how far the true solution of the engine's own law is from that of the scene's.
 
-    Both are at the times at which runs of the scene are judged, motion at equal ones.
+    Both are at the times at which runs of the scene are judged.
     """
     run = RunSettings(scene.end_time_s, samples, times_between_s(scene, samples))
     truth, other = solved(scene, samples).truth, true_at(own, run)
     until = min(followed(each, samples) for each in (scene, own))
     both = truth.time_s <= scene.end_time_s * (until - 1) / samples * (1 + ROUNDING)
-    equal = run.are_equal(truth.time_s[both], scene.end_time_s)
     apart = errors(own, selected(other, both), selected(truth, both))
-    return {
-        name.replace("_error_", "_model_difference_"): float(
-            (curve if is_force(name) else curve[equal]).max()
-        )
-        for name, curve in apart.items()
-    }
+    return {name.replace("_error_", "_model_difference_"): float(off.max()) for name, off in apart.items()}
 
 
 def impacts_of(found: Judged) -> Row:

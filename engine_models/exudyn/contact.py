@@ -38,6 +38,8 @@ from engine_models.scene.parts import AnyScene, Clearance
 items: Any = itemInterface  # its constructors carry no types
 #: A time of touch is halved down to round-off this often.
 HALVINGS = 60
+#: A contact that lasts no more than this part of the time is round-off.
+BLINK = 1e-12
 
 
 def add_contact(mbs: exu.MainSystem, markers: list[Any], clearance: Clearance, start: JointGap) -> Any:
@@ -166,7 +168,8 @@ def contact_record(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArr
 def _touches_and_releases(scene: AnyScene, joint: str, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return the times of all touches and of all releases, in order; the last contact may have no release.
 
-    A change of sign between two steps is halved down to its time. What begins closed touches at the start.
+    A change of sign between two steps is halved down to its time. What begins closed touches at the start. A
+    step that ends on the wall may be closed by round-off alone: that is no contact.
     """
 
     def closed_at(time_s: FloatArray) -> NDArray[np.bool_]:
@@ -183,4 +186,6 @@ def _touches_and_releases(scene: AnyScene, joint: str, motion: Motion) -> tuple[
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     opening = closed[changes]
     begun_closed = motion.time_s[:1][closed[:1]]
-    return np.concatenate([begun_closed, high[~opening]]), high[opening]
+    touch, release = np.concatenate([begun_closed, high[~opening]]), high[opening]
+    lasts = release - touch[: len(release)] > BLINK * release
+    return touch[np.append(lasts, True)[: len(touch)]], release[lasts]

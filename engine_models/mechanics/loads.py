@@ -111,12 +111,12 @@ def spring_forces(of: MechanismData, position: FloatArray, velocity: FloatArray)
 
 
 def _stretched(spring: Spring, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the length of a spring and its rate, (n,) each."""
+    """Return the length of a spring and its rate, (n,) each, 0 where its ends are at one place."""
     i = point_motion(spring.body_i, spring.point_i, position, velocity)
     j = point_motion(spring.body_j, spring.point_j, position, velocity)
     apart = j.place_m - i.place_m
     length = np.hypot(*apart.T)
-    return length, np.sum(apart * (j.rate_m_s - i.rate_m_s), axis=1) / length
+    return length, np.sum(apart * (j.rate_m_s - i.rate_m_s), axis=1) / np.where(length > 0, length, 1.0)
 
 
 def load_powers_W(

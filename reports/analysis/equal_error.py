@@ -3,8 +3,8 @@
 The settings that were run on a scene are a data frame, a row for each; those of a configuration go from
 coarse to fine. Columns: ``engine``, ``label``, the parameter that is varied (``knob``) with its ``value``,
 the ``place`` in the series, ``error``, the error that is ``kept``, whether the solve gives the
-``motion_alone``, the run times ``times_s`` (rounds,) in s, NaN of a round without one, their median
-``time_s``, and the length of the motion, ``end_time_s``.
+``motion_alone``, the run times ``times_s`` (rounds,) in s from the least on, NaN of rounds without one, the
+least, ``time_s``, and the length of the motion, ``end_time_s``.
 
 The error that a setting keeps is the largest of its own and of all finer settings of its configuration: a
 small error before a larger one is luck. It is infinite where a finer run failed, and where errors have grown
@@ -25,16 +25,18 @@ from reports.tables import plain, setting
 
 #: The columns of the slider's error and of the smallest clearance, if there is one.
 SLIDER, CLEARANCE = "slider_position_error_m", "smallest_clearance_m"
-#: How a ratio looks that the timing does not resolve from 1, and what a caption says of it.
-UNRESOLVED_MARK = "~"
-UNRESOLVED = f"{UNRESOLVED_MARK}: not resolved by the timing, the interval of the ratio contains 1."
+#: A time is resolved if another round comes within this factor of the least. How a time looks that is not,
+#: and a ratio that the timing does not resolve from 1, and what a caption says of them.
+SPREAD, UNRESOLVED_MARK = 1.3, "~"
+UNRESOLVED = (
+    f"{UNRESOLVED_MARK}: not resolved by the timing: no second round is within {SPREAD:g} times the time, or "
+    "the interval of the ratio contains 1."
+)
 #: The mark of a run time that leaves out the forces, and what a caption says of it.
 ALONE_MARK = "*"
 ALONE = f"{ALONE_MARK}: motion only; forces are computed after the timed run."
 #: Part of the smallest clearance from which on an error of the slider has grown to what the clearance allows.
 SATURATED = 0.1
-#: Draws of rounds with replacement, and the percentiles of the medians drawn: an interval of 95 %.
-DRAWS, PERCENTILES = 2000, (2.5, 97.5)
 
 #: By scene: the settings that were run on it, and the uncertainty of its reference solution.
 ByScene = Mapping[str, tuple[pd.DataFrame, float]]
@@ -44,8 +46,8 @@ ByScene = Mapping[str, tuple[pd.DataFrame, float]]
 class Choice:
     """A way to reach an error: at a setting that was run, or between two neighbouring ones.
 
-    ``setting`` says which in words, ``times_s`` (rounds,) are the run times there, NaN of a round without. If
-    the solve gives the ``motion_alone`` no forces are in them. ``row`` is the row's index, None in between.
+    ``setting`` says which in words, ``times_s`` (rounds,) are the run times there, from the least on. If the
+    solve gives the ``motion_alone`` no forces are in them. ``row`` is the row's index, None in between.
     """
 
     engine: str
@@ -57,8 +59,19 @@ class Choice:
 
     @property
     def time_s(self) -> float:
-        """The median over the rounds."""
-        return float(np.nanmedian(self.times_s))
+        """The run time: the least of the rounds, since what slows a machine makes no run shorter."""
+        return float(self.times_s[0])
+
+    @property
+    def next_s(self) -> float:
+        """The time of the next fastest round; of one round alone ``SPREAD`` times its own."""
+        there = np.isfinite(self.times_s[1:2]).any()
+        return float(self.times_s[1]) if there else SPREAD * self.time_s
+
+    def shown_ms(self, column: str) -> str:
+        """Return the time in ms as a cell beside errors of a column, marked where it is not resolved."""
+        unresolved = self.next_s > SPREAD * self.time_s
+        return f"{UNRESOLVED_MARK if unresolved else ''}{plain(1e3 * self.time_s)}{self.mark(column)}"
 
     def mark(self, column: str) -> str:
         """Return the mark of a time without forces where a column of errors is of a force, or nothing."""
@@ -67,9 +80,9 @@ class Choice:
 
 @dataclass(frozen=True)
 class Ratio:
-    """A ratio of run times: the median over the rounds, with the ends of its 95 % confidence interval."""
+    """A ratio of run times, and its interval: each time may be that of its next fastest round."""
 
-    median: float
+    times: float
     low: float
     high: float
 
@@ -79,7 +92,7 @@ class Ratio:
         return self.low > 1 or self.high < 1
 
     def __str__(self) -> str:
-        return f"{'' if self.decided else UNRESOLVED_MARK}{plain(self.median)}"
+        return f"{'' if self.decided else UNRESOLVED_MARK}{plain(self.times)}"
 
 
 @dataclass(frozen=True)
@@ -130,7 +143,7 @@ def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     asked = zip(*(rows[name] for name in ("engine", "arm", "step_s", *names)), strict=True)
     at = pd.Series([" ".join(map(str, of)) for of in asked], rows.index, dtype=object)
     by_round = pd.pivot_table(rows.assign(at=at, time_s=value(rows, "solve_time_s")), "time_s", "at", "round")
-    times = pd.Series(list(by_round.to_numpy()), by_round.index, dtype=object)
+    times = pd.Series(list(np.sort(by_round.to_numpy())), by_round.index, dtype=object)
     ran = recorded(rows)
     ran = ran.assign(
         place=ran.groupby("label", observed=True).cumcount(),
@@ -142,7 +155,7 @@ def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     ran = ran.assign(kept=kept(ran, failed | saturated(ran)))
     columns = ["engine", "label", "knob", "value", "place", "error", "kept", "motion_alone", "times_s"]
     ran = ran[[*columns, "end_time_s"]].dropna(subset=columns).query("error > 0")
-    return ran.assign(time_s=ran["times_s"].map(np.nanmedian).astype(float))
+    return ran.assign(time_s=ran["times_s"].map(np.nanmin).astype(float))
 
 
 def kept(settings: pd.DataFrame, lost: "pd.Series[bool] | None" = None) -> "pd.Series[float]":
@@ -212,24 +225,14 @@ def _ways(series: Sequence[Any], error: float) -> Iterator[Choice]:
         one, other = series[int(k)], series[int(k) + 1]
         share = math.log(one.kept / error) / math.log(one.kept / other.kept)
         times = one.times_s * (other.times_s / one.times_s) ** share
-        if np.isfinite(times).any():  # rounds that both have
-            between_both = setting(one.knob, one.value, other.value)
-            yield Choice(one.engine, one.label, between_both, times, one.motion_alone)
+        between_both = setting(one.knob, one.value, other.value)
+        yield Choice(one.engine, one.label, between_both, times, one.motion_alone)
 
 
-def ratio(slow: Choice, fast: Choice) -> Ratio | None:
-    """Return what one takes in times of another, by the rounds that have both; None if there is none.
-
-    The interval is that of percentiles of the median over rounds drawn with replacement, the same draws
-    every time.
-    """
-    ratios = slow.times_s / fast.times_s
-    ratios = ratios[np.isfinite(ratios)]
-    if not len(ratios):
-        return None
-    drawn = np.random.default_rng(0).integers(len(ratios), size=(DRAWS, len(ratios)))
-    low, high = np.percentile(np.median(ratios[drawn], axis=1), PERCENTILES)
-    return Ratio(float(np.median(ratios)), float(low), float(high))
+def ratio(slow: Choice, fast: Choice) -> Ratio:
+    """Return what one takes in times of another."""
+    low, high = slow.time_s / fast.next_s, slow.next_s / fast.time_s
+    return Ratio(slow.time_s / fast.time_s, low, high)
 
 
 def levels(settings: pd.DataFrame, floor: float) -> list[float]:

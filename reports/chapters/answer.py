@@ -117,8 +117,8 @@ def _need(need: str, rows: pd.DataFrame, ran: ByScene, column: str, target: floa
         "; ".join([*_next_best(others[:1], best, column, ran), *_faster(others[1:], best, column, ran)])
         or "no other engine",
     )
-    behind = max(_behind(others[0], best), key=lambda of: of.median, default=None) if others else None
-    slower = {"slower": Number(behind.median, "times", behind.low, behind.high)} if behind else {}
+    behind = max(_behind(others[0], best), key=lambda of: of.times, default=None) if others else None
+    slower = {"slower": Number(behind.times, "times", behind.low, behind.high)} if behind else {}
     return Advice.of(name, cells, time=Number(max(ms), "ms"), **slower)
 
 
@@ -137,7 +137,7 @@ def _behind(other: Candidate, best: Candidate) -> list[Ratio]:
     """Return the ratios of run times on the scenes that both reach."""
     own = dict(zip(best.scenes, best.runs, strict=True))
     pairs = [(run, own[scene]) for scene, run in zip(other.scenes, other.runs, strict=True) if scene in own]
-    return [of for run, base in pairs if (of := ratio(run, base))]
+    return [ratio(run, base) for run, base in pairs]
 
 
 def _is_level(other: Candidate, best: Candidate) -> bool:
@@ -149,13 +149,13 @@ def _is_level(other: Candidate, best: Candidate) -> bool:
 def _next_best(others: Sequence[Candidate], best: Candidate, column: str, ran: ByScene) -> Iterator[str]:
     """Yield other settings with their run times in times of those of the best one."""
     for other in others:
-        times = span(of.median for of in _behind(other, best))
+        times = span(of.times for of in _behind(other, best))
         yield f"{_named(other, len(ran))} ({times}x){other.runs[0].mark(column)}"
 
 
 def _faster(others: Sequence[Candidate], best: Candidate, column: str, ran: ByScene) -> Iterator[str]:
     """Yield the settings that are faster than the best one on some scene."""
-    faster = [each for each in others if any(of.decided and of.median < 1 for of in _behind(each, best))]
+    faster = [each for each in others if any(of.decided and of.times < 1 for of in _behind(each, best))]
     yield from (f"faster where it runs: {text}" for text in _next_best(faster, best, column, ran))
 
 

@@ -9,6 +9,7 @@ from reports.analysis.equal_error import (
     ALONE,
     ALONE_MARK,
     SLIDER,
+    UNRESOLVED,
     ByScene,
     Choice,
     front,
@@ -35,7 +36,7 @@ IDEAL, LOOSE, RIGID = CLASSES = ("ideal joints", "clearance", "rigid contact")
 OPTIONAL = ("solve_time_s", "build_time_s", "compile_time_s")
 INTRODUCTION = (
     "Every configuration is run at a series of settings, from coarse to fine. Run times are of the native "
-    "solve alone, in rounds over all engines. A setting counts by the largest error of its own and all finer "
+    "solve alone, the least of the rounds. A setting counts by the largest error of its own and all finer "
     "ones."
 )
 
@@ -162,8 +163,8 @@ def _ratios(scenes: Sequence[pd.DataFrame], engine: str, column: str) -> str:
         base = base_of(ran, TARGETS[column])
         there += own is not None
         alone = alone or (own.mark(column) if own else "")
-        if own and base and (of := ratio(own, base)):
-            ratios.append(of.median)
+        if own and base:
+            ratios.append(ratio(own, base).times)
     return f"{span(ratios)}{alone} ({there} of {len(scenes)})" if there else f"{ABSENT} (0 of {len(scenes)})"
 
 
@@ -175,14 +176,14 @@ def _by_scene(classes: Mapping[str, Mapping[str, ByScene]]) -> Table | None:
                 base = base_of(ran, TARGETS[column])
                 for each in reaching(ran, TARGETS[column]):
                     times = ratio(each, base) if base else None
-                    time = plain(1e3 * each.time_s) + each.mark(column)
+                    time = each.shown_ms(column)
                     ends = (
-                        [plain(times.median), plain(times.low), plain(times.high)] if times else [ABSENT] * 3
+                        [plain(times.times), plain(times.low), plain(times.high)] if times else [ABSENT] * 3
                     )
                     lines.append((asked(column), joints, scene, each.label, each.setting, time, *ends))
     head_of = ("needed", "joints", "scene", "configuration", "setting", "run time [ms]")
     ratios = (f"ratio to {BASE}", "low", "high")
-    reading = f"The ratio has its 95 % interval by drawing rounds with replacement. {ALONE}"
+    reading = f"Least of the rounds; low and high: by the next fastest round of either. {UNRESOLVED} {ALONE}"
     return Table(
         "cost-at-targets", "Fastest settings by scene", reading, STUDY, (*head_of, *ratios), tuple(lines)
     )

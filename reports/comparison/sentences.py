@@ -71,7 +71,7 @@ def _recommended(standings: Standings, chosen: Choice, given: str) -> Iterator[s
     error = measured(row[standings.column], standings.floor, unit)
     yield f"{what[:1].upper()}{what[1:]}: {error}; asked for: {wanted}."
     timed = standings.rows[(standings.rows["label"] == chosen.label) & standings.rows["round"].notna()]
-    solve, build = quantity(chosen.time_s, "s"), quantity(timed["build_time_s"].median(), "s")
+    solve, build = quantity(chosen.time_s, "s"), quantity(timed["build_time_s"].min(), "s")
     yield f"Time of the solve: {solve}; building the model and reading out take {build} more."
 
 
@@ -95,12 +95,10 @@ def _next_best(standings: Standings, chosen: Choice) -> Iterator[str]:
 
 def _slower(standings: Standings, other: Choice) -> str:
     run, share = standings.run_at(other), ratio(other, standings.reached[0])
-    if share is None:
-        slower = "no round has the times of both"
-    elif share.decided:
-        slower = f"{plain(share.median)}x slower at equal error"
+    if share.decided:
+        slower = f"{plain(share.times)}x slower at equal error"
     else:
-        slower = f"{plain(share.median)}x the time at equal error, not resolved by the timing"
+        slower = f"{plain(share.times)}x the time at equal error, not resolved by the timing"
     return f"{run.label} at {run.setting}, {slower}"
 
 

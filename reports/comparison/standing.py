@@ -20,7 +20,7 @@ from reports.parts import Table
 from reports.quantities import FORCE, PEAK, finished, floor, quality_failures, uncertainty, value, with_forces
 from reports.results import with_columns
 from reports.style import axis_label, words
-from reports.tables import ABSENT, error, number, plain
+from reports.tables import ABSENT, error, number
 
 #: The study's name, which begins the names of figures and tables.
 NAME = "comparison"
@@ -137,7 +137,7 @@ def standings_table(standings: Standings) -> Table:
     for run in standings.runs:
         time = share = ABSENT
         if there := reached.get(run.engine):
-            time = plain(1e3 * there.time_s) + there.mark(FORCE)
+            time = there.shown_ms(FORCE)
             share = str((there is not fastest and fastest and ratio(there, fastest)) or ABSENT)
         at = rows.loc[[run.row]]
         cells = (error(value(at, of).iloc[0], uncertainty(at, of).iloc[0]) for of in errors.values())

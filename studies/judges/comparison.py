@@ -13,7 +13,7 @@ from studies.judges import metrics
 from studies.judges.converged_truth import Solved, followed, solved, times_between_s
 from studies.running.case import Curves, Row
 
-#: Samples on which runs of ideal joints are judged, at the most, and the part of a signal's largest value
+#: Samples on which runs of ideal joints are judged, at the most, and the part of a force's largest value
 #: that the judged samples have to see.
 FINE, SEEN = 4800, 0.99
 #: Equal steps of a run that is not made twice: who reads every step may round otherwise, by some last places.
@@ -24,16 +24,15 @@ TWICE = 20_000
 class Judged:
     """A recorded run of an engine, and the true motion at the same times of the scene ``own`` that it solves.
 
-    ``plain`` is the run at the equally spaced samples that were asked for, with its truth ``plainly_solved``;
-    they are those of ``run`` that ``equal`` (n,) tells. ``peaks`` are the largest sizes of the truth's
-    signals, wherever they are seen, up to ``compared_until_s``.
+    ``plain`` is the run at the equally spaced samples that were asked for: they are those of ``run`` that
+    ``equal`` (n,) tells. ``peaks`` are the largest sizes of the truth's signals, wherever they are seen, up
+    to ``compared_until_s``.
     """
 
     own: AnyScene
     run: Trajectory
     plain: Trajectory
     solved: Solved
-    plainly_solved: Solved
     equal: NDArray[np.bool_]
     peaks: Mapping[str, float]
     compared_until_s: float
@@ -66,7 +65,7 @@ def _with_clearance(engine: Engine, scene: AnyScene, own: AnyScene, asked: RunSe
     if len(run.time_s) < len(equal):
         found, equal = found.selected(equal), equal[equal]
     plain = selected(run, equal)
-    return Judged(own, run, plain, found, found.selected(equal), equal, peaks, until_s)
+    return Judged(own, run, plain, found, equal, peaks, until_s)
 
 
 def _ideal(engine: Engine, scene: AnyScene, asked: RunSettings) -> Judged:
@@ -76,8 +75,7 @@ def _ideal(engine: Engine, scene: AnyScene, asked: RunSettings) -> Judged:
     long = _steps_are_equal(engine) and asked.samples * asked.steps_per_sample(scene.end_time_s) > TWICE
     plain = selected(run, equal) if long else engine.simulate(scene, asked)
     peaks = _peaks(scene, solved(scene, FINE).truth)
-    plainly = solved(scene, asked.samples)
-    return Judged(scene, run, plain, found, plainly, equal, peaks, scene.end_time_s)
+    return Judged(scene, run, plain, found, equal, peaks, scene.end_time_s)
 
 
 def _steps_are_equal(engine: Engine) -> bool:
@@ -110,34 +108,26 @@ def _unseen(seen: Mapping[str, float], peaks: Mapping[str, float]) -> dict[str, 
 def compared(found: Judged) -> tuple[Row, Curves]:
     """Return the largest error of every signal with the truth's uncertainty and scale, and errors as curves.
 
-    Samples up to ``compared_until_s`` count: of forces, torques and impulses all, of motion those that are
-    equally spaced, which curves have. A force of whose largest value the samples see less than ``SEEN``, and
-    a signal that is zero, are not judged, and the row says so. ``largest_kinetic_energy_J`` is the truth's.
+    All signals are judged at the same instants, ``judged_instants`` of them: all that the run has up to
+    ``compared_until_s``. Curves have the equally spaced ones. A force of whose largest value the instants see
+    less than ``SEEN``, and a signal that is zero, are not judged, and the row says so.
+    ``largest_kinetic_energy_J`` is the truth's.
     """
-    own, truth = found.own, found.solved.truth
-    until = truth.time_s <= found.compared_until_s * (1 + ROUNDING)
-    motion, curves = _columns(own, found.plain, found.plainly_solved, until[found.equal])
-    forces, _ = _columns(own, found.run, found.solved, until)
+    own, until = found.own, found.solved.truth.time_s <= found.compared_until_s * (1 + ROUNDING)
+    truth, repeats, by = found.solved.selected(until)
+    off = metrics.errors(own, selected(found.run, until), truth)
     row: Row = {
-        "truth": found.solved.by,
+        "truth": by,
         "compared_until_s": found.compared_until_s,
-        "largest_kinetic_energy_J": float(
-            metrics.kinetic_energy_J(own, selected(truth, found.equal & until)).max()
-        ),
-        **{name: (forces if metrics.is_force(name) else motion)[name] for name in forces},
+        "judged_instants": len(truth.time_s),
+        "largest_kinetic_energy_J": float(metrics.kinetic_energy_J(own, truth).max()),
+        **{name: float(error.max()) for name, error in off.items()},
+        **metrics.uncertainties(own, truth, list(repeats)),
+        **metrics.scales(own, truth),
     }
-    reasons = _unseen(_peaks(own, selected(truth, until)), found.peaks)
+    reasons = _unseen(_peaks(own, truth), found.peaks)
     for name in reasons:
         del row[metrics.with_suffix(name, "error")]
+    plain = selected(found.plain, until[found.equal])
+    curves = metrics.errors(own, plain, selected(truth, found.equal[until]))
     return row | {"not_judged": "; ".join(map(": ".join, reasons.items()))}, curves
-
-
-def _columns(
-    own: AnyScene, run: Trajectory, solved: Solved, which: NDArray[np.bool_]
-) -> tuple[dict[str, float], Curves]:
-    """Return the columns of all signals by some samples, and errors as curves."""
-    truth, repeats, _ = solved.selected(which)
-    curves = metrics.errors(own, selected(run, which), truth)
-    worst = {name: float(curve.max()) for name, curve in curves.items()}
-    uncertainties = metrics.uncertainties(own, truth, list(repeats))
-    return worst | uncertainties | metrics.scales(own, truth), curves

@@ -11,6 +11,17 @@ from engine_models.engine import Contact, FloatArray, Impacts
 PART_OF_FLIGHT = 0.25
 #: The columns of the largest force's error, and of that as a part of it.
 FORCE_ERROR, FORCE_PART = "impact_force_error_N", "impact_force_relative_error"
+#: What of an impact is judged as a part of the true one, by its column.
+RELATIVE = {
+    "impact_speed_relative_error": "approach_speed_m_s",
+    "impact_impulse_relative_error": "normal_impulse_N_s",
+    "impact_loss_relative_error": "energy_lost_J",
+    FORCE_PART: "largest_normal_force_N",
+    "impact_penetration_relative_error": "largest_penetration_m",
+    "impact_duration_relative_error": "duration_s",
+}
+#: An impact is rated whose impulse is at least this part of the largest.
+RATED = 1e-3
 #: Samples in an impact by which its force can be interpolated.
 FEWEST = 12
 
@@ -46,11 +57,11 @@ def match(run: FloatArray, true: FloatArray, end_s: float) -> Matching:
 
 
 def impact_errors(run: Impacts, true: Impacts, end_s: float) -> dict[str, float]:
-    """Return a row's columns: impacts matched, unmatched and missed until ``end_s``, and errors.
+    """Return a row's columns: impacts matched, unmatched and missed until ``end_s``, and largest errors.
 
-    Time and largest force by their largest error; speed, impulse and energy lost by the largest error
-    relative to the largest of the true ones; the largest force and penetration and the duration also
-    relative to each true one, where an impact that is missed is off by all of its force.
+    Relative errors are each relative to the true one of the same impact, and an impact that is missed is off
+    by all of its force. Matched impacts of less than ``RATED`` of the largest impulse, as the last of bounces
+    that accumulate, are in no relative error: they are ``impacts_not_rated``.
     """
     pairs = match(run.time_s, true.time_s, end_s)
     row: dict[str, float] = {
@@ -60,29 +71,17 @@ def impact_errors(run: Impacts, true: Impacts, end_s: float) -> dict[str, float]
     }
     if not len(pairs.run):
         return row
-
-    def both(name: str) -> tuple[FloatArray, FloatArray]:
-        return getattr(run, name)[pairs.run], getattr(true, name)[pairs.true]
-
-    for name, column in (("time_s", "impact_time_error_s"), ("largest_normal_force_N", FORCE_ERROR)):
-        found, expected = both(name)
-        row[column] = float(np.abs(found - expected).max())
-    for name, column in (
-        ("approach_speed_m_s", "impact_speed_relative_error"),
-        ("normal_impulse_N_s", "impact_impulse_relative_error"),
-        ("energy_lost_J", "impact_loss_relative_error"),
-    ):
-        found, expected = both(name)
-        if (scale := np.abs(expected).max()) > 0:
-            row[column] = float(np.abs(found - expected).max() / scale)
-    for name, column in (
-        ("largest_normal_force_N", FORCE_PART),
-        ("largest_penetration_m", "impact_penetration_relative_error"),
-        ("duration_s", "impact_duration_relative_error"),
-    ):
-        found, expected = both(name)
-        if (expected > 0).all():
-            row[column] = float((np.abs(found - expected) / expected).max())
+    impulse = true.normal_impulse_N_s
+    rated = impulse[pairs.true] >= RATED * impulse[true.time_s <= end_s].max()
+    row["impacts_not_rated"] = int((~rated).sum())
+    for column, name in (("impact_time_error_s", "time_s"), (FORCE_ERROR, "largest_normal_force_N")):
+        off = np.abs(getattr(run, name)[pairs.run] - getattr(true, name)[pairs.true])
+        row[column] = float(off.max())
+    for column, name in RELATIVE.items():
+        expected = getattr(true, name)[pairs.true][rated]
+        if len(expected) and (expected > 0).all():
+            off = np.abs(getattr(run, name)[pairs.run][rated] - expected) / expected
+            row[column] = float(off.max())
     if pairs.missed and FORCE_PART in row:
         row[FORCE_PART] = max(row[FORCE_PART], 1.0)
     return {name: value for name, value in row.items() if not np.isnan(value)}

@@ -1,11 +1,15 @@
-"""The studies by name, each imported only when asked for. A new study is a new file and a line here."""
+"""The studies by name, each imported only when asked for. A new study is a new file and a line here.
+
+On a machine without kernels no process is to wait while another one compiles those of the truth: beside the
+first study that asks for truths runs one that asks for none (see ``runner.Lanes``).
+"""
 
 STUDIES = {
     "agreement": "studies.agreement",
-    "clearance": "studies.clearance",
-    "work-precision": "studies.work_precision.study",
     "energy": "studies.energy",
+    "clearance": "studies.clearance",
     "predictability": "studies.predictability",
+    "work-precision": "studies.work_precision.study",
     "stability": "studies.stability",
     "extremes": "studies.extremes",
     "motions": "studies.motions",

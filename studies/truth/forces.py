@@ -127,7 +127,8 @@ def _add_loads(acting: Acting, of: MechanismData, parts: Mapping[str, FloatArray
     for spring in of.springs:
         i, j = (spring.body_i, spring.point_i), (spring.body_j, spring.point_j)
         d = acting.place(*j) - acting.place(*i)
-        push = (parts[f"spring:{spring.name}"] / np.hypot(*d.T))[:, None] * d
+        length = np.hypot(*d.T)
+        push = (parts[f"spring:{spring.name}"] / np.where(length > 0, length, 1.0))[:, None] * d
         acting.push(j[0], acting.arm(*j), push)
         acting.push(i[0], acting.arm(*i), -push)
 

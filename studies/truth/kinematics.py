@@ -178,7 +178,8 @@ def make_rows(tree: Tree, w: Work) -> None:
         d_x, d_y = w.value[x], w.value[x + 1]
         if kind == LENGTH:
             w.value[row] = math.hypot(d_x, d_y)
-            along_x, along_y = d_x / w.value[row], d_y / w.value[row]
+            length = w.value[row] if w.value[row] > 0 else 1.0  # without one it has no direction
+            along_x, along_y = d_x / length, d_y / length
         else:
             cos, sin, a, b = w.turned[c, 0], w.turned[c, 1], tree.along[k, 0], tree.along[k, 1]
             along_x, along_y = a * cos - b * sin, a * sin + b * cos

@@ -34,7 +34,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
         ("exudyn", "trapezoidal"),
         ("pymunk", "tuned"),
         ("pymunk", "out of the box"),
-        ("scipy", "DOP853"),
+        ("scipy", "solve_ivp, DOP853"),
     }
     cases = [
         case

@@ -84,13 +84,13 @@ IDEAL = {
     "reference": ("projection", "none"),
     "exudyn": ("trapezoidal", "generalized-alpha"),
     "pymunk": ("tuned", "out of the box"),
-    "scipy": ("DOP853", "Radau", "odeint", "ode"),
+    "scipy": ("ode(dop853)", "odeint", "solve_ivp, DOP853", "solve_ivp, Radau"),
 }
 LOOSE = {
     "reference": ("DOP853", "located", "located, none", "plain"),
     "exudyn": ("trapezoidal", "DOPRI5"),
     "pymunk": ("as the scene", "native contact", "shorter in contact"),
-    "scipy": ("DOP853", "LSODA"),
+    "scipy": ("solve_ivp, DOP853", "solve_ivp, LSODA"),
 }
 MANY = {**IDEAL, "pymunk": tuple(f"{k} iterations" for k in range(12))}
 

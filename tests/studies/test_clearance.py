@@ -94,7 +94,7 @@ def test_a_timed_rung_takes_the_steps_of_the_recorded_one(scene: Scene) -> None:
     assert timed == recorded
     first = next(c for c in cases if c.timed and c.engine == "reference")
     row, _ = run_case(replace(first, scene=scene))
-    assert row["solve_time_s"] >= row["least_solve_time_s"] > 0  # type: ignore[operator]
+    assert row["solve_time_s"] > 0  # type: ignore[operator]
 
 
 def test_ladders_have_every_engine_and_rigid_scenes_only_those_that_know_rigid_walls() -> None:

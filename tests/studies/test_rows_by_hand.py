@@ -1,7 +1,6 @@
 """What studies write into rows, run again and resume, against what was worked out by hand."""
 
 from dataclasses import replace
-from itertools import chain, repeat
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import BareRun, Impacts, RunSettings
+from engine_models.engine import Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES, ideal_driven
 from studies import clearance, energy
@@ -18,7 +17,6 @@ from studies.ladders import ideal_ladder
 from studies.running import provenance
 from studies.running.case import Case
 from studies.running.finished_cases import opened
-from studies.work_precision import study as work_precision
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 
@@ -88,19 +86,6 @@ def test_a_cross_check_ends_at_the_horizon(monkeypatch: pytest.MonkeyPatch) -> N
     position[2:, 2, 0] += np.array([1e-9, -3e-9, 0, 0, 0.1, 0.1, 0.1])
     monkeypatch.setattr(clearance, "cross_check", lambda *_: replace(truth, position=position))
     assert clearance._cross_check_m(scene, truth, 6) == pytest.approx(3e-9, rel=1e-6)
-
-
-def test_of_timed_runs_the_first_is_left_out_and_the_median_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The native solve's own times, after what is loaded: 9 s in the first, then 1, 5, 2, 2."""
-    times = chain([9.0, 1.0, 5.0, 2.0, 2.0], repeat(1e3))
-    end = np.zeros((3, 3))
-    engine = SimpleNamespace(bare_run=lambda *_: BareRun(next(times), end))
-    monkeypatch.setattr(work_precision, "make_engine", lambda *_, **__: engine)
-    monkeypatch.setattr(work_precision, "REPEAT_S", 1e9)
-    monkeypatch.setattr(work_precision, "REPEATS", 5)
-    monkeypatch.setattr(work_precision, "_recorded_end", lambda *_: end)
-    row = work_precision.times(work_precision.cases(False)[0])
-    assert (row["solve_time_s"], row["least_solve_time_s"], row["repeats"]) == (2.0, 1.0, 4)
 
 
 def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import BareRun, FloatArray
+from engine_models.engine import BareRun
 from engine_models.engines import make_engine
+from studies.running.case import Row
 from studies.running.outcome import run_case
 from studies.work_precision import study as work_precision
 
@@ -31,31 +32,48 @@ def test_the_order_of_cases_comes_out_again() -> None:
     assert one == again
 
 
-def ending(position: FloatArray) -> SimpleNamespace:
-    """Return the recorded run of an engine that ends in a position, (bodies, 3)."""
-    return SimpleNamespace(position=position[None])
+END = np.zeros((3, 3))
 
 
-def test_what_the_first_run_of_a_process_loads_is_in_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An engine whose first run is slow, timed where there is time for one run only."""
-    runs = count()
+class Timed:
+    """An engine whose bare runs take these times."""
 
-    class Loading:
-        def simulate(self, *_: object) -> SimpleNamespace:
-            next(runs)
-            return ending(np.zeros((3, 3)))
+    def __init__(self, *times_s: float) -> None:
+        self.times_s = iter(times_s)
 
-        def bare_run(self, *_: object) -> BareRun:
-            return BareRun(1.0 if next(runs) else 9.0, np.zeros((3, 3)))
+    def simulate(self, *_: object) -> SimpleNamespace:
+        return SimpleNamespace(position=END[None])
 
-    engine = Loading()
+    def bare_run(self, *_: object) -> BareRun:
+        return BareRun(next(self.times_s), END)
+
+
+def rounds_of(monkeypatch: pytest.MonkeyPatch, repeats: int, rounds: int, *times_s: float) -> list[Row]:
+    """Return the rows of rounds of so many repeats each of a setting whose bare runs take these times."""
+    engine = Timed(*times_s)
     monkeypatch.setattr(work_precision, "make_engine", lambda *_, **__: engine)
-    monkeypatch.setattr(work_precision, "REPEAT_S", 0.0)
+    monkeypatch.setattr(work_precision, "REPEAT_S", 1e9)
+    monkeypatch.setattr(work_precision, "REPEATS", repeats)
     timed = next(case for case in work_precision.cases(full=False) if "round" in case.columns)
-    for _ in range(2):
-        row, _ = work_precision.measure(timed)
-        assert (row["solve_time_s"], row["repeats"]) == (1.0, 1)
-    assert next(runs) == 3, "loaded once"
+    return [work_precision.measure(timed)[0] for _ in range(rounds)]
+
+
+def test_a_round_s_time_is_the_least_of_its_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
+    (row,) = rounds_of(monkeypatch, 5, 1, 0.09, 0.01, 0.05, 0.02, 0.02)
+    assert (row["solve_time_s"], row["repeats"]) == (0.01, 5)
+
+
+def test_a_round_is_run_again_that_is_slower_than_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By more than 1.3 times; three times at the most, and the least of all counts."""
+    times_s = (0.10, 0.129, 0.131, 0.14, 0.12, 0.2, 0.15, 0.18, 0.19, 0.05)
+    rows = rounds_of(monkeypatch, 1, 5, *times_s)
+    assert [row["solve_time_s"] for row in rows] == [0.10, 0.129, 0.12, 0.15, 0.05]
+    assert [row["repeats"] for row in rows] == [1, 1, 3, 4, 1]
+
+
+def test_a_solve_of_more_than_a_second_is_timed_in_one_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = rounds_of(monkeypatch, 1, 2, 1.01)
+    assert (first["solve_time_s"], second) == (1.01, {"repeats": 0})
 
 
 @pytest.mark.parametrize(
@@ -78,7 +96,7 @@ def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
 
     class Drifting:
         def simulate(self, *_: object) -> SimpleNamespace:
-            return ending(recorded)
+            return SimpleNamespace(position=recorded[None])
 
         def bare_run(self, *_: object) -> BareRun:
             end = recorded.copy()
@@ -92,7 +110,7 @@ def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
     timed = next(c for c in work_precision.cases(False) if c.timed and c.scene.name == scene)
     row, _ = run_case(timed)
     if holds:
-        assert (row["status"], row["repeats"]) == ("ok", 2)
+        assert (row["status"], row["repeats"]) == ("ok", 3)
         assert row["end_apart_m"] == pytest.approx(off_m)
     else:
         what = f"off by {off_m:.3g} m from the recorded run's" if np.isfinite(off_m) else "not finite"

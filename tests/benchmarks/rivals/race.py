@@ -153,7 +153,7 @@ def of_study(rival: Rival) -> Iterator[tuple[Row, Turn]]:
 
             def turn(timed: Case = timed) -> Row:
                 row, _ = run_case(timed)
-                return {**row, "solve_time_s": row.get("least_solve_time_s", np.nan)}
+                return {**row, "solve_time_s": row.get("solve_time_s", np.nan)}
 
             if row["status"] == "ok":
                 yield row, turn

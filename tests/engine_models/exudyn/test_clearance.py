@@ -460,6 +460,13 @@ else:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def test_a_step_that_ends_on_the_wall_is_no_contact() -> None:
+    """DOPRI5 ends a step at the second touch: a contact of 5e-18 s would be there before the real one."""
+    scene = shorter(SCENES[FREE](), 0.071)
+    impacts = run(scene, 5e-3, 120, solver="DOPRI5", step_tolerance=1e-8).contacts["B"].impacts
+    assert (len(impacts.time_s), impacts.duration_s.min() > 1e-5) == (24, True)
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [

@@ -77,7 +77,7 @@ def judged_by(scene: Scene, run: Trajectory, truth: Trajectory, until_s: float, 
     equal = np.ones(len(truth.time_s), dtype=bool)
     largest = {name: float(size.max()) for name, size in sizes(scene, truth).items()} | peaks
     true = Solved(truth, (truth,), "independent")
-    return Judged(scene, run, run, true, true, equal, largest, until_s)
+    return Judged(scene, run, run, true, equal, largest, until_s)
 
 
 def test_a_signal_of_which_too_little_is_seen_or_nothing_is_there_is_not_judged(

@@ -50,7 +50,7 @@ def test_nothing_counts_after_the_end_and_nothing_is_matched_with_nothing() -> N
     assert (none.run.tolist(), none.true.tolist(), none.unmatched, none.missed) == ([], [], 0, 4)
 
 
-def test_errors_are_those_of_the_matched_pairs_relative_to_the_largest() -> None:
+def test_errors_are_those_of_the_matched_pairs() -> None:
     row = impact_errors(impacts(TRUE + 1e-3, 1.02), impacts(TRUE), 4.0)
     assert row["impact_time_error_s"] == pytest.approx(1e-3)
     assert row["impact_impulse_relative_error"] == pytest.approx(0.02)
@@ -58,11 +58,28 @@ def test_errors_are_those_of_the_matched_pairs_relative_to_the_largest() -> None
     assert row["impacts_matched"] == 4
 
 
-def test_of_errors_of_many_sizes_the_largest_is_told_in_parts_of_the_largest_truth() -> None:
-    off_s, impulse = np.array([1e-3, 3e-3, 0.0, 2e-3]), np.array([1.0, 2.0, 4.0, 3.0])
-    run = impacts(TRUE + off_s, impulse + np.array([0.0, 0.4, 0.2, 0.0]))
-    row = impact_errors(run, impacts(TRUE, impulse), 4.0)
+@pytest.mark.parametrize("column", ["speed", "impulse", "loss", "force", "penetration", "duration"])
+def test_an_error_is_the_largest_part_of_the_same_impact(column: str) -> None:
+    """Off by 0.4 of 2, and by 0.5 of the largest, 4; the largest time error is another impact's."""
+    place = ("speed", "impulse", "loss", "force", "penetration", "duration").index(column)
+    size, off_s = np.array([1.0, 2.0, 4.0, 3.0]), np.array([1e-3, 3e-3, 0.0, 2e-3])
+
+    def having(times: np.ndarray, off: list[float]) -> Impacts:
+        of = [size] * 6
+        of[place] = size + off
+        speed, impulse, loss, force, depth, lasts = of
+        return Impacts(times, lasts, speed, impulse, loss, force, times, depth, times)
+
+    row = impact_errors(having(TRUE + off_s, [0.0, 0.4, 0.5, 0.0]), having(TRUE, [0.0] * 4), 4.0)
+    parts = {name: value for name, value in row.items() if "relative" in name and value}
+    assert parts == {f"impact_{column}_relative_error": pytest.approx(0.2)}
     assert row["impact_time_error_s"] == pytest.approx(3e-3)
+
+
+def test_an_impact_of_next_to_no_impulse_is_counted_and_not_rated() -> None:
+    impulse = np.array([1.0, 1.01e-3, 0.99e-3, 1.0])
+    row = impact_errors(impacts(TRUE, impulse * [1, 1.1, 2, 1]), impacts(TRUE, impulse), 4.0)
+    assert (row["impacts_matched"], row["impacts_not_rated"]) == (4, 1)
     assert row["impact_impulse_relative_error"] == pytest.approx(0.1)
 
 

@@ -113,5 +113,5 @@ def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
 
 
 def test_what_is_no_study_is_refused() -> None:
-    with pytest.raises(ValueError, match=r'study: expected agreement, clearance, .* got "agrement"'):
+    with pytest.raises(ValueError, match=r'study: expected agreement, .*, clearance, .* got "agrement"'):
         load_study("agrement")

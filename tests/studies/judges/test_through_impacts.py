@@ -133,7 +133,9 @@ def test_an_impact_that_is_a_microsecond_late_is_seen_in_its_time_and_between_fl
     for column in ("impact_force_error_N", "largest_contact_force_error_N"):
         assert number(row, column) == pytest.approx(number(right, column), abs=1e-9), column
     assert number(row, "impact_force_in_phase_error_N") < 1e-2 * flank_N, "what interpolation leaves"
-    assert row["slider_position_error_m"] == right["slider_position_error_m"], "at equal samples"
+    fastest_m_s = np.abs(EXACT.simulate(SCENE, ASKED).velocity[:, -1, 0]).max()
+    off_m = number(row, "slider_position_error_m")
+    assert 0.9 * LATE_S * fastest_m_s < off_m < 1.1 * LATE_S * fastest_m_s, "which equal samples do not see"
 
 
 def test_an_engine_that_leaves_times_out_is_not_judged_by_forces_that_it_does_not_show() -> None:

@@ -9,10 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from engine_models.engine import Contact, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import Contact, Engine, RunSettings, SimulationFailed, Trajectory
+from engine_models.exudyn.engine import ExudynEngine
 from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
+from studies.command.trajectory_table import sample_columns
 from studies.extremes import gallery
 from studies.judges.metrics import energy_balance_residual_J
 from studies.running.closure import closure
@@ -245,6 +247,40 @@ def test_rigid_walls_of_a_four_bar_are_the_reference_s() -> None:
     assert len(run.contacts["B"].impacts.time_s) > 5
     assert_alike(solved(of, EXTRAPOLATION), run, 1e-10)
     assert_alike(run, reference(of), 1e-9)
+
+
+#: A spring of free length 0 whose ends are at one place at the start, from a cart to the ground.
+COINCIDENT = """
+name = "coincident"
+end_time_s = 0.01
+gravity_m_s2 = 10.0
+observe = "P.x"
+ground.pins_m = { O = [0.0, 0.0] }
+body.cart = { pins_m = { S = 0.0 }, mass_kg = 1.0, inertia_kg_m2 = 1.0 }
+start = { angle_rad = { pendulum = 0.0 }, position_m = { rail = 0.0 }, hold = ["pendulum", "rail"] }
+drive.kind = "free"
+guide.rail = { body = "cart", pin = "S" }
+[body.pendulum]
+pins_m = { S = 0.0, P = 0.5 }
+mass_kg = 1.0
+inertia_kg_m2 = 1.0
+centre_of_mass_m = 0.5
+[spring.s]
+between = ["ground.O", "cart.S"]
+stiffness_N_m = 10.0
+free_length_m = 0.0
+"""
+
+
+@pytest.mark.parametrize("solver", [*METHODS, ReferenceEngine(), ExudynEngine()], ids=str)
+def test_a_spring_without_a_length_does_not_pull(solver: TrueSolver | Engine) -> None:
+    """The pendulum's angular acceleration is m g l/(I + m l^2) = 4: of 20 N the rail bears 18."""
+    of = scene(COINCIDENT)
+    columns = sample_columns(of, solver.simulate(of, RunSettings(1e-4, 2)))
+    assert all(np.isfinite(column).all() for column in columns.values())
+    expected = {"spring_s_force_N": 0.0, "cart_acceleration_x_m_s2": 0.0, "ground_force_x_N": 0.0}
+    for name, value in (expected | {"ground_force_y_N": -18.0}).items():
+        assert columns[name][0] == pytest.approx(value, abs=1e-9), name
 
 
 def test_a_turned_slot_observes_what_its_crank_does() -> None:
