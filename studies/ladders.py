@@ -1,6 +1,6 @@
 """Ladders of every engine's own best settings, from cheap to accurate, for work-precision and clearance."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,31 +16,11 @@ from studies.judges.converged_truth import GRID, converged
 #: Scenes of the quick set, in all studies that have no others of their own.
 QUICK_IDEAL = ("ideal-free", "ideal-driven")
 QUICK_LOOSE = ("clearance-free-0.5mm", "clearance-driven-0.5mm")
-#: Arms of the full set alone, on ideal joints and with compliant contacts. Where one of these is the best of
-#: its engine another one is nearly as good.
-MORE_IDEAL = (arms.OUT_OF_THE_BOX, arms.ODEINT, arms.RADAU)
-MORE_LOOSE = (
-    arms.PLAIN,
-    arms.LOCATED_ALONE,
-    arms.WIDE_GAP,
-    arms.ODE23,
-    arms.TRAPEZOIDAL,
-    arms.AS_THE_SCENE,
-    arms.NATIVE_CONTACT,
-    arms.LSODA,
-)
 #: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts. The fewest sweeps that
-#: cost no accuracy leave so much; its rungs are steps that resolve contacts, where the engine's own bounds
+#: cost no accuracy leave so much; its settings are steps that resolve contacts, where the engine's own bounds
 #: are for any. Under a drive that is neither free nor a torque, forces of the first steps are of order 1 by
 #: what sweeps leave: with 0.42 of ideal-driven torques are off by 30 times as much.
 LEFT_IDEAL, LEFT_DRIVEN, LEFT_LOOSE = 0.42, 1 / 50, 1 / 8
-
-
-def only_full(arm: Arm, scene: AnyScene) -> bool:
-    """Return whether only the full set has an arm on a scene, of those that its ladders have."""
-    if not scene.joints_with_clearance:
-        return arm in MORE_IDEAL
-    return arm in MORE_LOOSE and not _between_rigid_walls(scene)
 
 
 @dataclass(frozen=True)
@@ -52,34 +32,113 @@ class Rung:
     added: Mapping[str, Setting] = field(default_factory=dict)
 
 
-def by_step(arm: Arm, longest_s: float, count: int, **added: Setting) -> list[Rung]:
-    """Return a ladder whose step is halved from one rung to the next."""
-    return [Rung(arm, longest_s / 2**k, added) for k in range(count)]
+def by_step(arm: Arm, longest_s: float, halvings: Iterable[int], **added: Setting) -> list[Rung]:
+    """Return a series of steps: the longest one halved so many times each."""
+    return [Rung(arm, longest_s / 2**k, added) for k in halvings]
 
 
-def by_tolerance(arm: Arm, longest_s: float, exponents: range, **added: Setting) -> list[Rung]:
-    """Return a ladder of tolerances 10^-k at the same longest step."""
+def by_tolerance(arm: Arm, longest_s: float, exponents: Iterable[int], **added: Setting) -> list[Rung]:
+    """Return a series of tolerances 10^-k at the same longest step."""
     return [Rung(arm, longest_s, {**added, **dict.fromkeys(arm.tolerances, 10.0**-k)}) for k in exponents]
 
 
-def ideal_ladder(scene: AnyScene, full: bool = True) -> list[Rung]:
-    """Return all engines' ladders for a scene of ideal joints, from fifty steps a revolution on."""
-    longest, whole, more = scene.end_time_s / (50 * turns_of(scene)), scene.end_time_s, 2 if full else 0
-    every = 1 if full else 2
-    left = LEFT_IDEAL if scene.driven_by.kind in ("free", "torque") else LEFT_DRIVEN
+#: How often the longest step is halved, or the exponents of the tolerance, of every configuration in the
+#: quick set and in the full one: on ideal joints, with compliant contacts, between rigid walls. Those of the
+#: quick set are around an error of 1 um; a configuration that has none there is in the full set alone.
+Series = Mapping[Arm, tuple[Sequence[int], Sequence[int]]]
+IDEAL: Series = {
+    arms.PROJECTION: ((0, 2, 4), range(8)),
+    arms.NO_STABILISATION: ((), range(8)),
+    arms.REFERENCE_DOP853: ((6, 8, 10), range(4, 14)),
+    arms.TRAPEZOIDAL: ((1, 4, 7), range(8)),
+    arms.GENERALIZED_ALPHA: ((1, 4, 7), range(8)),
+    arms.TUNED: ((0, 3, 6), range(7)),
+    arms.OUT_OF_THE_BOX: ((), range(7)),
+    arms.ODE: ((5, 7, 9), range(5, 14)),
+    arms.ODEINT: ((), range(5, 14)),
+    arms.RADAU: ((), range(5, 12)),
+}
+COMPLIANT: Series = {
+    arms.LOCATED: ((1, 3, 5), range(9)),
+    arms.LOCATED_ALONE: ((), range(9)),
+    arms.PLAIN: ((), range(6)),
+    arms.REFERENCE_DOP853: ((8, 10, 12), range(6, 13)),
+    arms.DOPRI5: ((6, 8, 10), range(4, 12)),
+    arms.WIDE_GAP: ((), range(4, 7)),
+    arms.ODE23: ((), range(4, 7)),
+    arms.TRAPEZOIDAL: ((), range(5)),
+    arms.AS_THE_SCENE: ((), range(7)),
+    arms.SHORTER_IN_CONTACT: ((1, 3, 5), range(8)),
+    arms.NATIVE_CONTACT: ((), range(5)),
+    arms.SCIPY_DOP853: ((8, 10, 12), range(6, 13)),
+    arms.LSODA: ((), range(5, 13)),
+}
+RIGID: Series = {
+    arms.LOCATED: ((0, 2, 4), range(7)),
+    arms.REFERENCE_DOP853: ((6, 10), range(6, 13, 2)),
+    arms.NATIVE_CONTACT: ((1, 3), range(6)),
+    arms.SCIPY_DOP853: ((6, 10), range(6, 13, 2)),
+}
+#: The same of an engine that the catalogue does not know.
+NEWCOMER = ((0, 2, 4), range(7))
+
+
+def ladder(scene: AnyScene, full: bool, fast: bool = True) -> list[Rung]:
+    """Return the settings of all configurations for a scene; ``fast`` is Exudyn's build for speed.
+
+    On ideal joints steps begin with fifty a revolution. With clearance those of engines that locate impacts
+    begin at some hundred a revolution; without that a contact has to be resolved by the same steps as the
+    flight. Exudyn's DOPRI5 accepts a step that overflows: its longest is a twentieth of a revolution, which
+    it seldom takes. Half the reference's usual steps per contact leave as much error there as its steps leave
+    in flight.
+    """
+    series = _series(scene)
     return [
-        *(rung for arm in arms.newcomers() for rung in by_step(arm, longest, 5 + more)),
-        *by_step(arms.PROJECTION, longest, 6 + more),
-        *by_step(arms.NO_STABILISATION, longest, 6 + more),
-        *by_tolerance(arms.REFERENCE_DOP853, whole, range(4, 14, every)),
-        *by_step(arms.TRAPEZOIDAL, longest, 5 + more, fast=True),
-        *by_step(arms.GENERALIZED_ALPHA, longest, 5 + more, fast=True),
-        *by_step(arms.TUNED, longest / 4, 5 + more, sweeps_leave=left),
-        *by_step(arms.OUT_OF_THE_BOX, longest / 4, 5 + more),
-        *by_tolerance(arms.ODE, whole, range(5, 14, every)),
-        *by_tolerance(arms.ODEINT, whole, range(5, 14, every)),
-        *by_tolerance(arms.RADAU, whole, range(5, 12, every)),
+        rung
+        for arm, (quick, every) in series.items()
+        for rung in _of_arm(scene, arm, every if full else quick, fast)
     ]
+
+
+def configurations(scene: AnyScene) -> list[Arm]:
+    """Return the configurations of the quick set."""
+    return [arm for arm, (quick, _) in _series(scene).items() if quick]
+
+
+def _series(scene: AnyScene) -> Series:
+    others = dict.fromkeys(arms.newcomers(), NEWCOMER)
+    if not scene.joints_with_clearance:
+        return {**others, **IDEAL}
+    return {**others, **(RIGID if _between_rigid_walls(scene) else COMPLIANT)}
+
+
+def _of_arm(scene: AnyScene, arm: Arm, places: Sequence[int], fast: bool) -> list[Rung]:
+    """Return the settings of a configuration at places in its series."""
+    added = _added(scene, arm) | ({"fast": True} if fast and arm.engine == "exudyn" else {})
+    if arm.tolerances:
+        longest = 150 * contact_step_s(scene) if arm.engine == "exudyn" else scene.end_time_s
+        return by_tolerance(arm, longest, places, **added)
+    return by_step(arm, _longest_s(scene, arm), places, **added)
+
+
+def _added(scene: AnyScene, arm: Arm) -> dict[str, Setting]:
+    """Return what the studies set beside the step."""
+    if arm == arms.TUNED:
+        return {"sweeps_leave": LEFT_IDEAL if scene.driven_by.kind in ("free", "torque") else LEFT_DRIVEN}
+    if arm == arms.SHORTER_IN_CONTACT:
+        return {"sweeps_leave": LEFT_LOOSE}
+    if arm in (arms.LOCATED, arms.LOCATED_ALONE) and not _between_rigid_walls(scene):
+        return {"steps_per_contact": 50.0}
+    return {}
+
+
+def _longest_s(scene: AnyScene, arm: Arm) -> float:
+    """Return the longest step of a configuration with fixed steps."""
+    if not scene.joints_with_clearance:
+        longest = scene.end_time_s / (50 * turns_of(scene))
+        return longest / 4 if arm.engine == "pymunk" else longest
+    factors = {arms.LOCATED: 30.0, arms.LOCATED_ALONE: 30.0, arms.SHORTER_IN_CONTACT: 4.0}
+    return factors.get(arm, 0.5 if arm.engine == "pymunk" else 1.0) * contact_step_s(scene)
 
 
 def turns_of(scene: AnyScene) -> float:
@@ -108,51 +167,6 @@ def _fastest_rad_s(scene: AnyScene) -> float:
 def contact_step_s(scene: AnyScene) -> float:
     """Return a step that just resolves contacts: three thousand a revolution."""
     return 2 * np.pi / (3000 * max(_fastest_rad_s(scene), 20.0))
-
-
-def clearance_ladder(scene: AnyScene, full: bool = True, fast: bool = True) -> list[Rung]:
-    """Return all engines' ladders for a scene with clearance; ``fast`` is Exudyn's build for speed.
-
-    Steps of engines that locate impacts begin at some hundred a revolution; without that a contact has to
-    be resolved by the same steps as the flight. Exudyn's DOPRI5 accepts a step that overflows: its longest is
-    a twentieth of a revolution, which it seldom takes. Half the reference's usual steps per contact leave as
-    much error there as its steps leave in flight.
-    """
-    contact, whole, more = contact_step_s(scene), scene.end_time_s, 2 if full else 0
-    flight, longest = 30 * contact, 150 * contact
-    others = [rung for arm in arms.newcomers() for rung in by_step(arm, contact, 4 + more)]
-    if _between_rigid_walls(scene):
-        return [
-            *others,
-            *by_step(arms.LOCATED, flight, 5 + more),
-            *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, 2)),
-            *by_step(arms.NATIVE_CONTACT, contact / 2, 4 + more),
-        ]
-    build: dict[str, Setting] = {"fast": True} if fast else {}
-    every = 1 if full else 2
-    return [
-        *others,
-        *by_step(arms.LOCATED, flight, 7 + more, steps_per_contact=50.0),
-        *by_step(arms.LOCATED_ALONE, flight, 7 + more, steps_per_contact=50.0),
-        *by_step(arms.PLAIN, contact, 4 + more),
-        *by_tolerance(arms.REFERENCE_DOP853, whole, range(6, 13, every)),
-        *by_tolerance(arms.DOPRI5, longest, range(4, 12, every), **build),
-        *by_tolerance(arms.WIDE_GAP, longest, range(4, 7), **build),
-        *by_tolerance(arms.ODE23, longest, range(4, 7, every), **build),
-        *by_step(arms.TRAPEZOIDAL, contact, 3 + more, **build),
-        *by_step(arms.AS_THE_SCENE, contact / 2, 5 + more),
-        *by_step(arms.SHORTER_IN_CONTACT, 4 * contact, 6 + more, sweeps_leave=LEFT_LOOSE),
-        *by_step(arms.NATIVE_CONTACT, contact / 2, 3 + more),
-        *by_tolerance(arms.SCIPY_DOP853, whole, range(6, 13, every)),
-        *by_tolerance(arms.LSODA, whole, range(5, 13, every)),
-    ]
-
-
-def rebound_ladder(scene: AnyScene) -> list[Rung]:
-    """Return the ladder of SciPy, which rebounds from rigid walls until bounces accumulate."""
-    if not _between_rigid_walls(scene):
-        return []
-    return by_tolerance(arms.SCIPY_DOP853, scene.end_time_s, range(6, 13, 2))
 
 
 def _between_rigid_walls(scene: AnyScene) -> bool:

@@ -11,7 +11,7 @@ from engine_models.engine import RunSettings
 from engine_models.scene.parts import AnyScene
 from studies import agreement, clearance
 from studies.comparison.question import Question
-from studies.ladders import Rung
+from studies.ladders import Rung, configurations, ladder
 from studies.running.case import Case, Curves, Row, Value
 from studies.running.execution import Limits
 from studies.work_precision import study as work_precision
@@ -20,15 +20,6 @@ NAME = "comparison"
 #: No step is longer than the time between two samples, but impacts are told between them.
 SAMPLES = 60
 ROUNDS = 3
-#: Arms that show how an engine is not to be used, and methods that lose to others of the same engine.
-LEFT_OUT = (
-    arms.NO_STABILISATION,
-    arms.LOCATED_ALONE,
-    arms.PLAIN,
-    arms.OUT_OF_THE_BOX,
-    arms.RADAU,
-    arms.LSODA,
-)
 AS_THEY_COME = (arms.EXUDYN, arms.SCIPY)
 #: A run that takes longer would not be recommended. A kernel's compilation counts.
 LIMITS = Limits(time_limit_s=60.0, memory_limit_bytes=4 * 2**30)
@@ -47,8 +38,9 @@ def cases(scene: AnyScene, question: Question, engines: Collection[str]) -> list
 
 
 def _rungs(scene: AnyScene) -> list[Rung]:
-    """Return the ladders of all engines; one that has none here is asked once, so that it says why."""
-    rungs = [rung for rung in work_precision.ladder(scene, full=False) if rung.arm not in LEFT_OUT]
+    """Return the settings of the quick set's configurations; an engine without one says once why."""
+    shown = configurations(scene)
+    rungs = [rung for rung in ladder(scene, full=True) if rung.arm in shown]
     there = {rung.arm.engine for rung in rungs}
     return rungs + [Rung(arm, scene.end_time_s) for arm in AS_THEY_COME if arm.engine not in there]
 

@@ -22,15 +22,7 @@ from engine_models.scene.parts import AnyScene
 from studies import clearance
 from studies.judges.comparison import compared, judged
 from studies.judges.metrics import checked
-from studies.ladders import (
-    QUICK_IDEAL,
-    QUICK_LOOSE,
-    Rung,
-    clearance_ladder,
-    ideal_ladder,
-    only_full,
-    rebound_ladder,
-)
+from studies.ladders import QUICK_IDEAL, QUICK_LOOSE, Rung, ladder
 from studies.running.case import Case, Curves, Row, Value
 
 NAME = "work-precision"
@@ -46,8 +38,7 @@ SPREAD, AGAIN, LONG_S = 1.3, 3, 1.0
 #: How far a bare run may end from the recorded one, in parts of the crank's length: 0.5 mm in most scenes.
 #: They are equal but for methods whose steps know of the samples, and that are as far off themselves.
 APART = 0.01
-#: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows, these
-#: alone with finer ladders, which take most of the time.
+#: Scenes of the quick set; the full set has all ideal ones and all that the clearance study follows.
 QUICK = (*QUICK_IDEAL, *QUICK_LOOSE, "rigid-free-0.5mm")
 #: Ends in s of scenes with rigid walls, while all engines' models follow the bounces: short of where these
 #: first accumulate, which coarse settings have sooner. With damping they do so at once.
@@ -76,8 +67,7 @@ def cases(full: bool) -> list[Case]:
 
     Each round has an order of its own, the same every time, so that no rung always follows the same one.
     """
-    there = scenes(full)
-    rungs = [(scene, rung) for scene in there for rung in ladder(scene, full and scene.name in QUICK)]
+    rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
     out = [case_of(NAME, scene, rung, SAMPLES) for scene, rung in rungs]
     for k in range(FULL_ROUNDS if full else ROUNDS):
         shuffled = Random(k).sample(rungs, len(rungs))
@@ -86,15 +76,7 @@ def cases(full: bool) -> list[Case]:
     anew = [(scene, rung) for scene, rung in reversed(rungs) if scene.name in compiled and _compiles(rung)]
     coarsest = {(scene.name, rung.arm.engine): (scene, rung) for scene, rung in anew}
     out += [case_of(NAME, scene, rung, 1, timed=True, compiled_anew=1) for scene, rung in coarsest.values()]
-    found = {str(one.head()): one for one in out}.values()  # samples may cut two rungs to one step
-    return [case for case in found if full or not only_full(case.arm, case.scene)]
-
-
-def ladder(scene: AnyScene, full: bool) -> list[Rung]:
-    """Return all engines' ladders for a scene."""
-    if not scene.joints_with_clearance:
-        return ideal_ladder(scene, full)
-    return [*clearance_ladder(scene, full), *rebound_ladder(scene)]
+    return list({str(one.head()): one for one in out}.values())  # samples may cut two settings to one step
 
 
 def _compiles(rung: Rung) -> bool:

@@ -73,7 +73,7 @@ def motions(folder: Path) -> Results:
 
     touching = {"contacts_ended": 7, "shortest_contact_s": 2.4e-5, "contact_B_normal_force_N": FORCE_N[-1]}
     for arm, (off, _) in ARMS.items():
-        add(f"{LOOSE}-first-impact", arm, loose(off), view="impact", **touching)
+        add(f"{LOOSE}-first-impact", arm, loose(off), view="impact", scene_json=json.dumps(SCENE), **touching)
     for law, (loss, less) in LAWS.items():
         depth = [
             1e-5 * (3 - abs(k - 4)) for k in range(9)
@@ -82,10 +82,4 @@ def motions(folder: Path) -> Results:
         columns = {"dissipated_energy_J": loss, "law": law, "restitution": None if law == "hertz" else 0.5}
         of_law = {"contact_B_penetration_m": depth, "contact_B_normal_force_N": force}
         add(f"{LOOSE}-{law}", ("reference", "none"), of_law, view="law", **columns, **touching)
-    forces = {"joint_O_force_N": 61.0, "joint_A_force_N": 5234.0, "joint_B_force_N": 4100.0}
-    whole = {"scene_json": json.dumps(SCENE), "scene_text": "Set R with a loose pin.", **forces, **touching}
-    position = {"slider_position_m": [0.17 - 0.001 * k for k in range(SAMPLES)]}
-    add(LOOSE, ("reference", "none"), {**loose(0.0), **position}, view="whole", **whole)
-    rows.append(row(len(rows), LOOSE, "pymunk", "tuned", 1e-3, view="revolution", status="failed"))
-    rows[-1] |= {"reason": "not finite at t = 0.003 s", "setting_iterations": 30}
     return results_of(folder, rows, curves)

@@ -19,7 +19,7 @@ from studies.judges.converged_truth import (
     reach,
     truth_by,
 )
-from studies.ladders import clearance_ladder, ideal_ladder, rebound_ladder
+from studies.ladders import ladder
 from studies.running.case import Case
 from studies.running.outcome import run_case
 from studies.work_precision import study as work_precision
@@ -97,10 +97,20 @@ def test_a_timed_rung_takes_the_steps_of_the_recorded_one(scene: Scene) -> None:
     assert row["solve_time_s"] > 0  # type: ignore[operator]
 
 
-def test_ladders_have_every_engine_and_rigid_scenes_only_those_that_know_rigid_walls() -> None:
-    engines = {rung.arm.engine for rung in clearance_ladder(CLEARANCE_SCENES["clearance-pendulum"]())}
-    assert engines == {"reference", "exudyn", "pymunk", "scipy"}
+@pytest.mark.parametrize("full", [False, True])
+def test_settings_are_of_every_engine_and_on_rigid_scenes_only_of_those_that_know_rigid_walls(
+    full: bool,
+) -> None:
+    engines = {"reference", "exudyn", "pymunk", "scipy"}
+    for scene in (CLEARANCE_SCENES["clearance-pendulum"](), work_precision.scenes(False)[0]):
+        assert {setting.arm.engine for setting in ladder(scene, full)} == engines
     rigid = clearance.scenes(True)[-1]
-    assert {rung.arm.engine for rung in clearance_ladder(rigid)} == {"reference", "pymunk"}
-    assert {rung.arm.engine for rung in rebound_ladder(rigid)} == {"scipy"}
-    assert {rung.arm.engine for rung in ideal_ladder(work_precision.scenes(False)[0])} == engines
+    assert {setting.arm.engine for setting in ladder(rigid, full)} == engines - {"exudyn"}
+    followed = [case for case in clearance.cases(True) if case.scene.name == rigid.name]
+    assert {case.engine for case in followed} == {"reference", "pymunk"}
+
+
+def test_the_full_set_has_the_settings_of_the_quick_one() -> None:
+    for scene in work_precision.scenes(False):
+        quick, every = ({str(each) for each in ladder(scene, full)} for full in (False, True))
+        assert quick < every

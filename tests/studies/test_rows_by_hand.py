@@ -13,7 +13,7 @@ from engine_models.engine import Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES, ideal_driven
 from studies import clearance, energy
-from studies.ladders import ideal_ladder
+from studies.ladders import ladder
 from studies.running import provenance
 from studies.running.case import Case
 from studies.running.finished_cases import opened
@@ -113,7 +113,7 @@ def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:
 
 
 def test_a_ladder_has_every_arm_of_pymunk_and_all_tolerances_of_a_rung() -> None:
-    rungs = ideal_ladder(ideal_driven(), full=False)
+    rungs = ladder(ideal_driven(), full=True)
     assert {rung.arm.name for rung in rungs if rung.arm.engine == "pymunk"} == {"tuned", "out of the box"}
     for rung in rungs:
         assert set(rung.added) >= set(rung.arm.tolerances), rung

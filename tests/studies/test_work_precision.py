@@ -10,6 +10,7 @@ import pytest
 from engine_models import arms
 from engine_models.engine import BareRun
 from engine_models.engines import make_engine
+from studies.ladders import ladder
 from studies.running.case import Row
 from studies.running.outcome import run_case
 from studies.work_precision import study as work_precision
@@ -126,7 +127,7 @@ def test_a_timed_run_of_exudyn_that_overflows_has_failed(safety: float) -> None:
     """
     scene = next(scene for scene in work_precision.scenes(False) if scene.name == "clearance-free-0.5mm")
     added = {"step_tolerance": 1e-7, "step_safety": safety}
-    rung = next(r for r in work_precision.ladder(scene, False) if r.arm is arms.DOPRI5)
+    rung = next(r for r in ladder(scene, False) if r.arm is arms.DOPRI5)
     case = work_precision.case_of("work-precision", scene, replace(rung, added=added), 1, timed=True)
     bare = make_engine("exudyn", **case.settings).bare_run(scene, case.run)
     row, _ = run_case(case)

@@ -27,9 +27,10 @@ from reports.analysis.equal_error import SLIDER, choice_at, fastest, ratio, sett
 from reports.results import with_columns
 from studies import clearance
 from studies.judges.converged_truth import converged
+from studies.ladders import ladder
 from studies.running.case import Case, Row
 from studies.running.outcome import run_case
-from studies.work_precision.study import NAME, SAMPLES, case_of, ladder
+from studies.work_precision.study import NAME, SAMPLES, case_of
 from tests.benchmarks.rivals import problem
 from tests.benchmarks.rivals.problem import Answer, FloatArray
 
@@ -146,7 +147,7 @@ def scripts(rival: Rival) -> Iterator[tuple[Row, Turn]]:
 def of_study(rival: Rival) -> Iterator[tuple[Row, Turn]]:
     """Yield the recorded row of each setting that the study has beside a script, and what times it."""
     scene = physics(rival.scene)
-    for rung in ladder(scene, full=rival.engine == LIMIT):  # every tolerance, as the limit's scripts have
+    for rung in ladder(scene, full=True):
         if rung.arm.engine == rival.of_study:
             row, _ = run_case(case_of(NAME, scene, rung, SAMPLES))
             timed = case_of(NAME, scene, rung, 1, timed=True)
