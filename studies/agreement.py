@@ -39,7 +39,7 @@ def cases(full: bool) -> list[Case]:
 
 
 def _cases_on(scene: AnyScene, full: bool) -> list[Case]:
-    """Return series of steps and of tolerances; in the full set also DOP853's steps and Pymunk's iterations."""
+    """Return series of steps and tolerances; in the full set also DOP853's steps and Pymunk's iterations."""
     out = []
     for arm in (*ARMS, *(MORE_ARMS if full else ()), *arms.newcomers()):
         out += [_by_step(scene, arm, count) for count in (LADDER if full else QUICK_STEPS)]

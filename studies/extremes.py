@@ -119,7 +119,7 @@ def changed(part: Kind, changes: Mapping[str, Any]) -> Kind:
 
 
 def cases(full: bool) -> list[Case]:
-    """Return every case for every engine and arm; the quick set has 22 cases, and not the paper's plain RK4."""
+    """Return every case by every engine and arm; the quick set has 22 cases, and no plain RK4."""
     return [
         _case(place, extreme, arm)
         for place, extreme in enumerate(gallery().values())
