@@ -5,7 +5,7 @@
 * ``results/STUDY/rows.jsonl.xz``: a row a line, in the order of what was run, without times, code and commit,
   and with the digits that are certain; ``times.csv`` has the times and ``sidecar.json`` the rest;
 * ``tables/NAME.csv`` and ``findings.json``: those of the page that these rows make;
-* in ``README.md`` the answer with its ``figures``.
+* in its ``README.md`` the answer with its ``figures``; and in that of the project what each engine costs.
 """
 
 import csv
@@ -14,10 +14,13 @@ import lzma
 import math
 import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+import pandas as pd
 
 from reports.chapters.answer import LIMITS
 from reports.page import FINDINGS, Report, write_report
@@ -39,8 +42,8 @@ LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)
 #: Significant digits of a measured number, of a time and of an uncertainty; and of an error so many as are
 #: above a tenth of its uncertainty, but some.
 DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
-#: The column of the table that is not shown, the figures that are, and what encloses them in the text.
-COMMAND = "command"
+#: The tables that are shown and the column that is not, the figures, and what encloses them in the text.
+SHOWN, COMMAND = ("answer", "compared-ideal-joints", "compared-clearance"), "command"
 FIGURES = (
     "answer",
     "agreement-steps",
@@ -49,6 +52,8 @@ FIGURES = (
     "stability-map-contact-stiffness",
     "motions-mechanism",
 )
+#: The project's README, the finding that it tells, and the width of its lines.
+README, COSTS, README_WIDTH = Path(__file__).parents[1] / "README.md", "within", 120
 BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"
 
 
@@ -66,7 +71,8 @@ def publish(folder: Path, results: Path) -> None:
         shutil.copy(made / FINDINGS, folder)
         _renew(folder / "tables", sorted((made / "tables").glob("*.csv")))
         _renew(folder / "figures", [made / f"figures/{name}.svg" for name in FIGURES])
-        tell_answer(folder / "README.md", report)
+        tell(folder / "README.md", answer_of(report, folder / "tables"))
+        tell(README, costs_of(report))
 
 
 def write_study(study: Path, folder: Path) -> None:
@@ -144,20 +150,32 @@ def _renew(folder: Path, files: Iterable[Path]) -> None:
         shutil.copy(file, folder)
 
 
-def tell_answer(readme: Path, report: Report) -> None:
-    """Write the answer into its place in a README: the table, the limits of what it says, and figures."""
-    with (readme.parent / "tables/answer.csv").open(encoding="utf-8", newline="") as file:
-        head, *rows = csv.reader(file)
-    kept = [place for place, name in enumerate(head) if name != COMMAND]
-    shown = [tuple(line[place] for place in kept) for line in (head, *rows)]
+def answer_of(report: Report, tables: Path) -> str:
+    """Return the answer in Markdown: its tables without commands, the limits of what it says, and figures."""
+    shown = [
+        pd.read_csv(tables / f"{name}.csv", dtype=str).drop(columns=COMMAND, errors="ignore")
+        for name in SHOWN
+    ]
+    texts = [
+        markdown(Table("", "", "", "", tuple(each), tuple(map(tuple, each.to_numpy())))) for each in shown
+    ]
     limits = "\n".join(f"* {finding}" for finding in report.answer if finding.name in LIMITS)
     titles = {figure.name: figure.title for figure in report.figures}
     figures = "\n".join(f"{titles[name]}\n\n![{titles[name]}](figures/{name}.svg)\n" for name in FIGURES)
+    return "\n".join([*texts, limits, "", figures])
+
+
+def costs_of(report: Report) -> str:
+    """Return the sentence of README that says what each engine costs."""
+    (sentence,) = (finding for finding in report.answer if finding.name == COSTS)
+    return textwrap.fill(sentence, README_WIDTH, break_long_words=False, break_on_hyphens=False) + "\n"
+
+
+def tell(readme: Path, text: str) -> None:
+    """Write a text into its place in a README."""
     before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
     after = rest.partition(END)[2]
-    table = markdown(Table("answer", "", "", "", shown[0], tuple(shown[1:])))
-    told = f"{table}\n{limits}\n\n{figures}"
-    readme.write_text(f"{before}{BEGIN}\n\n{told}\n{END}{after}", encoding="utf-8")
+    readme.write_text(f"{before}{BEGIN}\n\n{text}\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -264,6 +264,20 @@ def sentences(studies: Studies) -> Iterator[Finding]:
             yield Finding(f"beside-{label}-{joints}".replace(" ", "-"), "{text}", text=text, **largest)
 
 
+def within(studies: Studies) -> Iterator[Finding]:
+    """Yield the run time of each engine's cheapest setting within the target, scene by scene."""
+    parts = []
+    for joints, lines in beside(studies).items():
+        told = (f"{picks[0]['label']} {_cells(picks)[-1]}" for picks in lines[1:])
+        parts.append(f"{joints}: {', '.join(told)} (1: {PAPERS[joints]})")
+    if parts:
+        text = (
+            "Run time of each engine's cheapest setting that has the slider within 1 µm, scene by scene, in "
+            f"multiples of that of the paper's RK4: {'; '.join(parts)}."
+        )
+        yield Finding("within", "{text}", text=text)
+
+
 def _pick(ran: pd.DataFrame, papers_s: float, rows: pd.DataFrame) -> dict[str, Any]:
     """Return an engine's setting on a scene, with its errors, its run time as a multiple of the paper's."""
     within = ran[ran["time_s"] <= BUDGET * papers_s]
@@ -325,6 +339,14 @@ def figure(studies: Studies) -> Figure | None:
         "asked for; ring: the fastest; grey: uncertainty of the reference solution."
     )
     return Figure("answer", title, reading, COST, draw(panels, 2.1))
+
+
+def findings(studies: Studies, found: Sequence[Advice]) -> Iterator[Finding]:
+    """Yield all that the first screen says, the limits of it last."""
+    yield from (each.finding for each in found)
+    yield from sentences(studies)
+    yield from within(studies)
+    yield from limits(studies)
 
 
 def limits(studies: Studies) -> Iterator[Finding]:

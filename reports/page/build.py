@@ -68,9 +68,9 @@ def write_report(results: Path, folder: Path) -> Report:
         (folder / kind).mkdir(parents=True)
     with mpl.rc_context(RC):
         advice = answer.advice(studies)
-        findings = [*(each.finding for each in advice), *answer.sentences(studies), *answer.limits(studies)]
         figures, tables = [answer.figure(studies)], [answer.table(advice), *answer.compared(studies)]
-        screen = _write_part(folder, (ANSWER, answer.TITLE, ""), findings, figures, tables)
+        said = answer.findings(studies, advice)
+        screen = _write_part(folder, (ANSWER, answer.TITLE, ""), said, figures, tables)
         parts = []
         for chapter in CHAPTERS:
             if of := {name: studies[name] for name in chapter.studies if name in studies}:

@@ -14,7 +14,7 @@ from reports.chapters import answer
 from reports.page import Report, read_claims
 from reports.page.contents import CHAPTERS
 from reports.parts import Chapter, Figure, Finding, Table
-from reports.publication import FIGURES, certain, tell_answer, write_study
+from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
 from reports.results import Results, published_rows, read_study
 from reports.tables import comma_separated
 from tests.helpers.row_files import write_rows
@@ -53,19 +53,20 @@ def test_published_tables_and_findings_follow_from_the_published_rows(
     require_claims(chapter.name, chapter.findings(studies))
 
 
-def test_the_published_answer_follows_from_the_published_rows(
+def test_the_published_answers_follow_from_the_published_rows(
     studies: dict[str, Results], tmp_path: Path
 ) -> None:
-    advice, limits = answer.advice(studies), [*answer.limits(studies)]
-    findings = (*(each.finding for each in advice), *limits)
+    advice = answer.advice(studies)
+    findings = tuple(answer.findings(studies, advice))
     require_claims("answer", findings)
-    require_published([answer.table(advice)])
-    copy = shutil.copytree(PUBLISHED, tmp_path / "copy")
-    readme = (copy / "README.md").read_text(encoding="utf-8")
-    titles = re.findall(r"!\[(.*)\]\(figures/(.*)\.svg\)", readme)
-    figures = tuple(Figure(name, title, "", "", Drawing()) for title, name in titles)
-    tell_answer(copy / "README.md", Report(findings, (), figures))
-    assert (copy / "README.md").read_bytes() == (PUBLISHED / "README.md").read_bytes()
+    require_published([answer.table(advice), *answer.compared(studies)])
+    published = PUBLISHED / "README.md"
+    titles = re.findall(r"!\[(.*)\]\(figures/(.*)\.svg\)", published.read_text(encoding="utf-8"))
+    report = Report(findings, (), tuple(Figure(name, title, "", "", Drawing()) for title, name in titles))
+    for readme, text in ((published, answer_of(report, PUBLISHED / "tables")), (README, costs_of(report))):
+        copy = shutil.copy(readme, tmp_path)
+        tell(Path(copy), text)
+        assert Path(copy).read_bytes() == readme.read_bytes(), readme
 
 
 def test_the_readme_refers_to_files_that_are_there() -> None:
