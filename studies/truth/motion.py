@@ -125,7 +125,8 @@ class Motion:
         self.z[: self.size], self.z[self.size : self.time] = self.built.u, self.built.v
         self.phases = np.zeros((self.joints + len(m.kinks), 3))
         self._set_scales(scene, start)
-        self.problem = Problem(method, self.rates, self.packed, self.phases, self.scale)
+        self.problem = Problem(method, _argument(self.rates), self.packed, self.phases, self.scale)
+        self._step_argument = _argument(self.step)
         self.clock = np.array([self.begin_s, 0.0, 0.0, 0.0, 0.0])
         self.stops_s = stops_s(m.drive, m.loads, m.tables)
         for k, (number, x, is_rate, phase) in enumerate(m.kinks.tolist()):
@@ -189,7 +190,7 @@ class Motion:
             came = 0
             while came != REACHED:
                 came = self.advance(
-                    self.step,
+                    self._step_argument,
                     *self.problem,
                     *(self.both, self.clock, self.begin_s, self.shortest_s, stop, self.steps),
                 )
@@ -300,6 +301,12 @@ def _speed_of(of: MechanismData, made: Built, start: Start, levers: list[float],
     weight = float(np.hypot(*of.gravity_m_s2))
     mass = float(m.masses[::2].sum())
     return float(np.sqrt(max(found) ** 2 + 2 * (weight * size_m + work / mass)))
+
+
+def _argument(function: Any) -> Any:
+    """Return machine code as an argument of other machine code, whose type Numba knows without a look."""
+    (signature,) = function.nopython_signatures
+    return store.Callee(function, signature)
 
 
 @cache
