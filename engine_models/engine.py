@@ -202,8 +202,7 @@ class Trajectory:
     "BODY.viscous" and so on, of a crank-slider's "force", "viscous", "spring", "gas" (see
     ``mechanics.loads``).
     ``stabilisation_loss_J`` (n,) is the energy that the stabilisation of constraints has removed since t = 0,
-    None where the engine does not tell it or has none. ``evaluations`` of the equations of motion are those
-    of the whole run, None where the engine does not tell them.
+    None where the engine does not tell it or has none.
     """
 
     time_s: FloatArray
@@ -219,7 +218,6 @@ class Trajectory:
     contacts: Mapping[str, Contact] = field(default_factory=dict)
     stabilisation_loss_J: FloatArray | None = None
     load_work_J: Mapping[str, FloatArray] = field(default_factory=dict)
-    evaluations: int | None = None
     guide_moment_N_m: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property

@@ -20,7 +20,7 @@ from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.model import Model, build_model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, Record, integral, place_bodies
 from engine_models.exudyn.settings import IMPLICIT, ExudynSettings, steps_as_they_come
-from engine_models.exudyn.solver import evaluations, record_every, silence, simulation_settings, solve
+from engine_models.exudyn.solver import record_every, silence, simulation_settings, solve
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import ContactForces
 from engine_models.mechanics.loads import integrated_works, load_powers_W
@@ -46,8 +46,7 @@ def exudyn_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> Tra
         model, settings = _model(engine, scene), simulation_settings(engine, scene, run)
         solve_time = solve(scene, model, settings, engine.timeout_s)
         read_out = _as_they_came if steps_as_they_come(engine, scene) else _on_the_grid
-        trajectory = read_out(scene, run, model, solve_time)
-        return replace(trajectory, evaluations=evaluations(model, engine.solver_of(scene)))
+        return read_out(scene, run, model, solve_time)
 
 
 def bare_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> BareRun:

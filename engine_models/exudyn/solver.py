@@ -42,8 +42,6 @@ LEAST_GAP_M = 1e-13
 LARGEST_TURN_RAD, LEAST_INCREMENT = 0.1, 1e-12
 #: After an event steps may grow by this factor each: DOPRI5's (Hairer, Norsett, Wanner) and the others'.
 GROWTH_ADAPTIVE, GROWTH = 5.0, 2.0
-#: Evaluations of the equations in a step: an explicit solver's stages, with equal steps that at the end too.
-EVALUATIONS = {"DOPRI5": 7, "ODE23": 4, "RK67": 8, "RK44": 5, "RK33": 4, "ExplicitMidpoint": 3}
 #: Exudyn takes a run for finished 1e-10 s ahead of its end. Where samples lie between steps it is to go on.
 OVERRUN_S = 2e-10
 #: Steps after which the pace of a run is judged, if anybody listens: a few seconds.
@@ -241,14 +239,3 @@ def solve(scene: AnyScene, model: Model, settings: exu.SimulationSettings, timeo
     if not succeeded:
         raise EngineFailed(f"Exudyn failed at {when}: {' '.join(reason.split())}")
     return solve_time
-
-
-def evaluations(model: Model, solver: str) -> int:
-    """Return how often the last solve evaluated the equations, or the residuals of Newton's method."""
-    it = model.mbs.sys["dynamicSolver"].it
-    tried = int(
-        it.discontinuousIterationsCount
-    )  # one for each step, and one more for each time that it is cut
-    if solver in IMPLICIT:
-        return tried + int(it.newtonStepsCount) + 1
-    return EVALUATIONS[solver] * (tried + int(it.rejectedAutomaticStepSizeSteps))

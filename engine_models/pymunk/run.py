@@ -148,7 +148,6 @@ class Samples:
             steps=steps,
             solve_time_s=solve_time_s,
         )
-        trajectory = replace(trajectory, evaluations=steps)  # a kick each
         if len(self._between):
             return interpolated(trajectory, self._times_s)
         return replace(trajectory, time_s=self._times_s)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.crank_motion import require_followed
@@ -13,11 +12,9 @@ from engine_models.mechanics.start_check import checked_start
 from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell
 from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, Stalled
 from reference_solver.mechanism.scales import scales_of
-from reference_solver.methods import RK4
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Steps of contacts, and events on rigid walls, after which their pace is judged: some seconds; and events
@@ -25,9 +22,6 @@ from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepCho
 #: this part of the steps is enough.
 LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS, LIMITED = 2_000_000, 2_000, 1e8, 0.1
 
-#: Of a rod this much longer than its crank no position comes so near to a singular one that steps are taken
-#: in parts there: conditions grow by less than 6, and parts begin at 100.
-LONG_ROD = 1.1
 
 #: The turn in a step, at the mechanism's own rate, for which steps per contact are given: 0.3 degrees.
 TURN_OF_STEP_RAD = math.pi / 600
@@ -78,16 +72,7 @@ def reference_run(
     except FrictionTooStiff as stiff:
         raise too_slow(scene, stiff.needed_s) from stiff
     stabilised = stabilisation != "none"
-    run = trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
-    return replace(run, evaluations=len(RK4.weights) * run.steps) if _steps_whole(scene, choice) else run
-
-
-def _steps_whole(scene: AnyScene, choice: StepChoice | ErrorControl) -> bool:
-    """Return whether every step tried is surely taken whole, so that steps tell evaluations."""
-    clear = False
-    if isinstance(scene, Scene) and scene.is_plain:
-        clear = scene.rod is None or scene.rod.length_m > LONG_ROD * scene.crank.length_m
-    return clear and isinstance(choice, StepChoice) and not scene.joints_with_clearance
+    return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
 
 
 def taken(

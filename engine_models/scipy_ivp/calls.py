@@ -25,8 +25,6 @@ UNCONTROLLED = 1e30
 ODEINT, ODE_DOP853 = COMPILED = "odeint", "dop853"
 #: Evaluations in a step of the latter.
 STAGES = 12
-#: Evaluations that a step takes for its interpolant alone.
-INTERPOLANT = {"DOP853": 3}
 #: Of t and y.
 OfTime = Callable[[float, FloatArray], float]
 #: The status of a solution that an event has ended.
@@ -72,8 +70,8 @@ class Calls:
         self._derivative, self._choice, self._memory, self.bare = derivative, choice, memory, bare
         self._atol = np.full(len(derivative.start), choice.atol)
         self._atol[2 * derivative.n :] = UNCONTROLLED
-        #: Accepted steps and evaluations by the method so far.
-        self.steps, self.evaluations = 0, 0
+        #: Accepted steps so far.
+        self.steps = 0
         #: The end of the last step, the memories with the times from which on they hold.
         self._last_time_s = 0.0
         self._times: list[float] = []
@@ -108,8 +106,6 @@ class Calls:
         else:
             solution = self._watched_solution(t, y, times, watched)
             states = list(np.ascontiguousarray(np.transpose(solution.y)))
-        looks = len(solution.sol.ts) - 1 if solution.sol else 0  # of the interpolant, for what is looked into
-        self.evaluations += solution.nfev - INTERPOLANT.get(self._choice.method, 0) * looks
         found = zip(watched, solution.t_events or [], solution.y_events or [], strict=False)
         roots = [Root(of, float(t), y) for of, at, there in found for t, y in zip(at, there, strict=True)]
         return states, roots, solution.sol
@@ -132,7 +128,6 @@ class Calls:
         if not np.isfinite(states[-1]).all():
             raise self._failure("non-finite state", SimulationFailed)
         self.steps += int(told["nst"][-1])
-        self.evaluations += int(told["nfe"][-1])
         self._last_time_s = float(told["tcur"][-1])
         return list(states[1:])
 
@@ -146,7 +141,6 @@ class Calls:
 
         def seen(at: float, state: FloatArray) -> FloatArray:
             nonlocal last
-            self.evaluations += 1
             if at == last:
                 ends.append((at, state.copy()))
             last = at

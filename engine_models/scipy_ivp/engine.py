@@ -118,7 +118,7 @@ class ScipyEngine(CompiledEngine):
         solve_time = time.perf_counter() - started
         solution = derivative.solution(times, record.y, record.phases, record.ends, calls.steps)
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
-        return unwound(scene, require_finite(replace(run, evaluations=calls.evaluations)))
+        return unwound(scene, require_finite(run))
 
     def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
         """Return the same steps with nothing of ours between SciPy and the equations.

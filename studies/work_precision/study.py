@@ -104,8 +104,6 @@ def _errors(case: Case) -> Row:
     found = judged(make_engine(case.engine, **case.settings), case.scene, case.run)
     errors, _ = compared(found)
     row: Row = {"steps": found.plain.steps}
-    if found.plain.evaluations is not None:
-        row["evaluations"] = found.plain.evaluations
     row |= errors
     if rooms := found.own.clearances.values():
         row["smallest_clearance_m"] = min(room.radial_clearance_m for room in rooms)
