@@ -44,7 +44,7 @@ DYING_S = 5.0
 #: A process that has not imported what a call needs within this time never will.
 BEGINNING_S = 600.0
 #: The exit code of a process that imports a script which calls for processes itself.
-UNGUARDED = 113
+NO_MAIN_GUARD = 113
 #: Signals that no solver sends to itself: the kernel short of memory does, and people do.
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT")
 #: Starting a child reaps others: two threads at once would take each other's exit codes.
@@ -81,7 +81,7 @@ class Processes(LimitedExecutor):
 
     def __init__(self, jobs: int) -> None:
         if current_process().name != "MainProcess" and parent_process() is None:  # one that is only beginning
-            sys.exit(UNGUARDED)
+            sys.exit(NO_MAIN_GUARD)
         with starting():
             resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
         self._slots = [_Slot() for _ in range(jobs)]
@@ -253,7 +253,7 @@ class _WorkerProcess:
         code = self._exit_code()
         while os.name == "posix" and self._stderr.poll(0) and self._listen():
             pass
-        if code == UNGUARDED:
+        if code == NO_MAIN_GUARD:
             guard = 'if __name__ == "__main__":'
             reason = f"script: expected this call under {guard}, since every process imports the script"
             raise Failed(reason) from None

@@ -112,8 +112,9 @@ class Motion:
         self.packed = packed(self.built.numbers)
         self.mechanism = m = views(self.packed, self.built.numbers)
         data = typeof(method), typeof(self.packed)
-        self.rates, self.step, self.advance = (compiled(f, *data) for f in (equations.rates, step, advance))
-        self.call = {f: compiled(f, *data) for f in (look, equations.sample, walls_at)}
+        rates, step = (compiled(f, *data) for f in (equations.rates, step))
+        self.rates, self.advance = _entry(rates), _entry(compiled(advance, *data))
+        self.call = {f: _entry(compiled(f, *data)) for f in (look, equations.sample, walls_at)}
         self.size, self.joints = len(m.row), len(m.walls)
         self.time = 2 * self.size
         self.work = self.time + 1 + OF_JOINT * self.joints
@@ -125,8 +126,8 @@ class Motion:
         self.z[: self.size], self.z[self.size : self.time] = self.built.u, self.built.v
         self.phases = np.zeros((self.joints + len(m.kinks), 3))
         self._set_scales(scene, start)
-        self.problem = Problem(method, _argument(self.rates), self.packed, self.phases, self.scale)
-        self._step_argument = _argument(self.step)
+        self.problem = Problem(method, _argument(rates), self.packed, self.phases, self.scale)
+        self.step = _argument(step)
         self.clock = np.array([self.begin_s, 0.0, 0.0, 0.0, 0.0])
         self.stops_s = stops_s(m.drive, m.loads, m.tables)
         for k, (number, x, is_rate, phase) in enumerate(m.kinks.tolist()):
@@ -190,7 +191,7 @@ class Motion:
             came = 0
             while came != REACHED:
                 came = self.advance(
-                    self._step_argument,
+                    self.step,
                     *self.problem,
                     *(self.both, self.clock, self.begin_s, self.shortest_s, stop, self.steps),
                 )
@@ -301,6 +302,12 @@ def _speed_of(of: MechanismData, made: Built, start: Start, levers: list[float],
     weight = float(np.hypot(*of.gravity_m_s2))
     mass = float(m.masses[::2].sum())
     return float(np.sqrt(max(found) ** 2 + 2 * (weight * size_m + work / mass)))
+
+
+def _entry(function: Any) -> Any:
+    """Return machine code that Python calls, without Numba's look at the types of what it is called with."""
+    (overload,) = function.overloads.values()
+    return overload.entry_point
 
 
 def _argument(function: Any) -> Any:

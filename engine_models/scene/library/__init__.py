@@ -1,4 +1,4 @@
-"""The scenes of the study, by name. Set R is the literature's standard case, set F its free companion.
+"""The scenes of the study, by name. Set R is the literature's standard case, set F its free counterpart.
 
 Scenes of other mechanisms are files beside this one: see ``mechanisms``.
 """
