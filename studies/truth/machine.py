@@ -7,18 +7,15 @@ from reference_solver.compiled.store import njit
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Of what is a part of other machine code no calls by Python or C are compiled.
-PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
 
 def bare(function: F) -> F:
-    """Compile a function when other machine code first calls it."""
-    return njit(error_model="numpy", _nrt=False, **PART)(function)
+    """Compile a function when it is first called."""
+    return njit(error_model="numpy", _nrt=False)(function)
 
 
 def within(function: F) -> F:
     """Compile a function as a part of those that call it: its arguments are many."""
-    return njit(error_model="numpy", _nrt=False, forceinline=True, **PART)(function)
+    return njit(error_model="numpy", _nrt=False, forceinline=True)(function)
 
 
 def allocating(function: F) -> F:

@@ -114,12 +114,12 @@ class Motion:
         data = typeof(method), typeof(self.packed)
         rates, step = (compiled(f, *data) for f in (equations.rates, step))
         self.rates, self.advance = _entry(rates), _entry(compiled(advance, *data))
-        self.call = {f: _entry(compiled(f, *data)) for f in (look, equations.sample, walls_at)}
+        self.call = {f: compiled(f, *data) for f in (look, equations.sample, walls_at)}
         self.size, self.joints = len(m.row), len(m.walls)
         self.time = 2 * self.size
         self.work = self.time + 1 + OF_JOINT * self.joints
         lowest = LOWEST * shortest_flight_s / SHORTEST_FLIGHT_S
-        self.rigid = RigidWalls(self.packed, m, self.rates, self.call[walls_at], shortest_flight_s, lowest)
+        self.rigid = RigidWalls(self.packed, m, rates, self.call[walls_at], shortest_flight_s, lowest)
         self.contacts: tuple[list[Contact], ...] = tuple([] for _ in range(self.joints))
         self.both = np.zeros((2, self.work + 1 + len(self.built.parts)))
         self.z = self.both[0]
