@@ -46,7 +46,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     cases = [
         case
-        for case in agreement.cases(full=False)
+        for case in agreement.cases(full=True)
         if case.scene.name in ("ideal-free", "ideal-driven")
         and (
             (

@@ -85,11 +85,10 @@ def test_print_shows_each_figure_and_not_the_contents(page: Page) -> None:
     assert not page.locator("nav").is_visible()
 
 
-def test_the_first_screen_has_the_table_and_the_figure(page: Page) -> None:
-    bottom = page.evaluate("document.querySelector('#answer table').getBoundingClientRect().bottom")
-    assert bottom < 700
-    top = page.evaluate("document.querySelector('#figure-answer img').getBoundingClientRect().top")
-    assert top < 800
+def test_the_first_screen_has_the_recommendations_and_the_second_the_comparison(page: Page) -> None:
+    for table, most in (("answer", 700), ("compared-ideal-joints", 1100), ("compared-clearance", 1500)):
+        what = f"document.querySelector('#table-{table}').getBoundingClientRect().bottom"
+        assert page.evaluate(what) < most, table
 
 
 def test_the_page_is_as_long_as_a_reader_has_time_for(page: Page) -> None:
