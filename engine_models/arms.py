@@ -1,10 +1,9 @@
 """The catalogue of arms: engines at the settings that studies compare, each with one name and one meaning."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 from engine_models import engines
-from engine_models.pymunk.engine import PymunkEngine
 
 Setting = str | int | float | bool
 
@@ -63,15 +62,23 @@ WIDE_GAP = Arm(
 ODE23 = Arm("exudyn", "ODE23", {"solver": "ODE23"}, ("step_tolerance",))
 
 
-def _all_settings(engine: PymunkEngine) -> dict[str, Setting]:
-    """Return all settings of an engine that have a value."""
-    return {name: value for name, value in asdict(engine).items() if value is not None}
-
-
 #: Pymunk at its best, and with all that a user who sets nothing has; its contacts as the scene's law has
 #: them, in steps of one length and in steps shorter there, and as Pymunk has them.
-TUNED = Arm("pymunk", "tuned", _all_settings(PymunkEngine()))
-OUT_OF_THE_BOX = Arm("pymunk", "out of the box", _all_settings(PymunkEngine.out_of_the_box()))
+TUNED = Arm("pymunk", "tuned")
+OUT_OF_THE_BOX = Arm(
+    "pymunk",
+    "out of the box",
+    {
+        "joints": "all",
+        "iterations": 10,
+        "error_bias": (1 - 0.1) ** 60,
+        "half_kick_start": False,
+        "contact_iterations": 10,
+        "collision_bias": (1 - 0.1) ** 60,
+        "collision_slop_m": 0.1,
+        "collision_persistence": 3,
+    },
+)
 AS_THE_SCENE = Arm("pymunk", "as the scene", {"contact": "as-scene"})
 SHORTER_IN_CONTACT = Arm("pymunk", "shorter in contact", {"contact": "as-scene", "shorter_in_contact": 16.0})
 NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
@@ -130,7 +137,7 @@ def gives_motion_alone(arm: Arm) -> bool:
 
 def with_iterations(iterations: int) -> Arm:
     """Return tuned Pymunk with another number of sweeps over its joints."""
-    return Arm("pymunk", f"{iterations} iterations", {**TUNED.settings, "iterations": iterations})
+    return Arm("pymunk", f"{iterations} iterations", {"iterations": iterations})
 
 
 def newcomers() -> tuple[Arm, ...]:

@@ -54,7 +54,5 @@ def test_no_case_is_there_twice_and_the_full_set_contains_the_quick_one(study: s
 def test_out_of_the_box_sets_all_that_a_user_who_sets_nothing_has() -> None:
     box = arms.OUT_OF_THE_BOX
     assert PymunkEngine(**box.settings) == PymunkEngine.out_of_the_box()  # type: ignore[arg-type]
-    chosen_by = {"sweeps_leave"}  # says how many sweeps there are where nobody does
-    assert box.settings.keys() == vars(PymunkEngine()).keys() - chosen_by
     labels = {case.study for case in cases() if case.arm == box}
     assert labels == {"agreement", "work-precision", "energy", "extremes"}
