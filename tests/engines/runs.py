@@ -1,4 +1,4 @@
-"""Runs of engines and reference solutions of scenes, each made once a session, and all that they tell by name."""
+"""Runs of engines and reference solutions of scenes, each made once a session, and what they tell by name."""
 
 from dataclasses import fields
 from functools import cache
@@ -76,4 +76,6 @@ def errors(run: Trajectory, true: Trajectory, since: int = 0) -> dict[str, float
 def impact_numbers(run: Trajectory) -> dict[str, FloatArray]:
     """Return all that is told of the m impacts of each joint, (m,), by "JOINT FIELD"."""
     names = [field.name for field in fields(Impacts)]
-    return {f"{joint} {name}": getattr(of.impacts, name) for joint, of in run.contacts.items() for name in names}
+    return {
+        f"{joint} {name}": getattr(of.impacts, name) for joint, of in run.contacts.items() for name in names
+    }
