@@ -1,8 +1,8 @@
 """The reference solutions of today held to the frozen ones: every number of every scene of the library.
 
 A solution may differ from a frozen one by ``TIMES`` its stated uncertainty and ``ROUNDING`` of the largest
-of its kind. The reference engine, whose tolerance decides, may differ by its own uncertainty as well: by
-``COVERAGE`` distances of its run at the sharpest tolerance from those at larger ones, begun a hair beside.
+of its kind. To the uncertainty comes the reference engine's own, whose tolerance decides: ``COVERAGE``
+distances of its run at the sharpest tolerance from those at larger ones, begun a hair beside.
 """
 
 import io
@@ -70,7 +70,7 @@ def outside(name: str, solvers: Sequence[Solver]) -> dict[str, str]:
             wrong[key] = f"{len(first[key])} values, {len(value)} expected"
             continue
         own = max((np.abs(run[key] - first[key]).max(initial=0.0) for run in others), default=0.0)
-        bound = TIMES * about["uncertainty"][key] + ROUNDING * largest[kind_of(key)] + COVERAGE * own
+        bound = TIMES * (about["uncertainty"][key] + COVERAGE * own) + ROUNDING * largest[kind_of(key)]
         off = np.abs(first[key] - value).max(initial=0.0)
         if not off <= bound:
             wrong[key] = f"off by {off:.1e}, {bound:.1e} allowed"
