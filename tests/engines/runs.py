@@ -76,4 +76,6 @@ def errors(run: Trajectory, true: Trajectory, since: int = 0) -> dict[str, float
 def impact_numbers(run: Trajectory) -> dict[str, FloatArray]:
     """Return all that is told of the m impacts of each joint, (m,), by "JOINT FIELD"."""
     names = [field.name for field in fields(Impacts)]
-    return {f"{joint} {name}": getattr(of.impacts, name) for joint, of in run.contacts.items() for name in names}
+    return {
+        f"{joint} {name}": getattr(of.impacts, name) for joint, of in run.contacts.items() for name in names
+    }

@@ -1,17 +1,8 @@
 """What every engine owes on every scene, whatever its method: each claim once, for all of them."""
 
-import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-import numpy as np
 import pytest
-
-from engine_models.engine import AdapterCannot, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.engines import make_engine
-from engine_models.mechanics.assembly import start_state, started_from
-from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
-from tests.engines.runs import SAMPLES, engine, errors, fresh, impact_numbers, numbers, run, true_solution
-from tests.scenes import scene
 
 SMOOTH = ("free", "clocked", "tabled", "everything", "bead", "yoke")
 LOOSE = ("rubbing", "bearing", "loop", "linear", "rigid", "walls")

@@ -13,7 +13,7 @@ from engine_models.exudyn.model import build_model
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
-from tests.engine_models.reference.mechanism_texts import (
+from tests.engines.mechanism_texts import (
     ENDS,
     FOUR_BAR,
     FOUR_BAR_CLEARANCE,

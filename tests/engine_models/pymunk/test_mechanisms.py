@@ -12,8 +12,8 @@ from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.joints.plan import plan_of
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
-from tests.engine_models.reference import mechanism_texts
-from tests.engine_models.reference.mechanism_texts import (
+from tests.engines import mechanism_texts
+from tests.engines.mechanism_texts import (
     ENDS,
     FOUR_BAR,
     FOUR_BAR_CLEARANCE,

@@ -10,8 +10,8 @@ from engine_models.pymunk.joints.sweeps import LEFT_OVER, convergence_of, path_o
 from engine_models.scene.library import SCENES, ideal_driven, ideal_free
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
-from tests.engine_models.reference import mechanism_texts
-from tests.engine_models.reference.mechanism_texts import TEXTS
+from tests.engines import mechanism_texts
+from tests.engines.mechanism_texts import TEXTS
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 24

@@ -15,7 +15,7 @@ from engine_models.scene.drives import TorqueDrive
 from engine_models.scene.file import SceneError
 from engine_models.scene.library import clearance_pendulum, ideal_driven
 from engine_models.scene.scene import Clearance
-from tests.engine_models.reference.mechanism_texts import FOUR_BAR, PARALLELOGRAM, WALL, scene
+from tests.engines.mechanism_texts import FOUR_BAR, PARALLELOGRAM, WALL, scene
 from tests.helpers.arrays import joint_forces
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-11)

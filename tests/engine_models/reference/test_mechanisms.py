@@ -14,7 +14,7 @@ from engine_models.mechanics.quality import constraint_violation_m
 from engine_models.mechanics.states import lever_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
-from tests.engine_models.reference.mechanism_texts import ENDS, PARALLELOGRAM, TEXTS, four_bars, scene
+from tests.engines.mechanism_texts import ENDS, PARALLELOGRAM, TEXTS, four_bars, scene
 from tests.helpers.arrays import joint_forces
 from tests.helpers.orders import ORDER_TOLERANCE, slope
 

@@ -24,7 +24,7 @@ from engine_models.scene.general import GeneralScene
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
-from tests.engine_models.reference.mechanism_texts import CRANK_SLIDER, scene
+from tests.engines.mechanism_texts import CRANK_SLIDER, scene
 from tests.helpers.arrays import joint_forces
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)

@@ -14,7 +14,7 @@ from engine_models.scene.general import GeneralScene
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.parts import BodyState, Place
 from engine_models.scene.scene import Scene
-from tests.engine_models.reference.mechanism_texts import (
+from tests.engines.mechanism_texts import (
     CRANK_SLIDER,
     FOUR_BAR,
     OFFSET_CRANK_SLIDER,

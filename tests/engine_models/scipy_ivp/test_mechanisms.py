@@ -7,7 +7,7 @@ from engine_models.convergence.step_halving import simulate_to_tolerance
 from engine_models.engine import RunSettings
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.scipy_ivp.engine import ScipyEngine
-from tests.engine_models.reference.mechanism_texts import ENDS, TEXTS, scene
+from tests.engines.mechanism_texts import ENDS, TEXTS, scene
 
 #: Largest errors in m and rad: 1.5e-10 measured with ideal joints, 2.7e-10 after 37 impacts.
 IDEAL, LOOSE = 3e-10, 1e-9
