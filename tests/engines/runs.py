@@ -1,4 +1,4 @@
-"""Runs of engines and reference solutions of scenes, each made once a session, and all that they tell by name."""
+"""Runs of engines and reference solutions of scenes, each made once a session, and what they tell by name."""
 
 from dataclasses import fields
 from functools import cache

@@ -36,22 +36,27 @@ def scene_of(name: str) -> AnyScene:
 
 
 def told(scene: AnyScene, run: Trajectory, count: int) -> dict[str, FloatArray]:
-    """Return what is frozen of a run: all numbers of its first samples, energies, and impacts that ended then."""
+    """Return what is frozen of a run: its numbers at the first samples, energies, impacts that ended then."""
     cut, end_s = selected(run, slice(count)), run.time_s[count - 1]
     frozen = numbers(cut)
-    frozen |= {"energy kinetic": kinetic_energy_J(scene, cut), "energy potential": potential_energy_J(scene, cut)}
+    frozen |= {
+        "energy kinetic": kinetic_energy_J(scene, cut),
+        "energy potential": potential_energy_J(scene, cut),
+    }
     frozen["energy residual"] = energy_balance_residual_J(scene, cut)
     for joint in run.contacts:
         impacts = {name: value for name, value in impact_numbers(run).items() if name.startswith(f"{joint} ")}
         time_s, impulse = impacts[f"{joint} time_s"], impacts[f"{joint} normal_impulse_N_s"]
         over = time_s + impacts[f"{joint} duration_s"] <= end_s
         over &= impulse > WEAK * impulse.max(initial=0.0, where=over)
-        frozen |= {f"impact {name}": value[over] for name, value in impacts.items() if np.isfinite(value).all()}
+        frozen |= {
+            f"impact {name}": value[over] for name, value in impacts.items() if np.isfinite(value).all()
+        }
     return frozen
 
 
 def uncertainty(value: FloatArray, repeat: FloatArray) -> float:
-    """Return the stated uncertainty of a number (n, ...), infinite where a repeat has another count of them."""
+    """Return the stated uncertainty of a number (n, ...), infinite where a repeat has another count."""
     if value.shape != repeat.shape:
         return float("inf")
     apart, size = np.abs(value - repeat).max(initial=0.0), np.abs(value).max(initial=0.0)
