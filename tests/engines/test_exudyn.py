@@ -28,12 +28,12 @@ from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.quality import constraint_violation_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
-from engine_models.scene.library import SCENES, clearance, ideal_driven, ideal_free, ideal_torque
+from engine_models.scene.library import SCENES, clearance, ideal_driven, ideal_free
 from engine_models.scene.loads import Gas
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
 from studies.judges.metrics import errors as crank_slider_errors
-from tests.engines.mechanism_texts import SCOTCH_YOKE, TEXTS, V_TWIN
+from tests.engines.mechanism_texts import TEXTS, V_TWIN
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import errors
 from tests.scenes import scene
@@ -104,13 +104,14 @@ def test_every_law_of_the_family_is_exudyns_own_to_round_off(law: Any, restituti
     assert native_law(gap).restitution > 0
 
 
-@pytest.mark.parametrize(("law", "exponent"), [("linear", 1.0), ("hertz", 1.5), ("kelvin-voigt", 1.0)])
-def test_laws_without_restitution_are_exudyns_own(law: Any, exponent: float) -> None:
-    damping = 300.0 if law == "kelvin-voigt" else None
-    sizes = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01}
-    gap = Clearance(**sizes, law=law, stiffness=1e8, damping_N_s_m=damping)
-    expected = 1e8 * 1e-5**exponent + (damping or 0.0) * 0.3
-    assert -exudyn_force(pressed(gap, 0.3, 0.0))[0] == pytest.approx(expected, rel=1e-10)
+@pytest.mark.parametrize(
+    ("law", "exponent", "damping"),
+    [("linear", 1.0, None), ("hertz", 1.5, None), ("kelvin-voigt", 1.0, 300.0)],
+)
+def test_laws_without_restitution_are_exudyns_own(law: Any, exponent: float, damping: float | None) -> None:
+    sizes = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "damping_N_s_m": damping}
+    force = exudyn_force(pressed(Clearance(**sizes, law=law, stiffness=1e8), 0.3, 0.0))
+    assert -force[0] == pytest.approx(1e8 * 1e-5**exponent + (damping or 0.0) * 0.3, rel=1e-10)
 
 
 def test_friction_follows_the_normal_forces_sign_so_a_pulling_contact_drives_the_sliding() -> None:
@@ -182,7 +183,6 @@ TREES = {
     "driven frame": loose(scene("yoke"), "O"),
     "crank on the slider": loose(SCENES["ideal-compressor"](), "O"),
     "table": loose(scene("tabled"), "A"),
-    "slot": scene("bead"),
     "slot afloat": loose(scene("bead"), "O"),
     "driven bar": scene("bead").replace(TURNED_BAR),
     "two pistons": loose(mechanism(V_TWIN), "BD"),
@@ -206,18 +206,6 @@ def test_a_slot_that_turns_may_be_driven_along() -> None:
     coarse, fine = (errors(run(of, of.end_time_s / steps), sharp(of)) for steps in (500, 2000))
     slow = {kind: error for kind, error in fine.items() if error > max(1e-7, coarse[kind] / 14)}
     assert slow == {}, "of order 2"
-
-
-@pytest.mark.parametrize("joints", ["A", "O", "AB"])
-def test_trees_and_constraints_solve_the_same_scene_with_clearance(joints: str) -> None:
-    """Other coordinates, another driver, another solver; with O loose the crank hangs from the slider."""
-    of = loose(until(ideal_torque(), 0.01, crank_angle_rad=0.7), joints, {"A": "rod"}.get(joints))
-    tree = run(of, 1e-5, 200)
-    assert ExudynEngine().solver_of(of) == "DOPRI5"
-    assert constraint_violation_m(of, tree).max() < 1e-15, "a tree's joints cannot open"
-    coarse, fine = (run(of, of.end_time_s / steps, 200, solver="TrapezoidalIndex2") for steps in (2000, 8000))
-    for kind in ("position", "velocity"):
-        assert errors(fine, tree)[kind] < errors(coarse, tree)[kind] / 6
 
 
 @pytest.mark.parametrize(
@@ -268,30 +256,14 @@ ROOMS = {"ContactSphereSphere": 1, "KinematicTree": 1}
     ("of", "tree", "objects", "loads"),
     [
         (ideal_free(), False, IDEAL, 2),
-        (ideal_free().replace("gravity_m_s2", 0.0), False, IDEAL, 0),
-        (ideal_torque(), False, IDEAL, 3),
         (ideal_driven(), False, IDEAL | {"ConnectorCoordinate": 1}, 2),
         (DRIVEN, True, ROOMS | {"Mass1D": 1}, 0),
-        (SCENES["clearance-driven-A"](), True, ROOMS, 0),
-        (
-            SCENES["clearance-driven-AB"](),
-            True,
-            {"ContactSphereSphere": 2, "KinematicTree": 1, "Mass1D": 1, "RigidBody2D": 1},
-            1,
-        ),
         (SCENES["clearance-pendulum"](), True, {"ContactSphereSphere": 1, "RigidBody2D": 1}, 1),
         (
             mechanism(TEXTS["andrews"]),
             False,
             {"RotationalMass1D": 4, "RigidBody2D": 3, "JointRevolute2D": 6, "ConnectorSpringDamper": 1},
             1,
-        ),
-        (mechanism(SCOTCH_YOKE), False, {"RotationalMass1D": 1, "Mass1D": 1, "JointPrismatic2D": 1}, 1),
-        (
-            mechanism(V_TWIN),
-            False,
-            {"RotationalMass1D": 1, "Mass1D": 2, "RigidBody2D": 2, "JointRevolute2D": 4},
-            5,
         ),
     ],
 )
@@ -413,40 +385,19 @@ def test_no_python_runs_within_a_solve(name: str) -> None:
     assert counts[0] == counts[1]
 
 
-def test_user_functions_go_with_their_system_and_large_tables_cost_little_more() -> None:
-    """The piece is found by halving: 20 times the entries are some four comparisons more."""
-
+def test_user_functions_go_with_their_system() -> None:
     def alive() -> int:
         gc.collect()
         return int(getattr(symbolic.Real, "__newCount") - getattr(symbolic.Real, "__deleteCount"))
 
-    def tabled(entries: int) -> Scene:
-        gas = gas_table(entries).model_dump(exclude_none=True)
-        return by_table(entries).replace("load.slider.gas", gas)
-
     before = alive()
-    model = build_model(tabled(100))
-    assert alive() > before + 1000
+    model = build_model(by_table(100))
+    assert alive() > before + 500
     del model
     assert alive() == before
-    small, large = (min(run(tabled(n), 1e-5, 10).solve_time_s for _ in range(3)) for n in (25, 500))
-    assert large < 2 * small, f"{large:.3f} and {small:.3f} s"
 
 
 # Solvers.
-
-
-def test_rk44_is_of_order_4_between_located_events_and_hardly_of_any_without() -> None:
-    of = until(DRIVEN, 0.002)
-    located, unlocated = (
-        [
-            errors(run(of, h, 200, solver="RK44", locate_events=locate), sharp(of, 200))["position"]
-            for h in (4e-6, 1e-6)
-        ]
-        for locate in (True, False)
-    )
-    assert located[0] > 30 * located[1], f"{located}"
-    assert located[1] < 1e-2 * unlocated[1], f"{located[1]:.1e} against {unlocated[1]:.1e}"
 
 
 def test_the_trapezoidal_rule_is_of_order_2_from_impact_to_impact_and_so_are_its_contact_forces() -> None:
@@ -470,16 +421,6 @@ def test_the_last_stage_of_an_embedded_pair_is_the_acceleration_at_the_steps_end
     for again, last in zip(*records, strict=True):
         # But at the start, which has no stage.
         assert np.abs(last - again)[1:].max() < 1e-10 * np.abs(again).max()
-
-
-def test_generalized_alpha_starts_with_forces_of_order_one() -> None:
-    """Its known start of the multipliers, and why it is not the default."""
-    errors = []
-    for step in (4e-5, 1e-5):
-        of = until(ideal_driven(), 20 * step)
-        found = crank_slider_errors(of, run(of, step, solver="GeneralizedAlpha"), exact(of, SAMPLES))
-        errors.append([found[name].max() for name in ("joint_O_force_error_N", "driver_torque_error_N_m")])
-    assert np.log(np.divide(*errors)) / np.log(4) == pytest.approx([1, 1], abs=0.05)
 
 
 def test_generalized_alpha_keeps_the_joints_closed_and_the_trapezoidal_rule_lets_them_drift() -> None:
@@ -526,15 +467,6 @@ def test_the_fewest_iterations_cost_no_digit_of_motion_or_forces(solver: Any, st
     assert model.mbs.sys["dynamicSolver"].it.newtonStepsCount / 1000 == pytest.approx(iterations, abs=0.1)
 
 
-def test_full_newton_gives_the_same_answer() -> None:
-    of = until(ideal_driven(), 0.01)
-    full, modified = (
-        run(of, 1e-5, modified_newton=modified).joint_force_N["O"] for modified in (False, True)
-    )
-    # Not one run twice; the step's own error is 4e-2 N.
-    assert 0 < np.abs(full - modified).max() < 1e-3
-
-
 # Failures, and what Exudyn leaves in its process.
 
 
@@ -551,15 +483,13 @@ def change_point() -> Scene:
     ("of", "step_s", "settings", "words"),
     [
         (change_point(), 1e-5, {}, "Exudyn"),
-        (until(ideal_free(), 1e-8), 1e-11, {}, "Exudyn"),
         # Forces exceed the range of doubles: Exudyn reports success and infinities.
         (until(ideal_free().replace("slider.mass_kg", 1e306), 1e-3), 1e-5, {}, "non-finite"),
-        (until(DRIVEN, 0.005), 2e-4, {"solver": "RK67", "locate_events": False}, "non-finite"),
         (until(DRIVEN, 0.005), 2e-4, {"solver": "TrapezoidalIndex2", "locate_events": False}, "Exudyn"),
         # DOPRI5 would try one step again and again if it had a shortest one.
         (until(FREE, 0.05, crank_speed_rad_s=1e6), 1e-3, {"timeout_s": 0.5}, "not finished after 0.5 s"),
     ],
-    ids=["change-point", "below-the-clock", "infinite", "blow-up", "no-switching", "steps-without-end"],
+    ids=["change-point", "infinite", "no-switching", "steps-without-end"],
 )
 def test_a_run_that_breaks_down_says_when_and_why_and_leaves_exudyn_as_it_was(
     of: Scene,

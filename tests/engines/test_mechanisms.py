@@ -31,7 +31,6 @@ from tests.engines.mechanism_texts import (
     scene,
 )
 from tests.engines.runs import engine, run
-from tests.helpers.arrays import joint_forces
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 #: How far engines are off the ends at most, in m and rad. Three times what DOP853 at 1e-12 and RK4 in 4000
@@ -70,13 +69,13 @@ WITHIN: dict[str, dict[str, tuple[int, float]]] = {
         "v-twin": (8000, 3.8e-8),
     },
     "pymunk": {
-        "offset-crank-slider": (24_000, 1.0),
-        "four-bar": (2000, 1.0),
-        "andrews": (2000, 1.0),
-        "quick-return": (16_000, 1.0),
-        "v-twin": (2000, 1.0),
+        "offset-crank-slider": (24_000, 5.8e-4),
+        "four-bar": (2000, 5.7e-4),
+        "andrews": (2000, 6.5e-4),
+        "quick-return": (16_000, 5.9e-7),
+        "v-twin": (2000, 6.4e-5),
     },
-    "pymunk joints=all iterations=200": {"andrews": (2000, 1.0), "quick-return": (16_000, 1.0)},
+    "pymunk joints=all iterations=200": {"andrews": (2000, 6.8e-4), "quick-return": (16_000, 5.8e-7)},
     SCIPY: {name: (1, 1e-9 if "clearance" in name else 3e-10) for name in TEXTS},
 }
 
@@ -359,19 +358,6 @@ def kept(of: Scene | GeneralScene) -> Trajectory:
     return run
 
 
-@pytest.mark.parametrize("body", ["ground", "rocker"])
-def test_a_ground_pin_may_have_its_bearing_on_either_side(body: str) -> None:
-    """The force and the motion are the same, and the gap is turned round."""
-    of, other = (
-        kept(scene(f"{FOUR_BAR}[clearance.C]{WALL}{bearing}", end_time_s=0.02))
-        for bearing in (f'bearing = "{body}"\n', "")
-    )
-    assert np.abs(of.position - other.position).max() < 1e-9
-    sign = 1.0 if body == "ground" else -1.0
-    assert np.abs(of.contacts["C"].gap_m - sign * other.contacts["C"].gap_m).max() < 1e-9
-    assert np.abs(joint_forces(of) - joint_forces(other)).max() < 1e-4 * np.abs(joint_forces(other)).max()
-
-
 def test_a_body_and_a_guide_of_one_name_are_held_apart() -> None:
     text = ARM.replace("slot", "bead").replace('hold = ["arm", "bead"]\n', "")
     of = scene(text + '[drive]\nkind = "constant-speed"\nguide = "bead"\n')
@@ -380,12 +366,11 @@ def test_a_body_and_a_guide_of_one_name_are_held_apart() -> None:
         scene(ARM.replace("slot", "bead"))
 
 
-@pytest.mark.parametrize("turns", [0, 10, -1000])
-@pytest.mark.parametrize("told", ["", ", bead = 0.5"])
-def test_a_body_that_keeps_its_angle_turns_with_what_it_is_on(turns: int, told: str) -> None:
-    angle = 0.5 + 2 * math.pi * turns
-    q, _ = start_state(scene(ARM.replace("arm = 0.5 }", f"arm = {angle!r}{told} }}")))
-    assert q[:, 2] == pytest.approx([angle, angle], rel=1e-12)
+def test_a_body_that_keeps_its_angle_turns_with_what_it_is_on() -> None:
+    angle = 0.5 - 2000 * math.pi
+    for told in ("", ", bead = 0.5"):
+        q, _ = start_state(scene(ARM.replace("arm = 0.5 }", f"arm = {angle!r}{told} }}")))
+        assert q[:, 2] == pytest.approx([angle, angle], rel=1e-12)
 
 
 def test_a_leg_too_many_runs_where_it_has_clearance() -> None:
@@ -418,11 +403,3 @@ def test_a_pendulum_observes_its_pin_a() -> None:
     of = of.replace({"start.crank_angle_rad": 0.3, "start.crank_speed_rad_s": 2.0})
     run = ReferenceEngine().simulate(of, RunSettings(1e-3, 10))
     assert observed(of, run)[0] == pytest.approx(of.crank.length_m * np.cos(run.position[:, 0, 2]), abs=1e-12)
-
-
-def test_a_spring_without_length_is_refused_unless_it_has_no_free_length() -> None:
-    spring = '[spring.s]\nbetween = ["ground.O", "bead.P"]\nstiffness_N_m = 10.0\nfree_length_m = LENGTH\n'
-    text = ARM.replace("slot = 0.3", "slot = 0.0") + spring
-    with pytest.raises(SceneError, match=r"spring.s.between: expected ends that are apart at the start"):
-        scene(text.replace("LENGTH", "0.1"))
-    kept(scene(text.replace("LENGTH", "0.0")))

@@ -9,14 +9,12 @@ import numpy as np
 import pydantic
 import pymunk
 import pytest
-from scipy.interpolate import CubicSpline
 from scipy.special import lambertw
 
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.mechanics.states import observed
 from engine_models.pymunk import self_test
-from engine_models.pymunk.compiled import loads
 from engine_models.pymunk.compiled.chipmunk import FUNCTIONS
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.pymunk.joints.plan import plan_of
@@ -230,37 +228,12 @@ def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: i
     assert 0.02 < abs(library / true - 1) < 0.1, f"out of the box {library:.6g} N, truth {true:.6g} N"
 
 
-@pytest.mark.parametrize("of", [ideal_free(), scene("clocked"), mechanism(V_TWIN)], ids=lambda of: of.name)
-def test_tuned_the_first_forces_are_as_good_as_the_later_ones(of: AnyScene) -> None:
-    """Steps of 10 us leave 3e-5 of the force; kick 0 itself would be off by all of it."""
-    of = of.replace("end_time_s", 12e-5)
-    own, true = run(of, 12, samples=12), sharp(of, 12)
-    error = np.abs(joint_forces(own) - joint_forces(true)).max(axis=(1, 2))
-    assert error[:2].max() < 5e-5 * np.abs(joint_forces(true)).max(), error
-
-
 def test_without_the_half_kick_a_full_correction_makes_the_first_force_half_too_large() -> None:
     of = until(ideal_driven(), 12e-5)
     engine = PymunkEngine(joints="all", iterations=20, half_kick_start=False)
     ratio = joint_forces(run(of, 12, engine, 12))[:, 1, 0] / joint_forces(exact(of, 12))[:, 1, 0]
     assert ratio[1] == pytest.approx(1.5, abs=0.01), ratio
     assert ratio[2:] == pytest.approx(1.0, abs=0.01), ratio
-
-
-def test_forces_in_the_two_steps_after_a_tables_entry_are_of_order_one_and_all_else_of_two() -> None:
-    angles = (0.0, 1.0, 2.7, 4.2, 5.2, 7.4, 9.2, 10.6, 13.0)
-    drive = {"kind": "table", "time_s": tuple(3e-3 * k for k in range(9)), "angle_rad": angles}
-    speed = float(CubicSpline(drive["time_s"], angles)(0.0, 1))
-    of = ideal_driven().replace({"drive": drive, "start.crank_speed_rad_s": speed})
-    between, at = {}, {}
-    for steps in (1600, 6400):
-        force = joint_forces(run(of, steps, PymunkEngine(iterations=20), steps))
-        error = np.abs(force - joint_forces(exact(of, steps))).max(axis=(1, 2))
-        entry = np.arange(0, steps, steps // 8)[1:]
-        after = np.concatenate([entry, entry + 1])
-        at[steps], between[steps] = error[after].max(), np.delete(error, after).max()
-    assert np.log2(at[1600] / at[6400]) / 2 == pytest.approx(1.0, abs=0.1)
-    assert np.log2(between[1600] / between[6400]) / 2 == pytest.approx(2.0, abs=0.1)
 
 
 def motor(torque_N_m: float) -> dict[str, Any]:
@@ -281,20 +254,6 @@ def test_a_damper_too_strong_for_the_step_fails_in_one_line_and_runs_out_of_the_
     with pytest.raises(SimulationFailed, match=rf"^{reason}$"):
         run(of, 200)
     assert len(run(of, 200, LIBRARY).time_s) == SAMPLES + 1
-
-
-def test_the_gas_of_one_angle_is_the_spline_of_it_at_any_turn() -> None:
-    angle = np.linspace(0.0, 2 * math.pi, 25)
-    force = -800 * np.exp(2 * (np.cos(angle - 0.4) - 1))
-    table = {"crank_angle_rad": angle.tolist(), "force_N": [*force[:-1].tolist(), float(force[0])]}
-    of = ideal_free().replace("load.slider.gas", table)
-    inputs, spline = PymunkEngine()._model(of, RunSettings(1e-5, 1)).inputs, of.load.slider.gas.spline()
-    angles = np.concatenate([np.random.default_rng(3).uniform(-50.0, 50.0, 1000), spline.x, -spline.x])
-    angles = np.append(angles, [-1e-17, 2 * math.pi - 1e-16])
-    curve = np.rec.array(inputs.curves)[0]
-    own = [loads.value(curve, inputs.pieces, angle) for angle in angles]
-    assert own == pytest.approx(spline(angles), abs=1e-9)
-    assert math.isnan(loads.value(curve, inputs.pieces, np.float64(math.nan)))
 
 
 BLOCK = """
@@ -377,46 +336,15 @@ def test_an_open_joint_closes_where_less_than_half_is_left(left: float, closes: 
             run(of, 48000, engine)
 
 
-def test_contacts_leave_no_error_that_more_sweeps_would_take() -> None:
-    of = until(SCENES["clearance-free-0.5mm"](), 0.01)
-    needed, many, true = (
-        run(of, steps, PymunkEngine(iterations=n)) for n, steps in ((None, 4000), (1000, 4000), (1000, 64000))
-    )
-    assert off(needed, many) < 0.2 * off(many, true)
-
-
 def test_joints_that_share_no_body_are_closed_by_one_sweep_and_hopeless_masses_get_the_most() -> None:
     alone = ("clearance-free-OAB", "clearance-driven-0.5mm", "clearance-free-0.5mm", "clearance-pendulum")
     assert {sweeps_of(SCENES[name]()) for name in alone} == {1}
     assert sweeps_of(weighed(ideal_free(), 1.0, 1e12), joints="all") == 1000
 
 
-#: A coupler that slides through a block on the ground, its pin beside the line through its centre of mass.
-THROUGH_A_BLOCK = """
-name = "through a block"
-end_time_s = 0.1
-observe = "A.x"
-ground.pins_m = { O = 0.0, C = 0.3 }
-[body]
-crank = { pins_m = { O = 0.0, A = 0.05 }, mass_kg = 0.05, inertia_kg_m2 = 1e-3 }
-coupler = { pins_m = { A = [-0.15, 0.02] }, mass_kg = 0.05, inertia_kg_m2 = 1e-4 }
-block = { pins_m = { C = 0.0 }, mass_kg = 0.1, inertia_kg_m2 = 2e-5 }
-[guide.hole]
-body = "block"
-pin = "C"
-on = "coupler"
-[start]
-angle_rad = { crank = 1.0, coupler = -0.2, block = -0.2 }
-hold = ["crank"]
-speed_rad_s = { crank = 30.0 }
-"""
-
-
-def test_balanced_masses_leave_a_groove_on_its_line_and_a_body_alone_on_its_guide() -> None:
-    of = from_toml(THROUGH_A_BLOCK)
-    assert order(of, sharp(of), (4000, 16000), sweeps_leave=0.01) == pytest.approx(2.0, abs=0.1)
-    wall = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, "law": "hertz", "stiffness": 1e10}
-    of = mechanism(V_TWIN).replace({"clearance.D": wall, "end_time_s": 0.01})
+def test_balanced_masses_leave_a_body_alone_on_its_guide() -> None:
+    gap = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, "law": "hertz", "stiffness": 1e10}
+    of = mechanism(V_TWIN).replace({"clearance.D": gap, "end_time_s": 0.01})
     plan = PymunkEngine()._model(of, RunSettings(1e-6, 1)).plan
     assert plan != plan_of(of.mechanism, fewest=True), "masses are balanced"
     assert plan.seats[-1].along == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)))
@@ -456,9 +384,6 @@ def test_what_is_refused_of_guides_is_of_order_one(monkeypatch: pytest.MonkeyPat
     ("of", "engine", "steps"),
     [
         (ideal_free(), PymunkEngine(joints="all", iterations=4), 6560),
-        (ideal_torque(), PymunkEngine(joints="all", iterations=5), 6560),
-        (ideal_driven(), PymunkEngine(), 10),
-        (ideal_free().replace("start.crank_speed_rad_s", 1e200), PymunkEngine(), 100),
         (SCENES["clearance-pendulum"]().replace("start.crank_speed_rad_s", 1e9), PymunkEngine(), 1000),
         # The joints come open before the rod is turned over: up to ten sweeps, and as many as are needed do.
         (ideal_driven().replace("rod.length_m", 0.051), PymunkEngine(iterations=10), 20000),
@@ -626,17 +551,6 @@ def test_penetrations_taken_back_within_a_step_make_a_following_pin_flicker() ->
         residual[bias] = np.abs(energy_balance_residual_J(of, made)).max()
     assert contacts[1e-300] < 20 < 1000 < contacts[0.0], contacts
     assert residual[0.0] > 3 * residual[1e-300], residual
-
-
-def test_at_constant_speed_a_crank_with_clearance_at_o_keeps_its_speed_and_its_place() -> None:
-    gap = SCENES["rigid-driven-0.1mm"]().clearance.B.model_dump(exclude_none=True)
-    of = until(ideal_driven(), 2e-3, **{"clearance.O": gap})
-    own = run(of, 20_000)
-    assert np.ptp(own.velocity[:, 0, 2]) == 0.0
-    assert own.contacts["O"].penetration_m.max() < 1e-6
-    assert len(own.contacts["O"].impacts.time_s) > 3
-    residual = np.abs(energy_balance_residual_J(of, own)).max()
-    assert residual < 1e-3 * np.abs(own.driver_work_J).max()
 
 
 def test_friction_stays_in_coulombs_cone_and_of_native_impacts_can_create_energy() -> None:

@@ -172,7 +172,6 @@ class Case(NamedTuple):
 
 #: A spline whose last two values are equal ends at rest there, and is not-a-knot at its other end.
 OF_FORCE, OF_TORQUE = spline(TIMES, FORCES), spline(TIMES, TORQUES, ("not-a-knot", (1, 0.0)))
-OF_SLOPES = spline(TIMES, TORQUES, ((1, 5.0), (1, -3.0)))
 OF_SPEED = spline(SPEEDS, BY_SPEED)
 OF_GAS = spline(QUARTERS, GAS, "periodic")
 LINES: dict[str, object] = {"interpolation": "linear"}
@@ -237,10 +236,6 @@ CASES = {
         },
         on_links,
     ),
-    "torque with end slopes": Case(
-        {"drive": {"kind": "torque", **BY_TIME, "end_slopes": [5.0, -3.0]}, **LATE},
-        lambda t, _angle, _speed, _at: OF_SLOPES(t),
-    ),
     "torque and force by lines over time": Case(
         {
             "drive": {"kind": "torque", **BY_TIME, **LINES},
@@ -283,10 +278,6 @@ class Way(NamedTuple):
     clock: float = 0.0
 
 
-def steady(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return 0.1 * t, 0.1 + 0 * t, 0 * t
-
-
 def ramp(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     x, past = np.clip((t + 0.05) / 0.2, 0, 1), np.maximum(t + 0.05 - 0.2, 0)
     gone = 0.1 * (t + 0.05) - 0.25 * (0.2 * (2.5 * x**4 - 3 * x**5 + x**6) + past)
@@ -294,14 +285,6 @@ def ramp(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     begun = 0.1 * 0.05 - 0.25 * 0.2 * (2.5 * x0**4 - 3 * x0**5 + x0**6)
     speed = 0.1 - 0.25 * x**3 * (10 - 15 * x + 6 * x**2)
     return gone - begun, speed, -0.25 / 0.2 * 30 * (x * (1 - x)) ** 2
-
-
-def wave(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    rate = 2 * np.pi * 4.0
-    phase = rate * (t + 0.05) + 0.4
-    begin = rate * 0.05 + 0.4
-    gone = 0.05 * t - 0.3 / rate * (np.cos(phase) - np.cos(begin))
-    return gone, 0.05 + 0.3 * np.sin(phase), 0.3 * rate * np.cos(phase)
 
 
 PLACES = (1.0, 1.01, 0.99, 1.005, 1.02)
@@ -318,11 +301,7 @@ def slope_at(curve: CubicSpline, at: float) -> float:
 
 
 WAYS = {
-    "constant-speed": Way({"kind": "constant-speed"}, 0.1, steady),
     "ramp": Way({"kind": "ramp", "final_speed_m_s": -0.15, "ramp_time_s": 0.2}, 0.1, ramp, 0.05),
-    "fluctuating": Way(
-        {"kind": "fluctuating", "amplitude_m_s": 0.3, "frequency_Hz": 4.0, "phase_rad": 0.4}, 0.05, wave, 0.05
-    ),
     "table": Way(
         {"kind": "table", "time_s": TIMES, "position_m": PLACES}, slope_at(COURSE, 0.05), course, 0.05
     ),
@@ -373,58 +352,6 @@ def test_a_bearing_on_the_other_body_turns_the_gap_round_and_nothing_else(name: 
     )
     explicit = ran(of.replace("clearance.B.bearing", "rod"))
     assert np.abs(own.position - explicit.position).max() < 1e-9
-
-
-PENDULUM = """
-name = "pendulum"
-end_time_s = 0.3
-gravity_m_s2 = 9.81
-observe = "arm.angle"
-ground.pins_m = { O = [0.1, -0.05], C = [0.4, 0.2] }
-[body.arm]
-pins_m = { O = [0.05, 0.02], P = [0.35, -0.1] }
-centre_of_mass_m = [0.2, 0.03]
-mass_kg = 1.3
-inertia_kg_m2 = 0.02
-[start]
-angle_rad = { arm = 0.5 }
-speed_rad_s = { arm = 4.0 }
-time_s = 0.05
-[load.arm]
-force_N = 6.0
-along_rad = 2.1
-torque_N_m = 0.4
-viscous_N_m_s = 0.03
-by_time = { time_s = [0.0, 0.12, 0.2, 0.31, 0.4], torque_N_m = [0.1, 0.3, -0.2, 0.15, 0.15] }
-[spring.S]
-between = ["arm.P", "ground.C"]
-stiffness_N_m = 150.0
-free_length_m = 0.2
-damping_N_s_m = 2.0
-"""
-
-
-def test_loads_on_a_general_body_are_those_of_its_equation() -> None:
-    of = scene(PENDULUM)
-    centre, pin = complex(0.15, 0.01), complex(0.3, -0.12)
-    inertia = 0.02 + 1.3 * abs(centre) ** 2
-
-    def rates(t: float, y: FloatArray) -> list[float]:
-        angle, speed = float(y[0]), float(y[1])
-        u = cmath.exp(1j * angle)
-        force = 6.0 * cmath.exp(2.1j) - 9.81j * 1.3
-        torque = ((centre * u).conjugate() * force).imag
-        apart = complex(0.3, 0.25) - pin * u  # from the spring's end on the arm to C
-        rate = -1j * speed * pin * u
-        length = abs(apart)
-        pull = 150.0 * (length - 0.2) + 2.0 * (apart.conjugate() * rate).real / length
-        torque += ((pin * u).conjugate() * (pull * apart / length)).imag
-        return [speed, (torque + 0.4 - 0.03 * speed + OF_TORQUE(0.05 + t)) / inertia]
-
-    run = ran(of)
-    expected = solve_ivp(rates, (0.0, 0.3), [0.5, 4.0], "DOP853", run.time_s, rtol=1e-13, atol=1e-14).y
-    assert np.abs(run.position[:, 0, 2] - expected[0]).max() < 1e-10
-    assert np.abs(run.velocity[:, 0, 2] - expected[1]).max() < 1e-9
 
 
 CART = """
