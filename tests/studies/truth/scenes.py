@@ -1,7 +1,7 @@
 """Mechanisms of tests of the truth: joints loosened, and walls."""
 
 from engine_models.scene.parts import AnyScene
-from tests.engine_models.reference.mechanism_texts import WALL, scene
+from tests.engines.mechanism_texts import WALL, scene
 
 #: Friction at both surfaces of a loose pin.
 RUBBING = 'friction = { law = "tanh", coefficient = 0.1, regularisation_speed_m_s = 0.01 }\n'

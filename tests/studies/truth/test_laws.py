@@ -9,7 +9,7 @@ from scipy.special import lambertw
 from engine_models.engine import RunSettings, UnsupportedScene
 from studies.truth.physics import damping_of
 from studies.truth.solver import TrueSolver
-from tests.engine_models.reference.mechanism_texts import scene
+from tests.engines.mechanism_texts import scene
 from tests.helpers.random_scenes import WITH_RESTITUTION
 
 #: Approach speed in m/s, stiffness in N/m^n, clearance in m and mass in kg.

@@ -20,7 +20,7 @@ from studies.judges.metrics import energy_balance_residual_J
 from studies.running.closure import closure
 from studies.truth import equations, motion, rigid_walls, stepping
 from studies.truth.solver import TrueSolver
-from tests.engine_models.reference.mechanism_texts import (
+from tests.engines.mechanism_texts import (
     ENDS,
     FOUR_BAR,
     QUICK_RETURN,

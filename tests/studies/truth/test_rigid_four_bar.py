@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings
 from studies.truth.solver import TrueSolver
-from tests.engine_models.reference.mechanism_texts import FOUR_BAR
+from tests.engines.mechanism_texts import FOUR_BAR
 from tests.studies.truth.scenes import RIGID_WALL, RUBBING, loosened
 
 Long = np.longdouble
