@@ -213,6 +213,20 @@ def test_impacts_are_those_of_the_reference_solution(name: str, case: str) -> No
         np.testing.assert_allclose(own[key][known], value[known], rtol=0, atol=slack, err_msg=key)
 
 
+@pytest.mark.parametrize("name", ENGINES)
+def test_impulses_and_losses_of_impacts_add_up_to_those_of_the_contact(name: str) -> None:
+    mine = sharp(name, "rubbing")
+    contact = mine.contacts["B"]
+    over = contact.impacts.time_s + contact.impacts.duration_s
+    after = int(np.searchsorted(mine.time_s, over[-1]))  # the first sample in flight after the last impact
+    assert contact.penetration_m[after] < 0
+    assert contact.friction_loss_J is not None
+    assert contact.friction_loss_J[after] > 1e-3 * contact.dissipated_energy_J[after], "friction takes a part"
+    lost, impulse = contact.impacts.energy_lost_J.sum(), contact.impacts.normal_impulse_N_s.sum()
+    assert lost == pytest.approx(contact.dissipated_energy_J[after], rel=1e-6)
+    assert impulse == pytest.approx(contact.normal_impulse_N_s[after], rel=1e-6)
+
+
 @pairs
 def test_a_run_repeats_itself_and_samples_change_nothing(name: str, case: str) -> None:
     steps = steps_of(name, case)[0]
