@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.engines import make_engine
+from engine_models.engines import engine_class, make_engine
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from studies.judges.metrics import constraint_violation_m
@@ -263,7 +263,7 @@ def test_a_run_that_cannot_go_on_says_when_in_one_line(name: str, capfd: pytest.
 
 @each
 def test_settings_that_are_none_are_refused_by_name(name: str) -> None:
-    for field in fields(engine(name)):
+    for field in fields(engine_class(name)):
         with pytest.raises(ValueError, match=f"{field.name}: expected "):
             make_engine(name, **{field.name: object()})
 

@@ -85,7 +85,7 @@ def main() -> None:
     log = ["git", "log", "-1", "--format=%H", "--", *CODE]
     commit = subprocess.run(log, capture_output=True, text=True, check=True).stdout.strip()
     about: dict[str, Any] = {"commit": commit, "scenes": {}}
-    arrays = dict[str, FloatArray]()
+    arrays = dict[str, Any]()
     for name in ALL_SCENES:
         scene = scene_of(name)
         (truth, repeats), count = converged(scene, GRID), followed(scene, GRID)
