@@ -13,7 +13,7 @@ import crankslider as cs
 from engine_models.engine import FloatArray
 from reports.run.film import LONGEST_ARROW, Drawing, Stage
 from studies.command.drawing import Shape
-from tests.engine_models.reference.mechanism_texts import (
+from tests.engines.mechanism_texts import (
     ANDREWS,
     FOUR_BAR_CLEARANCE,
     OFFSET_CRANK_SLIDER,

@@ -21,7 +21,7 @@ from studies.running.failures import BadInput
 from studies.running.finished_cases import Rows
 from studies.sweeps.closing import closed
 from studies.sweeps.members import Draw, Sample, drawn, values_of
-from tests.engine_models.reference.mechanism_texts import FOUR_BAR_CLEARANCE, SCOTCH_YOKE, WALL
+from tests.engines.mechanism_texts import FOUR_BAR_CLEARANCE, SCOTCH_YOKE, WALL
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
 from tests.helpers.running import Here, until

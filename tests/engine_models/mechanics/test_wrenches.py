@@ -18,7 +18,7 @@ from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Mechanism
 from studies.command.trajectory_table import sample_columns
 from tests.engine_models.mechanics.machines import MACHINES
-from tests.engine_models.reference.mechanism_texts import TEXTS, scene
+from tests.engines.mechanism_texts import TEXTS, scene
 from tests.helpers.arrays import joint_forces
 
 SHARP, SAMPLES = ReferenceEngine(method="dop853", step_tolerance=1e-12), 100

@@ -15,8 +15,8 @@ from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from engine_models.scene.schema import scene_schema
 from reference_solver.mechanism.data import GROUND, Guide, Table, Torque
-from tests.engine_models.reference.mechanism_texts import ANDREWS, SCOTCH_YOKE
 from tests.engine_models.scene.mechanism_texts import FOUR_BAR, QUICK_RETURN, ROOM, TWIN
+from tests.engines.mechanism_texts import ANDREWS, SCOTCH_YOKE
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
 

@@ -14,7 +14,7 @@ from engine_models.engine import RunSettings
 from engine_models.scene.library import SCENES
 from reports.run.command import command
 from studies.running.case import Case
-from tests.engine_models.reference.mechanism_texts import FOUR_BAR_CLEARANCE
+from tests.engines.mechanism_texts import FOUR_BAR_CLEARANCE
 from tests.helpers.command import Finished, crankslider
 from tests.studies.truth.closed_forms.crank_slider import exact
 

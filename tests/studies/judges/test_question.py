@@ -6,7 +6,7 @@ from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
 from studies.comparison.question import asked
-from tests.engine_models.reference.mechanism_texts import ANDREWS, FOUR_BAR_CLEARANCE
+from tests.engines.mechanism_texts import ANDREWS, FOUR_BAR_CLEARANCE
 from tests.helpers.crank_sliders import HELD, pendulum, short_rod
 
 #: A lift of 2 kg, driven upwards.

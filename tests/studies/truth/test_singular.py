@@ -12,7 +12,7 @@ from engine_models.scene.parts import AnyScene
 from studies.truth.motion import STEP, Motion
 from studies.truth.solver import TrueSolver
 from studies.truth.stepping import Method, collocated, extrapolated, extrapolation, radau
-from tests.engine_models.reference.mechanism_texts import FOUR_BAR, four_bars, scene
+from tests.engines.mechanism_texts import FOUR_BAR, four_bars, scene
 
 METHODS = (TrueSolver("collocation", 1e-13), TrueSolver("extrapolation", 1e-14))
 

@@ -1,1 +1,0 @@
-"""Errors that engines tell of their own runs."""

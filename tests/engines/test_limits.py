@@ -1,0 +1,293 @@
+"""Scenes at the edge of what is valid, and beyond: absurd, at rest, at one instant; refusals in Python."""
+
+import random
+from collections.abc import Callable
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from engine_models.engine import MOST_SAMPLES, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engines import ENGINES, engine_class, engine_module, make_engine
+from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.mechanics.quality import quality_of
+from engine_models.pace import Pace, too_slow
+from engine_models.scene.data import SceneError
+from engine_models.scene.drives import TableDrive
+from engine_models.scene.file import from_toml, load
+from engine_models.scene.library import SCENES
+from engine_models.scene.scene import Scene, Start
+from studies.judges.converged_truth import INDEPENDENT, converged, truth_by
+from tests.helpers.command import crankslider
+from tests.helpers.crank_sliders import HELD
+
+each = pytest.mark.parametrize("engine", ENGINES)
+#: Library scenes, so that no kernel is compiled for them alone, and what each engine is to be quick with.
+NAMES = ("ideal-free", "ideal-driven", "clearance-driven-0.1mm", "rigid-driven-0.1mm", "rigid-pendulum")
+BOUNDS: dict[str, dict[str, object]] = {
+    "reference": {"max_steps": 300_000},
+    "scipy": {"max_evaluations": 3_000},
+    "exudyn": {"timeout_s": 0.5},
+}
+
+
+def distorted(value: Any, chance: random.Random, key: str = "") -> Any:
+    """Return a part of a scene with some of its numbers larger or smaller by orders of magnitude."""
+    if isinstance(value, dict):
+        return {name: distorted(part, chance, name) for name, part in value.items()}
+    if not isinstance(value, float) or chance.random() < 0.6 or key in ("restitution", "poisson_ratio"):
+        return value
+    if key == "radial_clearance_m" and chance.random() < 0.5:
+        return 5e-324  # the least there is
+    return value * 10 ** chance.uniform(-9, 9)
+
+
+def absurd_scenes(count: int, seed: int) -> list[tuple[Scene, RunSettings]]:
+    """Return so many scenes that pass validation, each with a run of few steps."""
+    chance, runs = random.Random(seed), list[tuple[Scene, RunSettings]]()
+    while len(runs) < count:
+        data = distorted(SCENES[chance.choice(NAMES)]().model_dump(exclude_none=True), chance)
+        samples, steps = chance.choice((1, 2, 10)), chance.choice((1, 3, 30))
+        try:
+            of = Scene.model_validate(data)
+        except ValidationError:
+            continue
+        runs.append((of, RunSettings(of.end_time_s / (samples * steps), samples)))
+    return runs
+
+
+@each
+def test_an_absurd_scene_runs_or_fails_as_a_simulation(engine: str) -> None:
+    ends = []
+    for of, settings in absurd_scenes(25, seed=11):
+        try:
+            with np.errstate(all="ignore"):
+                make_engine(engine, **BOUNDS.get(engine, {})).simulate(of, settings)
+            ends.append("ran")
+        except (UnsupportedScene, SimulationFailed) as reason:
+            ends.append(type(reason).__name__)
+    assert {"ran", "SimulationFailed"} <= set(ends), f"too tame a selection: {ends}"
+
+
+def test_the_pace_is_that_of_the_steps_since_it_was_judged_last() -> None:
+    """At a thousand steps in all, ten may take no less than 10 ms of a second."""
+    pace = Pace(SCENES["ideal-free"]().replace("end_time_s", 1.0), outlasting=10, most_steps=1000)
+    pace.judge(0.5, 10)
+    pace.judge(0.5, 19)  # too few to be judged
+    pace.judge(0.511, 20)
+    with pytest.raises(SimulationFailed, match=r"steps of 0.0009 s at t = 0.52 s"):
+        pace.judge(0.52, 30)
+
+
+@each
+def test_a_crank_that_is_held_takes_the_loads_torque(engine: str) -> None:
+    """Statics by hand: T = -F dx/dtheta, and the guide takes F tan(phi)."""
+    run = make_engine(engine).simulate(HELD, RunSettings(1e-4, 10))
+    phi = -np.arcsin(np.sin(np.pi / 3) / 2.5)
+    torque = -400 * (np.sin(np.pi / 3) - np.cos(np.pi / 3) * np.tan(phi))
+    assert run.driver_torque_N_m is not None
+    # Pymunk's joints come to their forces by sweeps: 1e-6 of them after ten steps.
+    assert run.driver_torque_N_m[-1] == pytest.approx(torque, rel=1e-5)
+    assert run.driver_torque_N_m[-1] == pytest.approx(-420.26506, rel=1e-5)
+    assert run.guide_force_N["guide"][-1] == pytest.approx(-400 * np.tan(phi), rel=1e-5)
+    assert run.guide_force_N["guide"][-1] == pytest.approx(147.70979, rel=1e-5)
+    rounding = make_engine(engine).simulate(HELD, RunSettings(1e-5, 10))
+    assert quality_of(HELD, rounding).parts()["unaccounted_energy_part"] < 1e-4, "it is no energy"
+
+
+def gentle() -> Scene:
+    """Return a crank left free without weight, so slow that the pin meets its bearing at 0.4 mm/s."""
+    slow = {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.05, "end_time_s": 2.5}
+    return SCENES["clearance-free-0.5mm"]().replace(slow)
+
+
+@pytest.mark.parametrize(
+    ("engine", "settings", "step_s"),
+    [
+        ("reference", {}, 1e-4),
+        ("reference", {}, 1e-5),
+        ("reference", {"method": "dop853"}, 1e-2),
+        ("scipy", {}, 1e-3),
+    ],
+)
+def test_a_gentle_touch_is_one_impact_however_short_the_step(
+    engine: str, settings: dict[str, object], step_s: float
+) -> None:
+    """By independent equations: 2.3954398 s, 0.41101 mm/s, 0.3291 ms and 1.0875e-4 N s."""
+    found = make_engine(engine, **settings).simulate(gentle(), RunSettings(step_s, 10)).contacts["B"].impacts
+    assert found.time_s == pytest.approx([2.3954398], abs=5e-8)
+    assert found.approach_speed_m_s == pytest.approx([4.1101e-4], abs=5e-9)
+    assert found.duration_s == pytest.approx([3.291e-4], abs=5e-8)
+    assert found.normal_impulse_N_s == pytest.approx([1.0875e-4], abs=5e-9)
+
+
+def test_no_message_blames_a_number_whose_own_time_is_long() -> None:
+    """The gentle contact takes 0.3 ms: steps of 1e-14 s are none of its stiffness's doing."""
+    assert str(too_slow(gentle(), 1e-14, " at t = 1 s")) == (
+        "steps of 1e-14 s at t = 1 s do not come to an end: take a longer step, or a looser tolerance"
+    )
+    stiff = gentle().replace("clearance.B.young_modulus_Pa", 1e45)
+    assert str(too_slow(stiff, 1e-20)).startswith("clearance.B.young_modulus_Pa: expected a value that")
+
+
+@each
+def test_a_clearance_whose_stiffness_overflows_is_not_blamed_on_the_material(engine: str) -> None:
+    """By Hertz K goes with the clearance to the power -1/2: of 1e-320 m that is beyond all numbers."""
+    of = gentle().replace({"clearance.B.radial_clearance_m": 1e-320, "end_time_s": 0.01})
+    with pytest.raises(SimulationFailed) as failed:
+        make_engine(engine).simulate(of, RunSettings(1e-4, 10))
+    assert "young_modulus" not in str(failed.value)
+
+
+def both(law: dict[str, object]) -> Scene:
+    """Return a rod between a crank and a slider at rest, with clearance at both its ends, thrown upwards."""
+    keys = ("y_m", "angle_rad", "velocity_x_m_s", "velocity_y_m_s", "angular_velocity_rad_s")
+    rest = dict.fromkeys(keys, 0.0)
+    wall = {"radial_clearance_m": 1e-3, "bearing_radius_m": 0.01, **law}
+    return Scene.checked(
+        {
+            "name": "both",
+            "end_time_s": 0.01,
+            "crank": {"length_m": 0.05, "mass_kg": 0.3, "inertia_kg_m2": 1e-4, "centre_of_mass_m": 0.0},
+            "rod": {"length_m": 0.12, "mass_kg": 0.2, "inertia_kg_m2": 2.4e-4, "centre_of_mass_m": 0.06},
+            "slider": {"mass_kg": 0.14, "inertia_kg_m2": 1e-4},
+            "start": {
+                "crank_angle_rad": 0.0,
+                "crank_speed_rad_s": 0.0,
+                "crank": {**rest, "x_m": 0.0},
+                "rod": {**rest, "x_m": 0.11, "velocity_y_m_s": 1.0},
+                "slider": {**rest, "x_m": 0.17},
+            },
+            "drive": {"kind": "constant-speed"},
+            "clearance": {"A": wall, "B": wall},
+        }
+    )
+
+
+@pytest.mark.parametrize("engine", ["reference", "scipy"])
+def test_two_pins_that_touch_at_one_instant_both_do(engine: str) -> None:
+    """Each contact takes 2.94327518 depth/speed of Hertz for half of the rod, each flight 2 ms."""
+    depth = (5 * 0.1 / (4 * 1e9)) ** 0.4
+    touches = 1e-3 + (2e-3 + 2.94327518 * depth) * np.arange(4)
+    run = make_engine(engine).simulate(both({"law": "hertz", "stiffness": 1e9}), RunSettings(1e-5, 10))
+    for joint in "AB":
+        np.testing.assert_allclose(run.contacts[joint].impacts.time_s, touches, atol=1e-10)
+
+
+def test_two_pins_that_hit_rigid_walls_at_one_instant_both_do() -> None:
+    """At 1 ms with 1 m/s, and with half of that four milliseconds later."""
+    of = both({"law": "rigid", "restitution": 0.5})
+    truth, _ = converged(of, 10)
+    for found in (make_engine("reference").simulate(of, RunSettings(1e-5, 10)), truth):
+        for joint in "AB":
+            impacts = found.contacts[joint].impacts
+            np.testing.assert_allclose(impacts.time_s, [1e-3, 5e-3], atol=1e-12)
+            np.testing.assert_allclose(impacts.approach_speed_m_s, [1.0, 0.5], atol=1e-12)
+
+
+def test_a_mechanism_at_rest_with_clearance_has_an_independent_truth() -> None:
+    rest = {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.0, "end_time_s": 0.01}
+    of = SCENES["clearance-pendulum"]().replace(rest)
+    assert not np.any(converged(of, 10)[0].velocity)
+    assert truth_by(of, 10) == INDEPENDENT
+
+
+# Runs, engines and scenes that are asked for wrongly in Python are refused in the command line's words.
+
+LOOSE = SCENES["clearance-compressor"]()
+STEP, COUNT = (
+    "step_s: expected a finite number > 0",
+    f"samples: expected an integer >= 1 and <= {MOST_SAMPLES}",
+)
+NAMED = "engine: expected reference, exudyn, pymunk, scipy or my_module:MyEngine"
+END = "end_time_s: expected a finite number > 0 and >= 1e-100"
+
+
+def copied(**update: Any) -> Scene:
+    return LOOSE.model_copy(update=update)
+
+
+BAD: list[tuple[Callable[[], object], str]] = [
+    *((lambda step=step: RunSettings(step, 10), f"{STEP}, got {step!r}") for step in (-1e-5, 0.0, inf, nan)),
+    (lambda: RunSettings("1", 10), f'{STEP}, got "1"'),  # type: ignore[arg-type]
+    *((lambda n=n: RunSettings(1e-5, n), f"{COUNT}, got {n!r}") for n in (0, -1, 100_001, 2.0)),
+    (lambda: RunSettings(1e-5, True), f"{COUNT}, got true"),
+    (lambda: engine_class("adams"), f'{NAMED}, got "adams"'),
+    (lambda: engine_module(""), f'{NAMED}, got ""'),
+    (
+        lambda: make_engine("pymunk", iterations=-1),
+        "iterations: expected an integer > 0 and < 2147483648, got -1",
+    ),
+    (lambda: load(Path("/no such scene")), "No such file or directory"),
+    (lambda: from_toml("name = 'x'\nend_time_s = -1"), f"{END}, got -1"),
+    (lambda: copied(end_time_s=-1.0), f"{END}, got -1.0"),
+    (
+        lambda: copied(gravity_m_s2=nan),
+        "gravity_m_s2: expected a finite number >= 0 or a list of two, got nan",
+    ),
+    (lambda: copied(speed=1.0), "speed: expected the key name, end_time_s"),
+    (lambda: copied(rod=None), "rod: expected a section beside slider, got nothing"),
+    (lambda: copied(crank=5), "crank: expected a section, got 5"),
+    (lambda: copied(drive=LOOSE.start), 'drive.kind: expected "constant-speed", "fluctuating", "free"'),
+    (
+        lambda: LOOSE.crank.model_copy(update={"mass_kg": 0.0}),
+        "mass_kg: expected a finite number > 0, got 0.0",
+    ),
+    (
+        lambda: LOOSE.clearance.model_copy(update={"B": {"law": "hertz"}}),
+        "B.radial_clearance_m: expected a finite number > 0, got nothing",
+    ),
+    (
+        lambda: LOOSE.clearances["B"].model_copy(update={"law": "hertz"}),
+        "restitution: expected nothing with law = 'hertz', got 0.9",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), BAD, ids=[words for _, words in BAD])
+def test_what_is_asked_for_wrongly_is_refused_in_one_line(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValueError) as refusal:  # noqa: PT011  the words are compared
+        call()
+    line = str(refusal.value)
+    assert words in line
+    assert "\n" not in line
+    assert "pydantic" not in line
+
+
+def test_a_copy_is_refused_in_the_words_of_the_file_and_of_the_command(tmp_path: Path) -> None:
+    with pytest.raises(SceneError) as copy:
+        copied(end_time_s=-1.0)
+    file = tmp_path / "mine.toml"
+    file.write_text(LOOSE.to_toml().replace("end_time_s = 0.08", "end_time_s = -1.0"))
+    with pytest.raises(SceneError) as read:
+        load(file)
+    assert str(read.value) == f"{file}: line 2: {copy.value}"
+    assert crankslider("simulate", file).stderr == f"error: {read.value}\n"
+
+
+def test_what_is_valid_is_taken() -> None:
+    assert RunSettings(1, 1).step_used_s(0.5) == 0.5
+    assert RunSettings(np.float64(1e-5), MOST_SAMPLES).samples == MOST_SAMPLES
+    assert make_engine("pymunk", iterations=5) == engine_class("pymunk")(iterations=5)
+    copy = copied(end_time_s=0.1, start={"crank_angle_rad": 1.0, "crank_speed_rad_s": 2.0})
+    assert (copy.end_time_s, copy.start) == (0.1, Start(crank_angle_rad=1.0, crank_speed_rad_s=2.0))
+    assert copy.model_copy(update={"end_time_s": 0.08, "start": LOOSE.start}) == LOOSE
+    assert LOOSE.model_copy() == LOOSE == LOOSE.model_copy(deep=True)
+
+
+def test_a_scene_by_a_table_can_be_begun_within_it() -> None:
+    """Clock, speed and end are changed together: each alone would leave the table, an angle of 10 t^2."""
+    times, angles = (0.0, 0.1, 0.2, 0.3, 0.4), (0.0, 0.1, 0.4, 0.9, 1.6)
+    table = TableDrive(kind="table", time_s=times, angle_rad=angles)
+    start = Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0)
+    driven = SCENES["ideal-driven"]().model_copy(update={"drive": table, "start": start, "end_time_s": 0.4})
+    position, velocity = start_state(driven)
+    velocity = velocity + 0.0
+    velocity[0, 2] = 4.0  # at 0.2 s
+    with pytest.raises(SceneError, match=r"drive.time_s.4: expected at least 0.6, when the scene ends"):
+        started_from(driven, position, velocity, 0.2)
+    later = started_from(driven, position, velocity, 0.2, 0.2)
+    assert (later.start.time_s, later.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)

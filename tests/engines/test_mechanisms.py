@@ -1,0 +1,405 @@
+"""Any mechanism: by every engine on independent ends and published ones, and how it starts."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from engine_models.engine import FloatArray, RunSettings, Trajectory
+from engine_models.mechanics.assembly import assembled, start_state
+from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
+from engine_models.mechanics.quality import constraint_violation_m
+from engine_models.mechanics.states import observed
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.inspection import inspect
+from engine_models.scene.file import SceneError
+from engine_models.scene.general import GeneralScene
+from engine_models.scene.library import IDEAL_SCENES, clearance_pendulum
+from engine_models.scene.parts import BodyState, Place
+from engine_models.scene.scene import Scene
+from tests.engines.mechanism_texts import (
+    CRANK_SLIDER,
+    ENDS,
+    FOUR_BAR,
+    PARALLELOGRAM,
+    QUICK_RETURN,
+    TEXTS,
+    WALL,
+    four_bars,
+    scene,
+)
+from tests.engines.runs import engine, run
+
+SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
+#: How far engines are off the ends at most, in m and rad. Three times what DOP853 at 1e-12 and RK4 in 4000
+#: steps were when such runs were first made, by other programs: other compilers, and other steps by a hair,
+#: change errors by less. What the trapezoidal rule was in so many steps; what impulses and sweeps leave in as
+#: many as they need; SciPy at 1e-12.
+DOP853, SCIPY = "reference method=dop853 step_tolerance=1e-12", "scipy rtol=1e-12 atol=1e-13"
+WITHIN: dict[str, dict[str, tuple[int, float]]] = {
+    DOP853: {
+        "crank-slider": (1, 3e-11),
+        "offset-crank-slider": (1, 3e-11),
+        "four-bar": (1, 4.5e-12),
+        "andrews": (1, 3.6e-12),
+        "scotch-yoke": (1, 6.6e-13),
+        "quick-return": (1, 2.4e-12),
+        "v-twin": (1, 1.3e-12),
+        "four-bar-clearance": (1, 2.5e-10),
+        "crank-slider-clearance": (1, 3e-12),
+    },
+    "reference": {
+        "crank-slider": (4000, 1.2e-6),
+        "offset-crank-slider": (4000, 1.2e-6),
+        "four-bar": (4000, 1.3e-10),
+        "andrews": (4000, 1.1e-10),
+        "scotch-yoke": (4000, 2.4e-11),
+        "quick-return": (4000, 2e-10),
+        "v-twin": (4000, 8.1e-13),
+    },
+    "exudyn": {
+        "crank-slider": (32_000, 9.7e-5),
+        "offset-crank-slider": (32_000, 2.1e-5),
+        "four-bar": (8000, 4.2e-6),
+        "andrews": (8000, 5.8e-6),
+        "scotch-yoke": (8000, 6.2e-7),
+        "quick-return": (8000, 2.7e-7),
+        "v-twin": (8000, 3.8e-8),
+    },
+    "pymunk": {
+        "offset-crank-slider": (24_000, 5.8e-4),
+        "four-bar": (2000, 5.7e-4),
+        "andrews": (2000, 6.5e-4),
+        "quick-return": (16_000, 5.9e-7),
+        "v-twin": (2000, 6.4e-5),
+    },
+    "pymunk joints=all iterations=200": {"andrews": (2000, 6.8e-4), "quick-return": (16_000, 5.8e-7)},
+    SCIPY: {name: (1, 1e-9 if "clearance" in name else 3e-10) for name in TEXTS},
+}
+
+
+@pytest.mark.parametrize(("name", "of"), [(name, of) for name, ends in WITHIN.items() for of in ends])
+def test_a_mechanism_ends_where_an_independent_integration_does(name: str, of: str) -> None:
+    steps, bound = WITHIN[name][of]
+    mechanism = scene(TEXTS[of])
+    found = run(name, mechanism, steps // 20 or 1)
+    off = np.abs(found.position[-1] - [ENDS[of][body] for body in mechanism.mechanism.names]).max()
+    assert off < bound, f"{off:.2e}"
+    if name == DOP853:
+        assert constraint_violation_m(mechanism, found).max() < 1e-12, "projection closes after every step"
+    if steps == 1:
+        left = np.abs(energy_balance_residual_J(mechanism, found)).max()
+        assert left < 1e-9 * energy_in_play_J(mechanism, found)
+    if mechanism.joints_with_clearance:
+        assert len(found.contacts["B"].impacts.time_s) in {"four": (36, 37), "cran": (17, 18)}[of[:4]]
+
+
+def test_andrews_mechanism_turns_by_the_published_angles() -> None:
+    published = {
+        "beta": 15.81077119629904,
+        "Theta": -15.75637105984298,
+        "gamma": 0.04082224013073101,
+        "phi": -0.5347301163226948,
+        "delta": 0.5244099658805304,
+        "Omega": 0.5347301163226948,
+        "epsilon": 1.048080741042263,
+    }
+    of = scene(TEXTS["andrews"])
+    k = dict(zip(of.mechanism.names, run(DOP853, of, 1).position[-1, :, 2].tolist(), strict=True))
+    found = (k["K1"], k["K2"] - k["K1"], k["K3"], k["K4"] - k["K5"], k["K5"], k["K6"] - k["K7"], k["K7"])
+    assert found == pytest.approx(tuple(published.values()), rel=5e-10)
+
+
+PISTON_ENGINE = """
+name = "piston engine"
+end_time_s = 10.0
+gravity_m_s2 = 9.81
+crank = { length_m = 0.3, mass_kg = 1.0, inertia_kg_m2 = 0.1, centre_of_mass_m = 0.0 }
+rod = { length_m = 0.8, mass_kg = 1e-9, inertia_kg_m2 = 1e-10, centre_of_mass_m = 0.4 }
+slider = { mass_kg = 3.0, inertia_kg_m2 = 1e-4 }
+start = { crank_angle_rad = 0.0, crank_speed_rad_s = -2.5 }
+drive = { kind = "free" }
+"""
+DOUBLE_PENDULUM = """
+name = "double pendulum"
+end_time_s = 10.0
+gravity_m_s2 = 9.81
+observe = "tip.angle"
+ground.pins_m = { O = 0.0 }
+[body]
+arm = { pins_m = { O = 0.0, A = 1.0 }, centre_of_mass_m = 1.0, mass_kg = 1.0, inertia_kg_m2 = 0.1 }
+tip = { pins_m = { A = 0.0 }, centre_of_mass_m = 0.4, mass_kg = 0.2, inertia_kg_m2 = 0.01 }
+"""
+
+
+def test_peers_of_the_literature_end_where_theirs_do() -> None:
+    # Modelica's PlanarMechanics, by Dymola at a tolerance of 1e-6: the last digits are its own.
+    run = SHARP.simulate(scene(PISTON_ENGINE), RunSettings(10.0, 1))
+    angle, rate = run.position[-1, 0, 2], run.velocity[-1, 0, 2]
+    assert (angle, rate) == pytest.approx((-16.81494, -1.59427), abs=1e-4)
+    assert (angle, rate) == pytest.approx((-16.814995, -1.594232), abs=1e-6), "with a rod of 1e-9 kg"
+    # So light a rod is no singular position for RK4 either.
+    for step_s in (1e-3, 4e-3):
+        plain = ReferenceEngine().simulate(scene(PISTON_ENGINE), RunSettings(step_s, 10))
+        assert plain.position[-1, 0, 2] == pytest.approx(-16.814995, abs=5e-7)
+        assert plain.velocity[-1, 0, 2] == pytest.approx(-1.594232, abs=5e-7)
+    # SciPy's DOP853 at 1e-12 on the two angles' own equations.
+    run = SHARP.simulate(scene(DOUBLE_PENDULUM), RunSettings(10.0, 1))
+    (arm, tip), (arm_speed, tip_speed) = run.position[-1, :, 2], run.velocity[-1, :, 2]
+    assert (arm, tip - arm) == pytest.approx((-0.449808, 2.722998), abs=1e-6)
+    assert (arm_speed, tip_speed - arm_speed) == pytest.approx((2.358602, 9.483477), abs=2e-6)
+
+
+def swing(count: int, end_time_s: float) -> FloatArray:
+    """Return angle and rate of all legs of four-bars in a row: one pendulum's."""
+    inertia = (count + 1) / 3 + count
+    weight = 9.81 * ((count + 1) / 2 + count)
+
+    def rates(_: float, y: FloatArray) -> list[float]:
+        return [y[1], -weight / inertia * float(np.cos(y[0]))]
+
+    span, start = (0.0, end_time_s), [np.pi / 2, -1.0]
+    return np.asarray(solve_ivp(rates, span, start, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1])
+
+
+@pytest.mark.parametrize("count", [1, 4, pytest.param(40, marks=pytest.mark.accuracy)])
+def test_four_bars_in_a_row_swing_as_one_pendulum_does(count: int) -> None:
+    if count < 40:
+        run = SHARP.simulate(scene(four_bars(count, 0.6)), RunSettings(0.6, 1))
+        angle, rate = swing(count, 0.6)
+        legs = slice(0, count + 1)
+        assert 0.3 < angle < 1.3, "short of the first singular position, at 0"
+        assert np.abs(run.position[-1, legs, 2] - angle).max() < 1e-10
+        assert np.abs(run.velocity[-1, legs, 2] - rate).max() < 1e-9
+        assert np.abs(run.position[-1, count + 1 :, 2]).max() < 1e-10
+    else:
+        assert swing(40, 20.0) == pytest.approx((-61.684499, -1.718570), abs=2e-6)
+    # Through all singular positions, as the benchmark of the literature asks.
+    of = scene(four_bars(count, 20.0))
+    run = ReferenceEngine(method="dop853", step_tolerance=1e-8).simulate(of, RunSettings(20.0, 1))
+    angle, _ = swing(count, 20.0)
+    assert np.hypot(*(2 * run.position[-1, 0, :2] - [np.cos(angle), np.sin(angle)])) < 1e-3
+
+
+def test_a_parallelogram_passes_its_singular_position_by_its_inertia() -> None:
+    of = scene(PARALLELOGRAM, end_time_s=2.0)
+    run = SHARP.simulate(of, RunSettings(2.0, 40))
+    angle = 1.0 + 2.0 * run.time_s
+    assert np.abs(run.position[:, 0, 2] - angle).max() < 1e-9
+    assert np.abs(run.position[:, 2, 2] - angle).max() < 1e-6
+
+
+# Starts.
+
+GENERAL = [name for name, text in TEXTS.items() if "[body]" in text]
+
+
+def general(text: str, **changes: object) -> GeneralScene:
+    of = scene(text, **changes)
+    assert isinstance(of, GeneralScene)
+    return of
+
+
+def pair(place: Place) -> FloatArray:
+    return np.array(place if isinstance(place, tuple) else (place, 0.0))
+
+
+def gaps(of: GeneralScene, q: FloatArray) -> list[float]:
+    """Return how far pins of one name are apart, from the file's own places."""
+    places = {pin: [pair(place)] for pin, place in of.ground.pins_m.items()}
+    for (x, y, angle), body in zip(q, of.body.values(), strict=True):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        for pin, place in body.pins_m.items():
+            there = [x, y] + turn @ (pair(place) - pair(body.centre_of_mass_m))
+            places.setdefault(pin, []).append(there)
+    return [float(np.hypot(*(own - first))) for first, *rest in places.values() for own in rest]
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_a_start_is_closed_and_what_is_held_is_exact_whatever_else_is_told(name: str) -> None:
+    of = general(TEXTS[name])
+    q, v = start_state(of)
+    assert max(gaps(of, q)) < 1e-12
+    assert max(gaps(of, q + 1e-7 * v)) < 1e-7 * 1e-4 * (1 + np.abs(v).max()), "speeds keep them closed"
+    (held,) = of.start.hold
+    number = [*of.body].index(held)
+    assert q[number, 2] == of.start.angle_rad[held]
+    assert v[number, 2] == pytest.approx(of.start.speed_rad_s[held], rel=1e-14, abs=1e-14)
+    others = {body: angle + 0.02 for body, angle in of.start.angle_rad.items() if body != held}
+    again, _ = start_state(of.replace({f"start.angle_rad.{body}": angle for body, angle in others.items()}))
+    assert np.abs(again - q).max() < 1e-13
+
+
+def test_a_way_along_a_turning_guide_is_held_and_speeds_are_those_of_the_closed_form() -> None:
+    way = 0.26  # from pin C, 0.2 below the crank's pivot, to its pin A: the law of cosines
+    of = general(QUICK_RETURN, start__hold=["slot"], start__position_m={"slot": way})
+    q, _ = start_state(of)
+    assert np.sin(q[0, 2]) == pytest.approx((way**2 - 0.2**2 - 0.08**2) / (2 * 0.2 * 0.08), abs=1e-13)
+    assert max(gaps(of, q)) < 1e-12
+    q, v = start_state(scene(FOUR_BAR))
+    crank, coupler, rocker = q[:, 2]
+    speeds = (
+        20.0,
+        -20.0 * 0.1 * np.sin(crank - rocker) / (0.25 * np.sin(coupler - rocker)),
+        20.0 * 0.1 * np.sin(crank - coupler) / (0.2 * np.sin(rocker - coupler)),
+    )
+    np.testing.assert_allclose(v[:, 2], speeds, rtol=1e-13)
+    np.testing.assert_allclose(v[0, :2], 20.0 * 0.04 * np.array([-np.sin(crank), np.cos(crank)]), rtol=1e-13)
+
+
+@pytest.mark.parametrize("name", IDEAL_SCENES)
+def test_a_plain_crank_slider_starts_by_the_closed_formulas(name: str) -> None:
+    of = IDEAL_SCENES[name]()
+    expected = assembled(of, of.start.crank_angle_rad, of.start.crank_speed_rad_s)
+    for found, each in zip(start_state(of), expected, strict=True):
+        np.testing.assert_array_equal(found, each)
+    # The same start put together: one last place off it.
+    q, v = start_state(GeneralScene.checked(of.general.model_dump(exclude_none=True)))
+    assert np.abs(q - expected[0]).max() < 1e-15
+    np.testing.assert_allclose(v, expected[1], rtol=1e-12, atol=1e-12)
+
+
+def test_whole_turns_come_out_as_they_are_told() -> None:
+    turns = 2000 * math.pi
+    plain, told = general(FOUR_BAR), {"crank": 0.7 + turns, "coupler": 0.5 - turns, "rocker": 1.8 + turns}
+    own, other = (run(DOP853, of, 1) for of in (plain, plain.replace("start.angle_rad", told)))
+    assert other.position[0, 0, 2] == told["crank"]
+    expected = own.position.copy()
+    expected[:, :, 2] += turns * np.array([1, -1, 1])
+    # An angle of 1000 turns is told to 5e-13, and errors grow by some hundred times.
+    assert np.abs(other.position - expected).max() < 1e-9
+
+
+def test_a_start_by_every_body_s_state_goes_on_where_a_run_was() -> None:
+    of = general(FOUR_BAR)
+    whole = run(DOP853, of, 1)
+    states = {
+        name: dict(zip(BodyState.model_fields, [*q.tolist(), *v.tolist()], strict=True))
+        for name, q, v in zip(of.body, whole.position[8], whole.velocity[8], strict=True)
+    }
+    rest = GeneralScene.checked(of.model_dump(exclude_none=True) | {"start": states, "end_time_s": 0.3})
+    found = engine(DOP853).simulate(rest, RunSettings(0.3, 12))
+    assert np.abs(found.position - whole.position[8:]).max() < 1e-10
+    assert "start: as the file gives it, the state of every body" in inspect(rest)
+
+
+SIZES = {
+    "four-bar": "3 bodies, 4 joints; 8 rows of rank 8",
+    "andrews": "7 bodies, 10 joints, 1 spring; 20 rows of rank 20",
+    "scotch-yoke": "2 bodies, 1 joint, 2 guides; 5 rows of rank 5",
+    "quick-return": "5 bodies, 5 joints, 2 guides; 14 rows of rank 14",
+    "four-bar-clearance": "3 bodies, 4 joints; 8 rows of rank 8 (with B taken as ideal)",
+    "offset-crank-slider": "3 bodies, 3 joints, 1 guide; 8 rows of rank 8",
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_check_counts_rows_and_freedoms_and_tells_what_it_moved(name: str) -> None:
+    of = scene(TEXTS[name])
+    size, start, least = inspect(of)
+    assert size == f"{of.name}: {SIZES[name]}, 1 degree of freedom"
+    told = "nothing moved from what the file tells"  # but for round-off
+    if isinstance(of, GeneralScene) and name != "scotch-yoke":
+        q, _ = start_state(of)
+        moved = np.abs(q[:, 2] - [of.start.angle_rad.get(body, 0.0) for body in of.body])
+        most = int(moved.argmax())
+        told = f"{[*of.body][most]} turned by {moved[most]:.3g} rad from what the file tells"
+    assert start == f"start: put together, {told}"
+    assert least.startswith("smallest singular value over 200 samples of the run: 0.")
+
+
+def test_check_finds_when_a_parallelogram_is_flat() -> None:
+    def least(end_s: float) -> tuple[float, float]:
+        line = inspect(scene(PARALLELOGRAM, end_time_s=end_s))[-1]
+        found = re.search(r"run: (\S+) at t = (\S+) s", line)
+        assert found is not None
+        return float(found[1]), float(found[2])
+
+    flat = (math.pi - 1.0) / 2.0  # its crank turns by 2 rad/s, and is along x at pi
+    value, when = least(2.0)
+    assert abs(when - flat) <= 2.0 / 200 / 2
+    near, end = least(1.0)
+    assert end == 1.0, "it only comes near"
+    # Near the flat position the value is a multiple of the angle's distance from it.
+    assert near / value == pytest.approx((flat - 1.0) / abs(when - flat), rel=0.1)
+    plain = scene(CRANK_SLIDER)
+    assert isinstance(plain, Scene)
+    assert inspect(plain)[1] == "start: by the closed formulas of a crank-slider or a pendulum"
+
+
+# Corners of the general form: names, whole turns, legs too many, springs without length.
+
+#: A block on a slotted arm that turns, with a spring to the arm's pivot.
+ARM = """
+name = "bead"
+end_time_s = 0.2
+observe = "slot.along"
+ground.pins_m = { O = 0.0 }
+[body]
+arm = { pins_m = { O = 0.0 }, mass_kg = 1.0, inertia_kg_m2 = 0.1, centre_of_mass_m = 0.2 }
+bead = { pins_m = { P = 0.0 }, mass_kg = 0.2, inertia_kg_m2 = 1e-4 }
+[guide]
+slot = { body = "bead", pin = "P", on = "arm" }
+[start]
+angle_rad = { arm = 0.5 }
+position_m = { slot = 0.3 }
+hold = ["arm", "slot"]
+speed_rad_s = { arm = 2.0 }
+speed_m_s = { slot = 0.0 }
+"""
+
+
+def kept(of: Scene | GeneralScene) -> Trajectory:
+    """Return a sharp run, whose ledger closes."""
+    run = SHARP.simulate(of, RunSettings(of.end_time_s, 10))
+    assert np.abs(energy_balance_residual_J(of, run)).max() < 1e-9 * energy_in_play_J(of, run)
+    return run
+
+
+def test_a_body_and_a_guide_of_one_name_are_held_apart() -> None:
+    text = ARM.replace("slot", "bead").replace('hold = ["arm", "bead"]\n', "")
+    of = scene(text + '[drive]\nkind = "constant-speed"\nguide = "bead"\n')
+    assert kept(of).position[0, 0, 2] == pytest.approx(0.5, abs=1e-12)
+    with pytest.raises(SceneError, match=r"start.hold.1: expected a name that is of a body or of a guide"):
+        scene(ARM.replace("slot", "bead"))
+
+
+def test_a_body_that_keeps_its_angle_turns_with_what_it_is_on() -> None:
+    angle = 0.5 - 2000 * math.pi
+    for told in ("", ", bead = 0.5"):
+        q, _ = start_state(scene(ARM.replace("arm = 0.5 }", f"arm = {angle!r}{told} }}")))
+        assert q[:, 2] == pytest.approx([angle, angle], rel=1e-12)
+
+
+def test_a_leg_too_many_runs_where_it_has_clearance() -> None:
+    """A third leg makes one row too many, unless its pin M is loose."""
+    leg = "middle = { pins_m = { D = 0.0, M = 0.1 }, mass_kg = 0.2, inertia_kg_m2 = 2e-4 }\n[start]"
+    text = PARALLELOGRAM.replace("C = 0.2 }", "C = 0.2, D = 0.1 }").replace("B = 0.2 }", "B = 0.2, M = 0.1 }")
+    text = text.replace("[start]", leg).replace("right = 1.0 }", "right = 1.0, middle = 1.0 }")
+    with pytest.raises(SceneError, match=r"12 rows of rank 11, those of .*M.* depend on each other"):
+        scene(text)
+    of = scene(text + f"[clearance.M]{WALL}", end_time_s=0.2)
+    assert inspect(of)[0].endswith("12 rows of rank 11 (with M taken as ideal), 1 degree of freedom")
+    kept(of)
+
+
+def test_a_pin_may_be_called_drive_and_a_body_spring() -> None:
+    """What is not theirs is called so in the solver, and nothing is lost where names are the same."""
+    drive = '[drive]\nkind = "constant-speed"\nbody = "BODY"\n[load.BODY]\ntorque_N_m = 0.1\n'
+    spring = '[spring.torque]\nbetween = ["ground.O", "coupler.B"]\nstiffness_N_m = 50.0\n'
+    text = FOUR_BAR + drive + spring + "free_length_m = 0.1\ndamping_N_s_m = 1.0\n"
+    named = text.replace("crank = ", "spring = ").replace('"crank"', '"spring"').replace("BODY", "spring")
+    runs = [
+        kept(scene(each, end_time_s=0.1))
+        for each in (text.replace("BODY", "crank"), named.replace("A = 0.", "drive = 0."))
+    ]
+    assert (runs[0].position == runs[1].position).all()
+
+
+def test_a_pendulum_observes_its_pin_a() -> None:
+    of = clearance_pendulum().replace({"clearance": {}, "crank.centre_of_mass_m": 0.0})
+    of = of.replace({"start.crank_angle_rad": 0.3, "start.crank_speed_rad_s": 2.0})
+    run = ReferenceEngine().simulate(of, RunSettings(1e-3, 10))
+    assert observed(of, run)[0] == pytest.approx(of.crank.length_m * np.cos(run.position[:, 0, 2]), abs=1e-12)

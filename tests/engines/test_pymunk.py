@@ -1,0 +1,620 @@
+"""What only Pymunk has: native contacts, sweeps, steps shorter in contact, and a compiled loop."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+import pymunk
+import pytest
+from scipy.special import lambertw
+
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.mechanics.energy import energy_balance_residual_J
+from engine_models.mechanics.states import observed
+from engine_models.pymunk import self_test
+from engine_models.pymunk.compiled.chipmunk import FUNCTIONS
+from engine_models.pymunk.engine import PymunkEngine
+from engine_models.pymunk.joints.plan import plan_of
+from engine_models.pymunk.joints.sweeps import LEFT_OVER, convergence_of, path_of
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.file import from_toml
+from engine_models.scene.library import SCENES, ideal_driven, ideal_free, ideal_torque
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Clearance, Clearances, Scene
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
+from tests.engines.mechanism_texts import QUICK_RETURN, SCOTCH_YOKE, TEXTS, V_TWIN
+from tests.engines.mechanism_texts import scene as mechanism
+from tests.engines.runs import errors, impact_numbers
+from tests.helpers.arrays import arrays, joint_forces
+from tests.scenes import scene
+from tests.studies.truth.closed_forms.crank_slider import exact
+
+SAMPLES = 20
+LIBRARY = PymunkEngine.out_of_the_box()
+SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
+DAMPED = SCENES["clearance-driven-damped"]()
+#: A contact is noticed up to a step late, by chance: an error is the mean square of several steps.
+FACTORS = (1.0, 1.07, 1.13, 1.21, 1.29, 1.37)
+
+
+def run(of: AnyScene, steps: float, engine: PymunkEngine | None = None, samples: int = SAMPLES) -> Trajectory:
+    return (engine or PymunkEngine()).simulate(of, RunSettings(of.end_time_s / steps, samples))
+
+
+def sharp(of: AnyScene, samples: int = SAMPLES) -> Trajectory:
+    return SHARP.simulate(of, RunSettings(of.end_time_s, samples))
+
+
+def until(of: Scene, end_time_s: float, **changes: Any) -> Scene:
+    return of.replace({"end_time_s": end_time_s, **changes})
+
+
+def off(one: Trajectory, other: Trajectory) -> float:
+    """Return the largest difference of positions, in m and rad."""
+    return float(np.abs(one.position - other.position).max())
+
+
+def order(of: AnyScene, true: Trajectory, steps: tuple[int, int], **settings: Any) -> float:
+    """Return the order at which positions converge, between two numbers of steps."""
+    coarse, fine = (off(run(of, n, PymunkEngine(**settings)), true) for n in steps)
+    return float(np.log(coarse / fine) / np.log(steps[1] / steps[0]))
+
+
+def mean_square(of: AnyScene, true: Trajectory, steps: float, **settings: Any) -> tuple[float, float]:
+    """Return the mean square error of the slider over runs of about so many steps, and how many they took."""
+    runs = [run(of, steps * factor, PymunkEngine(**settings), len(true.time_s) - 1) for factor in FACTORS]
+    squares = [np.square(one.position - true.position)[:, -1, 0].max() for one in runs]
+    return float(np.sqrt(np.mean(squares))), float(np.mean([one.steps for one in runs]))
+
+
+# The compiled loop against plain Pymunk: a crank-slider with clearance at B, by Python callbacks of its own.
+
+STEPS, END_S, SWEEPS = 2000, 2e-3, 20
+
+
+def plain_space(of: Scene) -> tuple[pymunk.Space, pymunk.Body, pymunk.Body]:
+    """Return a space with a crank at constant speed, a rod pinned to it and a slider, and the last two."""
+    _, link, block = of.crank_slider()
+    space, speed = pymunk.Space(), of.start.crank_speed_rad_s
+    space.iterations, space.gravity = SWEEPS, (0.0, -of.weight_m_s2)
+    r, length, d = of.crank.length_m, link.length_m, link.centre_of_mass_m
+    crank = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+    rod, slider = pymunk.Body(link.mass_kg, link.inertia_kg_m2), pymunk.Body(block.mass_kg, math.inf)
+    crank.angular_velocity, rod.angular_velocity = speed, -r / length * speed  # at the outer dead centre
+    rod.position, slider.position = (r + d, 0.0), (r + length, 0.0)
+    rod.velocity = (0.0, speed * r * (1 - d / length))
+    pivot = pymunk.PivotJoint(crank, rod, (r, 0.0), (-d, 0.0))
+    guide = pymunk.GrooveJoint(space.static_body, slider, (-1.0, 0.0), (1.0, 0.0), (0.0, 0.0))
+    pivot.error_bias = guide.error_bias = 0.0
+    space.add(crank, rod, slider, pivot, guide)
+    return space, rod, slider
+
+
+def gap_of(rod: pymunk.Body, slider: pymunk.Body, place_m: float) -> tuple[pymunk.Vec2d, pymunk.Vec2d]:
+    """Return the vector from the rod's bearing to the slider's pin, and how fast it changes."""
+    d = slider.position - rod.local_to_world((place_m, 0.0))
+    return d, slider.velocity - rod.velocity_at_local_point((place_m, 0.0))
+
+
+def pushed_by_its_law(
+    space: pymunk.Space, rod: pymunk.Body, slider: pymunk.Body, wall: Any, place: float
+) -> None:
+    """Have the law of Hu and Guo with hyperbolic friction act, as a hook of a joint that never does."""
+    R, c, e, mu = wall.bearing_radius_m, wall.radial_clearance_m, wall.restitution, wall.friction.coefficient
+    compliance = (1 - wall.poisson_ratio**2) / wall.young_modulus_Pa
+    K = 4 / (3 * 2 * compliance) * math.sqrt(R * (R - c) / c)
+    began = [0.0]
+
+    def push(_joint: Any, _space: Any) -> None:
+        d, rate = gap_of(rod, slider, place)
+        delta = d.length - c
+        if delta <= 0:
+            began[0] = 0.0
+            return
+        n = d / d.length
+        began[0] = began[0] or n.dot(rate)
+        law = K * delta**1.5 * max(0.0, 1 + 3 * (1 - e) / (2 * e) * n.dot(rate) / began[0])
+        sliding = n.cross(rate) - rod.angular_velocity * (R + delta / 2)
+        rub = mu * law * math.tanh(sliding / wall.friction.regularisation_speed_m_s)
+        force = -law * n - rub * n.perpendicular()
+        at = rod.local_to_world((place, 0.0)) + (R + delta / 2) * n
+        slider.apply_force_at_world_point(force, at)
+        rod.apply_force_at_world_point(-force, at)
+
+    hook = pymunk.SlideJoint(rod, slider, (place, 0.0), (0.0, 0.0), 0.0, math.inf)
+    hook.pre_solve, hook.max_force = push, 0.0
+    space.add(hook)
+
+
+def bounced_natively(
+    space: pymunk.Space, rod: pymunk.Body, slider: pymunk.Body, wall: Any, place: float
+) -> None:
+    """Have a circle in a circle, whose contact is made one from inside before it is solved."""
+    R, c = wall.bearing_radius_m, wall.radial_clearance_m
+    hole, pin = pymunk.Circle(rod, R, (place, 0.0)), pymunk.Circle(slider, R - c)
+    for kind, shape in enumerate((hole, pin), 1):
+        shape.collision_type, shape.elasticity, shape.friction = kind, 1.0, 0.0
+    hole.elasticity = wall.restitution
+    space.collision_bias, space.collision_slop, space.collision_persistence = 1e-300, 0.0, 1
+
+    def rewrite(arbiter: pymunk.Arbiter, _space: Any, _data: Any) -> None:
+        d, _ = gap_of(rod, slider, place)
+        arbiter.process_collision = d.length > c
+        space.iterations = 200 if d.length > c else SWEEPS
+        if d.length > c:
+            n, points = d / d.length, arbiter.contact_point_set
+            points.normal = -n
+            points.points[0].point_a = rod.local_to_world((place, 0.0)) + R * n
+            points.points[0].point_b = slider.position + (R - c) * n
+            arbiter.contact_point_set = points
+
+    space.on_collision(1, 2, pre_solve=rewrite)
+    space.add(hole, pin)
+
+
+@pytest.mark.parametrize(
+    ("name", "contact"),
+    [("clearance-driven-damped", pushed_by_its_law), ("rigid-driven-0.5mm", bounced_natively)],
+)
+def test_bodies_move_as_in_a_loop_of_python_with_callbacks(name: str, contact: Callable[..., None]) -> None:
+    of = until(SCENES[name](), END_S)
+    link = of.crank_slider()[1]
+    space, rod, slider = plain_space(of)
+    contact(space, rod, slider, of.clearance.B, link.length_m - link.centre_of_mass_m)
+    path = [[[*body.position, body.angle] for body in (rod, slider)]]
+    for _ in range(STEPS):
+        space.step(END_S / STEPS)
+        path.append([[*body.position, body.angle] for body in (rod, slider)])
+    engine = PymunkEngine(iterations=SWEEPS, half_kick_start=False)
+    own = run(of, STEPS, engine, STEPS)
+    # Round-off of 2000 steps and some impacts, in m and rad; measured 5e-15.
+    assert np.abs(own.position[:, 1:] - np.array(path)).max() < 1e-12
+    assert len(own.contacts["B"].impacts.time_s) > 0
+
+
+def test_a_pymunk_with_other_functions_or_steps_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert self_test._misstep() is None
+
+    class Heavier(pymunk.Body):
+        def __init__(self, mass: float, moment: float) -> None:
+            super().__init__(mass, 2 * moment)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pymunk.Body", Heavier)
+        assert "a step: expected" in str(self_test._misstep())
+    self_test._unusable.cache_clear()
+    monkeypatch.setitem(FUNCTIONS, "cpSpaceStep", "void(*)(struct cpSpace *, float)")
+    with pytest.raises(
+        UnsupportedScene, match=r"^pymunk .*: cpSpaceStep: expected .*float.*, got .*double.*$"
+    ):
+        run(DAMPED, 10)
+    self_test._unusable.cache_clear()
+
+
+def test_asking_whether_a_scene_is_supported_compiles_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path))
+    PymunkEngine().check(DAMPED)
+    assert not [*tmp_path.rglob("*.nbc")]
+
+
+# Starts, drives and loads.
+
+
+@pytest.mark.parametrize("name", ["free", "clocked", "tabled"])
+def test_out_of_the_box_every_signal_converges_at_order_one_once_started(name: str) -> None:
+    of = scene(name)
+    true = sharp(of)
+    coarse, fine = (errors(run(of, n * SAMPLES, LIBRARY), true, since=1) for n in (241, 961))
+    off_order = {
+        key: (coarse[key], error)
+        for key, error in fine.items()
+        if error > 1e-10 and abs(np.log(coarse[key] / error) / np.log(961 / 241) - 1.0) > 0.1
+    }
+    assert off_order == {}
+
+
+@pytest.mark.parametrize("steps", [1001, 10001])
+def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: int) -> None:
+    of = until(ideal_torque(), 0.01)
+    tuned, library = (joint_forces(run(of, steps, each, 1))[0, 1, 0] for each in (PymunkEngine(), LIBRARY))
+    true = joint_forces(exact(of, 1))[0, 1, 0]
+    # Round-off of a place of 0.17 m over the square of 1e-6 s, by coefficients of 10 to 15, on 0.14 kg.
+    assert tuned == pytest.approx(true, abs=2e-4)
+    assert 0.02 < abs(library / true - 1) < 0.1, f"out of the box {library:.6g} N, truth {true:.6g} N"
+
+
+def test_without_the_half_kick_a_full_correction_makes_the_first_force_half_too_large() -> None:
+    of = until(ideal_driven(), 12e-5)
+    engine = PymunkEngine(joints="all", iterations=20, half_kick_start=False)
+    ratio = joint_forces(run(of, 12, engine, 12))[:, 1, 0] / joint_forces(exact(of, 12))[:, 1, 0]
+    assert ratio[1] == pytest.approx(1.5, abs=0.01), ratio
+    assert ratio[2:] == pytest.approx(1.0, abs=0.01), ratio
+
+
+def motor(torque_N_m: float) -> dict[str, Any]:
+    return {"drive": {"kind": "motor", "stall_torque_N_m": torque_N_m, "no_load_speed_rad_s": 60.0}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"load.slider.viscous_N_s_m": 1e5}, r"load.slider.viscous_N_s_m too .* below 2\.8e-06 s"),
+        (motor(6000.0), r"drive.motor too strong .* below 3\.95e-06 s"),
+    ],
+)
+def test_a_damper_too_strong_for_the_step_fails_in_one_line_and_runs_out_of_the_box(
+    changes: Any, reason: str
+) -> None:
+    of = until(ideal_free(), 0.01, **changes)
+    with pytest.raises(SimulationFailed, match=rf"^{reason}$"):
+        run(of, 200)
+    assert len(run(of, 200, LIBRARY).time_s) == SAMPLES + 1
+
+
+BLOCK = """
+name = "block"
+end_time_s = 0.5
+gravity_m_s2 = 9.81
+observe = "slope.along"
+body.block = { pins_m = { B = 0.0 }, mass_kg = 0.2, inertia_kg_m2 = 1e-4 }
+guide.slope = { body = "block", pin = "B", angle_rad = 0.5 }
+load.block.viscous_N_s_m = 4.0
+start.position_m = { slope = 0.0 }
+"""
+
+
+@pytest.mark.parametrize("joints", ["fewest", "all"])
+def test_a_damped_block_slides_down_as_the_closed_form_says(joints: Any) -> None:
+    """v = v_e (1 - exp(-c t/m)) with v_e = -m g sin(0.5)/c, and m/c = 0.05 s."""
+    of, engine = from_toml(BLOCK), PymunkEngine(joints=joints)
+    final, ends = -0.2 * 9.81 * np.sin(0.5) / 4.0, []
+    for steps in (100, 400):
+        own = run(of, steps, engine, 50)
+        way = final * (own.time_s - 0.05 * (1 - np.exp(-own.time_s / 0.05)))
+        ends.append(np.abs(observed(of, own)[0] - way).max())
+    assert np.log2(ends[0] / ends[1]) / 2 == pytest.approx(2.0, abs=0.1), ends
+    # Steps of 1.67 m/c: in each 0.09 of a difference is left.
+    assert observed(of, run(of, 6, engine, 6))[1][-1] == pytest.approx(final, rel=1e-5)
+
+
+# Joints and sweeps.
+
+
+@pytest.mark.parametrize("name", ["four-bar", "andrews", "v-twin", "quick-return"])
+def test_mechanisms_have_the_fewest_joints_and_sweeps(name: str) -> None:
+    """Pins of the ground need no joints."""
+    fewest, every, sweeps, many = {
+        "four-bar": (2, 4, 6, 4),
+        "andrews": (6, 10, 12, 80),
+        "v-twin": (6, 7, 5, 3),
+        "quick-return": (6, 8, 70, 80),
+    }[name]
+    of = mechanism(TEXTS[name])
+    assert [len(plan_of(of.mechanism, few).joints) for few in (True, False)] == [fewest, every]
+    assert sweeps_of(of) < sweeps
+    assert sweeps_of(of, joints="all") > many
+
+
+def sweeps_of(of: AnyScene, **settings: Any) -> int:
+    return int(PymunkEngine(**settings)._model(of, RunSettings(1e-6, 1)).space.iterations)
+
+
+def weighed(of: Scene, rod: float, slider: float) -> Scene:
+    """Return the scene with rod and slider so many times as heavy."""
+    _, link, block = of.crank_slider()
+    heavier = {"rod.mass_kg": rod * link.mass_kg, "rod.inertia_kg_m2": rod * link.inertia_kg_m2}
+    return until(of, 0.024, **heavier, **{"slider.mass_kg": slider * block.mass_kg})
+
+
+@pytest.mark.parametrize("of", [ideal_free(), ideal_driven()], ids=lambda of: of.name)
+@pytest.mark.parametrize(("rod", "slider"), [(1, 1), (1, 0.1), (1, 100), (100, 1)])
+def test_a_scene_gets_as_many_sweeps_as_its_joints_need_and_few(of: Scene, rod: float, slider: float) -> None:
+    of = weighed(of, rod, slider)
+    true = exact(of, SAMPLES)
+    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 1000))
+    assert own < 1.1 * many, "measured 1.03 and less"
+    if of.drive.kind == "free" and max(rod, slider) < 100:
+        assert sweeps_of(of) < 0.7 * sweeps_of(of, joints="all")
+        assert own < 1.35 * off(run(of, 4800, PymunkEngine(joints="all")), true), "measured 1.2"
+
+
+@pytest.mark.parametrize(("left", "closes"), [(0.4, True), (0.6, False)])
+def test_an_open_joint_closes_where_less_than_half_is_left(left: float, closes: bool) -> None:
+    of = until(ideal_free(), 0.3)
+    sweeps = convergence_of(plan_of(of.mechanism, fewest=False), path_of(of)).sweeps(left)
+    engine = PymunkEngine(joints="all", iterations=sweeps)
+    assert LEFT_OVER < 0.5
+    if closes:
+        assert np.isfinite(run(of, 48000, engine).position).all()
+    else:
+        with pytest.raises(SimulationFailed, match="constraints lost"):
+            run(of, 48000, engine)
+
+
+def test_joints_that_share_no_body_are_closed_by_one_sweep_and_hopeless_masses_get_the_most() -> None:
+    alone = ("clearance-free-OAB", "clearance-driven-0.5mm", "clearance-free-0.5mm", "clearance-pendulum")
+    assert {sweeps_of(SCENES[name]()) for name in alone} == {1}
+    assert sweeps_of(weighed(ideal_free(), 1.0, 1e12), joints="all") == 1000
+
+
+def test_balanced_masses_leave_a_body_alone_on_its_guide() -> None:
+    gap = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, "law": "hertz", "stiffness": 1e10}
+    of = mechanism(V_TWIN).replace({"clearance.D": gap, "end_time_s": 0.01})
+    plan = PymunkEngine()._model(of, RunSettings(1e-6, 1)).plan
+    assert plan != plan_of(of.mechanism, fewest=True), "masses are balanced"
+    assert plan.seats[-1].along == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)))
+    assert off(run(of, 20000), sharp(of)) < 1e-6
+
+
+OFF_LINE = QUICK_RETURN.replace('on = "lever" }', 'on = "lever", through_m = [0.0, 0.03] }')
+OFF_CENTRE = QUICK_RETURN.replace("block = { pins_m = { A = 0.0 }", "block = { pins_m = { A = [0.01, 0.01] }")
+ON_LEVER = QUICK_RETURN.replace("crank = 12.0 }", "} \nspeed_m_s = { slot = 0.2 }") + (
+    '[drive]\nkind = "constant-speed"\nguide = "slot"\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (SCOTCH_YOKE, "guide slot to keep crank from turning on yoke, got turns = true: .* of order 1"),
+        (OFF_LINE, "guide slot to lead through the point about which lever turns, .* of order 1"),
+        (OFF_CENTRE, "guide slot to lead through the point about which lever turns, .* of order 1"),
+        (ON_LEVER, "drive.guide to be one on the ground, got slot on lever"),
+    ],
+)
+@pytest.mark.parametrize("joints", ["fewest", "all"])
+def test_what_pymunk_does_not_express_is_refused_in_one_line(text: str, reason: str, joints: Any) -> None:
+    with pytest.raises(UnsupportedScene, match=f"^pymunk: expected {reason}.*$"):
+        PymunkEngine(joints=joints).check(mechanism(text))
+
+
+def test_what_is_refused_of_guides_is_of_order_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("engine_models.pymunk.joints.plan.is_exact", lambda *_: True)
+    of = mechanism(OFF_LINE, end_time_s=0.1)
+    found = order(of, sharp(of), (1000, 4000), joints="all", iterations=200)
+    assert found == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("of", "engine", "steps"),
+    [
+        (ideal_free(), PymunkEngine(joints="all", iterations=4), 6560),
+        (SCENES["clearance-pendulum"]().replace("start.crank_speed_rad_s", 1e9), PymunkEngine(), 1000),
+        # The joints come open before the rod is turned over: up to ten sweeps, and as many as are needed do.
+        (ideal_driven().replace("rod.length_m", 0.051), PymunkEngine(iterations=10), 20000),
+    ],
+)
+def test_joints_that_come_open_are_a_failure_with_its_time(
+    of: Scene, engine: PymunkEngine, steps: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SimulationFailed, match=r"^(constraints lost|pin through the wall).* at t = \S+ s$"):
+        run(of, steps, engine, 10)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("of", "shapes", "joints"),
+    [
+        (ideal_free(), 0, 3),
+        (SCENES["clearance-driven-0.5mm"](), 0, 1),
+        (SCENES["rigid-driven-0.5mm"](), 2, 2),
+        (SCENES["clearance-free-OAB"](), 0, 0),
+        (SCENES["rigid-free-OAB"](), 6, 1),
+    ],
+    ids=lambda of: getattr(of, "name", ""),
+)
+def test_only_what_a_scene_needs_is_built(of: Scene, shapes: int, joints: int) -> None:
+    model = PymunkEngine()._model(of, RunSettings(1e-5, 1))
+    assert (len(model.space.shapes), len(model.space.constraints)) == (shapes, joints)
+    driven = of.drive.kind == "constant-speed"
+    kinematic = [body.body_type == pymunk.Body.KINEMATIC for body in model.bodies]
+    assert kinematic == [driven, False, False]
+
+
+# Contacts by a law, and native ones.
+
+
+def wall(law: str, **more: Any) -> Clearance:
+    sizes = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01}
+    return Clearance.model_validate({**sizes, "law": law, **more})
+
+
+def first_contact(gap: Clearance, end_time_s: float = 3.6e-4, step_s: float = 1e-7) -> tuple[float, float]:
+    """Return the restitution of set R's first contact under a law, and its duration in s."""
+    changes = {"end_time_s": end_time_s, "gravity_m_s2": 0.0, "clearance": Clearances(B=gap)}
+    of = ideal_driven().model_copy(update=changes)
+    impacts = PymunkEngine().simulate(of, RunSettings(step_s, 10)).contacts["B"].impacts
+    impulse, speed = impacts.normal_impulse_N_s[0], impacts.approach_speed_m_s[0]
+    return 1 - 2 * impacts.energy_lost_J[0] / (impulse * speed), impacts.duration_s[0]
+
+
+@pytest.mark.parametrize("e", [0.5, 0.9])
+@pytest.mark.parametrize("law", DAMPING_FACTORS)
+def test_a_law_gives_the_restitution_of_its_closed_form(law: str, e: float) -> None:
+    """Loads act besides the contact, and it takes some 700 steps: a law's own is found to a hundredth."""
+    restitution, _ = first_contact(wall(law, restitution=e, stiffness=1e13), 2.4e-4, 1e-8)
+    a = DAMPING_FACTORS[law](e)
+    assert restitution == pytest.approx((1 + lambertw(-(1 + a) * math.exp(-(1 + a))).real) / a, abs=0.01)
+
+
+def test_kelvin_voigt_gives_the_restitution_and_duration_of_a_damped_oscillator() -> None:
+    lossless, period = first_contact(wall("linear", stiffness=5e8))
+    assert lossless == pytest.approx(1.0, abs=0.01)
+    zeta = 0.05
+    damping = 2 * zeta * 5e8 * period / math.pi  # 2 zeta sqrt(k m) with m = k/omega^2
+    restitution, duration = first_contact(wall("kelvin-voigt", stiffness=5e8, damping_N_s_m=damping))
+    # Its force pulls at the end, so the loss is J (v - e v)/2 with what the spring gave and took.
+    assert restitution == pytest.approx(math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), abs=0.02)
+    assert duration == pytest.approx(period / math.sqrt(1 - zeta**2), rel=0.02)
+
+
+def hertzian(stiffness: float) -> Scene:
+    """Return the free scene with a smooth lossless law, four contacts in 12 ms."""
+    gap = wall("hertz", stiffness=stiffness).model_dump(exclude_none=True)
+    return until(SCENES["clearance-free-0.5mm"](), 0.012, **{"clearance.B": gap})
+
+
+def test_the_order_is_two_in_flight_and_contact() -> None:
+    of = hertzian(1e11)
+    true = sharp(of, 6)
+    (coarse, _), (fine, _) = (mean_square(of, true, n, shorter_in_contact=16.0) for n in (1600, 12800))
+    assert np.log2(coarse / fine) / 3 == pytest.approx(2.0, abs=0.15), (coarse, fine)
+
+
+def test_brief_contacts_take_an_eighth_of_the_steps_for_a_smaller_error() -> None:
+    of = hertzian(1e13)
+    true = sharp(of, 6)
+    one, steps_of_one_length = mean_square(of, true, 50000)
+    shorter, steps = mean_square(of, true, 4800, shorter_in_contact=16.0)
+    assert shorter < one, (shorter, one)
+    assert steps < steps_of_one_length / 8, (steps, steps_of_one_length)
+
+
+@pytest.mark.parametrize("of", [hertzian(1e11), until(DAMPED, 2e-3)], ids=["free", "driven"])
+def test_shorter_steps_tell_all_of_a_contact(of: Scene) -> None:
+    own, true = run(of, of.end_time_s / 5e-7, PymunkEngine(shorter_in_contact=8.0), 6), sharp(of, 6)
+    assert np.array_equal(own.time_s, true.time_s)
+    assert {key: error for key, error in errors(own, true).items() if error > 1e-2} == {}
+    for key, value in impact_numbers(own).items():
+        assert value == pytest.approx(impact_numbers(true)[key], rel=0.02), key
+    if of.drive.kind != "free":
+        assert errors(own, true)["work driver"] < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "reason"),
+    [
+        ("clearance-start-up", {}, "got drive.kind = ramp"),
+        ("rigid-driven-0.5mm", {}, "got clearance.B.law = rigid"),
+        ("clearance-driven-AB", {"contact": "rigid"}, "got clearance.A.law = rigid, clearance.B.law = rigid"),
+        ("clearance-free-0.5mm", {"half_kick_start": False}, "got half_kick_start = False"),
+    ],
+)
+def test_what_needs_steps_of_one_length_is_refused(name: str, settings: dict[str, Any], reason: str) -> None:
+    with pytest.raises(UnsupportedScene, match=reason):
+        PymunkEngine(shorter_in_contact=8.0, **settings).check(SCENES[name]())
+
+
+def rubbing(of: Scene) -> Scene:
+    """Return the scene with the same saturated friction in all its joints with clearance."""
+    friction = {"law": "saturated-linear", "coefficient": 0.1, "regularisation_speed_m_s": 0.01}
+    return of.replace({f"clearance.{joint}.friction": friction for joint in of.joints_with_clearance})
+
+
+@pytest.mark.parametrize(
+    ("name", "e"),
+    [
+        *[(f"rigid-{kind}-0.5mm", e) for kind in ("driven", "free") for e in (0.0, 0.5, 1.0)],
+        ("rigid-free-OAB", 0.5),
+    ],
+)
+def test_every_native_bounce_has_the_scenes_restitution(name: str, e: float) -> None:
+    of = SCENES[name]()
+    of = until(of, 2e-3 if "driven" in name else 0.02)
+    of = of.replace({f"clearance.{joint}.restitution": e for joint in of.joints_with_clearance})
+    for joint, contact in run(of, 20_000).contacts.items():
+        impacts = contact.impacts
+        bounced = (impacts.duration_s == 0) & (impacts.approach_speed_m_s > 0.1)
+        assert bounced.any() or e == 0, joint
+        # loss = J (v - e v)/2 where nothing else pushes; loads are worth 1e-3 of a bounce here.
+        impulse, speed = impacts.normal_impulse_N_s[bounced], impacts.approach_speed_m_s[bounced]
+        restitution = 1 - 2 * impacts.energy_lost_J[bounced] / (impulse * speed)
+        assert restitution == pytest.approx(e, abs=0.03), f"{joint}: {restitution}"
+
+
+def test_ten_sweeps_lose_the_bounces_of_the_free_scene_and_never_converge() -> None:
+    of = until(SCENES["rigid-free-0.5mm"](), 0.02)
+    impulse = {
+        n: run(of, 20_000, PymunkEngine(contact_iterations=n)).contacts["B"].impacts.normal_impulse_N_s[1]
+        for n in (10, 50, 100, 200, 400)
+    }
+    error = {n: abs(value / impulse[400] - 1) for n, value in impulse.items()}
+    assert error[10] > 0.1, error
+    assert (error[50] < 2e-3, error[100] < 1e-5, error[200] < 1e-8) == (True, True, True), error
+    true = sharp(of)
+    few = [off(run(of, n, LIBRARY), true) for n in (6000, 60_000)]
+    assert few[1] > 0.5 * few[0] > 100 * off(run(of, 60_000), true), few
+
+
+def test_penetrations_taken_back_within_a_step_make_a_following_pin_flicker() -> None:
+    """At e = 0.5 bounces end within 0.7 ms, and the pin follows the wall."""
+    of = until(SCENES["rigid-driven-0.5mm"](), 3e-3, **{"clearance.B.restitution": 0.5})
+    contacts, residual = {}, {}
+    for bias in (0.0, 1e-300):
+        made = run(of, 6000, PymunkEngine(collision_bias=bias))
+        contacts[bias] = len(made.contacts["B"].impacts.time_s)
+        residual[bias] = np.abs(energy_balance_residual_J(of, made)).max()
+    assert contacts[1e-300] < 20 < 1000 < contacts[0.0], contacts
+    assert residual[0.0] > 3 * residual[1e-300], residual
+
+
+def test_friction_stays_in_coulombs_cone_and_of_native_impacts_can_create_energy() -> None:
+    """Newton's restitution with Coulomb's friction does (Kane 1984); here where pins hit a light crank."""
+    three, driven = (
+        rubbing(until(SCENES[name](), end_s))
+        for name, end_s in (("clearance-free-OAB", 0.02), ("clearance-driven-0.5mm", 2e-3))
+    )
+    for of, contact in ((three, "as-scene"), (three, "rigid"), (driven, "rigid")):
+        own = run(of, 20_000, PymunkEngine(contact=contact), 200)
+        for each in own.contacts.values():
+            assert (np.abs(each.friction_force_N) <= 0.1 * each.normal_force_N * (1 + 1e-9)).all()
+        lost = min(each.impacts.energy_lost_J.min() for each in own.contacts.values())
+        if contact == "as-scene":
+            assert all(np.diff(each.friction_loss_J).min() >= 0 for each in own.contacts.values())
+        else:
+            assert lost < -0.01 if of is three else lost > 0
+            residual = np.abs(energy_balance_residual_J(of, own)).max()
+            assert residual < (1e-8 if of is three else 1e-5), "the ledger tells"
+
+
+def test_the_twin_of_a_native_contact_is_the_scene_with_rigid_walls() -> None:
+    of, native = SCENES["clearance-driven-AB"](), PymunkEngine(contact="rigid")
+    assert PymunkEngine().twin(of) is of
+    twin = native.twin(of)
+    assert twin.clearance == SCENES["rigid-driven-AB"]().clearance
+    assert arrays(run(until(of, 2e-3), 2000, native)) == arrays(run(until(twin, 2e-3), 2000))
+    damped = native.twin(DAMPED).clearance.B
+    assert damped is not None
+    assert (damped.law, damped.restitution) == ("rigid", 0.5)
+    assert damped.friction is not None
+    assert native.twin(hertzian(1e10)).clearance.B.restitution == 1.0
+    ideal = ideal_driven()
+    assert native.twin(ideal) is ideal
+    voigt = {"law": "kelvin-voigt", "stiffness": 1e8, "damping_N_s_m": 100.0}
+    nameless = ideal_driven().replace("clearance.B", wall(**voigt).model_dump(exclude_none=True))
+    with pytest.raises(UnsupportedScene, match="kelvin-voigt names none"):
+        run(nameless, 100, native)
+
+
+@pytest.mark.parametrize(("engine", "steps"), [(PymunkEngine(), 500), (PymunkEngine(contact="rigid"), 30)])
+def test_a_pin_that_goes_through_its_wall_is_a_failure_with_its_time(
+    engine: PymunkEngine, steps: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    of = until(SCENES["clearance-free-OAB"](), 0.1)
+    with pytest.raises(SimulationFailed, match=r"^pin through the wall .* at joint [OAB] at t = \S+ s$"):
+        run(of, steps, engine, 10)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("setting", "values"),
+    [
+        ("iterations", (0, -1, 2**31)),
+        ("error_bias", (-0.1, 1.0, math.nan)),
+        ("bias", (0.1,)),
+        ("contact", ("soft",)),
+        ("contact_iterations", (0,)),
+        ("collision_bias", (-0.1, 1.1, math.nan)),
+        ("collision_slop_m", (-1e-6, math.inf)),
+        ("collision_persistence", (0, 2**31)),
+    ],
+)
+def test_settings_that_would_abort_or_switch_contacts_off_are_refused(setting: str, values: Any) -> None:
+    for value in values:
+        with pytest.raises(pydantic.ValidationError):
+            PymunkEngine(**{setting: value})

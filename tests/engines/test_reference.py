@@ -1,0 +1,417 @@
+"""The reference, and what scenes are turned into: drives, loads and guides against equations of their own.
+
+A crank-slider of ideal joints has one freedom, its crank's angle: M(a) a'' + M'(a)/2 a'^2 = Q, with M and M'
+from places of centres of mass by complex numbers in axes along and across the guide.
+"""
+
+import cmath
+import math
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from engine_models.engine import FloatArray, RunSettings, Trajectory
+from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
+from engine_models.mechanics.states import observed
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.general import GeneralScene
+from engine_models.scene.library import CLEARANCE_SCENES
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
+from tests.engines.mechanism_texts import CRANK_SLIDER, scene
+from tests.helpers.arrays import joint_forces
+
+SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
+#: What runs by DOP853 at 1e-12 leave of the energy in play.
+LEDGER = 1e-9
+ALPHA, OFFSET = 0.3, 0.02
+#: Gravity's own direction is neither along nor across the guide.
+GENERAL: dict[str, object] = {
+    "slider.guide_angle_rad": ALPHA,
+    "slider.guide_offset_m": OFFSET,
+    "gravity_m_s2": [1.5, -9.0],
+    "end_time_s": 0.3,
+    "start.crank_angle_rad": 0.7,
+    "start.crank_speed_rad_s": 50.0,
+}
+
+
+def base(changes: Mapping[str, object]) -> Scene:
+    """Return the crank-slider in a guide of its own, with changes."""
+    of = scene(CRANK_SLIDER).replace({**GENERAL, **changes})
+    assert isinstance(of, Scene)
+    return of
+
+
+def ran(of: AnyScene, samples: int = 30) -> Trajectory:
+    """Return a sharp run, whose ledger closes."""
+    run = SHARP.simulate(of, RunSettings(of.end_time_s, samples))
+    assert np.abs(energy_balance_residual_J(of, run)).max() < LEDGER * energy_in_play_J(of, run)
+    return run
+
+
+class Path(NamedTuple):
+    """Places of crank, rod and slider as complex numbers in the guide's axes, angles, and derivatives."""
+
+    place: tuple[complex, ...]
+    first: tuple[complex, ...]
+    second: tuple[complex, ...]
+    turn: tuple[float, ...]
+    bend: tuple[float, ...]
+
+
+def path(of: Scene, angle: float) -> Path:
+    """Return where bodies are by the crank's angle from the guide, with derivatives by it."""
+    crank, rod, slider = of.crank_slider()
+    r, length, h = crank.length_m, rod.length_m, slider.guide_offset_m or 0.0
+    sine = (h - r * math.sin(angle)) / length
+    phi = math.asin(sine)
+    phi1 = -r * math.cos(angle) / (length * math.cos(phi))
+    phi2 = (r * math.sin(angle) + length * sine * phi1**2) / (length * math.cos(phi))
+    u, w = cmath.exp(1j * angle), cmath.exp(1j * phi)
+    arms = ((crank.centre_of_mass_m, 0.0), (r, rod.centre_of_mass_m), (r, length))
+    return Path(
+        tuple(a * u + b * w for a, b in arms),
+        tuple(a * 1j * u + b * 1j * phi1 * w for a, b in arms),
+        tuple(-a * u + b * (1j * phi2 - phi1**2) * w for a, b in arms),
+        (1.0, phi1, 0.0),
+        (0.0, phi2, 0.0),
+    )
+
+
+#: A generalised force beside gravity's, by time on the clock, the crank's angle and speed, and the path.
+Extra = Callable[[float, float, float, Path], float]
+
+
+def balance(of: Scene, at: Path) -> tuple[float, float, float]:
+    """Return M, M'/2 and gravity's force on the crank's angle."""
+    tilt, (gx, gy) = of.slider.guide_angle_rad or 0.0 if of.slider else 0.0, of.gravity
+    weight = complex(gx, gy) * cmath.exp(-1j * tilt)
+    inertia = half = force = 0.0
+    for body, p1, p2, a1, a2 in zip(of.bodies, at.first, at.second, at.turn, at.bend, strict=True):
+        inertia += body.mass_kg * abs(p1) ** 2 + body.inertia_kg_m2 * a1**2
+        half += body.mass_kg * (p1.conjugate() * p2).real + body.inertia_kg_m2 * a1 * a2
+        force += body.mass_kg * (weight.conjugate() * p1).real
+    return inertia, half, force
+
+
+def turned(of: Scene, extra: Extra, times: FloatArray, kinks: tuple[float, ...] = ()) -> FloatArray:
+    """Return the crank's angles from +x at times; right-hand sides have kinks at some times of the clock."""
+    tilt, clock = of.slider.guide_angle_rad or 0.0 if of.slider else 0.0, of.clock_s
+
+    def rates(t: float, y: FloatArray) -> list[float]:
+        angle, speed = float(y[0]), float(y[1])
+        at = path(of, angle - tilt)
+        inertia, half, force = balance(of, at)
+        force += extra(clock + t, angle, speed, at)
+        return [speed, (force - half * speed**2) / inertia]
+
+    y = np.array([of.start.crank_angle_rad, of.start.crank_speed_rad_s])
+    found = {0.0: y[0]}
+    for begin, end in pairwise(np.union1d(times, [k - clock for k in kinks if 0 < k - clock < times[-1]])):
+        y = solve_ivp(rates, (begin, end), y, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        found[end] = y[0]
+    return np.array([found[t] for t in times])
+
+
+def no_more(_t: float, _angle: float, _speed: float, _at: Path) -> float:
+    return 0.0
+
+
+@pytest.mark.parametrize(("offset", "angle"), [(OFFSET, 0.0), (0.0, -2.0), (-0.03, 2.5)])
+def test_a_guide_may_be_anywhere(offset: float, angle: float) -> None:
+    of = base(
+        {
+            "slider.guide_offset_m": offset,
+            "slider.guide_angle_rad": angle,
+            "start.crank_angle_rad": angle + 0.4,
+        }
+    )
+    run = ran(of)
+    expected = turned(of, no_more, run.time_s)
+    assert np.abs(run.position[:, 0, 2] - expected).max() < 1e-9
+    place = np.array([path(of, each - angle).place[2] for each in expected])
+    along, _ = observed(of, run)
+    assert np.abs(along - place.real).max() < 1e-10
+    in_frame = place * np.exp(1j * angle)
+    assert np.abs(run.position[:, 2, 0] - in_frame.real).max() < 1e-10
+    assert np.abs(run.position[:, 2, 1] - in_frame.imag).max() < 1e-10
+    assert np.abs(place.imag - offset).max() < 1e-12, "to the left of the guide's direction"
+
+
+TIMES = (0.0, 0.12, 0.2, 0.31, 0.4)
+FORCES, TORQUES = (0.0, 4.0, -5.0, 3.0, 8.0), (0.1, 0.3, -0.2, 0.15, 0.15)
+SPEEDS, BY_SPEED = (40.0, 48.0, 52.0, 60.0), (0.4, 0.1, 0.3, -0.3)
+QUARTERS = tuple(0.2 + math.pi / 2 * k for k in range(9))
+GAS = (0.0, -40.0, -150.0, -60.0, -10.0, 5.0, -20.0, -8.0, 0.0)
+PERIOD = 4 * math.pi
+
+
+def spline(x: tuple[float, ...], y: tuple[float, ...], ends: Any = "not-a-knot") -> Callable[[float], float]:
+    curve = CubicSpline(x, y, bc_type=ends)
+    return lambda at: float(curve(at))
+
+
+def lines(x: tuple[float, ...], y: tuple[float, ...]) -> Callable[[float], float]:
+    return lambda at: float(np.interp(at, x, y))
+
+
+class Case(NamedTuple):
+    """A crank-slider with something new, the generalised force of that, and when it has kinks."""
+
+    fields: Mapping[str, object]
+    extra: Extra
+    kinks: tuple[float, ...] = ()
+    bound: float = 1e-9
+
+
+#: A spline whose last two values are equal ends at rest there, and is not-a-knot at its other end.
+OF_FORCE, OF_TORQUE = spline(TIMES, FORCES), spline(TIMES, TORQUES, ("not-a-knot", (1, 0.0)))
+OF_SPEED = spline(SPEEDS, BY_SPEED)
+OF_GAS = spline(QUARTERS, GAS, "periodic")
+LINES: dict[str, object] = {"interpolation": "linear"}
+#: SciPy's steps go over kinks by angle and speed, and errors there grow by some hundred times to the end; the
+#: reference's runs at 1e-11 to 1e-13 agree with each other within 2e-8.
+STEPPED_OVER = 2e-7
+#: The clock reads 50 ms as these runs begin.
+LATE: dict[str, object] = {"start.time_s": 0.05}
+
+
+def on_slider(t: float, angle: float, speed: float, at: Path) -> float:
+    """Return what all forces along the guide do, gas over two turns among them."""
+    way, rate = at.place[2].real, at.first[2].real
+    gas = OF_GAS(0.2 + (angle - 0.2) % PERIOD)
+    return (1.5 - 2.0 * rate * speed - 60.0 * (way - 0.13) + OF_FORCE(t) + gas) * rate
+
+
+def on_links(t: float, _angle: float, speed: float, at: Path) -> float:
+    """Return what loads on crank and rod do, and a spring with a damper between joint O and the slider."""
+    force = 2.0 * cmath.exp(1j * (1.1 - ALPHA))
+    rod = 0.05 * at.turn[1] - 1e-3 * at.turn[1] ** 2 * speed + (force.conjugate() * at.first[1]).real
+    length = abs(at.place[2])
+    stretch = (at.place[2].conjugate() * at.first[2]).real / length
+    sprung = -(400.0 * (length - 0.1) + 3.0 * stretch * speed) * stretch
+    return rod + OF_TORQUE(t) - 2e-3 * speed + sprung
+
+
+def by_lines(t: float, _angle: float, _speed: float, at: Path) -> float:
+    """Return what a torque and a force along the guide by straight lines over time do."""
+    return lines(TIMES, TORQUES)(t) + lines(TIMES, FORCES)(t) * at.first[2].real
+
+
+def by_motor(curve: Callable[[float], float], gas: Callable[[float], float] | None = None) -> Extra:
+    """Return a motor's torque, with end values beyond its table, and a gas force's."""
+
+    def extra(_t: float, angle: float, speed: float, at: Path) -> float:
+        force = 0.0 if gas is None else gas(0.2 + (angle - 0.2) % PERIOD) * at.first[2].real
+        return curve(min(max(speed, SPEEDS[0]), SPEEDS[-1])) + force
+
+    return extra
+
+
+LOADS = {"force_N": 1.5, "viscous_N_s_m": 2.0, "spring_N_m": 60.0, "free_position_m": 0.13}
+BY_TIME, BY_SPEEDS = (
+    {"time_s": TIMES, "torque_N_m": TORQUES},
+    {"speed_rad_s": SPEEDS, "torque_N_m": BY_SPEED},
+)
+OF_ROD = {"force_N": 2.0, "along_rad": 1.1, "torque_N_m": 0.05, "viscous_N_m_s": 1e-3}
+SPRING = {"stiffness_N_m": 400.0, "free_length_m": 0.1, "damping_N_s_m": 3.0}
+GASES = {"crank_angle_rad": QUARTERS, "force_N": GAS}
+FORCE_BY_TIME = {"time_s": TIMES, "force_N": FORCES}
+CASES = {
+    "loads on the slider, gas over two turns": Case(
+        {"load.slider": {**LOADS, "by_time": FORCE_BY_TIME, "gas": GASES}, **LATE}, on_slider, bound=1e-8
+    ),
+    "loads on crank and rod, a spring": Case(
+        {
+            "load.rod": OF_ROD,
+            "load.crank": {"viscous_N_m_s": 2e-3, "by_time": BY_TIME},
+            "spring.S": {"between": ["ground.O", "slider.B"], **SPRING},
+            **LATE,
+        },
+        on_links,
+    ),
+    "torque and force by lines over time": Case(
+        {
+            "drive": {"kind": "torque", **BY_TIME, **LINES},
+            "load.slider.by_time": {**FORCE_BY_TIME, **LINES},
+            **LATE,
+        },
+        by_lines,
+        TIMES,
+    ),
+    "motor": Case({"drive": {"kind": "motor", **BY_SPEEDS}}, by_motor(OF_SPEED), bound=STEPPED_OVER),
+    "motor and gas by lines": Case(
+        {"drive": {"kind": "motor", **BY_SPEEDS, **LINES}, "load.slider.gas": {**GASES, **LINES}},
+        by_motor(lines(SPEEDS, BY_SPEED), lines(QUARTERS, GAS)),
+        bound=STEPPED_OVER,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_new_does_what_its_equation_says(name: str) -> None:
+    case = CASES[name]
+    of = base(case.fields)
+    run = ran(of)
+    expected = turned(of, case.extra, run.time_s, case.kinks)
+    assert np.abs(run.position[:, 0, 2] - expected).max() < case.bound
+    without = turned(of, no_more, run.time_s)
+    assert np.abs(without - expected).max() > 1e-2, "there is something to see"
+    if name == "motor":
+        speed = run.velocity[:, 0, 2]
+        assert speed.min() < SPEEDS[0], "it turns more slowly than its table begins"
+        assert speed.max() > SPEEDS[-1], "and faster than it ends"
+
+
+class Way(NamedTuple):
+    """A drive of the slider, its speed at the start, and its way, speed and acceleration by time."""
+
+    drive: Mapping[str, object]
+    speed: float
+    way: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+    clock: float = 0.0
+
+
+def ramp(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, past = np.clip((t + 0.05) / 0.2, 0, 1), np.maximum(t + 0.05 - 0.2, 0)
+    gone = 0.1 * (t + 0.05) - 0.25 * (0.2 * (2.5 * x**4 - 3 * x**5 + x**6) + past)
+    x0 = 0.25
+    begun = 0.1 * 0.05 - 0.25 * 0.2 * (2.5 * x0**4 - 3 * x0**5 + x0**6)
+    speed = 0.1 - 0.25 * x**3 * (10 - 15 * x + 6 * x**2)
+    return gone - begun, speed, -0.25 / 0.2 * 30 * (x * (1 - x)) ** 2
+
+
+PLACES = (1.0, 1.01, 0.99, 1.005, 1.02)
+COURSE = CubicSpline(TIMES, PLACES)
+
+
+def course(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    at = t + 0.05
+    return COURSE(at) - COURSE(0.05), COURSE(at, 1), COURSE(at, 2)
+
+
+def slope_at(curve: CubicSpline, at: float) -> float:
+    return float(curve(at, 1))
+
+
+WAYS = {
+    "ramp": Way({"kind": "ramp", "final_speed_m_s": -0.15, "ramp_time_s": 0.2}, 0.1, ramp, 0.05),
+    "table": Way(
+        {"kind": "table", "time_s": TIMES, "position_m": PLACES}, slope_at(COURSE, 0.05), course, 0.05
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_a_driven_slider_takes_its_bodies_along_and_its_driver_has_newton_s_force(name: str) -> None:
+    own = WAYS[name]
+    of = base(
+        {
+            "drive": {**own.drive, "guide": "guide"},
+            "start": {"crank_angle_rad": 1.5, "speed_m_s": {"guide": own.speed}, "time_s": own.clock},
+        }
+    )
+    run = ran(of)
+    begin = path(of, 1.5 - ALPHA).place[2].real
+    gone, speed, acceleration = own.way(run.time_s)
+    s, (r, length) = begin + gone, (0.05, 0.12)
+    assert np.abs(observed(of, run)[0] - s).max() < 1e-12
+    assert np.abs(observed(of, run)[1] - speed).max() < 1e-11
+    # Pin A is r from joint O, and a rod's length from pin B, which is s along the guide and OFFSET off it.
+    reach = np.hypot(s, OFFSET)
+    angles = np.arctan2(OFFSET, s) + np.arccos((reach**2 + r**2 - length**2) / (2 * reach * r))
+    assert np.abs(run.position[:, 0, 2] - ALPHA - angles).max() < 1e-11
+    forces = []
+    for angle, rate, change in zip(angles.tolist(), speed, acceleration, strict=True):
+        at = path(of, angle)
+        inertia, half, weight = balance(of, at)
+        turn = rate / at.first[2].real
+        gain = (change - at.second[2].real * turn**2) / at.first[2].real
+        forces.append((inertia * gain + half * turn**2 - weight) / at.first[2].real)
+    assert run.driver_torque_N_m is not None
+    assert np.abs(run.driver_torque_N_m - forces).max() < 1e-9 * np.abs(forces).max()
+
+
+@pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])
+def test_a_bearing_on_the_other_body_turns_the_gap_round_and_nothing_else(name: str) -> None:
+    of = CLEARANCE_SCENES[name]()
+    of = of.model_copy(update={"end_time_s": 0.003 if "driven" in name else 0.016})
+    own, other = ran(of), ran(of.replace("clearance.B.bearing", "slider"))
+    assert len(own.contacts["B"].impacts.time_s) > 1
+    assert np.abs(own.position - other.position).max() < 1e-8
+    assert np.abs(own.contacts["B"].gap_m + other.contacts["B"].gap_m).max() < 1e-9
+    largest = np.abs(joint_forces(own)).max()
+    assert np.abs(joint_forces(own) - joint_forces(other)).max() < 1e-4 * largest, (
+        "stiff: a force is of the gap"
+    )
+    explicit = ran(of.replace("clearance.B.bearing", "rod"))
+    assert np.abs(own.position - explicit.position).max() < 1e-9
+
+
+CART = """
+name = "block on a cart"
+end_time_s = 0.5
+observe = "W.x"
+body.cart = { pins_m = { W = 0.0 }, mass_kg = 2.0, inertia_kg_m2 = 0.05, centre_of_mass_m = [0.1, 0.04] }
+body.block = { pins_m = { P = 0.0 }, mass_kg = 0.7, inertia_kg_m2 = 0.01 }
+guide.track = { body = "block", pin = "P", on = "cart", through_m = [0.1, 0.04], angle_rad = 0.6 }
+load.block = { LOADS }
+start.cart = { CART }
+start.block = { BLOCK }
+"""
+KEYS = ("x_m", "y_m", "angle_rad", "velocity_x_m_s", "velocity_y_m_s", "angular_velocity_rad_s")
+STATE = ", ".join(f"{key} = {{}}" for key in KEYS)
+
+
+def cart(loads: str, cart: tuple[float, ...], block: tuple[float, ...]) -> GeneralScene:
+    """Return a block on a free cart."""
+    text = CART.replace("LOADS", loads).replace("CART", STATE.format(*cart))
+    of = scene(text.replace("BLOCK", STATE.format(*block)))
+    assert isinstance(of, GeneralScene)
+    return of
+
+
+def slid(run: Trajectory) -> FloatArray:
+    """Return how far along its guide the block is on a cart that does not turn."""
+    apart = run.position[:, 1, :2] - run.position[:, 0, :2]
+    return np.asarray(apart @ [math.cos(0.6), math.sin(0.6)])
+
+
+def momenta(of: AnyScene, run: Trajectory) -> FloatArray:
+    """Return the momenta along x and y, and the one about the origin, (n, 3)."""
+    bodies = of.mechanism.bodies
+    masses, inertias = (np.array([getattr(b, k) for b in bodies]) for k in ("mass_kg", "inertia_kg_m2"))
+    (x, y, _), (vx, vy, spin) = run.position.transpose(2, 0, 1), run.velocity.transpose(2, 0, 1)
+    return np.stack([vx @ masses, vy @ masses, (x * vy - y * vx) @ masses + spin @ inertias], axis=1)
+
+
+def test_a_load_along_a_guide_pushes_back_on_a_moving_body() -> None:
+    mu, (ux, uy) = 2.0 * 0.7 / 2.7, (math.cos(0.6), math.sin(0.6))
+    still = (0.1 * ux, 0.1 * uy, 0.0, 0.0, 0.0, 0.0)
+    # At rest, with the guide's line through both centres of mass, nothing turns.
+    of = cart("force_N = 3.0", (0.0,) * 6, still)
+    run = ran(of)
+    assert np.abs(slid(run) - 0.1 - 3.0 / mu * run.time_s**2 / 2).max() < 1e-12
+    assert np.abs(momenta(of, run)).max() < 1e-13
+    of = cart("spring_N_m = 80.0, free_position_m = 0.3", (0.0,) * 6, still)
+    run = ran(of)
+    expected = 0.3 - 0.2 * np.cos(math.sqrt(80.0 / mu) * run.time_s)
+    assert np.abs(slid(run) - expected).max() < 1e-11
+    # Turning and sliding, by all loads.
+    loads = (
+        "force_N = 3.0, viscous_N_s_m = 1.5, spring_N_m = 80.0, free_position_m = 0.3, "
+        "by_time = { time_s = [0.0, 0.12, 0.2, 0.31, 0.6], force_N = [0.0, 4.0, -5.0, 3.0, 8.0] }"
+    )
+    spin, rate = 2.0, 0.4
+    velocity = complex(0.2, -0.1) + (rate + 1j * spin * 0.1) * complex(ux, uy)
+    of = cart(loads, (0.0, 0.0, 0.0, 0.2, -0.1, spin), (*still[:2], 0.0, velocity.real, velocity.imag, spin))
+    run = ran(of)
+    kept = momenta(of, run)
+    assert np.abs(kept - kept[0]).max() < 1e-11
+    assert np.ptp(run.velocity[:, 0, 2]) > 0.5, "there is something to keep"

@@ -1,0 +1,384 @@
+"""What a run of any engine costs and tells on its way: progress, time, memory, compiling, its own error."""
+
+import os
+import sys
+import time
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine_models import memory
+from engine_models.convergence.own_uncertainty import simulate_with_uncertainty
+from engine_models.convergence.step_halving import FEWEST_SAMPLES, simulate_to_tolerance
+from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engines import ENGINES, engine_class, make_engine
+from engine_models.kernels import CompiledEngine
+from engine_models.mechanics.states import lever_m
+from engine_models.progress import tell, told_to
+from engine_models.pymunk import workspace
+from engine_models.reference import run as reference_runs
+from engine_models.scene.library import SCENES, ideal_driven
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
+from engine_models.scipy_ivp import calls as scipy_calls
+from reference_solver.compiled.store import compiled_anew, kernel_folder, load_kernel
+from studies.command.progress_display import shown_progress
+from tests.engines.mechanism_texts import ENDS, TEXTS
+from tests.engines.mechanism_texts import scene as mechanism
+from tests.engines.runs import true_solution
+from tests.helpers.arrays import arrays, joint_forces
+from tests.helpers.command import crankslider
+from tests.studies.truth.closed_forms.crank_slider import exact
+
+each = pytest.mark.parametrize("engine", ENGINES)
+
+# Progress.
+
+
+@each
+@pytest.mark.parametrize("name", ["ideal-driven", "clearance-driven-0.1mm"])
+def test_every_engine_tells_how_far_it_has_come_and_computes_the_same(engine: str, name: str) -> None:
+    of = SCENES[name]().replace("end_time_s", 1e-3)
+    settings, times = RunSettings(1e-5, 5), list[float]()
+    with told_to(times.append):
+        heard = make_engine(engine).simulate(of, settings)
+    assert times
+    assert 0 <= min(times) <= max(times) <= 1e-3 * (1 + 1e-6)
+    assert arrays(heard) == arrays(make_engine(engine).simulate(of, settings))
+
+
+@each
+def test_what_a_listener_raises_ends_the_run(engine: str) -> None:
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), told_to(interrupt):
+        make_engine(engine).simulate(SCENES["ideal-free"](), RunSettings(1e-5, 5))
+
+
+def test_a_second_run_has_a_time_left_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    """Runs of one tolerance begin anew: without that 1.9 s of the first made 10 s left of the second."""
+    with shown_progress(2.0, line_s=0.2):
+        tell(1.9)
+        time.sleep(0.3)
+        tell(1e-9)
+        time.sleep(0.3)
+    first, *_, last = capsys.readouterr().err.splitlines()
+    assert first.startswith("note: t = 1.9 s of 2 s after 0 s, about ")
+    assert last.startswith("note: t = 1e-09 s of 2 s in run 2 after 0 s, about ")
+
+
+def test_a_long_run_is_not_silent_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    said, deadline = "", time.monotonic() + 30
+    with shown_progress(2.0, line_s=0.01):
+        while said.count("\n") < 2 and time.monotonic() < deadline:
+            time.sleep(0.01)
+            said += capsys.readouterr().err
+    assert said.startswith("note: t = ")
+    assert " of 2 s after " in said
+
+
+def rubbing(speed_m_s: float) -> dict[str, object]:
+    return {"friction": {"law": "tanh", "coefficient": 0.1, "regularisation_speed_m_s": speed_m_s}}
+
+
+@pytest.mark.parametrize(
+    ("engine", "name", "changes", "field"),
+    [
+        ("reference", "clearance", {"radial_clearance_m": 1e-200}, "radial_clearance_m"),
+        ("reference", "clearance", rubbing(1e-14), "friction.regularisation_speed_m_s"),
+        ("reference", "rigid", rubbing(1e-200), "friction.regularisation_speed_m_s"),
+        ("scipy", "clearance", rubbing(1e-14), "friction.regularisation_speed_m_s"),
+    ],
+)
+def test_a_run_whose_steps_collapse_says_which_field_forces_it(
+    engine: str, name: str, changes: dict[str, object], field: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scipy_calls, "OUTLASTING", 5_000)
+    monkeypatch.setattr(reference_runs, "LOOK_UP_STEPS", 20_000)
+    of = SCENES[f"{name}-driven-0.1mm"]().replace({f"clearance.B.{key}": changes[key] for key in changes})
+    with pytest.raises(SimulationFailed, match=rf"^clearance\.B\.{field}: expected"):
+        make_engine(engine).simulate(of, RunSettings(1e-5, 10))
+
+
+# Time.
+
+#: Files of the project, whose functions are counted.
+PACKAGES = tuple(f"{Path(__file__).parents[2]}/{name}/" for name in ("engine_models", "reference_solver"))
+
+
+class Counter:
+    """Counts calls of the project's functions between the two looks at the clock that time a run."""
+
+    def __init__(self) -> None:
+        self.names = list[str]()
+        self._clock, self._on = time.perf_counter, False
+
+    def look(self) -> float:
+        """Begin or end counting, as a look at the clock begins or ends the timing."""
+        self._on = not self._on
+        sys.setprofile(self._seen if self._on else None)
+        return self._clock()
+
+    def _seen(self, frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(PACKAGES):
+            self.names.append(frame.f_code.co_name)
+
+
+@pytest.mark.parametrize(
+    ("engine", "name", "end_s", "most"),
+    [
+        # The reference: its loop is called, and Numba looks at the addresses of what that calls.
+        ("reference", "ideal-free", 1.0, 5),
+        ("reference", "clearance-free-0.5mm", 0.03, 7),
+        ("reference", "rigid-free-0.5mm", 0.06, 9),
+        ("exudyn", "clearance-free-0.5mm", 0.03, 2),
+    ],
+)
+def test_a_timed_run_calls_few_functions_of_ours_and_none_for_a_step(
+    engine: str, name: str, end_s: float, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, longest = SCENES[name]().replace("end_time_s", end_s), RunSettings(end_s, 1)
+    method = {"method": "dop853"} if engine == "reference" else {"solver": "DOPRI5"}
+    calls = []
+    for tolerance in (1e-8, 1e-11):
+        made = make_engine(engine, **method, step_tolerance=tolerance)
+        made.simulate(of, longest)  # all is compiled then
+        counter = Counter()
+        with monkeypatch.context() as patch:
+            patch.setattr(time, "perf_counter", counter.look)
+            try:
+                getattr(made, "bare_run", made.simulate)(of, longest)
+            finally:
+                sys.setprofile(None)
+        assert len(counter.names) <= most, counter.names
+        calls.append(len(counter.names))
+    assert calls[0] == calls[1], f"more steps, more calls: {calls}"
+
+
+@pytest.mark.parametrize("name", ["four-bar", "four-bar-clearance", "quick-return"])
+def test_a_bare_run_of_pymunk_ends_where_the_watched_one_does(name: str) -> None:
+    of, settings = mechanism(TEXTS[name], end_time_s=0.01), RunSettings(1e-6, 2)
+    bare, watched = (getattr(make_engine("pymunk"), how)(of, settings) for how in ("bare_run", "simulate"))
+    assert np.array_equal(bare.position, watched.position[-1])
+
+
+# What is compiled.
+
+
+@pytest.fixture
+def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Return an empty folder of kernels."""
+    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path))
+    load_kernel.cache_clear()  # of other tests
+    yield tmp_path
+    load_kernel.cache_clear()
+
+
+def machine_code() -> set[Path]:
+    return set(kernel_folder().rglob("*.nbc"))
+
+
+class Watched(CompiledEngine):
+    """An engine, and how many functions each of its runs compiled."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine, self.compiled = engine, list[int]()
+
+    def check(self, scene: AnyScene) -> None:
+        self.engine.check(scene)
+
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+        before = machine_code()
+        trajectory = self.engine.simulate(scene, settings)
+        self.compiled.append(len(machine_code() - before))
+        return trajectory
+
+
+@pytest.mark.parametrize("name", ["reference", "scipy", pytest.param("pymunk", marks=pytest.mark.system)])
+def test_of_two_runs_the_first_compiles_and_the_kernels_kept_are_left_alone(name: str, kernels: Path) -> None:
+    of, engine, settings = ideal_driven(), Watched(make_engine(name)), RunSettings(1e-4, 10)
+    assert engine_class(name).compiles
+    engine.simulate(of, settings)
+    times_before = {path: path.stat().st_mtime_ns for path in kernels.rglob("*")}
+    assert engine.compile_time_s(of, settings) > 0.0
+    before, first, second = engine.compiled
+    assert (first, second) == (before, 0)
+    assert before > 0
+    assert {path: path.stat().st_mtime_ns for path in kernels.rglob("*")} == times_before
+
+
+def test_the_folder_of_what_is_compiled_anew_goes_afterwards(kernels: Path) -> None:
+    assert not engine_class("exudyn").compiles
+    with compiled_anew():
+        folder = kernel_folder()
+        make_engine("reference").simulate(ideal_driven(), RunSettings(1e-4, 10))
+        assert list(folder.iterdir())
+    assert not folder.parent.exists()
+    assert os.environ["CRANKSLIDER_CACHE"] == str(kernels)
+
+
+# Memory.
+
+
+def short_run(name: str, steps: int, samples: int) -> Trajectory:
+    of = SCENES[name]().replace("end_time_s", 1e-5 * steps)
+    return make_engine("pymunk").simulate(of, RunSettings(1e-5, samples))
+
+
+@pytest.mark.parametrize("name", ["ideal-driven", "clearance-driven-AB", "rigid-driven-AB"])
+def test_the_blocks_of_a_pymunk_run_change_no_bit_of_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = short_run(name, 1200, 6)
+    for block in (5, 37):
+        monkeypatch.setattr(workspace, "BLOCK_KICKS", block)
+        assert arrays(short_run(name, 1200, 6)) == arrays(whole)
+
+
+@pytest.mark.parametrize("name", ["ideal-driven", "clearance-driven-0.1mm"])
+def test_memory_of_a_pymunk_run_does_not_grow_with_its_steps(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Runs of like blocks hold the same but for small change; one that kept its steps held 3 times it."""
+    monkeypatch.setattr(workspace, "BLOCK_KICKS", 250)
+    peaks = []
+    for steps in (1000, 1000, 3000):  # the first imports and caches
+        tracemalloc.start()
+        short_run(name, steps, 4)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[2] < 1.5 * peaks[1], f"peaks {peaks} bytes"
+
+
+@pytest.mark.parametrize(
+    ("options", "refusal"),
+    [
+        (("--samples", "90000"), "--samples: expected at most"),
+        (("--engine", "exudyn", "--step", "1e-9"), "--step: expected at least"),
+    ],
+)
+def test_a_run_too_large_for_the_memory_is_refused_in_one_line(
+    options: tuple[str, ...], refusal: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(memory, "free_bytes", lambda: 5_000_000)
+    done = crankslider("simulate", "ideal-driven", *options)
+    assert done.code == 2
+    assert done.stderr.startswith(f"error: {refusal}")
+    assert done.stderr.count("\n") == 1
+
+
+def test_what_a_run_leaves_grows_with_its_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thousand samples of one contact are 1.75 MB."""
+    of, settings = SCENES["clearance-driven-0.5mm"](), RunSettings(1e-4, 999)
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1_750_000)
+    memory.require_memory(of, settings)
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1_740_000)
+    with pytest.raises(memory.TooLarge, match=r"samples: expected at most 993 .* got 999"):
+        memory.require_memory(of, settings)
+    monkeypatch.setattr(memory, "free_bytes", lambda: 1_000)
+    with pytest.raises(UnsupportedScene, match="GB of memory"):
+        make_engine("exudyn").simulate(SCENES["ideal-free"](), RunSettings(1e-4, 10))
+
+
+@pytest.mark.parametrize(("limit", "free"), [("1000000000", 10**9), ("max", 4_096_000_000)])
+def test_a_group_has_no_more_memory_than_it_may(
+    limit: str, free: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert 1e6 < memory.free_bytes() < 1e15
+    files = {"meminfo": "MemTotal: 9000000 kB\nMemAvailable: 4000000 kB\n", "memory.max": f"{limit}\n"}
+    monkeypatch.setattr(Path, "read_text", lambda path, **_: files[path.name])
+    assert memory.free_bytes() == free
+
+
+# Errors that a run tells of itself.
+
+#: An order of 1, the hardest case for the estimate: each halving only halves the error.
+FIRST_ORDER = {"iterations": 10, "error_bias": 0.9**60, "half_kick_start": False}
+
+
+@pytest.mark.parametrize("tolerance_m", [1e-3, 1e-7])
+@pytest.mark.parametrize("name", ["ideal-free", "ideal-compressor"])
+@pytest.mark.parametrize(
+    ("engine", "settings"),
+    [*((name, {}) for name in ENGINES), ("pymunk", FIRST_ORDER)],
+    ids=[*ENGINES, "order 1"],
+)
+def test_the_promised_tolerance_is_kept(
+    engine: str, settings: dict[str, Any], name: str, tolerance_m: float
+) -> None:
+    tolerance_m = max(tolerance_m, 1e-5 if settings else 0.0)
+    of = SCENES[name]().replace("end_time_s", 0.05)
+    run, true = simulate_to_tolerance(make_engine(engine, **settings), of, tolerance_m, 7), exact(of, 7)
+    error = np.abs(run.position[:, -1, 0] - true.position[:, -1, 0]).max()
+    assert error <= tolerance_m, f"{error:.3g} m with {run.steps} steps"
+    np.testing.assert_allclose(run.time_s, true.time_s, rtol=1e-12)
+    if engine == "exudyn" and tolerance_m < 1e-6:
+        assert FEWEST_SAMPLES <= simulate_to_tolerance(make_engine(engine), of, 1e-2, 7).steps < run.steps
+
+
+@pytest.mark.parametrize(("engine", "tolerance"), [("reference", 1e-6), ("reference", 1e-9), ("scipy", 1e-8)])
+@pytest.mark.parametrize(("name", "observe"), [("quick-return", "E.x"), ("andrews", "K3.angle")])
+def test_a_tolerance_of_what_a_mechanism_observes_is_kept(
+    name: str, observe: str, engine: str, tolerance: float
+) -> None:
+    of = mechanism(TEXTS[name])
+    assert of.observed.name == observe
+    run = simulate_to_tolerance(make_engine(engine), of, tolerance, 10)
+    ends, last = ENDS[name], dict(zip(of.mechanism.names, run.position[-1], strict=True))
+    if observe == "E.x":
+        true, found = (body["ram"][0] for body in (ends, last))
+    else:  # the longest lever is K7's, from H to A
+        assert lever_m(of) == pytest.approx(0.04)
+        true, found = (0.04 * body["K3"][2] for body in (ends, last))
+    assert abs(found - true) <= tolerance
+
+
+def test_one_sample_alone_does_not_converge_by_chance() -> None:
+    """4.2 m of crank path between two samples: at the end alone positions of two bad runs may well agree."""
+    of = SCENES["ideal-free"]()
+    run = simulate_to_tolerance(make_engine("reference"), of, 1e-3, 1)
+    assert len(run.time_s) == 2
+    assert abs(run.position[:, -1, 0][-1] - exact(of, 1).position[:, -1, 0][-1]) <= 1e-3
+
+
+@pytest.mark.parametrize("tolerance_m", [1e-18, 1e-300])
+def test_a_tolerance_below_round_off_is_refused(tolerance_m: float) -> None:
+    # The first step is no shorter for it, or 1e-300 m would take for ever.
+    of = SCENES["ideal-free"]().replace("end_time_s", 0.01)
+    with pytest.raises(SimulationFailed, match=f"not known to {tolerance_m:g} m: two methods part at t"):
+        simulate_to_tolerance(make_engine("reference"), of, tolerance_m, 100)
+
+
+#: Settings and longest step at which an engine's error is above round-off, and falls no faster than at order
+#: 4: scipy's is set by its tolerance, in steps below these.
+COARSE: dict[str, tuple[dict[str, object], float]] = {
+    "scipy": ({"method": "RK45", "rtol": 1e-8, "atol": 1e-10}, 5e-3)
+}
+
+
+def covers(uncertainty: Any, error: Any) -> bool:
+    """Return whether an uncertainty is the error, but for what the truth and the sharp run are off by."""
+    return bool(0.95 < np.max(uncertainty) / np.abs(error).max() < 1.25)
+
+
+@each
+@pytest.mark.parametrize("name", ["ideal-free", "ideal-torque"])
+def test_the_uncertainty_covers_the_true_error_of_an_ideal_scene(name: str, engine: str) -> None:
+    of = SCENES[name]().replace("end_time_s", 0.1)
+    settings, step = COARSE.get(engine, ({}, 2e-4))
+    run, told = simulate_with_uncertainty(make_engine(engine, **settings), of, RunSettings(step, 20))
+    true = exact(of, 20)
+    of_forces = np.stack([told[f"joint_{joint}_force_N"] for joint in of.joints])
+    assert covers(told["slider_position_m"], (run.position - true.position)[:, -1, 0])
+    assert covers(of_forces, joint_forces(run) - joint_forces(true))
+
+
+def test_the_uncertainty_covers_the_true_error_with_clearance() -> None:
+    of: Scene = SCENES["clearance-driven-0.1mm"]().replace("end_time_s", 0.002)
+    run, told = simulate_with_uncertainty(make_engine("reference"), of, RunSettings(1e-5, 20))
+    assert covers(told["slider_position_m"], (run.position - true_solution(of).position)[:, -1, 0])
+    assert told["contact_B_normal_force_N"].shape == ()
