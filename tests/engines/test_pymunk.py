@@ -297,6 +297,8 @@ def test_a_scene_gets_as_many_sweeps_as_its_joints_need_and_few(of: Scene, rod: 
     true = exact(of, SAMPLES)
     own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 1000))
     assert own < 1.1 * many, "measured 1.03 and less"
+    if of.drive.kind == "free" and max(rod, slider) < 100:  # masses are balanced
+        assert own < 1.35 * off(run(of, 4800, PymunkEngine(joints="all")), true), "measured 1.2"
 
 
 OFF_LINE = QUICK_RETURN.replace('on = "lever" }', 'on = "lever", through_m = [0.0, 0.03] }')

@@ -163,7 +163,7 @@ def test_a_timed_run_calls_few_functions_of_ours_and_none_for_a_step(
     assert calls[0] == calls[1], f"more steps, more calls: {calls}"
 
 
-@pytest.mark.parametrize("name", ["clocked", "yoke", "bearing"])
+@pytest.mark.parametrize("name", ["clocked", "rubbing", "bearing"])
 @pytest.mark.parametrize("engine", ["reference", "pymunk", "scipy method=DOP853", "scipy method=LSODA"])
 def test_a_bare_run_ends_where_the_watched_one_does(engine: str, name: str) -> None:
     """A sample at the end may be on a method's interpolant: round-off of it."""
