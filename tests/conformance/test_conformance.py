@@ -6,9 +6,9 @@ import pytest
 
 from engine_models.engine import Engine
 from engine_models.engines import ENGINES, make_engine
-from engine_models.scene.library import SCENES
+from engine_models.scene.library import RIGID_SCENES
 from studies.conformance.claims import CLAIMS, Trial
-from studies.conformance.mechanisms import ENDS_S, scene_of
+from studies.conformance.mechanisms import NAMES, scene_of
 from studies.conformance.orders import states_its_order
 from studies.conformance.verdicts import scenes_of
 
@@ -31,23 +31,12 @@ def trial(engine: str, name: str) -> Trial:
     return Trial(engine_of(engine), scene_of(name))
 
 
-def test_every_engine_runs_some_scene_of_every_kind_it_claims() -> None:
-    kinds: dict[str, set[str]] = {engine: set() for engine in BOTH}
-    for engine, name in supported():
-        if name in SCENES:
-            kinds[engine].add(name.partition("-")[0])
-    assert all(kinds.values())
-    without_rigid = {"ideal", "clearance"}
-    with_rigid = {"reference", CONTROLLED, "pymunk", "scipy"}
-    known = {engine: {*without_rigid, "rigid"} for engine in with_rigid}
-    known["exudyn"] = without_rigid
-    assert {engine: kinds[engine] for engine in known} == known
-
-
-def test_every_engine_runs_every_mechanism_but_a_slot_in_pymunk() -> None:
-    runs = {engine: {name for one, name in supported() if one == engine} for engine in BOTH}
-    left_out = {engine: ENDS_S.keys() - runs[engine] for engine in BOTH}
-    assert {engine: names for engine, names in left_out.items() if names} == {"pymunk": {"scotch-yoke"}}
+def test_every_engine_runs_all_scenes_but_rigid_walls_in_exudyn_and_a_slot_in_pymunk() -> None:
+    left_out = {engine: {*NAMES} - {*scenes_of(engine_of(engine))} for engine in BOTH}
+    assert {engine: names for engine, names in left_out.items() if names} == {
+        "exudyn": {*RIGID_SCENES},
+        "pymunk": {"scotch-yoke"},
+    }
 
 
 @pytest.mark.accuracy

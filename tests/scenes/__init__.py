@@ -1,4 +1,4 @@
-"""The scenes that tests simulate beside the library's: few, short, and between them every branch of the code."""
+"""The scenes that tests simulate beside the library's: few and short, with every branch of the code."""
 
 from functools import cache
 from pathlib import Path

@@ -1,9 +1,6 @@
-"""What holds for every ideal crank-slider: a mirror image moves as the mirror image, a run begun later as the
-rest of the whole one, halved steps err less, and energy and momentum go where forces take them.
-"""
+"""What holds for every ideal crank-slider: its mirror image moves as that, and forces change momenta."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,15 +8,11 @@ from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.drives import FreeDrive, TorqueDrive
 from engine_models.scene.scene import Link, Scene, Slider, Start
-from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J
 from tests.helpers.arrays import joint_forces
-from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, STEPS_PER_SAMPLE = 20, 10
-#: Of 60 rad in 200 steps RK4's error is some 1e-6 of the crank; what is compared with itself is at round-off.
+#: What is compared with itself is at round-off.
 ROUND_OFF = 1e-11
-#: Part of the kinetic energy that RK4 loses in such a run, at most.
-LEDGER = 1e-3
 #: Simpson's error of forces over two of a hundred samples, each 0.03 rad, with a rod of 2.5 cranks.
 SIMPSON, MANY = 1e-3, 100
 few = settings(max_examples=12, deadline=None, derandomize=True)
@@ -59,8 +52,8 @@ def scenes(draw: st.DrawFn) -> Scene:
     )
 
 
-def run(scene: Scene, steps_per_sample: int = STEPS_PER_SAMPLE, samples: int = SAMPLES) -> Trajectory:
-    step_s = scene.end_time_s / (samples * steps_per_sample)
+def run(scene: Scene, samples: int = SAMPLES) -> Trajectory:
+    step_s = scene.end_time_s / (samples * STEPS_PER_SAMPLE)
     return make_engine("reference").simulate(scene, RunSettings(step_s, samples))
 
 
@@ -87,25 +80,6 @@ def test_the_mirror_image_of_a_mechanism_moves_as_its_mirror_image(drawn: Scene)
 
 @given(scenes())
 @few
-def test_energy_is_what_driver_and_gravity_put_in_and_half_the_step_leaves_less_unaccounted(
-    scene: Scene,
-) -> None:
-    residual = [np.abs(energy_balance_residual_J(scene, run(scene, steps))).max() for steps in (5, 10)]
-    play = kinetic_energy_J(scene, run(scene)).max()
-    assert residual[0] <= LEDGER * play
-    assert residual[1] <= residual[0] / 4 + ROUND_OFF * play
-
-
-@given(scenes())
-@few
-def test_half_the_step_errs_less_than_a_quarter_as_much(scene: Scene) -> None:
-    true = exact(scene, SAMPLES).position[:, -1, 0]
-    coarse, fine = (np.abs(run(scene, steps).position[:, -1, 0] - true).max() for steps in (5, 10))
-    assert fine <= coarse / 4 + ROUND_OFF * scene.crank_slider()[0].length_m
-
-
-@given(scenes())
-@few
 def test_forces_are_the_rates_of_the_momenta_they_change(scene: Scene) -> None:
     found = run(scene, samples=MANY)
     masses = np.array([body.mass_kg for body in scene.bodies])
@@ -118,17 +92,3 @@ def test_forces_are_the_rates_of_the_momenta_they_change(scene: Scene) -> None:
     impulse = h / 3 * (outside[:-2] + 4 * outside[1:-1] + outside[2:])
     scale = max(np.abs(momentum).max(), np.abs(outside).max() * h)
     assert np.abs(gained - impulse).max() <= SIMPSON * scale
-
-
-@pytest.mark.parametrize("later", [1, 7])
-@given(scene=scenes())
-@few
-def test_a_run_begun_later_is_the_rest_of_the_whole_one(later: int, scene: Scene) -> None:
-    whole = run(scene)
-    angle, speed = float(whole.position[later, 0, 2]), float(whole.velocity[later, 0, 2])
-    start = Start(crank_angle_rad=angle, crank_speed_rad_s=speed)
-    left = SAMPLES - later
-    rest = scene.model_copy(update={"start": start, "end_time_s": scene.end_time_s * left / SAMPLES})
-    found = run(rest, samples=left)
-    same(found.position[:, -1, 0], whole.position[:, -1, 0][later:])
-    same(found.velocity[:, -1, 0], whole.velocity[:, -1, 0][later:])

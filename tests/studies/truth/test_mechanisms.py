@@ -1,38 +1,33 @@
-"""The truth of any mechanism: published and independent ends, closed forms, and the reference as a peer."""
+"""The truth of any mechanism: published and independent ends, and closed forms."""
 
-import dataclasses
 import math
 from types import ModuleType
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from engine_models.engine import Contact, Engine, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
 from studies.command.trajectory_table import sample_columns
 from studies.extremes import gallery
+from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
 from studies.judges.metrics import energy_balance_residual_J
 from studies.running.closure import closure
 from studies.truth import equations, motion, rigid_walls, stepping
 from studies.truth.solver import TrueSolver
 from tests.engines.mechanism_texts import (
     ENDS,
-    FOUR_BAR,
-    QUICK_RETURN,
     SCOTCH_YOKE,
     TEXTS,
     four_bars,
     scene,
 )
 from tests.studies.truth.closed_forms.wheels import turning_rod
-from tests.studies.truth.scenes import RIGID_WALL, RUBBING, loosened
 
-COLLOCATION, EXTRAPOLATION = TrueSolver("collocation", 1e-13), TrueSolver("extrapolation", 1e-14)
 METHODS = (COLLOCATION, EXTRAPOLATION)
 #: Twice to ten times what is measured, with round-off of the integration that the ends come from.
 ENDS_WITHIN = {
@@ -137,116 +132,6 @@ def test_a_rod_that_turns_while_the_crank_swings_changes_coordinates(solver: Tru
     off = np.abs(run.position[:, 2, 0] - turning_rod(of, run.time_s)).max()
     assert off < 1e-9, f"off by {off:.1e} m"  # by DOP853 at 1e-12
     assert np.abs(energy_balance_residual_J(of, run)).max() < 1e-12
-
-
-ANGLES = [k * 4 * math.pi / 24 for k in range(25)]
-FORCES = [80 * math.cos(a / 2) + 30 * math.sin(a) for a in ANGLES[:-1]]
-#: A quick return with everything that acts, two-stroke gas and a load along the turning lever among it.
-LOADED = f"""{QUICK_RETURN}
-[spring.pull]
-between = ["ground.O", "lever.D"]
-stiffness_N_m = 400.0
-free_length_m = 0.1
-damping_N_s_m = 5.0
-[load.block]
-force_N = 4.0
-viscous_N_s_m = 3.0
-spring_N_m = 200.0
-free_position_m = 0.2
-torque_N_m = 0.5
-[load.ram]
-gas = {{ angle_rad = {ANGLES}, force_N = {[*FORCES, FORCES[0]]}, body = "crank", interpolation = "spline" }}
-by_time = {{ time_s = [0.0, 0.1, 0.3, 0.6], force_N = [0.0, 20.0, -10.0, 5.0] }}
-[load.lever]
-viscous_N_m_s = 0.4
-by_time = {{ time_s = [0.0, 0.2, 0.6], torque_N_m = [0.0, 3.0, -2.0], interpolation = "linear" }}
-"""
-DRIVES = {
-    "free": "",
-    "fluctuating": 'kind = "fluctuating"\namplitude_rad_s = 3.0\nfrequency_Hz = 4.0\nphase_rad = 0.4\n',
-    "table": (
-        'kind = "table"\ntime_s = [0.0, 0.1, 0.2, 0.35, 0.6]\nangle_rad = [0.0, 1.2, 2.6, 4.0, 8.0]\n'
-        "end_slopes = [12.0, 9.0]\n"
-    ),
-    "motor": (
-        'kind = "motor"\nspeed_rad_s = [0.0, 5.0, 10.0, 20.0]\ntorque_N_m = [30.0, 20.0, 5.0, -10.0]\n'
-        'interpolation = "linear"\n'
-    ),
-    "torque": 'kind = "torque"\ntime_s = [0.0, 0.1, 0.3, 0.6]\ntorque_N_m = [5.0, 10.0, -5.0, 0.0]\n',
-    "guide": 'kind = "ramp"\nguide = "bed"\nfinal_speed_m_s = 0.2\nramp_time_s = 0.1\n',
-}
-CRANK_STARTS = 'hold = ["crank"]\nspeed_rad_s = { crank = 12.0 }'
-
-
-def driven(drive: str, gas: str = "spline") -> AnyScene:
-    text = LOADED.replace('interpolation = "spline"', f'interpolation = "{gas}"')
-    if drive == "guide":
-        text = text.replace(CRANK_STARTS, "speed_m_s = { bed = 0.8 }")
-    body = "" if drive == "guide" else 'body = "crank"\n'
-    return scene(text + (f"[drive]\n{body}{DRIVES[drive]}" if DRIVES[drive] else ""))
-
-
-def numbers(run: Trajectory) -> dict[str, NDArray[np.float64]]:
-    """Return all that a run tells, by name."""
-    found: dict[str, NDArray[np.float64] | None] = {"position": run.position, "velocity": run.velocity}
-    found |= {"effort": run.driver_torque_N_m, "work": run.driver_work_J}
-    maps = {"joint": run.joint_force_N, "guide": run.guide_force_N, "moment": run.guide_moment_N_m}
-    for kind, by_name in (maps | {"load": run.load_work_J}).items():
-        found |= {f"{kind} {name}": value for name, value in by_name.items()}
-    for joint, contact in run.contacts.items():
-        fields = [field.name for field in dataclasses.fields(Contact) if field.name != "impacts"]
-        found |= {f"{joint} {name}": getattr(contact, name) for name in fields}
-    return {name: value for name, value in found.items() if value is not None}
-
-
-def assert_alike(mine: Trajectory, other: Trajectory, part: float) -> None:
-    """Assert that runs tell the same, and within a part of each signal's largest value."""
-    own, theirs = numbers(mine), numbers(other)
-    assert own.keys() == theirs.keys()
-    for name, value in theirs.items():
-        off = np.abs(own[name] - value).max() / (np.abs(value).max() or 1.0)
-        assert off <= part, f"{name} off by {off:.1e} of it"
-
-
-def reference(of: AnyScene) -> Trajectory:
-    return ReferenceEngine(method="dop853", step_tolerance=1e-13).simulate(of, RunSettings(1e-3, 40))
-
-
-@pytest.mark.parametrize("gas", ["spline", "linear"])
-@pytest.mark.parametrize("drive", DRIVES)
-def test_drives_loads_and_reactions_are_the_reference_s(drive: str, gas: str) -> None:
-    of = driven(drive, gas)
-    run, again = solved(of), solved(of, EXTRAPOLATION)
-    assert_alike(again, run, 1e-11)
-    assert_alike(run, reference(of), 1e-10)
-    residual = np.abs(energy_balance_residual_J(of, run)).max()
-    assert residual < 1e-11 * np.abs(run.velocity).max() ** 2, f"{residual:.1e} J of the balance missing"
-
-
-LOOSE = {
-    "bearing on the other body": (FOUR_BAR, "A", 0.05, 'bearing = "coupler"\n' + RUBBING),
-    "a loop of loose pins alone": (FOUR_BAR, "OABC", 0.02, RUBBING),
-    "among guides and loads": (LOADED, "AD", 0.03, RUBBING),
-}
-
-
-@pytest.mark.parametrize("name", LOOSE)
-def test_joints_with_clearance_are_the_reference_s(name: str) -> None:
-    """Stiff contacts make 1e-8 of a force of what the motion is off by."""
-    of = loosened(*LOOSE[name])
-    run, again = solved(of), solved(of, EXTRAPOLATION)
-    assert sum(len(contact.impacts.time_s) for contact in run.contacts.values()) > 10
-    assert_alike(again, run, 1e-6)
-    assert_alike(run, reference(of), 3e-6)
-    assert np.abs(run.position - again.position).max() < 1e-11
-
-
-def test_rigid_walls_of_a_four_bar_are_the_reference_s() -> None:
-    of = loosened(FOUR_BAR, "B", 0.06, "", RIGID_WALL)
-    run = solved(of)
-    assert len(run.contacts["B"].impacts.time_s) > 5
-    assert_alike(solved(of, EXTRAPOLATION), run, 1e-10)
-    assert_alike(run, reference(of), 1e-9)
 
 
 #: A spring of free length 0 whose ends are at one place at the start, from a cart to the ground.

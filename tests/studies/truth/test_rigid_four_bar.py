@@ -12,13 +12,19 @@ import pytest
 from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings
-from studies.truth.solver import TrueSolver
-from tests.engines.mechanism_texts import FOUR_BAR
-from tests.studies.truth.scenes import RIGID_WALL, RUBBING, loosened
+from engine_models.scene.library.mechanisms import ALL_SCENES
+from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
 
 Long = np.longdouble
 Vector = NDArray[np.longdouble]
-OF = loosened(FOUR_BAR, "B", 0.06, RUBBING, RIGID_WALL)
+WALL = {
+    "radial_clearance_m": 5e-4,
+    "bearing_radius_m": 0.01,
+    "law": "rigid",
+    "restitution": 0.9,
+    "friction": {"law": "tanh", "coefficient": 0.1, "regularisation_speed_m_s": 0.01},
+}
+OF = ALL_SCENES["four-bar"]().replace({"end_time_s": 0.06, "clearance.B": WALL})
 PINS = {pin.name: pin for pin in OF.mechanism.pins}
 #: Numbers of crank, coupler and rocker in SI, those that the scene has in double precision.
 CENTRE = [-Long(PINS[name].point_j[0]) for name in "OAC"]
@@ -138,7 +144,7 @@ def integrated(y: Vector, end_s: float) -> tuple[list[np.longdouble], Vector]:
 @pytest.mark.skipif(np.finfo(Long).eps > 1e-18, reason=f"longdouble is double on {sys.platform}")
 def test_impacts_with_friction_are_those_of_extended_precision() -> None:
     """The reference is off by 1.5e-12 s here, and by 4e-12 s in shorter steps."""
-    for solver in (TrueSolver("collocation", 1e-13), TrueSolver("extrapolation", 1e-14)):
+    for solver in (COLLOCATION, EXTRAPOLATION):
         run = solver.simulate(OF, RunSettings(1.0, 1))
         start = np.concatenate([run.position[0, :, 2], run.velocity[0, :, 2]]).astype(Long)
         times, end = integrated(in_the_middle(start), 0.06)

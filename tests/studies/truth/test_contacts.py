@@ -1,0 +1,220 @@
+"""Loose pins of the truth by closed forms: bounces of one body by every law, flights between, energies."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import lambertw
+
+from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
+from engine_models.engines import make_engine
+from engine_models.mechanics.assembly import started_from
+from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
+from engine_models.scene.file import from_toml
+from engine_models.scene.library import clearance, ideal_driven
+from engine_models.scene.loads import Gas, Loads, SliderLoad
+from engine_models.scene.scene import Clearances, Scene
+from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
+from studies.judges.metrics import constraint_violation_m
+from studies.truth.physics import damping_of
+from studies.truth.solver import TrueSolver
+from tests.engines.runs import errors, numbers, true_solution
+from tests.helpers.random_scenes import WITH_RESTITUTION
+from tests.scenes import NAMES, scene
+
+#: Approach speed in m/s, stiffness in N/m^n, clearance in m and mass in kg.
+SPEED, STIFFNESS, ROOM, MASS = 1.5, {1.0: 1e8, 1.5: 1e10}, 1e-3, 0.3
+methods = pytest.mark.parametrize("solver", [COLLOCATION, EXTRAPOLATION], ids=lambda solver: solver.method)
+#: A disc alone in its bearing, in numbers that are told, and the law of its wall.
+DISC = """
+name = "disc"
+end_time_s = {end_s}
+observe = "O.x"
+ground.pins_m = {{ O = 0.0 }}
+body.disc = {{ pins_m = {{ O = 0.0 }}, mass_kg = {mass}, inertia_kg_m2 = 1e-4 }}
+[start.disc]
+x_m = {x_m}
+y_m = 0.0
+angle_rad = 0.3
+velocity_x_m_s = {u}
+velocity_y_m_s = {v}
+angular_velocity_rad_s = 2.0
+[clearance.O]
+radial_clearance_m = {room}
+bearing_radius_m = 0.01
+law = "{law}"
+{numbers}"""
+
+
+def bounced(solver: TrueSolver, law: str, **constants: float) -> tuple[float, float, float]:
+    """Return the speed back of a disc that flies at its bearing's wall, how long it touches, and its spin."""
+    told = "".join(f"{name} = {value}\n" for name, value in constants.items())
+    flight = {"end_s": 1.5 * ROOM / SPEED, "x_m": 0.0, "u": 0.6 * SPEED, "v": 0.8 * SPEED}
+    of = from_toml(DISC.format(**flight, mass=MASS, room=ROOM, law=law, numbers=told))
+    run = solver.simulate(of, RunSettings(1.0, 20))
+    impacts = run.contacts["O"].impacts
+    assert len(impacts.time_s) == 1
+    assert impacts.time_s[0] == pytest.approx(ROOM / SPEED, rel=1e-13)
+    back = -float(run.velocity[-1, 0, :2] @ (0.6, 0.8))
+    lost = MASS * (SPEED**2 - back**2) / 2
+    assert impacts.energy_lost_J[0] == pytest.approx(lost, abs=1e-12 * MASS * SPEED**2)
+    assert impacts.normal_impulse_N_s[0] == pytest.approx(MASS * (SPEED + back), rel=1e-12)
+    return back, float(impacts.duration_s[0]), float(run.velocity[-1, 0, 2])
+
+
+@methods
+@pytest.mark.parametrize("law", WITH_RESTITUTION)
+def test_a_bounce_has_the_restitution_of_its_law(law: str, solver: TrueSolver) -> None:
+    """e_out = [1 + W0(-(1 + a) exp(-(1 + a)))]/a, whatever mass and stiffness."""
+    a = damping_of(law, 0.7)
+    expected = (1 + lambertw(-(1 + a) * math.exp(-(1 + a))).real) / a
+    back, _, spin = bounced(solver, law, restitution=0.7, stiffness=STIFFNESS[1.5])
+    assert back / SPEED == pytest.approx(expected, rel=1e-12)
+    assert spin == 2.0
+
+
+@methods
+def test_bounces_without_restitution_last_as_long_as_they_do(solver: TrueSolver) -> None:
+    """A half-wave of a spring, Hertz's 2.94327518 delta_max/v0, the damped wave of Kelvin and Voigt."""
+    rate = math.sqrt(STIFFNESS[1.0] / MASS)
+    back, lasted, _ = bounced(solver, "linear", stiffness=STIFFNESS[1.0])
+    assert back == pytest.approx(SPEED, rel=1e-12)
+    assert lasted == pytest.approx(math.pi / rate, rel=1e-10)
+    back, lasted, _ = bounced(solver, "hertz", stiffness=STIFFNESS[1.5])
+    deepest = (5 * MASS * SPEED**2 / (4 * STIFFNESS[1.5])) ** 0.4
+    assert back == pytest.approx(SPEED, rel=1e-12)
+    assert lasted == pytest.approx(2.94327518 * deepest / SPEED, rel=1e-8)  # the digits given
+    zeta = 0.2
+    damping = 2 * zeta * rate * MASS
+    back, lasted, _ = bounced(solver, "kelvin-voigt", stiffness=STIFFNESS[1.0], damping_N_s_m=damping)
+    assert back / SPEED == pytest.approx(math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), rel=1e-12)
+    assert lasted == pytest.approx(math.pi / rate / math.sqrt(1 - zeta**2), rel=1e-10)
+
+
+def test_a_rigid_wall_gives_newton_s_restitution() -> None:
+    back, lasted, _ = bounced(COLLOCATION, "rigid", restitution=0.7)
+    assert back == pytest.approx(0.7 * SPEED, rel=1e-14)
+    assert lasted == 0.0
+
+
+def test_a_start_in_a_rigid_wall_is_refused() -> None:
+    still = {"end_s": 0.01, "u": 0.0, "v": 0.0, "mass": MASS, "room": ROOM, "law": "rigid"}
+    inside, within = (
+        from_toml(DISC.format(**still, x_m=x_m, numbers="restitution = 0.5")) for x_m in (2e-3, 5e-4)
+    )
+    with pytest.raises(UnsupportedScene, match="begins in its rigid wall"):
+        COLLOCATION.simulate(inside, RunSettings(1.0, 1))
+    assert np.isfinite(COLLOCATION.simulate(within, RunSettings(1.0, 1)).position).all()
+
+
+def flown(load: SliderLoad) -> Trajectory:
+    """Return what the slider does while the pin at B, with much clearance, flies."""
+    of = ideal_driven().model_copy(update={"end_time_s": 2e-4, "load": Loads(slider=load)})
+    run = true_solution(of.model_copy(update={"clearance": Clearances(B=clearance(3e-3))}))
+    assert not len(run.contacts["B"].impacts.time_s)
+    assert not run.contacts["B"].normal_force_N.any()
+    return run
+
+
+def test_a_slider_in_flight_does_what_its_load_makes_of_it() -> None:
+    """By hand, of mass m from rest at x0: a push, a push against friction, a spring, a force by the crank."""
+    turn = np.linspace(0.0, 2 * np.pi, 61)  # the spline of a cosine is within 1e-5 of it
+    cosine = Gas(crank_angle_rad=tuple(turn.tolist()), force_N=(*(1000 * np.cos(turn[:-1])).tolist(), 1000.0))
+    m, x_0, speed = 0.14, 0.17, ideal_driven().start.crank_speed_rad_s
+    pushed = flown(SliderLoad(force_N=-500.0))
+    t = pushed.time_s
+    np.testing.assert_allclose(pushed.position[:, -1, 0], x_0 - 500 / m * t**2 / 2, rtol=0, atol=1e-14)
+    braked = flown(SliderLoad(force_N=-500.0, viscous_N_s_m=700.0))
+    expected = x_0 - 500 / 700 * (t - m / 700 * (1 - np.exp(-700 / m * t)))
+    np.testing.assert_allclose(braked.position[:, -1, 0], expected, rtol=0, atol=1e-14)
+    sprung = flown(SliderLoad(spring_N_m=1e4, free_position_m=0.1))
+    expected = 0.1 + 0.07 * np.cos(math.sqrt(1e4 / m) * t)
+    np.testing.assert_allclose(sprung.position[:, -1, 0], expected, rtol=0, atol=1e-14)
+    kinetic = m * sprung.velocity[:, -1, 0] ** 2 / 2
+    np.testing.assert_allclose(sprung.load_work_J["spring"], kinetic, rtol=0, atol=1e-13)
+    blown = flown(SliderLoad(gas=cosine))
+    expected = x_0 + 1000 / m / speed**2 * (1 - np.cos(speed * t))
+    np.testing.assert_allclose(blown.position[:, -1, 0], expected, rtol=0, atol=1e-5 * 1e-3)
+
+
+def test_a_pin_in_flight_leaves_the_slider_its_speed() -> None:
+    """From 60 degrees, with a clearance at B that is not crossed: the slider goes on as it began."""
+    of = ideal_driven().model_copy(update={"clearance": Clearances(B=clearance(5e-3))})
+    run = true_solution(of.replace({"end_time_s": 1e-4, "start.crank_angle_rad": np.pi / 3}))
+    r, length, omega = 0.05, 0.12, of.start.crank_speed_rad_s
+    sin, cos = math.sqrt(3) / 2, 0.5
+    cos_phi = math.sqrt(1 - (r / length * sin) ** 2)
+    speed = -r * omega * sin - r**2 * sin * cos * omega / (length * cos_phi)
+    expected = r * cos + length * cos_phi + speed * run.time_s
+    np.testing.assert_allclose(run.position[:, -1, 0], expected, rtol=0, atol=1e-15)
+
+
+#: Parts of the largest of a kind: stiff contacts make 1e-8 of a force of what the motion is off by.
+APART = {"rubbing": 1e-7, "bearing": 1e-7, "loop": 1e-6, "linear": 1e-7, "rigid": 1e-9, "walls": 1e-7}
+#: Of the energy in play: four stiff pins magnify what a step is off by.
+LEDGER = {"loop": 2e-10}
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "fold"])
+def test_both_methods_agree_and_close_the_ledger_and_the_joints(name: str) -> None:
+    of, run = scene(name), true_solution(scene(name))
+    other = EXTRAPOLATION.simulate(of, RunSettings(of.end_time_s, len(run.time_s) - 1))
+    assert numbers(other).keys() == numbers(run).keys()
+    apart = {key: error for key, error in errors(other, run).items() if error > APART.get(name, 1e-11)}
+    assert {key: error for key, error in apart.items() if not key.startswith("moment")} == {}
+    for solution in (run, other):
+        left = np.abs(energy_balance_residual_J(of, solution)).max()
+        assert left < LEDGER.get(name, 1e-12) * energy_in_play_J(of, solution)
+        assert constraint_violation_m(of, solution).max() < 1e-15
+
+
+@pytest.mark.parametrize("name", ["loop", "linear"])
+def test_exudyn_s_own_model_moves_alike(name: str) -> None:
+    """Its equations, contacts and integration share no line with these."""
+    exudyn = make_engine("exudyn", solver="DOPRI5", step_tolerance=1e-12)
+    run = exudyn.simulate(scene(name), RunSettings(1e-5, 20))
+    assert np.abs(run.position - true_solution(exudyn.twin(scene(name))).position).max() < 1e-11
+
+
+def test_a_scene_begun_on_its_way_goes_on_as_before() -> None:
+    whole = true_solution(scene("bearing"))
+    flies = whole.contacts["B"].penetration_m < 0
+    at = int(np.flatnonzero(flies[:-1])[-1])
+    now = float(whole.time_s[at])
+    state = whole.position[at], whole.velocity[at], now, scene("bearing").end_time_s - now
+    rest = true_solution(started_from(scene("bearing"), *state), 1)
+    off = np.abs(rest.position[-1] - whole.position[-1]).max()
+    assert off < 1e-13, f"off by {off:.1e}"  # round-off of the states, magnified by an impact or two
+
+
+def test_another_shortest_flight_changes_no_more_than_the_last_bounces() -> None:
+    of = scene("walls")
+    long, short = (
+        replace(COLLOCATION, shortest_flight_s=flight).simulate(of, RunSettings(1.0, 20))
+        for flight in (4e-9, 1e-9)
+    )
+    off = np.abs(long.position - short.position).max()
+    assert 0 < off < 1e-12, f"off by {off:.1e}"
+    for joint in "AB":
+        assert len(long.contacts[joint].impacts.time_s) <= len(short.contacts[joint].impacts.time_s)
+
+
+def hertz(joint: str, friction: str = "") -> Scene:
+    """Return the free crank-slider with a joint by Hertz's law, which loses nothing."""
+    rub = {"law": friction, "coefficient": 0.2, "regularisation_speed_m_s": 0.05} if friction else None
+    wall = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "law": "hertz", "stiffness": 1e10}
+    of = scene("free").replace({"end_time_s": 0.05, f"clearance.{joint}": {**wall, "friction": rub}})
+    assert isinstance(of, Scene)
+    return of
+
+
+def test_energy_is_kept_by_springs_and_lost_to_friction() -> None:
+    kept, rubbed = true_solution(hertz("B")), true_solution(hertz("A", "saturated-linear"), 100)
+    assert len(kept.contacts["B"].impacts.time_s) > 10
+    assert kept.dissipated_energy_J is not None
+    assert not kept.dissipated_energy_J.any()
+    lost = rubbed.dissipated_energy_J
+    assert lost is not None
+    assert min(np.diff(lost)) >= 0.0
+    assert lost[-1] > 0.001 * energy_in_play_J(hertz("A", "saturated-linear"), rubbed)
