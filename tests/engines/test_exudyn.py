@@ -103,7 +103,7 @@ def test_every_law_of_the_family_is_exudyns_own_to_round_off(law: Any, restituti
     [("linear", 1.0, None), ("hertz", 1.5, None), ("kelvin-voigt", 1.0, 300.0)],
 )
 def test_laws_without_restitution_are_exudyns_own(law: Any, exponent: float, damping: float | None) -> None:
-    sizes = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "damping_N_s_m": damping}
+    sizes: dict[str, Any] = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "damping_N_s_m": damping}
     force = exudyn_force(pressed(Clearance(**sizes, law=law, stiffness=1e8), 0.3, 0.0))
     assert -force[0] == pytest.approx(1e8 * 1e-5**exponent + (damping or 0.0) * 0.3, rel=1e-10)
 
