@@ -1,10 +1,8 @@
 """What only Exudyn has: its law of contact, trees and constraints, drives by offsets, solvers and builds."""
 
-import gc
 import re
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -15,25 +13,21 @@ import pytest
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.exudyn.contact_law import native_law
-from engine_models.exudyn.drive import acceleration, speed
 from engine_models.exudyn.engine import ExudynEngine
-from engine_models.exudyn.loads import gas_force
 from engine_models.exudyn.model import build_model
-from engine_models.exudyn.solver import silence, simulation_settings
-from engine_models.exudyn.symbolic import symbolic
+from engine_models.exudyn.solver import silence
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.quality import constraint_violation_m
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.drives import FluctuatingDrive, RampDrive, TableDrive
+from engine_models.scene.drives import TableDrive
 from engine_models.scene.library import SCENES, clearance, ideal_driven, ideal_free
-from engine_models.scene.loads import Gas
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
 from studies.judges.metrics import errors as crank_slider_errors
-from tests.engines.mechanism_texts import TEXTS, V_TWIN
+from tests.engines.mechanism_texts import V_TWIN
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import errors
 from tests.scenes import scene
@@ -109,7 +103,7 @@ def test_every_law_of_the_family_is_exudyns_own_to_round_off(law: Any, restituti
     [("linear", 1.0, None), ("hertz", 1.5, None), ("kelvin-voigt", 1.0, 300.0)],
 )
 def test_laws_without_restitution_are_exudyns_own(law: Any, exponent: float, damping: float | None) -> None:
-    sizes = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "damping_N_s_m": damping}
+    sizes: dict[str, Any] = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "damping_N_s_m": damping}
     force = exudyn_force(pressed(Clearance(**sizes, law=law, stiffness=1e8), 0.3, 0.0))
     assert -force[0] == pytest.approx(1e8 * 1e-5**exponent + (damping or 0.0) * 0.3, rel=1e-10)
 
@@ -170,29 +164,34 @@ def along(guide: str, kind: str, **more: float) -> AnyScene:
     return scene("everything").replace({"drive": {"kind": kind, "guide": guide, **more}, **start})
 
 
-BAR = scene("bearing").replace("clearance", {})
-TURNED_BAR = {"drive": {"kind": "constant-speed", "body": "bar"}}
+def bars(pins: str, bearing: str | None, **changes: Any) -> AnyScene:
+    """Return the four-bar with other loose pins."""
+    return loose(scene("bearing").replace("clearance", {}), pins, bearing, **changes)
+
+
 #: By what hangs on what: from one pin of the ground, from both, afloat, on a driven ram, on a pin in a slot.
-TREES = {
-    "from one pin": loose(BAR, "AC", "coupler"),
-    "afloat": loose(BAR, "OC", drive={"kind": "free"}),
-    "bearing that turns": loose(BAR, "B", "rocker"),
-    "lever on its block": loose(scene("everything"), "CE", "lever"),
-    "driven ram with a rod": loose(along("bed", "constant-speed"), "CD"),
-    "driven ram alone": loose(along("bed", "fluctuating", amplitude_m_s=0.05, frequency_Hz=10.0), "CE"),
-    "driven frame": loose(scene("yoke"), "O"),
-    "crank on the slider": loose(SCENES["ideal-compressor"](), "O"),
-    "table": loose(scene("tabled"), "A"),
-    "slot afloat": loose(scene("bead"), "O"),
-    "driven bar": scene("bead").replace(TURNED_BAR),
-    "two pistons": loose(mechanism(V_TWIN), "BD"),
+TREES: dict[str, Callable[[], AnyScene]] = {
+    "from one pin": lambda: bars("AC", "coupler"),
+    "afloat": lambda: bars("OC", None, drive={"kind": "free"}),
+    "bearing that turns": lambda: bars("B", "rocker"),
+    "lever on its block": lambda: loose(scene("everything"), "CE", "lever"),
+    "driven ram with a rod": lambda: loose(along("bed", "constant-speed"), "CD"),
+    "driven ram alone": lambda: loose(
+        along("bed", "fluctuating", amplitude_m_s=0.05, frequency_Hz=10.0), "CE"
+    ),
+    "driven frame": lambda: loose(scene("yoke"), "O"),
+    "crank on the slider": lambda: loose(SCENES["ideal-compressor"](), "O"),
+    "table": lambda: loose(scene("tabled"), "A"),
+    "slot afloat": lambda: loose(scene("bead"), "O"),
+    "driven bar": lambda: scene("bead").replace("drive", {"kind": "constant-speed", "body": "bar"}),
+    "two pistons": lambda: loose(mechanism(V_TWIN), "BD"),
 }
 
 
 @pytest.mark.parametrize("name", TREES)
 def test_a_tree_is_sharp(name: str) -> None:
     """At a tolerance of 1e-12 it is the reference in all signals."""
-    of = TREES[name]
+    of = TREES[name]()
     found = run(of, of.end_time_s / SAMPLES, step_tolerance=1e-12, solver="DOPRI5")
     # Measured up to 9e-11 of motions, 2e-6 of forces, 1e-9 of works and 4e-11 J.
     bounds = {"position": 1e-9, "velocity": 1e-7, "work": 1e-7}
@@ -208,39 +207,27 @@ def test_a_slot_that_turns_may_be_driven_along() -> None:
     assert slow == {}, "of order 2"
 
 
+#: Friction at no sliding, which Exudyn has not.
+DEAD_BAND = {**FRICTION, "law": "ambrosio", "dead_band_speed_m_s": 0.001}
+
+
 @pytest.mark.parametrize(
-    ("of", "solver", "reason"),
+    ("make", "solver", "reason"),
     [
-        (SCENES["rigid-driven-0.5mm"](), "auto", "rigid"),
+        (SCENES["rigid-driven-0.5mm"], "auto", "rigid"),
+        (lambda: DRIVEN.replace("clearance.B.friction", DEAD_BAND), "auto", "dead band"),
+        (ideal_free, "DOPRI5", "ideal joints alone form a closed loop"),
+        (lambda: loose(ideal_driven(), "O"), "RK44", "no coordinate is the angle of crank, whose speed is"),
         (
-            DRIVEN.replace(
-                "clearance.B.friction",
-                {
-                    "law": "ambrosio",
-                    "coefficient": 0.1,
-                    "regularisation_speed_m_s": 0.01,
-                    "dead_band_speed_m_s": 0.001,
-                },
-            ),
-            "auto",
-            "dead band",
-        ),
-        (ideal_free(), "DOPRI5", "ideal joints alone form a closed loop"),
-        (
-            DRIVEN.replace({"clearance.O": DRIVEN.clearances["B"], "clearance.B": None}),
-            "RK44",
-            "no coordinate is the angle of crank, whose speed is prescribed",
-        ),
-        (
-            scene("bead").replace("drive", {"kind": "constant-speed", "body": "bead"}),
+            lambda: scene("bead").replace("drive", {"kind": "constant-speed", "body": "bead"}),
             "RK44",
             "no coordinate is the angle of bead",
         ),
-        (loose(along("slot", "constant-speed"), "CE"), "RK44", "slot is driven"),
+        (lambda: loose(along("slot", "constant-speed"), "CE"), "RK44", "slot is driven"),
     ],
 )
-def test_what_exudyn_cannot_express_is_refused_with_the_reason(of: Any, solver: Any, reason: str) -> None:
-    engine = ExudynEngine(solver=solver)
+def test_what_exudyn_cannot_express_is_refused_with_the_reason(make: Any, solver: Any, reason: str) -> None:
+    of, engine = make(), ExudynEngine(solver=solver)
     for refuse in (engine.check, engine.twin):
         with pytest.raises(UnsupportedScene, match=reason):
             refuse(of)
@@ -248,44 +235,7 @@ def test_what_exudyn_cannot_express_is_refused_with_the_reason(of: Any, solver: 
         ExudynEngine().check(of)
 
 
-IDEAL = {"RotationalMass1D": 1, "Mass1D": 1, "RigidBody2D": 1, "JointRevolute2D": 2}
-ROOMS = {"ContactSphereSphere": 1, "KinematicTree": 1}
-
-
-@pytest.mark.parametrize(
-    ("of", "tree", "objects", "loads"),
-    [
-        (ideal_free(), False, IDEAL, 2),
-        (ideal_driven(), False, IDEAL | {"ConnectorCoordinate": 1}, 2),
-        (DRIVEN, True, ROOMS | {"Mass1D": 1}, 0),
-        (SCENES["clearance-pendulum"](), True, {"ContactSphereSphere": 1, "RigidBody2D": 1}, 1),
-        (
-            mechanism(TEXTS["andrews"]),
-            False,
-            {"RotationalMass1D": 4, "RigidBody2D": 3, "JointRevolute2D": 6, "ConnectorSpringDamper": 1},
-            1,
-        ),
-    ],
-)
-def test_a_model_holds_what_its_scene_needs_and_nothing_else(
-    of: AnyScene, tree: bool, objects: dict[str, int], loads: int
-) -> None:
-    mbs = build_model(of, tree=tree).mbs
-    system = mbs.systemData
-    kinds = Counter(mbs.GetObject(k)["objectType"] for k in range(system.NumberOfObjects()))
-    del kinds["Ground"]
-    assert (dict(kinds), system.NumberOfLoads()) == (objects, loads)
-
-
-# Drives and gas in Exudyn's own functions.
-
-
-def gas_table(entries: int = 13) -> Gas:
-    """Return a push on the slider of 200 N once a revolution."""
-    angle = 0.3 + np.linspace(0.0, 2 * np.pi, entries)
-    force = 200 * np.exp(-(((angle - 1.3) / 0.8) ** 2)) - 20 * np.sin(angle) ** 2
-    force[-1] = force[0]
-    return Gas(crank_angle_rad=tuple(angle.tolist()), force_N=tuple(force.tolist()))
+# Drives and solvers.
 
 
 def by_table(entries: int) -> Scene:
@@ -298,56 +248,18 @@ def by_table(entries: int) -> Scene:
     return of.model_copy(update={"drive": table, "start": of.start.model_copy(update=start)})
 
 
-def changing(drive: Any) -> Scene:
-    return until(ideal_driven().model_copy(update={"drive": drive}), 0.024, crank_angle_rad=0.5, time_s=0.004)
-
-
-PRESCRIBED = {
-    "ramp": changing(RampDrive(kind="ramp", final_speed_rad_s=100.0, ramp_time_s=0.01)),
-    "fluctuating": changing(
-        FluctuatingDrive(kind="fluctuating", amplitude_rad_s=50.0, frequency_Hz=90.0, phase_rad=0.4)
-    ),
-    "table": by_table(14),
-}
-
-
-def evaluated(expression: Callable[[Any], Any], at: FloatArray) -> FloatArray:
-    """Return an expression of one variable at values (n,)."""
-    x = symbolic.Real("x", 0.0)
-    value, out = expression(x), []
-    for number in at:
-        x.SetValue(float(number))
-        out.append(value.Evaluate())
-    return np.array(out)
-
-
-@pytest.mark.parametrize("name", PRESCRIBED)
-def test_exudyns_own_speed_and_acceleration_are_those_of_the_scene(name: str) -> None:
-    of, motion = PRESCRIBED[name], crank_motion(PRESCRIBED[name])
+@pytest.mark.parametrize(
+    "drive",
+    [
+        {"kind": "ramp", "final_speed_rad_s": 100.0, "ramp_time_s": 0.01},
+        {"kind": "fluctuating", "amplitude_rad_s": 50.0, "frequency_Hz": 90.0, "phase_rad": 0.4},
+    ],
+)
+def test_a_prescribed_speed_is_exact_at_every_step_however_long(drive: dict[str, Any]) -> None:
+    of = ideal_driven().replace({"drive": drive, "start.time_s": 0.004})
+    motion, found = crank_motion(of), run(of, 2e-4, 120)
     assert motion is not None
-    entries = [t for t in getattr(of.drive, "time_s", ()) if t < of.end_time_s]
-    time = np.unique([*np.linspace(0.0, of.end_time_s, 500), *entries])
-    true = motion.acceleration_rad_s2(time)
-    off = evaluated(lambda t: acceleration(of.mechanism.drive, t), time) - true
-    assert np.abs(off).max() < 1e-12 * np.abs(true).max()
-    if name != "table":
-        off = evaluated(lambda t: speed(of.mechanism.drive, t), time) - motion.speed_rad_s(time)
-        assert np.abs(off).max() < 1e-12 * 523.6
-        # At every step, however long, the crank has it.
-        longest = run(of, 2e-4, 120)
-        assert np.abs(longest.velocity[:, 0, 2] - motion.speed_rad_s(longest.time_s)).max() < 1e-10
-
-
-@pytest.mark.parametrize("entries", [4, 13, 362])
-def test_exudyns_own_gas_force_is_the_scenes_at_any_angle(entries: int) -> None:
-    gas = gas_table(entries)
-    angle = np.unique([*np.linspace(-30.0, 30.0, 1001), *gas.crank_angle_rad])
-    data = ideal_free().replace("load.slider.gas", gas.model_dump(exclude_none=True)).mechanism.loads[0].gas
-    assert data is not None
-    true = gas.spline()(angle)
-    off = np.abs(evaluated(lambda x: gas_force(data.table, x), angle) - true).max()
-    # At a turn's end the angle's rounding decides for the last piece or the first: they meet there.
-    assert off < 1e-12 * entries * np.abs(true).max(), f"{off:.1e} N"
+    assert np.abs(found.velocity[:, 0, 2] - motion.speed_rad_s(found.time_s)).max() < 1e-10
 
 
 def test_a_tables_entries_within_steps_leave_no_force_that_rings() -> None:
@@ -362,44 +274,6 @@ def test_a_tables_entries_within_steps_leave_no_force_that_rings() -> None:
     assert len(orders) >= 5
 
 
-@pytest.mark.parametrize("name", [*PRESCRIBED, "tree"])
-def test_no_python_runs_within_a_solve(name: str) -> None:
-    """Whatever is called around it, ten times as many steps call no more."""
-    of = TREES["lever on its block"] if name == "tree" else PRESCRIBED[name]
-    counts = []
-    for step in (of.end_time_s / 100, of.end_time_s / 1000):
-        model = build_model(of, name == "tree")
-        settings = simulation_settings(ExudynEngine(), of, RunSettings(step, 10))
-        called: list[str] = []
-
-        def profile(_: Any, event: str, __: Any, called: list[str] = called) -> None:
-            called.append(event)
-
-        with silence():
-            sys.setprofile(profile)
-            try:
-                model.mbs.SolveDynamic(settings)
-            finally:
-                sys.setprofile(None)
-        counts.append(len(called))
-    assert counts[0] == counts[1]
-
-
-def test_user_functions_go_with_their_system() -> None:
-    def alive() -> int:
-        gc.collect()
-        return int(getattr(symbolic.Real, "__newCount") - getattr(symbolic.Real, "__deleteCount"))
-
-    before = alive()
-    model = build_model(by_table(100))
-    assert alive() > before + 500
-    del model
-    assert alive() == before
-
-
-# Solvers.
-
-
 def test_the_trapezoidal_rule_is_of_order_2_from_impact_to_impact_and_so_are_its_contact_forces() -> None:
     of, steps = until(DRIVEN, 0.002), (1e-6, 2.5e-7)
     off = [crank_slider_errors(of, run(of, h, solver="TrapezoidalIndex2"), sharp(of)) for h in steps]
@@ -407,20 +281,6 @@ def test_the_trapezoidal_rule_is_of_order_2_from_impact_to_impact_and_so_are_its
         order = np.log(off[0][name].max() / off[1][name].max()) / np.log(4)
         assert 1.7 < order < 2.6, f"{name}: order {order:.2f}"  # events cost and give a little
     assert off[-1]["joint_B_force_error_N"].max() < 100, "of 46 kN; measured 50 N"
-
-
-@pytest.mark.parametrize("solver", ["DOPRI5", "ODE23"])
-def test_the_last_stage_of_an_embedded_pair_is_the_acceleration_at_the_steps_end(solver: Any) -> None:
-    of, records = until(DRIVEN, 0.002), []
-    engine = ExudynEngine(solver=solver, step_tolerance=1e-6)
-    for computed_again in (True, False):
-        model, settings = build_model(of, tree=True), simulation_settings(engine, of, RunSettings(1e-3, 10))
-        settings.timeIntegration.explicit.computeEndOfStepAccelerations = computed_again
-        model.mbs.SolveDynamic(settings)
-        records.append([model.mbs.GetSensorStoredData(part.sensors[2]) for part in model.parts])
-    for again, last in zip(*records, strict=True):
-        # But at the start, which has no stage.
-        assert np.abs(last - again)[1:].max() < 1e-10 * np.abs(again).max()
 
 
 def test_generalized_alpha_keeps_the_joints_closed_and_the_trapezoidal_rule_lets_them_drift() -> None:
@@ -445,15 +305,14 @@ def test_the_spectral_radius_reaches_the_solver_and_the_trapezoidal_rule_has_non
     assert one == other
 
 
-#: Iterations a step, and how much larger an error may be than with increments down to round-off (measured
-#: 1.01 and 1.7; where it is smaller, that is of the same order).
-SOLVERS = {"TrapezoidalIndex2": (2, 1.05), "GeneralizedAlpha": (1, 2.0)}
+#: How much larger an error may be than with increments down to round-off (measured 1.01 and 1.7; where it is
+#: smaller, that is of the same order).
+SOLVERS = {"TrapezoidalIndex2": 1.05, "GeneralizedAlpha": 2.0}
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("steps", [100, 1000])
 def test_the_fewest_iterations_cost_no_digit_of_motion_or_forces(solver: Any, steps: int) -> None:
-    iterations, factor = SOLVERS[solver]
     for of in (until(ideal_free(), 0.1), until(ideal_driven(), 0.012)):
         step_s, true = of.end_time_s / steps, exact(of, SAMPLES)
         settled = crank_slider_errors(of, run(of, step_s, solver=solver, newton_tolerance=1e-12), true)
@@ -461,10 +320,7 @@ def test_the_fewest_iterations_cost_no_digit_of_motion_or_forces(solver: Any, st
         for signal in ("slider_position_error_m", "joint_O_force_error_N", "joint_B_force_error_N"):
             # Prescribed positions are exact but for what Newton's method leaves.
             worst = settled[signal].max()
-            assert worst < 1e-8 or fewest[signal].max() < factor * worst, f"{of.name}: {signal}"
-    model = build_model(of)
-    model.mbs.SolveDynamic(simulation_settings(ExudynEngine(solver=solver), of, RunSettings(1.2e-5, 10)))
-    assert model.mbs.sys["dynamicSolver"].it.newtonStepsCount / 1000 == pytest.approx(iterations, abs=0.1)
+            assert worst < 1e-8 or fewest[signal].max() < SOLVERS[solver] * worst, f"{of.name}: {signal}"
 
 
 # Failures, and what Exudyn leaves in its process.
@@ -520,7 +376,7 @@ def test_a_start_with_an_open_ideal_joint_is_refused() -> None:
 
 
 def test_the_fast_build_computes_the_same_in_a_process_of_its_own_and_prints_nothing() -> None:
-    of = by_table(14).replace("load.slider.gas", gas_table().model_dump(exclude_none=True))
+    of = by_table(14)
     code = f"""
 from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.exudyn.engine import ExudynEngine

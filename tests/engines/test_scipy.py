@@ -21,10 +21,8 @@ from engine_models.mechanics.joints import SLIDER
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.scene import Scene
-from engine_models.scipy_ivp.calls import Calls, Choice
 from engine_models.scipy_ivp.derivative import Derivative
 from engine_models.scipy_ivp.engine import ScipyEngine
-from engine_models.scipy_ivp.run import LocatedRun
 from tests.engines.runs import errors, impact_numbers
 from tests.studies.truth.closed_forms.crank_slider import exact
 
@@ -144,13 +142,6 @@ def test_a_pendulum_without_clearance_swings_as_the_elliptic_functions_say() -> 
     assert not found.guide_force_N
 
 
-def test_an_ideal_scene_is_integrated_without_anything_of_contacts() -> None:
-    free, driven = Derivative(FREE), Derivative(ideal_driven())
-    assert (len(free.start), free.sums, free.events) == (18, (), [])
-    assert (len(driven.start), driven.sums, driven.events) == (19, ("drivers",), [])
-    assert not hasattr(free._kernel, "gaps")
-
-
 # Contacts.
 
 
@@ -200,22 +191,6 @@ def test_a_contact_that_would_pull_loses_its_spring_s_energy_however_long_the_st
     assert contact.penetration_m[-1] < 0 < contact.penetration_m[3], "it has left, and took some samples to"
     stored = 1e9 * np.maximum(contact.penetration_m, 0.0) ** 2.5 / 2.5
     assert contact.clipped_loss_J == pytest.approx(1e9 * depth**2.5 / 2.5 - stored, rel=1e-6)
-
-
-@pytest.mark.parametrize("of", [DRIVEN, LOOSE], ids=lambda of: of.name)
-@pytest.mark.parametrize("method", EVENT_METHODS)
-def test_a_bare_run_takes_the_steps_of_the_watched_one(of: Scene, method: str) -> None:
-    choice, ends = Choice(method, 1e-8, 1e-10, 1.0, 1_000_000), []
-    for bare in (False, True):
-        derivative, times = Derivative(of), np.array([0.0, of.end_time_s])
-        calls = Calls(of, derivative, choice, bare=bare)
-        with np.errstate(all="ignore"):  # a step through the wall that is tried in vain
-            ends.append(LocatedRun(derivative, calls, times).run())
-    watched, bare_run = ends
-    assert len(watched.ends) > 1
-    # Impulses and losses of all contacts are in y. The watched run's sample at the end is on the method's
-    # interpolant: round-off of it.
-    np.testing.assert_allclose(bare_run.y[-1], watched.y[-1], rtol=1e-12, atol=1e-14)
 
 
 # Rebounds from rigid walls.
