@@ -1,15 +1,27 @@
-"""Straight-line functions as machine code do what Python does with their text."""
+"""Kernels: machine code does what Python does with its text, which has what a mechanism needs and no more."""
 
 import math
+from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from reference_solver.compiled.faces import with_fields
+from engine_models.mechanics.equations import mechanism_of
+from engine_models.scene.library import IDEAL_SCENES
+from reference_solver.compiled import kernel
+from reference_solver.compiled.faces import CompiledFace, with_fields
+from reference_solver.compiled.kernel import Topology
+from reference_solver.compiled.kernel import source_of as source_of_marked
 from reference_solver.compiled.store import load_kernel
+from reference_solver.equations import Equations
+from reference_solver.mechanism.contact_laws import ContactLaw
+from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism
+from reference_solver.methods import RK4, Method, dop853
+from reference_solver.solver import LARGEST_COMPILED, ErrorControl, StepChoice, solve
 from reference_solver.tape import FloatArray, RecordArray
+from tests.helpers.chains import chain, chain_start
 
 HEAD = """
 from math import asin, copysign, cos, exp, inf, nan, sin, sqrt, tanh
@@ -165,3 +177,80 @@ def test_a_function_that_is_called_has_its_module_s_name_in_machine_code() -> No
     module.outer(np.array([9.0, -2.5]), 1.0, 2.0)
     (overload,) = module.inner.overloads.values()
     assert f"{module.__name__}5inner" in overload.fndesc.mangled_name
+
+
+# The text of kernels
+
+
+def source_of(mechanism: Mechanism, projected: bool = False, method: Method = RK4) -> str:
+    return source_of_marked(Topology(mechanism, projected=projected, method=method).marked())
+
+
+def sums(source: str) -> list[str]:
+    """Return what a step adds to the sums of a driver's work and of what a stabilisation removes."""
+    _, _, step = source.partition("def stepped")
+    return step.partition("return ")[2].partition("\n")[0].split(", ")[-2:]
+
+
+def test_a_kernel_contains_nothing_that_its_mechanism_does_not() -> None:
+    free, driven = (mechanism_of(IDEAL_SCENES[name]()) for name in ("ideal-free", "ideal-driven"))
+    free_source, driven_source = (source_of(of).partition("def answer")[2] for of in (free, driven))
+    assert "sqrt(" not in free_source, "no spring, no length"
+    assert sums(free_source) == ["0.0", "0.0"], "no driver, no driver's work"
+    assert "project" not in free_source
+    work, removed = sums(driven_source)
+    assert work != "0.0"
+    assert removed == "0.0", "no stabilisation, no energy that it removes"
+    assert sums(source_of(driven, projected=True))[1] != "0.0"
+    # Eight rows and the two angles that carry arms: the slider's angle has neither sine nor cosine.
+    assert free_source.count("cos(") == free_source.count("sin(") == 2
+    assert "lambda8" not in free_source
+    assert "lambda8" in driven_source
+    assert len(source_of(replace(free, gravity_m_s2=0.0)).partition("def answer")[2]) < len(free_source)
+
+
+def test_another_mechanism_of_the_same_topology_has_the_same_source() -> None:
+    mechanism = mechanism_of(IDEAL_SCENES["ideal-driven"]())
+    bodies = tuple(Body(3 * b.mass_kg, 2 * b.inertia_kg_m2) for b in mechanism.bodies)
+    assert source_of(replace(mechanism, bodies=bodies, gravity_m_s2=1.62)) == source_of(mechanism)
+
+
+@pytest.mark.parametrize("method", [RK4, dop853()], ids=["rk4", "dop853"])
+def test_only_a_large_mechanism_has_functions_that_are_called(method: Method) -> None:
+    for links, decorated in ((kernel.LARGEST_INLINE, 0), (kernel.LARGEST_INLINE + 1, 3)):
+        text = source_of(chain(links), True, method)
+        assert text.count("@called(") == decorated
+        assert ("zeros(" in text) == (decorated > 0 and method is RK4)
+
+
+def test_a_large_mechanism_with_clearance_runs_alike_by_both_methods(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    links, law = 3, ContactLaw(1e6, 1.5, 0.5)
+    monkeypatch.setattr(kernel, "LARGEST_INLINE", links - 1)
+    source_of_marked.cache_clear()
+    _, *joints = chain(links).constraints
+    pin = ClearanceJoint(GROUND, (0.0, 0.0), 0, (-0.05, 0.0), 1e-3, 0.01, law)
+    mechanism = replace(chain(links), constraints=tuple(joints), contacts=(pin,))
+    q, v = chain_start(np.linspace(-1.2, -1.6, links), np.zeros(links))
+    rk4, controlled = (
+        solve(mechanism, q, v, end_time_s=0.03, samples=10, step=choice)
+        for choice in (StepChoice(2e-4, 100), ErrorControl(1e-10))
+    )
+    source_of_marked.cache_clear()
+    assert len(rk4.events) == len(controlled.events) > 0, "it has touched"
+    assert np.abs(rk4.q - controlled.q).max() < 1e-7
+
+
+def test_a_mechanism_too_large_for_straight_line_code_is_stepped_by_the_readable_face(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(CompiledFace, "advance", None)  # it would be called
+    links = LARGEST_COMPILED + 1
+    q, v = chain_start(np.linspace(0, 1, links), np.linspace(1, -1, links))
+    run = solve(chain(links), q, v, end_time_s=1e-3, samples=1, step=1e-3, stabilisation="none")
+    equations = Equations(chain(links), q)
+    B, weight = equations.constraint_matrix(q), equations.inverse_mass
+    right = -equations.centripetal(q, v) - B @ (weight * equations.applied_force(0.0, q, v))
+    dense = np.linalg.solve((B * weight) @ B.T, right)
+    assert np.abs(run.multipliers[0] - dense).max() <= 1e-9 * np.abs(dense).max()

@@ -1,15 +1,20 @@
-"""Code written by a tape computes what its functions compute of numbers, and nothing that is not needed."""
+"""Code written by a tape computes what its functions compute of numbers, and nothing that is not needed.
+
+So it does of whole mechanisms, of parts at random: as Python for any, as machine code for a few.
+"""
 
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from reference_solver.compiled import kernel
 from reference_solver.factorisation import Factors, eliminated
 from reference_solver.mechanism.lifting import lifted
 from reference_solver.mechanism.mechanism import Body, Mechanism, PrescribedSpeed
@@ -30,6 +35,17 @@ from reference_solver.tape import (
     sqrt,
     tanh,
     when,
+)
+from tests.solver.random_mechanisms import (
+    CONSTRAINTS as KINDS,
+)
+from tests.solver.random_mechanisms import (
+    FRICTIONS,
+    LAWS,
+    LOADS,
+    STABILISATIONS,
+    Recipe,
+    outcomes,
 )
 
 NAMES = ("a", "b", "c")
@@ -210,3 +226,67 @@ def test_sums_and_differences_of_negatives_have_their_signs(signs: tuple[int, in
     lines, results, _ = written(function)
     found = run(lines, results, a=3.0, b=7.0, c=0.0)
     assert found == pytest.approx([a + b, a - b, a + 2, 2 - a, a * b, a / b, a - b / 2])
+
+
+# Whole mechanisms
+
+#: Parts of the largest number of a function; units in the last place, magnified, are 1e-12.
+ROUND_OFF = 1e-10
+
+
+def assert_alike(recipe: Recipe, compiled: bool) -> None:
+    with np.errstate(all="ignore"):
+        written, readable = outcomes(recipe, compiled)
+    if not compiled:
+        assume(readable)
+    assert readable
+    assert written.keys() == readable.keys()
+    for name, numbers in readable.items():
+        known = np.isfinite(numbers)
+        assert (np.isfinite(written[name]) == known).all(), name
+        apart = np.abs(written[name] - numbers)[known].max(initial=0.0)
+        scale = np.abs(numbers[known]).max(initial=0.0)
+        assert apart <= ROUND_OFF * scale, f"{name}: {apart:.1e} of {scale:.1e}"
+
+
+RECIPES = st.builds(
+    Recipe,
+    st.integers(1, 3),
+    st.lists(st.sampled_from(KINDS), max_size=5),
+    st.lists(st.sampled_from(LOADS), max_size=4),
+    st.lists(
+        st.tuples(*(st.integers(0, len(of) - 1) for of in (LAWS, FRICTIONS)), st.booleans()), max_size=2
+    ),
+    st.sampled_from([*STABILISATIONS]),
+    st.booleans(),
+    st.integers(0, 2**32 - 1),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(RECIPES)
+def test_what_the_tape_writes_of_a_mechanism_computes_what_its_equations_do(recipe: Recipe) -> None:
+    assert_alike(recipe, compiled=False)
+
+
+REVOLUTE, SLOT, SAME_ANGLE, SPEED, MOTION, SLIDE, LINK = KINDS
+#: Mechanisms with all there is, in few topologies.
+COMPILED = {
+    "loads": Recipe(3, (REVOLUTE, SLOT, SAME_ANGLE, SLIDE), LOADS, (), "projection"),
+    "ring": Recipe(3, (REVOLUTE, REVOLUTE, LINK, SPEED), LOADS[5:6], (), "baumgarte", seed=1),
+    "laws": Recipe(
+        2, (MOTION,), (), ((0, 1, False), (1, 2, False), (2, 3, False), (3, 0, False)), "projection"
+    ),
+    "walls": Recipe(2, (REVOLUTE,), (), ((4, 3, False), (4, 0, False), (0, 0, False)), "baumgarte"),
+    "pins on walls": Recipe(2, (LINK,), (), ((4, 1, True), (4, 2, False)), "projection", controlled=True),
+}
+
+
+@pytest.mark.parametrize("called", [False, True], ids=["inline", "called"])
+@pytest.mark.parametrize("name", COMPILED)
+def test_so_does_machine_code(name: str, called: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel, "LARGEST_INLINE", 0 if called else kernel.LARGEST_INLINE)
+    kernel.source_of.cache_clear()
+    for state in range(6):
+        assert_alike(replace(COMPILED[name], state=state), compiled=True)
+    kernel.source_of.cache_clear()
