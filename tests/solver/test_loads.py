@@ -37,7 +37,7 @@ from reference_solver.mechanism.mechanism import (
     TorqueByTime,
     TurningDamper,
 )
-from reference_solver.mechanism.motions import Fluctuation, Ramp, Steady
+from reference_solver.mechanism.motions import Ramp, Steady
 from reference_solver.mechanism.scales import scales_of
 from reference_solver.mechanism.tables import PiecewiseCubic
 from reference_solver.solution import Solution
@@ -227,8 +227,6 @@ def test_loads_on_turning_converge_to_the_equation_of_a_rotor(name: str) -> None
         assert np.abs(found.q[:, 2] - exact).max() < 1e-10, f"{settings}"
         works = sum(found.sums[f"load{k}"] for k in range(len(loads)))
         assert np.abs(kinetic_J(mechanism, found.v) - 0.25 - works).max() < 1e-9
-
-
 
 
 @SETTINGS
