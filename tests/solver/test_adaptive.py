@@ -1,7 +1,7 @@
-"""Error control on a pendulum or a pin: order, root clock, located events, scales, and what it refuses."""
+"""Error control: its order, its tolerance, located events, crank-sliders, and where it ends."""
 
-from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,15 +10,22 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk, lambertw
 
-from reference_solver.compiled.faces import with_fields
+from engine_models.engine import RunSettings, SimulationFailed
+from engine_models.engines import make_engine
+from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.equations import mechanism_of
+from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES
+from reference_solver.compiled import faces
+from reference_solver.compiled.faces import CompiledFace, with_fields
 from reference_solver.contact import adaptive_loop, controlled_step, smooth_loop
 from reference_solver.contact.types import CONTACT_RECORD, new_run
-from reference_solver.failures import SingularConfiguration
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, RevoluteJoint
 from reference_solver.methods import dop853, tableau
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, Solver, StepChoice, solve
+from studies.extremes import gallery
+from studies.judges.horizon import moved
 
 FloatArray = NDArray[np.float64]
 
@@ -71,9 +78,6 @@ def turn_s() -> float:
     return float(4 * ellipk(k2) / SPIN)
 
 
-# ------------------------------------------------------------------------------- smooth motion
-
-
 def test_steps_of_one_length_converge_at_order_eight_to_the_closed_form() -> None:
     # With no limit but the longest step, all but the first few are equal.
     end, counts, errors = 4 * turn_s(), [24, 48, 96], []
@@ -110,9 +114,6 @@ def test_a_free_body_crosses_any_time_in_a_few_steps(q: float, v: float) -> None
     assert found.q[-1] == pytest.approx([q + 1e3 * v] * 3, rel=8 * EPS)
 
 
-# -------------------------------------------------------------------------------------- contacts
-
-
 def lambert(a: float) -> float:
     """Return the restitution that F = K delta^n (1 + a delta'/v0) gives (see ``test_contact_bounce``)."""
     return float((1 + np.real(lambertw(-(1 + a) * np.exp(-(1 + a))))) / a)
@@ -135,27 +136,6 @@ def test_below_the_round_off_of_a_stiff_wall_a_sharper_tolerance_takes_no_more_s
     sharp, sharper = (bounce(tolerance, law=stiff).steps for tolerance in (1e-12, 1e-14))
     # As long as round-off did not count, 49 and 30 when this was written.
     assert sharper <= 1.2 * sharp, f"{sharper} steps, {sharp} at a hundred times the tolerance"
-
-
-@pytest.fixture
-def without_root_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Have the readable face step in time alone."""
-
-    def plain(_contacts: object, _gaps: object, t: float, h: float, _careful: bool) -> tuple[object, ...]:
-        return controlled_step.Course(t, 0.0, 0.0), h, -1
-
-    with monkeypatch.context() as changed:
-        changed.setattr(adaptive_loop, "course_of", plain)
-        yield
-
-
-@pytest.mark.usefixtures("without_root_clock")
-def test_without_the_root_clock_a_bounce_takes_more_steps() -> None:
-    # 42 and 31 when this was written.
-    plain = bounce(1e-11, compiled=False)
-    rooted = bounce(1e-11)
-    assert abs(-plain.v[-1, 0] - lambert(FACTOR)) < 1e-9
-    assert plain.steps > 1.2 * rooted.steps, f"{plain.steps} and {rooted.steps}"
 
 
 def test_both_faces_agree_through_a_bounce() -> None:
@@ -199,20 +179,6 @@ def test_a_step_that_crosses_a_whole_flight_finds_its_end() -> None:
     assert found.steps < 30 * len(touches)
 
 
-@pytest.mark.parametrize("stiffness", [1e10, 1e14])
-def test_steps_land_within_the_contact_however_stiff_and_loose(stiffness: float) -> None:
-    # In proportion to the tolerance alone they would land beyond the whole penetration.
-    law = ContactLaw(stiffness, 1.5, FACTOR)
-    deepest = (5 * MASS / (4 * stiffness)) ** 0.4
-    for tolerance in (1e-3, 1e-6, 1e-9):
-        found = bounce(tolerance, law=law)
-        assert found.events["what"].tolist() == [1, -1]
-        assert np.abs(found.events["depth"]).max() <= 2.1e-6 * CLEARANCE < 0.1 * deepest
-        error = abs(-found.v[-1, 0] - lambert(FACTOR))
-        # 1.7 to 330 times it down to 1e-9 when this was written, the most at 1e-5.
-        assert error < 1e3 * tolerance, f"{error:.1e} at {tolerance:.0e}"
-
-
 def test_a_contact_whose_duration_is_unknown_runs() -> None:
     # At rest in its wall, and a law without least speed: 0/0.
     law = replace(ELASTIC, minimum_impact_speed_m_s=0.0)
@@ -221,21 +187,6 @@ def test_a_contact_whose_duration_is_unknown_runs() -> None:
     assert found.events["what"].tolist() == [1]
     assert np.abs(found.q[:, 1] + CLEARANCE + deep).max() < 1e-9 * BEARING
     assert np.isfinite(found.normal_force_N).all()
-
-
-def test_runs_that_end_anywhere_in_a_contact_end_as_a_longer_one_passes_there() -> None:
-    # The last step of many of them is rejected at first.
-    tolerance, ends = 1e-9, CLEARANCE + np.linspace(-1e-5, 2e-4, 22)
-    longer = run(disc(DAMPED), [0.0] * 3, [1.0, 0.0, 0.0], 1.6 * CLEARANCE, 1e-13, 1)
-    assert ends[0] < longer.events["time_s"][0] < longer.events["time_s"][1] < ends[-1]
-    for end in ends:
-        fine, found = (
-            run(disc(DAMPED), [0.0] * 3, [1.0, 0.0, 0.0], float(end), control, 1)
-            for control in (1e-13, tolerance)
-        )
-        assert found.time_s[-1] == end
-        assert np.abs(found.q[-1] - fine.q[-1]).max() < 30 * tolerance * BEARING
-        assert np.abs(found.v[-1] - fine.v[-1]).max() < 300 * tolerance
 
 
 def test_a_lasting_contact_is_followed_though_its_release_is_foreseen_wrongly() -> None:
@@ -270,57 +221,6 @@ def test_contacts_that_touch_at_once_share_the_push() -> None:
         assert np.abs(found.q - alone.q).max() < 1e-8 * CLEARANCE
 
 
-# ------------------------------------------------------------------------------------ rigid walls
-
-
-def test_bounces_off_a_rigid_wall_are_those_of_the_closed_form() -> None:
-    e, end = 0.6, 0.1
-    found = run(disc(RigidWall(e), GRAVITY), [0.0] * 3, [0.0] * 3, end, 1e-12)
-    speed, fall = np.sqrt(2 * GRAVITY * CLEARANCE), np.sqrt(2 * CLEARANCE / GRAVITY)
-    k = np.arange(len(found.impacts))
-    flights = 2 * speed * e ** (k + 1) / GRAVITY
-    times = fall + np.concatenate([[0], np.cumsum(flights[:-1])])
-    assert len(k) > 15
-    assert np.abs([i.time_s for i in found.impacts] - times).max() < 1e-12
-    assert np.abs([i.approach_speed_m_s for i in found.impacts] - speed * e**k).max() < 1e-11
-    assert [i.kind for i in found.impacts] == ["impact"] * (len(k) - 1) + ["closing"]
-    # The last flight is one whose height is of the tolerance, as a part of the mechanism's length.
-    assert (flights[-1] / 2) ** 2 * GRAVITY / 2 < 1e-12 * BEARING < (flights[-2] / 2) ** 2 * GRAVITY / 2
-    assert found.normal_force_N[-1] == pytest.approx(MASS * GRAVITY, rel=1e-12)
-
-
-# ----------------------------------------------------------------------------------------- scales
-
-
-@pytest.mark.parametrize(
-    ("time", "length", "mass"), [(4, 0, 0), (0, 4, 0), (0, 0, 5), (-6, 8, 3), (7, -9, 20)]
-)
-def test_other_units_change_nothing(time: int, length: int, mass: int) -> None:
-    """Units by powers of two; only roots and powers of theirs are rounded otherwise."""
-    T, L, M = 2.0**time, 2.0**length, 2.0**mass
-    law = ContactLaw(HERTZ * M / (T**2 * np.sqrt(L)), 1.5, FACTOR, minimum_impact_speed_m_s=1e-6 * L / T)
-    friction = FrictionLaw("tanh", 0.2, 0.05 * L / T)
-    joint = ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.01 * L, 0.0), CLEARANCE * L, BEARING * L, law, friction)
-    other = Mechanism((Body(MASS * M, INERTIA * M * L**2),), (), (), GRAVITY * L / T**2, (joint,))
-    usual = replace(
-        other,
-        bodies=(Body(MASS, INERTIA),),
-        gravity_m_s2=GRAVITY,
-        contacts=(
-            ClearanceJoint(
-                GROUND, (0.0, 0.0), 0, (0.01, 0.0), CLEARANCE, BEARING, DAMPED, FrictionLaw("tanh", 0.2, 0.05)
-            ),
-        ),
-    )
-    expected = run(usual, [-0.01, 0.0, 0.0], [0.1, 0.0, 1.0], 0.05, 1e-9)
-    found = run(other, [-0.01 * L, 0.0, 0.0], [0.1 * L / T, 0.0, 1.0 / T], 0.05 * T, 1e-9)
-    assert len(expected.impacts) > 3
-    assert found.steps == expected.steps
-    in_lengths = found.q / np.array([L, L, 1.0])
-    assert np.abs(in_lengths - expected.q).max() < 1e-11 * BEARING
-    np.testing.assert_allclose(found.events["time_s"] / T, expected.events["time_s"], rtol=1e-11)
-
-
 @pytest.mark.parametrize("far", [0.0, 1e3])
 def test_a_mechanism_far_from_the_origin_lands_on_its_events(far: float) -> None:
     joint = ClearanceJoint(GROUND, (far, 0.0), 0, (0.0, ARM), CLEARANCE, BEARING, DAMPED)
@@ -328,9 +228,6 @@ def test_a_mechanism_far_from_the_origin_lands_on_its_events(far: float) -> None
     found = run(swing, [far, -ARM, 0.0], [0.1, 0.0, 1.0], 0.05, 1e-11)
     assert found.events["what"].tolist() == ([1, -1] * len(found.events))[: len(found.events)]
     assert len(found.events) > 2
-
-
-# ------------------------------------------------------------------------------- what is refused
 
 
 def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
@@ -354,16 +251,87 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
         assert controlled_step.trial(of, controlled_step.Course(0.0, 0.0, 0.0), 1.0) == np.inf
 
 
-def test_redundant_joints_are_named_with_their_time() -> None:
-    half = 0.05
-    hinge = RevoluteJoint(GROUND, (0.0, 0.0), 0, (-half, 0.0))
-    twice = replace(PENDULUM, constraints=(hinge, hinge))
-    with pytest.raises(SingularConfiguration, match="rank 2 of 4 at t = 0 s"):
-        run(twice, [half, 0.0, 0.0], [0.0] * 3, 1.0, 1e-9)
+# Crank-sliders
 
 
-def test_the_solver_may_be_run_again_with_the_same_result() -> None:
-    solver = Solver(disc(DAMPED, GRAVITY), np.zeros(3), ErrorControl(1e-9))
-    first, second = (solver.run(np.zeros(3), np.array([0.1, 0.0, 1.0]), 0.05, 7) for _ in range(2))
-    assert np.array_equal(first.q, second.q)
-    assert np.array_equal(first.events, second.events)
+@cache
+def slid(name: str, end: float, tolerance: float, samples: int = 30) -> Solution:
+    scene = (CLEARANCE_SCENES | RIGID_SCENES)[name]()
+    q, v = (part.ravel() for part in start_state(scene))
+    control = ErrorControl(tolerance)
+    return solve(mechanism_of(scene), q, v, end_time_s=end, samples=samples, step=control)
+
+
+@pytest.mark.parametrize(
+    ("name", "end", "tolerance"),
+    [
+        ("clearance-driven-AB", 0.01, 1e-8),
+        # Loose steps land on one joint's touch with the other's pin already past its wall.
+        ("clearance-driven-AB", 0.024, 1e-5),
+        ("clearance-driven-damped", 0.01, 1e-6),
+    ],
+)
+def test_pins_touch_inwards_and_leave_outwards_by_turns(name: str, end: float, tolerance: float) -> None:
+    events = slid(name, end, tolerance).events
+    for k in range(2):
+        own = events[(events["contact"] == k) & (np.abs(events["what"]) == 1)]
+        assert (own["what"] == np.resize([1, -1], len(own))).all()
+        assert (own["rate"] * own["what"] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "end"), [("clearance-driven-AB", 0.006), ("rigid-driven-0.5mm", 0.006), ("rigid-free-OAB", 0.02)]
+)
+def test_neither_samples_nor_calls_change_steps(
+    name: str, end: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few, many = slid(name, end, 1e-8, 5), slid(name, end, 1e-8, 5 * 64)
+    monkeypatch.setattr(CompiledFace, "chunk", 1)  # a step or so in a call
+    called = slid.__wrapped__(name, end, 1e-8, 5)
+    for other, every in ((many, 64), (called, 1)):
+        assert other.steps == few.steps > 20
+        assert np.array_equal(other.q[::every], few.q)
+        assert np.array_equal(other.events, few.events)
+        assert [i.time_s for i in other.impacts] == [i.time_s for i in few.impacts]
+
+
+def test_a_fold_that_no_step_passes_is_named_with_its_time() -> None:
+    scene = gallery()["L = r through the fold"].scene
+    engine = make_engine("reference", method="dop853", step_tolerance=1e-12)
+    # No step there meets the tolerance, or one has ended right there, by round-off.
+    fold = r"no step from t = 0\.\d+ s meets the tolerance|rank 8 of 9 at t = 0\.\d+ s"
+    with pytest.raises(SimulationFailed, match=fold):
+        engine.simulate(scene, RunSettings(scene.end_time_s, 10))
+
+
+#: By how much the crank angle is moved in rad: the first starts a flight that comes back within one step.
+MOVED_RAD = (2.0181418341130538e-05, *np.geomspace(1e-6, 1e-4, 9))
+
+
+def test_no_pin_flies_inside_its_wall_however_a_run_begins() -> None:
+    scene = CLEARANCE_SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": 0.096})
+    for by in MOVED_RAD:
+        begun = moved(scene, float(by))
+        q, v = (part.ravel() for part in start_state(begun))
+        mechanism = mechanism_of(begun)
+        found = solve(mechanism, q, v, end_time_s=scene.end_time_s, samples=1600, step=ErrorControl(1e-7))
+        depth = np.hypot(*found.gap_m[:, 0].T) - mechanism.contacts[0].radial_clearance_m
+        inside = depth[~found.closed[:, 0]].max()
+        assert inside < 2e-9, f"{inside:.1e} m past the wall, begun {by:.1e} rad beside"
+
+
+@pytest.mark.parametrize("name", ["ideal-free", "ideal-compressor"])
+def test_without_contacts_nothing_changes_if_no_events_are_sought(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = IDEAL_SCENES[name]()
+    q, v = (part.ravel() for part in start_state(scene))
+    found = []
+    for loop in (faces.loop_of, lambda _: adaptive_loop):
+        monkeypatch.setattr(faces, "loop_of", loop)
+        found.append(Solver(mechanism_of(scene), q, ErrorControl(1e-9), compiled=False).run(q, v, 2e-3, 20))
+    own, seeking = found
+    assert own.steps == seeking.steps
+    for column in ("q", "v", "multipliers"):
+        assert np.array_equal(getattr(own, column), getattr(seeking, column)), column
+    assert all(np.array_equal(own.sums[name], seeking.sums[name]) for name in own.sums)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.optimize import minimize_scalar
 from scipy.special import lambertw
 
 from reference_solver.contact.types import Impact
@@ -350,18 +349,10 @@ def largest(law: ContactLaw) -> tuple[float, float, float, float]:
     span = (0.0, 2.0 * deepest / SPEED)
     way = solve_ivp(rates, span, [0.0, SPEED], "DOP853", rtol=1e-13, atol=1e-18, dense_output=True).sol
 
-    def peak(of: int) -> tuple[float, float]:
-        def value(t: float) -> float:
-            depth, rate = way(t)
-            return -(force(depth, rate) if of == 0 else depth)
-
-        rough = float(np.linspace(*span, 400)[np.argmin([value(t) for t in np.linspace(*span, 400)])])
-        width = span[1] / 400
-        bounds = (max(rough - width, 0.0), rough + width)
-        found = minimize_scalar(value, bounds=bounds, method="bounded", options={"xatol": 1e-15})
-        return -float(found.fun), float(found.x)
-
-    return *peak(0), *peak(1)
+    times = np.linspace(*span, 200_001)
+    courses = np.array([[force(*state), state[0]] for state in way(times).T])
+    at = courses.argmax(axis=0)
+    return courses[at[0], 0], times[at[0]], courses[at[1], 1], times[at[1]]
 
 
 LAWS = {

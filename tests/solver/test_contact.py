@@ -1,38 +1,110 @@
-"""Samples within the steps of a contact run: the order of the interpolation, and runs that do not notice."""
-
-from functools import cache
+"""Crank-sliders with compliant clearance: numbers known, the ledger, samples within steps, light links."""
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 
-from engine_models.engine import RunSettings
+from engine_models.engine import RunSettings, Trajectory
+from engine_models.engines import make_engine
+from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.run import reference_run
-from engine_models.scene.library import CLEARANCE_SCENES
-from reference_solver.compiled.store import callee, compiled
+from engine_models.scene.library import CLEARANCE_SCENES, clearance, ideal_driven
+from engine_models.scene.scene import Clearances, Scene
+from reference_solver.compiled.faces import with_fields
 from reference_solver.contact import loop as contact_loop
 from reference_solver.contact.types import CONTACT_RECORD, DONE, new_run
 from reference_solver.equations import Equations
+from reference_solver.mechanism.points import State, ends_of
 from reference_solver.methods import RK4, tableau
 from reference_solver.solution import Solution
-from reference_solver.solver import StepChoice
+from reference_solver.solver import StepChoice, solve
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
-from tests.helpers.crank_sliders import FINE, HORIZON_S, POSITION_M, in_minimal_coordinates, short, solved
+from tests.helpers.random_scenes import random_scene
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 FloatArray = NDArray[np.float64]
+STANDARD = "clearance-driven-0.5mm"
+#: Steps at which a run with located events is converged (see the ledger's order below).
+FINE = StepChoice(5e-6, 400)
 
 
-@njit
-def rate_of(y):  # type: ignore[no-untyped-def]
+def solved(scene: Scene, choice: StepChoice, samples: int) -> Solution:
+    q, v = (part.ravel() for part in start_state(scene))
+    end = scene.end_time_s
+    return solve(mechanism_of(scene), q, v, end_time_s=end, samples=samples, step=choice)
+
+
+def short(name: str, end_s: float) -> Scene:
+    return CLEARANCE_SCENES[name]().model_copy(update={"end_time_s": end_s})
+
+
+def test_the_standard_cases_first_impacts_and_peak_force_are_those_known() -> None:
+    events = solved(short(STANDARD, 0.001), FINE, 1).events
+    first = events[events["what"] == 1][:3]
+    np.testing.assert_allclose(first["time_s"], [0.000227285, 0.000636428, 0.000749140], atol=5e-10, rtol=0)
+    np.testing.assert_allclose(first["rate"], [4.385827, 2.748345, 1.825504], atol=5e-7, rtol=0)
+    peak = solved(short(STANDARD, 0.0003), FINE, 30_000).normal_force_N.max()
+    assert peak == pytest.approx(45870, abs=0.5)
+    # t1 ~ sqrt(2c/a0), v1 ~ sqrt(2 c a0), a0 = r w^2 (1 + r/L): within 0.5 %.
+    a0, c = 0.05 * (2 * np.pi * 5000 / 60) ** 2 * (1 + 0.05 / 0.12), 5e-4
+    assert first["time_s"][0] == pytest.approx(np.sqrt(2 * c / a0), rel=5e-3)
+    assert first["rate"][0] == pytest.approx(np.sqrt(2 * c * a0), rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("steps", "per_contact"),
+    # Round-off is at 1e-11 J, a hundredth of the smallest residual in contact, a fifteenth of that in flight.
+    [((2e-6,) * 3, (80, 120, 160)), ((2e-5, 1.6e-5, 1.2e-5), (1000,) * 3)],
+    ids=["in contact", "in flight"],
+)
+def test_the_ledgers_residual_falls_at_order_four(
+    steps: tuple[float, ...], per_contact: tuple[float, ...]
+) -> None:
+    # The first impact of the standard case: one rate is refined, the other so fine that it does not show.
+    scene = short(STANDARD, 0.0003)
+    found = []
+    for step, number in zip(steps, per_contact, strict=True):
+        engine = ReferenceEngine(steps_per_contact=number * step / 1e-5)
+        run = engine.simulate(scene, RunSettings(step_s=step, samples=1))
+        found.append(abs(energy_balance_residual_J(scene, run)[-1]))
+    rates = steps if len(set(steps)) > 1 else [1 / number for number in per_contact]
+    order = np.polyfit(np.log(rates), np.log(found), 1)[0]
+    assert abs(order - 4) < 0.2, f"order {order:.2f} of {found}"
+
+
+def test_the_clearance_scene_tends_to_the_ideal_one_as_the_clearance_vanishes() -> None:
+    ideal = ideal_driven().model_copy(update={"end_time_s": 0.002})
+    truth = exact(ideal, 20).position[:, -1, 0]
+    found = []
+    for c in (1e-4, 1e-5, 1e-6):
+        scene = ideal.model_copy(update={"clearance": Clearances(B=clearance(c, "hu-guo", 0.5))})
+        found.append(np.abs(solved(scene, StepChoice(2e-6, 100), 20).q[:, 6] - truth).max())
+    # The pin strays by the clearance and by the penetration, 1e-5 m for steel under 3e3 N.
+    assert found[0] < 2e-4, f"{found}"
+    assert found[1] < found[0] / 2, f"{found}"
+    assert found[2] < found[1], f"{found}"
+
+
+def test_the_plain_algorithm_without_located_events_is_less_accurate_and_says_so_in_its_ledger() -> None:
+    scene = short("clearance-free-0.5mm", 0.016)
+    settings = RunSettings(step_s=2e-6, samples=60)
+    plain = ReferenceEngine(locate_events=False).simulate(scene, settings)
+    located = ReferenceEngine().simulate(scene, RunSettings(step_s=2e-5, samples=60))
+    residuals = [np.abs(energy_balance_residual_J(scene, run)).max() for run in (plain, located)]
+    assert plain.steps > located.steps, f"{plain.steps} against {located.steps} steps"
+    assert residuals[0] > 100 * residuals[1], f"{residuals}"
+
+
+# Samples within steps
+
+
+def rate_of(y: FloatArray) -> FloatArray:
     """q'' = -q - q'^3/10, and the sum of q q'^2."""
     return np.array([y[1], -y[0] - y[1] ** 3 / 10, y[0] * y[1] ** 2])
 
 
-@njit
-def flow(y, until):  # type: ignore[no-untyped-def]
+def flow(y: FloatArray, until: float) -> FloatArray:
     """Return the state after a time, by 200 steps of RK4."""
     k = until / 200
     for _ in range(200):
@@ -43,52 +115,28 @@ def flow(y, until):  # type: ignore[no-untyped-def]
     return y
 
 
-@njit
-def step(p, contacts, t, h, old, new):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """A step of the loop that has converged; its sum is that of the step alone."""
-    y = flow(np.array([old.y[0], old.y[1], 0.0]), h)
-    new.y[0], new.y[1], new.y[2] = y[0], y[1], y[2]
-    return 1.0
-
-
-@njit
-def slopes(p, contacts, t, row, rate, y, slopes):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """The rates at a state."""
-    rates = rate_of(y)
-    slopes[row, 0], slopes[row, 1], slopes[row, 2] = rates[0], rates[1], rates[2]
-    return 1.0
-
-
-@njit
-def forces(p, contacts, t, y, row, samples):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """A multiplier."""
-    samples[row, 3] = 7.0
-    return 1.0
-
-
-@njit
-def gaps(p, contacts, t, motion):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """There is no contact."""
-    return True
-
-
-@njit
-def mobilities(p, y, row, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """There is no contact."""
-    return True
-
-
 def interpolation_errors(h: float) -> FloatArray:
     """Return the largest errors of q, q' and a sum within a converged step of the loop."""
     start, times = np.array([0.8, 0.5, 3.0]), np.linspace(0, h, 9)[1:-1]
     run = new_run(np.zeros(0, CONTACT_RECORD), (1, 1, 1), times, contact_loop.ROWS, 1)
     run.old.y[:], (now,) = start, run.clock
-    now["longest"] = now["end"] = h
+    now["longest"], now["end"], now["per_contact"] = h, h, 1.0
     now["located"] = now["budget"] = 1
-    functions = zip((step, slopes, forces, gaps, mobilities), contact_loop.KERNEL, strict=True)
-    kernel = contact_loop.Kernel(*(callee(function, kind) for function, kind in functions))
-    loop = compiled(contact_loop.advance, contact_loop.ADVANCE)
-    assert loop(run._replace(kernel=kernel, p=np.zeros(0), method=tableau(RK4))) == DONE
+
+    def step(_p, _contacts, _t, h, old, new):  # type: ignore[no-untyped-def]
+        new.y[:] = flow(np.array([*old.y[:2], 0.0]), h)
+        return 1.0
+
+    def slopes(_p, _contacts, _t, row, _rate, y, slopes):  # type: ignore[no-untyped-def]
+        slopes[row] = rate_of(y)
+        return 1.0
+
+    def forces(_p, _contacts, _t, _y, row, samples):  # type: ignore[no-untyped-def]
+        samples[row, 3] = 7.0
+        return 1.0
+
+    kernel = contact_loop.Kernel(step, slopes, forces, lambda *_: True, lambda *_: True)
+    assert contact_loop.advance(with_fields(run._replace(kernel=kernel, method=tableau(RK4)))) == DONE
     assert now["steps"] == 1
     assert (run.records.samples[:, 3] == 7.0).all()
     found = run.records.samples[:, :3]
@@ -101,87 +149,129 @@ def test_positions_are_interpolated_at_order_six_velocities_and_sums_at_order_fi
     assert (orders > [5.5, 4.5, 4.5]).all(), f"{orders}"  # the next terms bend them by up to 0.3
 
 
-@cache
-def pair(name: str) -> tuple[Solution, Solution]:
-    """Return a run with 30 samples, and the same run with 100 times as many."""
-    scene, choice = short(name), FINE["driven" if "driven" in name else "free"]
-    return solved(scene, choice, 30), solved(scene, choice, 3000)
-
-
-@pytest.mark.parametrize("name", CLEARANCE_SCENES)
-def test_a_run_takes_the_same_steps_whatever_its_samples(name: str) -> None:
-    few, many = pair(name)
+@pytest.mark.parametrize("name", [STANDARD, "clearance-driven-damped", "clearance-driven-AB"])
+def test_a_run_takes_the_same_steps_whatever_its_samples_whose_forces_are_those_of_their_states(
+    name: str,
+) -> None:
+    scene = short(name, 0.003)
+    few, many = (solved(scene, FINE, samples) for samples in (30, 3000))
     assert few.steps == many.steps
     assert (few.events == many.events).all()
     assert (few.q[-1] == many.q[-1]).all()
-    assert (few.v[-1] == many.v[-1]).all()
     # The same instants, written alike or through the last digit of the time.
     np.testing.assert_allclose(many.q[::100], few.q, rtol=1e-12, atol=1e-14)
     for key, sums in few.sums.items():
         assert sums[-1] == many.sums[key][-1]
-
-
-@pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])
-def test_dense_samples_agree_with_an_independent_integration(name: str) -> None:
-    scene, (_, many) = short(name), pair(name)
-    truth = in_minimal_coordinates(scene, len(many.time_s) - 1)
-    off = np.abs(many.q[:, -3] - truth.position[:, -1, 0]).max()
-    assert off < POSITION_M, f"slider off by {off:.1e} m"
-
-
-@pytest.mark.parametrize("name", CLEARANCE_SCENES)
-def test_multipliers_and_contact_forces_of_samples_are_those_of_their_states(name: str) -> None:
-    scene, (_, many) = short(name), pair(name)
-    equations = Equations(mechanism_of(scene), many.q[0])
+    equations, contacts = Equations(mechanism_of(scene), many.q[0]), range(len(scene.joints_with_clearance))
     for k in range(7, 3000, 171):
         answer = equations.required(many.time_s[k], many.q[k], many.v[k], many.phases[k])
-        expected, contacts = answer.multipliers, range(len(mechanism_of(scene).contacts))
-        # Forces in contact magnify the round-off of coordinates (see test_contact_agreement).
-        scale = 1 + np.abs(expected).max(initial=0.0)
-        assert np.abs(many.multipliers[k] - expected).max(initial=0.0) < 1e-9 * scale
+        # Forces in contact magnify the round-off of coordinates.
+        scale = 1 + np.abs(answer.multipliers).max()
+        assert np.abs(many.multipliers[k] - answer.multipliers).max() < 1e-9 * scale
         normal = [answer.powers[f"normal{c}"] for c in contacts]
         np.testing.assert_allclose(many.normal_force_N[k], normal, rtol=1e-9, atol=1e-9 * scale)
         np.testing.assert_allclose(many.friction_force_N[k], answer.friction_N, rtol=1e-9, atol=1e-9 * scale)
 
 
-def dense(name: str, step: float, per_contact: float, samples: int) -> FloatArray:
-    """Return the residual of the ledger of a run at these rates, relative to the energy in play."""
-    scene = short(name)
-    rates = StepChoice(step, per_contact)
-    run = reference_run(scene, RunSettings(step, samples), rates, "projection", compiled=True)
-    assert run.step_s == step
-    assert constraint_violation_m(scene, run).max() < 1e-14
-    return np.asarray(energy_balance_residual_J(scene, run) / kinetic_energy_J(scene, run).max())
-
-
-@pytest.mark.parametrize("name", CLEARANCE_SCENES)
-def test_the_ledger_closes_at_dense_samples(name: str) -> None:
-    assert HORIZON_S[name] / 20_000 < 5e-6, "samples are denser than steps"
-    residual = dense(name, 5e-6 if "driven" in name else 1e-5, 800, 20_000)
-    assert np.abs(residual).max() < 1e-11, f"residual {np.abs(residual).max():.1e}"
-
-
 def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_order_four() -> None:
-    rates, name, sizes = [(2e-5, 200), (1e-5, 400), (5e-6, 800)], "clearance-driven-0.5mm", []
+    rates, scene, sizes = [(2e-5, 200), (1e-5, 400), (5e-6, 800)], short(STANDARD, 0.003), []
     for step, per_contact in rates:
-        few, many = (np.abs(dense(name, step, per_contact, count)).max() for count in (150, 9000))
+        engine, left = ReferenceEngine(steps_per_contact=per_contact * step / 1e-5), []
+        for samples in (150, 9000):
+            run = engine.simulate(scene, RunSettings(step, samples))
+            assert run.step_s == step, "samples do not shorten steps"
+            assert constraint_violation_m(scene, run).max() < 1e-14
+            left.append(np.abs(energy_balance_residual_J(scene, run)).max())
+        few, many = np.array(left) / kinetic_energy_J(scene, run).max()
         assert many < 1.5 * few, f"{many:.1e} at dense samples, {few:.1e} at few"
         sizes.append(many)
+    assert sizes[-1] < 1e-11
     order = np.polyfit(np.log([step for step, _ in rates]), np.log(sizes), 1)[0]
     assert abs(order - 4) < 0.5, f"order {order:.2f} of {sizes}"
 
 
-def test_samples_denser_than_steps_no_longer_shorten_them() -> None:
-    scene = short("clearance-driven-0.5mm")
-    few, many = (ReferenceEngine().simulate(scene, RunSettings(1e-5, samples)) for samples in (300, 30_000))
-    assert many.step_s == few.step_s == 1e-5
-    assert many.steps == few.steps
-    assert len(many.time_s) == 30_001
-
-
 def test_the_plain_algorithm_takes_steps_of_exactly_the_length_asked_for() -> None:
     # 0.003 s in 30 samples of 1e-4 s: 1000 steps of 1e-7 s each, and not one more for rounding.
-    scene, plain = short("clearance-driven-0.5mm"), ReferenceEngine(locate_events=False)
-    run = plain.simulate(scene, RunSettings(1e-7, 30))
+    run = ReferenceEngine(locate_events=False).simulate(short(STANDARD, 0.003), RunSettings(1e-7, 30))
     assert run.steps == 30_000
     assert run.step_s == pytest.approx(1e-7, rel=1e-12)
+
+
+# Mobilities, which limit the steps of light links
+
+SAMPLES = 200
+#: Seeds of the recipe with clearance at several joints, and friction.
+SEVERAL = (20, 23)
+
+
+@pytest.mark.parametrize("seed", SEVERAL)
+def test_a_mobility_is_the_speed_that_a_unit_impulse_makes(seed: int) -> None:
+    scene = random_scene(seed, rigid=False)
+    mechanism, q = mechanism_of(scene), start_state(scene)[0].ravel() + 1e-4
+    equations = Equations(mechanism, q)
+    M, B = np.diag(equations.mass), equations.constraint_matrix(q)
+    rows = len(B)
+    # [M]v - [B]^T p = the impulse, [B]v = 0: impulses of the joints solved for, none eliminated.
+    whole = np.block([[M, -B.T], [B, np.zeros((rows, rows))]])
+    found = np.reshape(equations.mobilities(q), (-1, 3))
+    for joint, mobilities in zip(mechanism.contacts, found, strict=True):
+        bearing, pin = ends_of(joint, State(q, np.zeros_like(q)))
+        n = (pin.place - bearing.place) / np.hypot(*(pin.place - bearing.place))
+        t = np.array([-n[1], n[0]])
+        for way, mobility in zip((n, None, t), mobilities, strict=True):
+            if way is None and joint.friction is None:
+                assert mobility == 0
+                continue
+            push = np.zeros(len(q) + rows)
+            radii = joint.bearing_radius_m, joint.bearing_radius_m - joint.radial_clearance_m
+            for point, sign, radius in zip((bearing, pin), (-1.0, 1.0), radii, strict=True):
+                if point.body >= 0:
+                    force = sign * (t if way is None else way)
+                    twist = point.lever[0] * force[1] - point.lever[1] * force[0]
+                    twist += sign * radius if way is None else 0.0
+                    push[3 * point.body : 3 * point.body + 3] += [*force, twist]
+            speeds = np.linalg.solve(whole, push)[: len(q)]
+            assert push[: len(q)] @ speeds == pytest.approx(mobility, rel=1e-9)
+
+
+def light_crank(mass_kg: float, contact: dict[str, object], speed_rad_s: float, end_s: float) -> Scene:
+    """Return a light crank between a heavy rod and a pivot with clearance, free to move."""
+    J = 0.1 * mass_kg * 0.05**2
+    crank = {"length_m": 0.05, "mass_kg": mass_kg, "inertia_kg_m2": J, "centre_of_mass_m": 0.025}
+    rod = {"length_m": 0.15, "mass_kg": 1.0, "inertia_kg_m2": 2e-3, "centre_of_mass_m": 0.07}
+    return Scene.model_validate(
+        {
+            "name": "light-crank",
+            "end_time_s": end_s,
+            "gravity_m_s2": 9.81,
+            "crank": crank,
+            "rod": rod,
+            "slider": {"mass_kg": 1.0, "inertia_kg_m2": 1e-4},
+            "start": {"crank_angle_rad": 0.5, "crank_speed_rad_s": speed_rad_s},
+            "drive": {"kind": "free"},
+            "clearance": {"O": {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, **contact}},
+        }
+    )
+
+
+def test_friction_on_a_light_crank_is_followed() -> None:
+    friction = {"law": "tanh", "coefficient": 0.3, "regularisation_speed_m_s": 1e-3}
+    soft = {"law": "kelvin-voigt", "stiffness": 1e5, "damping_N_s_m": 2e3, "friction": friction}
+    plain, sharp = runs(light_crank(1e-3, soft, 2.0, 0.04), step_s=1e-4)
+    # With the mobility along the normal in place of that of sliding, friction is off by 12 % of its size.
+    for name in ("normal_force_N", "friction_force_N"):
+        value, true = getattr(plain.contacts["O"], name), getattr(sharp.contacts["O"], name)
+        assert np.abs(value - true).max() < 1e-5 * np.abs(true).max()
+
+
+def test_a_pin_that_follows_a_rigid_wall_swings_at_its_own_frequency() -> None:
+    plain, sharp = runs(light_crank(1.4e-3, {"law": "rigid", "restitution": 0.0}, 60.0, 0.02), step_s=1e-5)
+    # Without that frequency's limit on the step the slider is off by a thousand clearances.
+    assert np.abs(plain.position[:, -1, 0] - sharp.position[:, -1, 0]).max() < 1e-3 * 1e-4
+
+
+def runs(scene: Scene, step_s: float) -> tuple[Trajectory, Trajectory]:
+    """Return RK4's run at a step, and that of DOP853 near round-off."""
+    plain = make_engine("reference").simulate(scene, RunSettings(step_s, SAMPLES))
+    sharp = make_engine("reference", method="dop853", step_tolerance=1e-11)
+    return plain, sharp.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
