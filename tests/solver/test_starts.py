@@ -1,13 +1,15 @@
-"""Starts with a pin in its wall, whose law may need a touch that nobody has seen."""
+"""Starts with a pin in its wall, whose law may need a touch that nobody has seen, or turns of the crank ago."""
 
 import numpy as np
 import pytest
 
 from engine_models.engine import ImpossibleStart, RunSettings
+from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import assembled_apart
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import BodyState, Scene
+from tests.helpers.engines import supporting
 
 CLEARANCE_M, SPEED_RAD_S = 1e-4, 371.43
 #: A pin 0.0266 clearances in its wall, or before it, as a part of the clearance.
@@ -58,3 +60,24 @@ def test_a_pin_leaves_a_wall_whose_law_has_no_damping_at_any_start() -> None:
 def test_a_floor_of_the_impact_speed_that_a_scene_states_is_taken_at_its_word() -> None:
     stated = {"clearance.B.minimum_impact_speed_m_s": 0.01}
     assert steps(beginning(INSIDE, LEAVING).replace(stated)) < STEPS
+
+
+#: The turns as a double are off by 2.4e-16 rad each, their sum by half its spacing; the crank is 0.15 m long.
+TURNS, TOLERANCE_RAD = 100_000, 2e-10
+
+
+@pytest.mark.parametrize(
+    ("engine", "name"),
+    [(e, name) for name in ("ideal-driven", "ideal-free") for e in supporting(SCENES[name]())],
+)
+def test_whole_turns_of_the_crank_change_only_its_angle(engine: str, name: str) -> None:
+    of = SCENES[name]().replace("end_time_s", 2e-3)
+    turned = of.start.crank_angle_rad + TURNS * 2 * np.pi
+    plain, wound = (
+        make_engine(engine).simulate(each, RunSettings(1e-5, 10))
+        for each in (of, of.replace("start.crank_angle_rad", turned))
+    )
+    rise = wound.position[:, 0, 2] - plain.position[:, 0, 2]
+    assert np.abs(rise - TURNS * 2 * np.pi).max() <= TOLERANCE_RAD
+    off = np.abs(wound.position[:, -1, 0] - plain.position[:, -1, 0]).max()
+    assert off <= TOLERANCE_RAD, f"slider off by {off:.3g} m"
