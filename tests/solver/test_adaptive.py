@@ -138,16 +138,6 @@ def test_below_the_round_off_of_a_stiff_wall_a_sharper_tolerance_takes_no_more_s
     assert sharper <= 1.2 * sharp, f"{sharper} steps, {sharp} at a hundred times the tolerance"
 
 
-def test_both_faces_agree_through_a_bounce() -> None:
-    compiled, readable = bounce(1e-9), bounce(1e-9, compiled=False)
-    assert compiled.steps == readable.steps
-    # Between them is the order of sums: the last places of a force.
-    np.testing.assert_allclose(compiled.q, readable.q, rtol=0, atol=1e-12 * CLEARANCE)
-    np.testing.assert_allclose(compiled.v, readable.v, rtol=0, atol=1e-11)
-    for name in ("time_s", "rate"):
-        np.testing.assert_allclose(compiled.events[name], readable.events[name], rtol=1e-11)
-
-
 @pytest.mark.parametrize("depth", [1e-4, 1e-6, 1e-8, 1e-10, -1e-10, -1e-8])
 def test_a_graze_is_found_however_shallow_and_a_near_miss_is_none(depth: float) -> None:
     # Thrown up so as to turn at this part of the clearance past the wall, or short of it.
@@ -177,16 +167,6 @@ def test_a_step_that_crosses_a_whole_flight_finds_its_end() -> None:
     # Every bounce adds its error to the speed, and that to all flights after it: 1.7e-9 after 24.
     assert np.abs(touches - expected).max() < 1e-8
     assert found.steps < 30 * len(touches)
-
-
-def test_a_contact_whose_duration_is_unknown_runs() -> None:
-    # At rest in its wall, and a law without least speed: 0/0.
-    law = replace(ELASTIC, minimum_impact_speed_m_s=0.0)
-    deep = (MASS * GRAVITY / HERTZ) ** (2 / 3)
-    found = run(disc(law, GRAVITY), [0.0, -CLEARANCE - deep, 0.0], [0.0] * 3, 0.01, 1e-9)
-    assert found.events["what"].tolist() == [1]
-    assert np.abs(found.q[:, 1] + CLEARANCE + deep).max() < 1e-9 * BEARING
-    assert np.isfinite(found.normal_force_N).all()
 
 
 def test_a_lasting_contact_is_followed_though_its_release_is_foreseen_wrongly() -> None:

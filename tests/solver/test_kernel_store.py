@@ -1,12 +1,9 @@
 """Machine code kept between processes: what is damaged is made again, what others could write is refused."""
 
 import errno
-import logging
 import math
 import os
 import re
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -96,17 +93,6 @@ def test_a_file_of_somebody_else_is_made_again(monkeypatch: pytest.MonkeyPatch) 
     assert not loaded()
 
 
-def test_nothing_else_in_the_folder_is_read(caplog: pytest.LogCaptureFixture) -> None:
-    loaded()
-    name = the_file().name.partition(".")[0]
-    compiled = kernel_folder() / "__pycache__"
-    compiled.mkdir()
-    (kernel_folder() / f"{name}.py").write_text(SOURCE.replace("2.0", "3.0"))
-    (compiled / f"{name}.twice-4.py311.nbi").write_bytes(b"garbage")
-    assert loaded()
-    assert not caplog.messages
-
-
 def test_another_source_has_code_of_its_own() -> None:
     loaded()
     other = load_kernel(SOURCE.replace("2.0", "3.0"))
@@ -120,16 +106,6 @@ def test_other_options_have_code_of_their_own() -> None:
     with pytest.raises(ZeroDivisionError):
         njit(cache=True)(inverse)(0.0)
     assert len(list(kernel_folder().iterdir())) == 2
-
-
-def test_the_code_of_another_function_is_not_taken_for_this_ones(caplog: pytest.LogCaptureFixture) -> None:
-    loaded()
-    own = the_file()
-    load_kernel(SOURCE.replace("2.0", "3.0")).twice(2.0)
-    (other,) = set(kernel_folder().iterdir()) - {own}
-    other.replace(own)
-    assert not loaded()
-    assert "damaged" in caplog.text
 
 
 def test_the_folders_are_private_whatever_the_mask(cache: Path) -> None:
@@ -203,43 +179,13 @@ def test_processes_started_where_nothing_can_be_kept_share_a_temporary_folder(
     assert not temporary.exists()
 
 
-def test_processes_that_compile_the_same_at_once_leave_one_good_file(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    call = (
-        f"from reference_solver.compiled.store import load_kernel; print(load_kernel({SOURCE!r}).twice(21.0))"
-    )
-    processes = [
-        subprocess.Popen([sys.executable, "-c", call], stdout=subprocess.PIPE, text=True) for _ in range(3)
-    ]
-    assert [process.communicate()[0] for process in processes] == ["42.0\n"] * 3
-    assert the_file().suffix == ".nbc"
-    assert loaded()
-    assert not caplog.messages
-
-
 def test_the_commands_refuse_such_a_folder_in_one_line(cache: Path, tmp_path: Path) -> None:
     private_folder().chmod(0o777)
-    for command in (["simulate", "ideal-free"], ["run", "agreement", "--out", tmp_path / "out"]):
-        done = crankslider(*command)
-        assert (done.code, done.stdout) == (2, "")
-        assert done.stderr.startswith(f"error: {kernel_folder()}: expected a folder that only you can write")
-        assert done.stderr.count("\n") == 1
+    done = crankslider("run", "agreement", "--out", tmp_path / "out")
+    assert (done.code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"error: {kernel_folder()}: expected a folder that only you can write")
+    assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == [cache]
-    assert crankslider("simulate", "ideal-free", "--set", "kernel=readable", "--end", 1e-4).code == 0
-
-
-def test_the_command_says_what_it_compiles_again_in_one_note() -> None:
-    command = ("simulate", "ideal-driven", "--end", 0.01, "--set", "stabilisation=none")
-    first = crankslider(*command)
-    load_kernel.cache_clear()
-    for file in kernel_folder().iterdir():
-        file.write_bytes(file.read_bytes()[:-1])
-    second = crankslider(*command)
-    assert (second.code, second.stdout) == (0, first.stdout)
-    note = f"note: {kernel_folder()}: expected files as they were kept, got damaged ones: "
-    assert second.stderr == f"{note}making them again\n{first.stderr}"
-    logging.getLogger("reference_solver").handlers = []
 
 
 def test_of_two_kinds_of_argument_each_loads_its_own_machine_code() -> None:

@@ -270,42 +270,6 @@ def test_without_stabilisation_nothing_is_removed() -> None:
     assert run("ideal-free", "none", 32)[1].stabilisation_loss_J is None
 
 
-def residual(name: str, variant: str, steps_per_sample: int) -> tuple[FloatArray, FloatArray]:
-    """Return the residual of an ideal run's ledger, and in it the line of the stabilisation."""
-    scene, found = run(name, variant, steps_per_sample, min(0.3, IDEAL_SCENES[name]().end_time_s))
-    assert found.stabilisation_loss_J is not None
-    return energy_balance_residual_J(scene, found), found.stabilisation_loss_J
-
-
-@pytest.mark.parametrize(("variant", "order"), [("projection", 4), ("baumgarte", 8)])
-@pytest.mark.parametrize("name", IDEAL_SCENES)
-def test_the_line_falls_in_order_and_the_residual_with_it_is_no_larger(
-    name: str, variant: str, order: int
-) -> None:
-    # A projection undoes RK4's error, of order 4 over a run. The feedback's power is quadratic in it.
-    ladder = {"ideal-free": (6, 8, 12, 16), "ideal-driven": (4, 6, 8, 12), "ideal-torque": (16, 24, 32, 48)}
-    ladder |= {"ideal-fluctuating": (8, 12, 16, 24), "ideal-compressor": (2, 3, 4, 6)}
-    for what, expected in ((0, 4), (1, order)):
-        sizes = [np.abs(residual(name, variant, count)[what]).max() for count in ladder[name]]
-        found = -np.polyfit(np.log(ladder[name]), np.log(sizes), 1)[0]
-        # Steps that end on the gas's knots are shorter than they may be, the more so the longer they may.
-        scatter = 0.2 if name == "ideal-compressor" else 0.1
-        assert abs(found - expected) < scatter, f"order {found:.2f} of {sizes}"
-    for count in ladder[name]:
-        left, line = residual(name, variant, count)
-        with_line, without = np.abs(left).max(), np.abs(left - line).max()
-        # The quadratures of a motor's and a load's work have errors of their own, far above the line.
-        larger = 1e-6 if name != "ideal-compressor" else 0.01
-        assert with_line <= without * (1 + larger), f"{with_line} J with the line, {without} J without"
-        # The feedback is a damper of the violation, and a spring that gives back no more than it took.
-        assert variant == "projection" or line[-1] > line.min() >= 0
-
-
-def test_a_third_of_the_driven_scenes_imbalance_is_what_the_projection_removed() -> None:
-    left, line = residual("ideal-driven", "projection", 8)
-    assert np.abs(left).max() < 0.7 * np.abs(left - line).max()
-
-
 @pytest.mark.parametrize("variant", ["projection", "baumgarte", "none"])
 def test_a_contact_runs_residual_with_the_line_falls_at_order_four_and_is_no_larger(variant: str) -> None:
     scene = CLEARANCE_SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": 0.003})

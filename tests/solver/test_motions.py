@@ -164,20 +164,6 @@ def test_a_table_of_a_straight_line_is_a_constant_speed(settings: dict[str, str]
         assert signal == "ledger" or apart < 1e-12 * sizes[signal], f"{signal}: {apart:.1e}"
 
 
-def test_the_end_of_a_ramp_goes_on_as_a_constant_speed() -> None:
-    drive, half = RampDrive(kind="ramp", final_speed_rad_s=SPEED, ramp_time_s=END_S / 2), SAMPLES // 2
-    whole = run(scene(0.0, drive=drive), 2e-5)
-    rest = scene(SPEED).model_copy(update={"end_time_s": END_S / 2})
-    rest = started_from(rest, whole.position[half], whole.velocity[half])
-    then = ReferenceEngine().simulate(rest, RunSettings(2e-5, half))
-    assert whole.velocity[half, 0, 2] == pytest.approx(SPEED, rel=1e-14)
-    assert then.driver_torque_N_m is not None
-    assert whole.driver_torque_N_m is not None
-    assert np.abs(then.position[:, -1, 0] - whole.position[:, -1, 0][half:]).max() < 1e-12
-    assert np.abs(joint_forces(then) - joint_forces(whole)[half:]).max() < 1e-8
-    assert np.abs(then.driver_torque_N_m - whole.driver_torque_N_m[half:]).max() < 1e-9
-
-
 @pytest.mark.parametrize("name", ["ramp", "fluctuating", "table"])
 def test_a_run_begun_later_goes_by_the_drives_clock(name: str) -> None:
     half, whole = SAMPLES // 2, run(CASES[name], 2e-5)

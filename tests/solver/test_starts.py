@@ -1,4 +1,4 @@
-"""Starts with a pin in its wall, whose law may need a touch that nobody has seen, or turns of the crank ago."""
+"""Starts with a pin in its wall, whose touch nobody has seen, and with whole turns of the crank."""
 
 import numpy as np
 import pytest
