@@ -14,7 +14,7 @@ from reference_solver.compiled.kernel import Topology, source_of
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact import adaptive_loop
 from reference_solver.contact.types import CLIPPED, CONTACT, CONTACT_RECORD, START, Run, new_run
-from reference_solver.equations import Baumgarte
+from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Constraint, Load, Mechanism
 from reference_solver.mechanism.motions import Course, Fluctuation, Ramp, Steady
@@ -164,6 +164,21 @@ def outcomes(recipe: Recipe, compiled: bool) -> tuple[dict[str, FloatArray], dic
             run.old.y[:] = [*after.q, *after.v, *(run.old.sums + added)]
         found[1]["advance"] = run.old.y.copy()
     return found[0], found[1]
+
+
+def solved(recipe: Recipe) -> tuple[FloatArray, FloatArray]:
+    """Return accelerations and multipliers by the equations' factors, and by the whole matrix."""
+    topology, random = recipe.topology(), np.random.default_rng([recipe.seed, recipe.state])
+    q_start, q, v = random.uniform(-1.0, 1.0, (3, topology.n))
+    equations = Equations(topology.mechanism, q_start)
+    answer = equations.answer(0.3, q, v)
+    if not answer.condition < WELL_CONDITIONED:
+        return np.zeros(0), np.zeros(0)
+    system, F, zeros = equations.system(0.3, q, v), equations.applied_force(0.3, q, v), np.zeros
+    B, rows = np.asarray(system.B, dtype=float), len(system.B)
+    whole = np.block([[np.diag(equations.mass.astype(float)), -B.T], [B, zeros((rows, rows))]])
+    dense = np.linalg.solve(whole, np.array([*F, *(system.C_dot - system.B_dot_v)], dtype=float))
+    return np.array([*answer.accelerations, *answer.multipliers], dtype=float), dense
 
 
 def calls(kernel: Any, run: Run, walls: Walls, p: FloatArray | None, t: float, h: float) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Error control: its order, its tolerance, located events, crank-sliders, and where it ends."""
 
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,61 +13,40 @@ from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.equations import mechanism_of
-from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES
+from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from reference_solver.compiled import faces
-from reference_solver.compiled.faces import CompiledFace, with_fields
+from reference_solver.compiled.faces import with_fields
 from reference_solver.contact import adaptive_loop, controlled_step, smooth_loop
 from reference_solver.contact.types import CONTACT_RECORD, new_run
-from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, RevoluteJoint
+from reference_solver.mechanism.contact_laws import ContactLaw
+from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
 from reference_solver.methods import dop853, tableau
 from reference_solver.solution import Solution
-from reference_solver.solver import ErrorControl, Solver, StepChoice, solve
+from reference_solver.solver import ErrorControl, Solver, solve
 from studies.extremes import gallery
 from studies.judges.horizon import moved
+from tests.solver.pins import CLEARANCE, GRAVITY, INERTIA, MASS, RADIUS, bearing, disc, run
 
 FloatArray = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
-GRAVITY, MASS, INERTIA, CLEARANCE, BEARING = 9.81, 0.1, 1e-4, 5e-4, 0.01
 HERTZ, FACTOR = 1e10, 0.5
 DAMPED, ELASTIC = ContactLaw(HERTZ, 1.5, FACTOR), ContactLaw(HERTZ, 1.5)
 ARM, SPIN = 0.1, 30.0
 
 
-def disc(
-    law: ContactLaw | RigidWall,
-    gravity: float = 0.0,
-    friction: FrictionLaw | None = None,
-    clearances: tuple[float, ...] = (CLEARANCE,),
-) -> Mechanism:
-    """Return a disc with its centre in bearings about the origin."""
-    joints = (
-        ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), c, BEARING, law, friction) for c in clearances
-    )
-    return Mechanism((Body(MASS, INERTIA),), (), (), gravity, tuple(joints))
-
-
 PENDULUM = Mechanism((Body(MASS, INERTIA),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, ARM)),), (), GRAVITY)
 
 
-def run(
-    mechanism: Mechanism,
-    q: list[float],
-    v: list[float],
-    end: float,
-    control: ErrorControl | float | StepChoice,
-    samples: int = 10,
-    compiled: bool = True,
+def controlled(
+    mechanism: Mechanism, q: list[float], v: list[float], end: float, tolerance: float, samples: int = 10
 ) -> Solution:
-    step = ErrorControl(control) if isinstance(control, float) else control
-    start = np.array(q), np.array(v)
-    return solve(mechanism, *start, end_time_s=end, samples=samples, step=step, compiled=compiled)
+    return run(mechanism, q, v, end, ErrorControl(tolerance), samples, compiled=True)
 
 
 def swung(end: float, control: ErrorControl) -> Solution:
     """Return the run of a pendulum that turns over, from its lowest point."""
-    return run(PENDULUM, [0.0, -ARM, 0.0], [SPIN * ARM, 0.0, SPIN], end, control, 1)
+    return run(PENDULUM, [0.0, -ARM, 0.0], [SPIN * ARM, 0.0, SPIN], end, control, 1, compiled=True)
 
 
 def turn_s() -> float:
@@ -101,7 +79,7 @@ def test_the_error_follows_the_tolerance_down_to_round_off() -> None:
 def test_a_start_next_to_an_equilibrium_does_not_make_the_tolerance_of_speeds_vanish() -> None:
     # Upright and all but at rest: of its own it has neither speed nor acceleration to weigh errors by.
     slow = 1e-6
-    found = run(PENDULUM, [0.0, ARM, np.pi], [-slow * ARM, 0.0, slow], 4.0, 1e-13)
+    found = controlled(PENDULUM, [0.0, ARM, np.pi], [-slow * ARM, 0.0, slow], 4.0, 1e-13)
     assert abs(found.v[:, 2]).max() > 1.0, "it has fallen"
     assert found.steps < 1000, f"{found.steps}: some 150 when this was written, millions by its own speed"
 
@@ -109,7 +87,7 @@ def test_a_start_next_to_an_equilibrium_does_not_make_the_tolerance_of_speeds_va
 @pytest.mark.parametrize(("q", "v"), [(0.0, 0.0), (0.0, 3.0)])
 def test_a_free_body_crosses_any_time_in_a_few_steps(q: float, v: float) -> None:
     body = Mechanism((Body(MASS, INERTIA),), ())
-    found = run(body, [q] * 3, [v] * 3, 1e3, 1e-9)
+    found = controlled(body, [q] * 3, [v] * 3, 1e3, 1e-9)
     assert found.steps < 20
     assert found.q[-1] == pytest.approx([q + 1e3 * v] * 3, rel=8 * EPS)
 
@@ -119,8 +97,8 @@ def lambert(a: float) -> float:
     return float((1 + np.real(lambertw(-(1 + a) * np.exp(-(1 + a))))) / a)
 
 
-def bounce(tolerance: float, compiled: bool = True, law: ContactLaw = DAMPED) -> Solution:
-    return run(disc(law), [0.0] * 3, [1.0, 0.0, 0.0], 1.6 * CLEARANCE, tolerance, 1, compiled)
+def bounce(tolerance: float, law: ContactLaw = DAMPED) -> Solution:
+    return controlled(disc(bearing(law)), [0.0] * 3, [1.0, 0.0, 0.0], 1.6 * CLEARANCE, tolerance, 1)
 
 
 def test_a_bounce_meets_its_closed_form_to_every_tolerance() -> None:
@@ -144,7 +122,9 @@ def test_a_graze_is_found_however_shallow_and_a_near_miss_is_none(depth: float) 
     speed = np.sqrt(2 * GRAVITY * CLEARANCE * (1 + depth))
     end = 1.9 * speed / GRAVITY
     for tolerance in (1e-4, 1e-8, 1e-12):
-        found = run(disc(DAMPED, GRAVITY), [0.0] * 3, [0.0, speed, 0.0], end, tolerance)
+        found = controlled(
+            disc(bearing(DAMPED), gravity=GRAVITY), [0.0] * 3, [0.0, speed, 0.0], end, tolerance
+        )
         assert found.events["what"].tolist() == ([1, -1] if depth > 0 else [])
         free = speed * found.time_s - GRAVITY / 2 * found.time_s**2
         moved = np.abs(found.q[:, 1] - free).max()
@@ -157,7 +137,7 @@ def test_a_step_that_crosses_a_whole_flight_finds_its_end() -> None:
     # Between its bounces a ball is as free as can be, and a step after a release goes beyond the next touch.
     speed = np.sqrt(2 * GRAVITY * CLEARANCE)
     end, flight = 0.5, 2 * speed / GRAVITY
-    found = run(disc(ContactLaw(1e9, 1.0), GRAVITY), [0.0] * 3, [0.0] * 3, end, 1e-9)
+    found = controlled(disc(bearing(ContactLaw(1e9, 1.0)), gravity=GRAVITY), [0.0] * 3, [0.0] * 3, end, 1e-9)
     touches = found.events["time_s"][found.events["what"] == 1]
     half = np.pi * np.sqrt(MASS / 1e9)
     # A linear contact in closed form: its half period, and what gravity adds at both its ends.
@@ -183,9 +163,9 @@ def test_a_lasting_contact_is_followed_though_its_release_is_foreseen_wrongly() 
     end, times = 0.06, np.linspace(0, 0.06, 61)
     y = solve_ivp(rates, (0, end), [*place, 0, 0], "DOP853", times, rtol=1e-12, atol=1e-15, max_step=1e-4).y.T
     for tolerance in (1e-6, 1e-8, 1e-10):
-        found = run(disc(law, GRAVITY), [*place, 0.0], [0.0] * 3, end, tolerance, 60)
+        found = controlled(disc(bearing(law), gravity=GRAVITY), [*place, 0.0], [0.0] * 3, end, tolerance, 60)
         error = np.abs(found.q[:, :2] - y[:, :2]).max()
-        assert error < 100 * tolerance * BEARING, f"{error:.1e} at {tolerance:.0e}"
+        assert error < 100 * tolerance * RADIUS, f"{error:.1e} at {tolerance:.0e}"
         # It turns inwards again and again with a release ahead that does not come.
         assert len(found.events) < 8
 
@@ -194,20 +174,13 @@ def test_contacts_that_touch_at_once_share_the_push() -> None:
     # Two bearings alike and a third that is wider by less than a penetration.
     wider = CLEARANCE * (1 + 1e-9)
     for clearances in ((CLEARANCE,) * 3, (CLEARANCE, CLEARANCE, wider)):
-        one = replace(ELASTIC, stiffness=3 * HERTZ)
-        alone = run(disc(one), [0.0] * 3, [1.0, 0.0, 0.0], 1.6 * CLEARANCE, 1e-11)
-        found = run(disc(ELASTIC, clearances=clearances), [0.0] * 3, [1.0, 0.0, 0.0], 1.6 * CLEARANCE, 1e-11)
+        one = disc(bearing(replace(ELASTIC, stiffness=3 * HERTZ)))
+        three = disc(*(bearing(ELASTIC, clearance=c) for c in clearances))
+        alone, found = (
+            controlled(of, [0.0] * 3, [1.0, 0.0, 0.0], 1.6 * CLEARANCE, 1e-11) for of in (one, three)
+        )
         assert sorted(found.events["contact"].tolist()) == [0, 0, 1, 1, 2, 2]
         assert np.abs(found.q - alone.q).max() < 1e-8 * CLEARANCE
-
-
-@pytest.mark.parametrize("far", [0.0, 1e3])
-def test_a_mechanism_far_from_the_origin_lands_on_its_events(far: float) -> None:
-    joint = ClearanceJoint(GROUND, (far, 0.0), 0, (0.0, ARM), CLEARANCE, BEARING, DAMPED)
-    swing = Mechanism((Body(MASS, INERTIA),), (), (), GRAVITY, (joint,))
-    found = run(swing, [far, -ARM, 0.0], [0.1, 0.0, 1.0], 0.05, 1e-11)
-    assert found.events["what"].tolist() == ([1, -1] * len(found.events))[: len(found.events)]
-    assert len(found.events) > 2
 
 
 def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
@@ -232,47 +205,6 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
 
 
 # Crank-sliders
-
-
-@cache
-def slid(name: str, end: float, tolerance: float, samples: int = 30) -> Solution:
-    scene = (CLEARANCE_SCENES | RIGID_SCENES)[name]()
-    q, v = (part.ravel() for part in start_state(scene))
-    control = ErrorControl(tolerance)
-    return solve(mechanism_of(scene), q, v, end_time_s=end, samples=samples, step=control)
-
-
-@pytest.mark.parametrize(
-    ("name", "end", "tolerance"),
-    [
-        ("clearance-driven-AB", 0.01, 1e-8),
-        # Loose steps land on one joint's touch with the other's pin already past its wall.
-        ("clearance-driven-AB", 0.024, 1e-5),
-        ("clearance-driven-damped", 0.01, 1e-6),
-    ],
-)
-def test_pins_touch_inwards_and_leave_outwards_by_turns(name: str, end: float, tolerance: float) -> None:
-    events = slid(name, end, tolerance).events
-    for k in range(2):
-        own = events[(events["contact"] == k) & (np.abs(events["what"]) == 1)]
-        assert (own["what"] == np.resize([1, -1], len(own))).all()
-        assert (own["rate"] * own["what"] > 0).all()
-
-
-@pytest.mark.parametrize(
-    ("name", "end"), [("clearance-driven-AB", 0.006), ("rigid-driven-0.5mm", 0.006), ("rigid-free-OAB", 0.02)]
-)
-def test_neither_samples_nor_calls_change_steps(
-    name: str, end: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few, many = slid(name, end, 1e-8, 5), slid(name, end, 1e-8, 5 * 64)
-    monkeypatch.setattr(CompiledFace, "chunk", 1)  # a step or so in a call
-    called = slid.__wrapped__(name, end, 1e-8, 5)
-    for other, every in ((many, 64), (called, 1)):
-        assert other.steps == few.steps > 20
-        assert np.array_equal(other.q[::every], few.q)
-        assert np.array_equal(other.events, few.events)
-        assert [i.time_s for i in other.impacts] == [i.time_s for i in few.impacts]
 
 
 def test_a_fold_that_no_step_passes_is_named_with_its_time() -> None:

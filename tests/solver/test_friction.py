@@ -11,12 +11,13 @@ from reference_solver.failures import FrictionTooStiff, PainleveParadox
 from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall, steepest
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, PrescribedSpeed
 from reference_solver.solution import Solution
-from reference_solver.solver import solve
 from tests.helpers.mechanism_energy import energy_residual_J
+from tests.helpers.orders import slope
+from tests.solver.pins import GRAVITY, MASS, bearing, disc, run
 
 FloatArray = NDArray[np.float64]
 
-GRAVITY, MASS, INERTIA, CLEARANCE, RADIUS = 9.81, 0.1, 4e-4, 0.05, 0.2
+INERTIA, CLEARANCE, RADIUS = 4e-4, 0.05, 0.2
 PIN = RADIUS - CLEARANCE
 #: A product of a few numbers, of a system of a few equations.
 ROUND_OFF = 256 * float(np.finfo(float).eps)
@@ -24,34 +25,13 @@ ROUND_OFF = 256 * float(np.finfo(float).eps)
 ORDER_TOLERANCE = 0.1
 
 
-def run(
-    mechanism: Mechanism,
-    q: list[float],
-    v: list[float],
-    end: float,
-    steps: int,
-    compiled: bool = False,
-    samples: int = 10,
-) -> Solution:
-    """Return the run whose longest step is the end's part of so many."""
-    start = np.array(q), np.array(v)
-    return solve(mechanism, *start, end_time_s=end, samples=samples, step=end / steps, compiled=compiled)
-
-
-def joint(
+def wide(
     friction: FrictionLaw | None, centre: float = 0.0, point: tuple[float, float] = (0.0, 0.0)
 ) -> ClearanceJoint:
-    """Return a fixed bearing about (centre, 0) and a pin of body 0 at ``point``."""
-    return ClearanceJoint(GROUND, (centre, 0.0), 0, point, CLEARANCE, RADIUS, RigidWall(0.5), friction)
-
-
-def free_disc(friction: FrictionLaw, gravity: float = 0.0) -> Mechanism:
-    """Return a disc with its pin at its centre."""
-    return Mechanism((Body(MASS, INERTIA),), (), (), gravity, (joint(friction),))
-
-
-def order_of(counts: list[int], errors: list[float]) -> float:
-    return float(-np.polyfit(np.log(counts), np.log(errors), 1)[0])
+    """Return a wide bearing about (centre, 0)."""
+    return bearing(
+        RigidWall(0.5), friction, clearance=CLEARANCE, radius=RADIUS, centre=(centre, 0.0), point=point
+    )
 
 
 def test_a_disc_slides_around_its_bearing_at_order_four_to_the_closed_form() -> None:
@@ -61,7 +41,7 @@ def test_a_disc_slides_around_its_bearing_at_order_four_to_the_closed_form() -> 
     counts, errors = [200, 400, 800], dict[str, list[float]]()
     for count in counts:
         start = ([CLEARANCE, 0.0, 0.0], [0.0, speed, spin])
-        found = run(free_disc(law), *start, end, count, compiled=True)
+        found = run(disc(wide(law), inertia=INERTIA), *start, end, count, compiled=True)
         along = speed / (1 + mu * speed * found.time_s / CLEARANCE)
         turning = spin + MASS * PIN / INERTIA * (along - speed)
         assert (along + PIN * turning).min() > 0.5, "friction is saturated throughout"
@@ -80,7 +60,7 @@ def test_a_disc_slides_around_its_bearing_at_order_four_to_the_closed_form() -> 
             errors.setdefault(name, []).append(float(np.abs(value - exact).max()))
         assert not found.impacts
     for name, values in errors.items():
-        order = order_of(counts, values)
+        order = -slope(counts, values)
         assert abs(order - 4) < ORDER_TOLERANCE, f"{name}: order {order:.3f} of {values}"
 
 
@@ -88,7 +68,7 @@ def test_sliding_back_and_forth_closes_the_ledger_at_order_four() -> None:
     # A rod hangs with one end in a bearing, its centre of mass beside the line of sliding: friction and
     # normal force are coupled, and the sliding turns round in the ramp of a smooth law.
     law, end, counts = FrictionLaw("tanh", 0.4, 0.2), 1.0, [2000, 4000, 8000]
-    rod = Mechanism((Body(MASS, 3e-4),), (), (), GRAVITY, (joint(law, point=(-0.1, 0.0)),))
+    rod = Mechanism((Body(MASS, 3e-4),), (), (), GRAVITY, (wide(law, point=(-0.1, 0.0)),))
     found = [
         run(
             rod,
@@ -104,7 +84,7 @@ def test_sliding_back_and_forth_closes_the_ledger_at_order_four() -> None:
     assert all(one.closed.all() for one in found)
     assert found[-1].friction_force_N.min() < -0.1 < 0.1 < found[-1].friction_force_N.max()
     residuals = [float(np.abs(energy_residual_J(one)).max()) for one in found]
-    order = order_of(counts, residuals)
+    order = -slope(counts, residuals)
     assert abs(order - 4) < ORDER_TOLERANCE, f"order {order:.2f} of {residuals} J"
     assert found[-1].sums["slide0"][-1] > 1e3 * residuals[0]
     assert np.diff(found[-1].sums["slide0"]).min() > 0, "friction only takes energy"
@@ -113,11 +93,11 @@ def test_sliding_back_and_forth_closes_the_ledger_at_order_four() -> None:
 FEET, BELOW = 0.1, 0.06  # m: a block's two pins at (-+FEET, -BELOW)
 
 
-def block(friction: FrictionLaw, speed: float, end: float, steps: int, compiled: bool = False) -> Solution:
+def block(friction: FrictionLaw, speed: float, end: float, steps: int) -> Solution:
     """Return the run of a block that slides on two pins at the bottoms of their bearings."""
-    joints = tuple(joint(friction, x, (x, -BELOW)) for x in (-FEET, FEET))
+    joints = tuple(wide(friction, x, (x, -BELOW)) for x in (-FEET, FEET))
     mechanism = Mechanism((Body(MASS, 1e-3),), (), (), GRAVITY, joints)
-    return run(mechanism, [0.0, BELOW - CLEARANCE, 0.0], [speed, 0.0, 0.0], end, steps, compiled)
+    return run(mechanism, [0.0, BELOW - CLEARANCE, 0.0], [speed, 0.0, 0.0], end, steps)
 
 
 @pytest.mark.parametrize("speed", [0.7, -0.7])
@@ -144,28 +124,6 @@ def test_friction_lifts_the_rear_pin_of_a_block_that_tips() -> None:
         assert found.mode_changes[0].following == following
 
 
-LAWS = [
-    FrictionLaw("tanh", 0.3, 0.5),
-    FrictionLaw("saturated-linear", 0.3, 0.9),
-    FrictionLaw("ambrosio", 0.3, 0.9, 0.1),
-]
-
-
-@pytest.mark.parametrize("law", LAWS, ids=[law.kind for law in LAWS])
-def test_the_compiled_run_agrees_with_the_readable_one_in_every_law(law: FrictionLaw) -> None:
-    readable, compiled = (block(law, 0.7, 0.02, 20, face) for face in (False, True))
-    assert readable.closed.all()
-    fields, sums = (
-        ("q", "v", "normal_force_N", "friction_force_N"),
-        ("normal0", "normal1", "slide0", "slide1"),
-    )
-    pairs = [(name, getattr(readable, name), getattr(compiled, name)) for name in fields]
-    pairs += [(name, readable.sums[name], compiled.sums[name]) for name in sums]
-    for name, one, other in pairs:
-        # Twenty steps' round-off.
-        assert np.abs(one - other).max() < 20 * ROUND_OFF * np.abs(one).max(), name
-
-
 @pytest.mark.parametrize(("kind", "dead"), [("saturated-linear", 0.0), ("ambrosio", 0.1), ("tanh", 0.0)])
 @pytest.mark.parametrize("compiled", [False, True], ids=["readable", "compiled"])
 def test_a_step_too_long_for_the_friction_is_cut(
@@ -177,16 +135,16 @@ def test_a_step_too_long_for_the_friction_is_cut(
     # A disc that spins at the bottom of its bearing: the pin's surface has the mobility 1/m + R_j^2/J.
     rate = mu * MASS * GRAVITY * (1 / MASS + PIN**2 / INERTIA) / (full - dead)
     limit = 2.785 / rate
-    disc = free_disc(law, GRAVITY)
+    spinning = disc(wide(law), gravity=GRAVITY, inertia=INERTIA)
     start = ([0.0, -CLEARANCE, 0.0], [0.0, 0.0, 0.8])
     q, v = (np.array(part) for part in start)
-    state = Equations(disc, q, following=(0,)), 0.0, q, v
+    state = Equations(spinning, q, following=(0,)), 0.0, q, v
     Equations.required(*state, h=0.999 * limit)
     with pytest.raises(FrictionTooStiff, match=f"needs a step below {limit:.3g} s"):
         Equations.required(*state, h=1.001 * limit)
     # The sliding of 0.12 m/s is damped in steps of half a decay time at most, and never grows.
     end = 10 * limit
-    found = run(disc, *start, end, 10, compiled)
+    found = run(spinning, *start, end, 10, compiled=compiled)
     assert found.steps >= end * rate / 0.5
     sliding = np.hypot(*found.v[:, :2].T) + PIN * np.abs(found.v[:, 2])
     assert sliding.max() <= sliding[0] * (1 + ROUND_OFF)
@@ -219,23 +177,10 @@ def test_the_painleve_paradox_is_refused() -> None:
 def test_rows_of_a_driver_do_work_against_friction() -> None:
     # A driven disc turns on its wall: what the driver gives beyond kinetic energy is lost in friction.
     law = FrictionLaw("tanh", 0.2, 0.5)
-    driven = Mechanism((Body(MASS, INERTIA),), (PrescribedSpeed(0, 10.0),), (), GRAVITY, (joint(law),))
+    driven = Mechanism((Body(MASS, INERTIA),), (PrescribedSpeed(0, 10.0),), (), GRAVITY, (wide(law),))
     found = run(driven, [0.0, -CLEARANCE, 0.0], [0.0, 0.0, 10.0], 0.5, 200)
     assert found.sums["slide0"][-1] > 0.01
     # Measured 4e-12 J, of order four; an error in the arms would leave a part of the loss.
     assert np.abs(energy_residual_J(found)).max() < 1e-10
     torque = -PIN * found.friction_force_N[:, 0]
     assert found.multipliers[:, 0] == pytest.approx(torque, rel=ROUND_OFF)
-
-
-@pytest.mark.parametrize(
-    ("values", "field"),
-    [
-        ((float("nan"), 0.1), "coefficient"),
-        ((0.1, 0.0), "regularisation_speed_m_s"),
-        ((0.1, 0.1, 0.1), "dead_band_speed_m_s"),
-    ],
-)
-def test_malformed_friction_is_refused_by_field(values: tuple[float, ...], field: str) -> None:
-    with pytest.raises(ValueError, match=f"FrictionLaw.{field}"):
-        FrictionLaw("ambrosio", *values)

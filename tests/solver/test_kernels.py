@@ -16,10 +16,9 @@ from reference_solver.compiled.kernel import Topology
 from reference_solver.compiled.kernel import source_of as source_of_marked
 from reference_solver.compiled.store import load_kernel
 from reference_solver.equations import Equations
-from reference_solver.mechanism.contact_laws import ContactLaw
-from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism
+from reference_solver.mechanism.mechanism import Body, Mechanism
 from reference_solver.methods import RK4, Method, dop853
-from reference_solver.solver import LARGEST_COMPILED, ErrorControl, StepChoice, solve
+from reference_solver.solver import LARGEST_COMPILED, solve
 from reference_solver.tape import FloatArray, RecordArray
 from tests.helpers.chains import chain, chain_start
 
@@ -221,25 +220,6 @@ def test_only_a_large_mechanism_has_functions_that_are_called(method: Method) ->
         text = source_of(chain(links), True, method)
         assert text.count("@called(") == decorated
         assert ("zeros(" in text) == (decorated > 0 and method is RK4)
-
-
-def test_a_large_mechanism_with_clearance_runs_alike_by_both_methods(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    links, law = 3, ContactLaw(1e6, 1.5, 0.5)
-    monkeypatch.setattr(kernel, "LARGEST_INLINE", links - 1)
-    source_of_marked.cache_clear()
-    _, *joints = chain(links).constraints
-    pin = ClearanceJoint(GROUND, (0.0, 0.0), 0, (-0.05, 0.0), 1e-3, 0.01, law)
-    mechanism = replace(chain(links), constraints=tuple(joints), contacts=(pin,))
-    q, v = chain_start(np.linspace(-1.2, -1.6, links), np.zeros(links))
-    rk4, controlled = (
-        solve(mechanism, q, v, end_time_s=0.03, samples=10, step=choice)
-        for choice in (StepChoice(2e-4, 100), ErrorControl(1e-10))
-    )
-    source_of_marked.cache_clear()
-    assert len(rk4.events) == len(controlled.events) > 0, "it has touched"
-    assert np.abs(rk4.q - controlled.q).max() < 1e-7
 
 
 def test_a_mechanism_too_large_for_straight_line_code_is_stepped_by_the_readable_face(

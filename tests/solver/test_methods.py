@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from reference_solver.methods import RK4, dop853, stages, step
+from reference_solver.methods import RK4, dop853, step
 
 FloatArray = NDArray[np.float64]
 
@@ -103,14 +103,3 @@ def test_a_projection_acts_at_the_end_of_a_step_and_its_failure_is_the_steps(hel
 
     found = step(RK4, answer, project, 2.0, np.ones(1), np.ones(1), 0.5)
     assert (found.q[0], found.v[0], found.removed, found.ok) == (0.0, 2.0, 3.0, held)
-
-
-def test_stages_are_taken_at_the_nodes_times() -> None:
-    times: list[float] = []
-
-    def rates(t: float, q: FloatArray, v: FloatArray) -> Answer:  # noqa: ARG001
-        times.append(t)
-        return Answer(-q)
-
-    stages(RK4, rates, 2.0, np.ones(1), np.ones(1), 0.5)
-    assert times == [2.0, 2.25, 2.25, 2.5]

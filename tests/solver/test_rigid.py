@@ -1,8 +1,6 @@
 """Rigid walls: flight, impact and following of one pin in closed form, and of crank-sliders' pins."""
 
-import sys
 from functools import cache
-from types import FrameType
 
 import numpy as np
 import pytest
@@ -18,22 +16,22 @@ from reference_solver.mechanism.mechanism import (
     GROUND,
     Body,
     ClearanceJoint,
-    MasslessLink,
     Mechanism,
     PrescribedSpeed,
     RevoluteJoint,
 )
 from reference_solver.rigid.bouncing import LOG_ROWS
 from reference_solver.solution import Solution
-from reference_solver.solver import ErrorControl, Solver, StepChoice, solve
+from reference_solver.solver import ErrorControl, StepChoice, solve
 from tests.helpers.kernels import straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J, kinetic_energy_J
 from tests.helpers.orders import ORDER_TOLERANCE, slope
+from tests.solver.pins import CLEARANCE, GRAVITY, MASS, RADIUS, bearing, disc, run
 
 FloatArray = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
-GRAVITY, MASS, INERTIA, CLEARANCE, RADIUS = 9.81, 0.1, 4e-6, 5e-4, 0.01
+INERTIA = 4e-6
 #: RK4 integrates a free disc exactly. A time is a position's round-off (1e-19 m) over the speed, down to
 #: 2e-6 m/s before the closing: 1e-13 s; sums of a hundred flights stay an order below what is asked.
 CLOSED_FORM = 1e-12
@@ -44,32 +42,9 @@ SPEED = 1e-12
 ROUND_OFF = 64 * EPS
 
 
-def disc(joint: ClearanceJoint, gravity: float = 0.0) -> Mechanism:
-    """Return a disc with a pin in a bearing, and otherwise free."""
-    return Mechanism((Body(MASS, INERTIA),), (), (), gravity, (joint,))
-
-
-def in_bearing(
-    restitution: float, friction: float = 0.0, clearance: float = CLEARANCE, radius: float = RADIUS
-) -> ClearanceJoint:
-    """Return the joint of the disc in a fixed bearing about the origin."""
+def pinned(restitution: float, gravity: float = 0.0, friction: float = 0.0, **sizes: float) -> Mechanism:
     law = FrictionLaw("tanh", friction, 0.01) if friction else None
-    wall = RigidWall(restitution)
-    return ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), clearance, radius, wall, law)
-
-
-def run(
-    mechanism: Mechanism,
-    q: list[float],
-    v: list[float],
-    end: float,
-    steps: int,
-    samples: int = 10,
-    compiled: bool = False,
-) -> Solution:
-    """Return the run whose longest step is the end's part of so many."""
-    start = np.array(q), np.array(v)
-    return solve(mechanism, *start, end_time_s=end, samples=samples, step=end / steps, compiled=compiled)
+    return disc(bearing(RigidWall(restitution), law, **sizes), gravity=gravity, inertia=INERTIA)
 
 
 def close(found: object, expected: object, tolerance: float, what: str) -> None:
@@ -80,7 +55,7 @@ def close(found: object, expected: object, tolerance: float, what: str) -> None:
 @pytest.mark.parametrize("compiled", [False, True], ids=["readable", "compiled"])
 def test_a_pin_without_gravity_crosses_its_bearing_at_the_closed_form_times(compiled: bool) -> None:
     e, speed = 0.9, 0.01
-    found = run(disc(in_bearing(e)), [0.0] * 3, [speed, 0.0, 0.0], 2.0, 100, compiled=compiled)
+    found = run(pinned(e), [0.0] * 3, [speed, 0.0, 0.0], 2.0, 100, compiled=compiled)
     k = np.arange(len(found.impacts))
     assert len(k) == 11
     # c/v to the wall, then a diameter 2c at the speed e^k v.
@@ -104,7 +79,7 @@ def test_the_bounces_under_gravity_converge_in_closed_form_and_end_at_rest_on_th
 ) -> None:
     e, end, steps = 0.6, 0.3, 1000
     step = ErrorControl(1e-12) if controlled else StepChoice(end / steps)
-    falls, still = disc(in_bearing(e), GRAVITY), np.zeros(3)
+    falls, still = pinned(e, GRAVITY), np.zeros(3)
     found = solve(falls, still, still, end_time_s=end, samples=10, step=step, compiled=False)
     speed, fall = np.sqrt(2 * GRAVITY * CLEARANCE), np.sqrt(2 * CLEARANCE / GRAVITY)
     k = np.arange(len(found.impacts))
@@ -137,7 +112,7 @@ def test_a_graze_within_one_step_is_not_missed_and_a_near_miss_is_none() -> None
         apex = height * CLEARANCE
         rise = np.sqrt(2 * apex / GRAVITY)
         end = 1.9 * rise
-        found = run(disc(in_bearing(0.5), GRAVITY), [0.0] * 3, [0.0, GRAVITY * rise, 0.0], end, 10)
+        found = run(pinned(0.5, GRAVITY), [0.0] * 3, [0.0, GRAVITY * rise, 0.0], end, 10)
         assert (len(found.impacts) > 0) == hits, f"apex at {height} c: {found.impacts}"
         if hits:
             speed = np.sqrt(2 * GRAVITY * (apex - CLEARANCE))
@@ -150,7 +125,7 @@ def test_a_graze_within_one_step_is_not_missed_and_a_near_miss_is_none() -> None
 def test_a_pin_slower_than_round_off_is_not_waited_for(speed: float) -> None:
     # In a step it moves by less than the spacing of its coordinate, so that by its gaps it stands.
     start, end = [0.6 * CLEARANCE, 0.2 * CLEARANCE, 0.0], 1e-3
-    found = run(disc(in_bearing(0.6)), start, [-speed, 0.0, 0.0], end, 100, compiled=True)
+    found = run(pinned(0.6), start, [-speed, 0.0, 0.0], end, 100, compiled=True)
     close(found.q[-1], start, speed * end + ROUND_OFF * CLEARANCE, "place in m")
     assert found.steps <= 200
 
@@ -159,7 +134,7 @@ def test_a_pin_that_leaves_its_wall_without_speed_flies_to_where_the_parabola_me
     # The last of these leaves at a rate of a round-off. Where N = 0, at an angle a, v^2 = g c sin(a), and the
     # parabola from there is back on the circle after 4 v cos(a)/g. By g, which goes with the time's third
     # power, round-off hides 1e-7 s of it.
-    mechanism, step = disc(in_bearing(0.0), GRAVITY), 1.4865178470685122e-06
+    mechanism, step = pinned(0.0, GRAVITY), 1.4865178470685122e-06
     for speed in (*np.linspace(0.11, 0.15, 40), 0.14734494970783482):
         q, v = np.array([0.0, -CLEARANCE, 0.0]), np.array([speed, 0.0, 0.0])
         found = solve(mechanism, q, v, end_time_s=0.03, samples=1, step=step)
@@ -197,7 +172,7 @@ def test_a_pin_slides_along_its_wall_as_a_pendulum_at_order_four() -> None:
     errors: dict[str, list[float]] = {"place": [], "force": []}
     for count in counts:
         found = run(
-            disc(in_bearing(0.5, 0.0, LONG, WIDE), GRAVITY),
+            pinned(0.5, GRAVITY, clearance=LONG, radius=WIDE),
             [*place[0], 0.0],
             [0.0] * 3,
             end,
@@ -229,7 +204,7 @@ def test_a_pin_thrown_up_its_wall_leaves_where_the_closed_form_says_and_falls_ba
     counts, errors = [150, 300, 600], []
     for count in counts:
         found = run(
-            disc(in_bearing(0.5, 0.0, LONG, WIDE), GRAVITY),
+            pinned(0.5, GRAVITY, clearance=LONG, radius=WIDE),
             [0.0, -LONG, 0.0],
             [speed, 0.0, 0.0],
             0.3,
@@ -250,7 +225,7 @@ def test_a_pin_thrown_up_its_wall_leaves_where_the_closed_form_says_and_falls_ba
 @pytest.mark.parametrize(("friction", "sticks"), [(0.5, True), (0.01, False)])
 def test_a_spinning_disc_gets_the_closed_form_tangential_impulse(friction: float, sticks: bool) -> None:
     e, speed, across, spin = 0.7, 0.3, 0.1, -4.0
-    found = run(disc(in_bearing(e, friction)), [0.0] * 3, [speed, across, spin], CLEARANCE / speed * 1.3, 10)
+    found = run(pinned(e, friction=friction), [0.0] * 3, [speed, across, spin], CLEARANCE / speed * 1.3, 10)
     assert len(found.impacts) == 1
     impact = found.impacts[0]
     angle = np.arctan2(across, speed)
@@ -280,15 +255,15 @@ def test_a_spinning_disc_gets_the_closed_form_tangential_impulse(friction: float
 
 
 def test_a_slow_approach_closes_without_rebound() -> None:
-    joint = ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), CLEARANCE, RADIUS, RigidWall(0.9, 0.02))
-    found = run(disc(joint, GRAVITY), [0.0, -0.99 * CLEARANCE, 0.0], [0.0] * 3, 0.1, 100)
+    slow = disc(bearing(RigidWall(0.9, 0.02)), gravity=GRAVITY)
+    found = run(slow, [0.0, -0.99 * CLEARANCE, 0.0], [0.0] * 3, 0.1, 100)
     assert [i.kind for i in found.impacts] == ["closing"]
     assert found.closed[-1, 0]
 
 
 def test_a_pin_outside_its_bearing_is_refused() -> None:
     with pytest.raises(InconsistentStart, match=r"contacts\[0\]: expected the pin inside its bearing"):
-        run(disc(in_bearing(0.5)), [1.01 * CLEARANCE, 0.0, 0.0], [0.0] * 3, 1.0, 10)
+        run(pinned(0.5), [1.01 * CLEARANCE, 0.0, 0.0], [0.0] * 3, 1.0, 10)
 
 
 # Crank-sliders
@@ -340,20 +315,6 @@ def test_the_ledger_closes_at_order_four_over_a_revolution_with_impacts_closings
     assert 0 < runs[-1].sums["closing0"][-1] < 1e-6
 
 
-def test_the_pin_stays_in_its_bearing_and_is_only_pushed() -> None:
-    found = turned(5e-4, 0.5, 0.012, 12000)
-    q = found.q
-    bearing = q[:, 3:5] + ROD / 2 * np.column_stack([np.cos(q[:, 5]), np.sin(q[:, 5])])
-    d = q[:, 6:8] - bearing
-    past = np.hypot(d[:, 0], d[:, 1]) - 5e-4
-    assert past.max() < 1e-14, f"{past.max():.1e} m past the wall"  # round-off of 0.17 m
-    following = found.closed[:, 0]
-    assert 0.1 < following.mean() < 0.9
-    inward = -np.sum(found.joint_force_N[:, 0] * d, axis=1)
-    assert inward[following].min() > 0
-    assert not found.joint_force_N[~following].any()
-
-
 def test_a_pin_follows_a_narrow_bearing_at_any_longest_step() -> None:
     """It rolls round a clearance of 0.02 mm a hundred times faster than the crank turns."""
     scene = RIGID_SCENES["rigid-driven-0.02mm"]()
@@ -367,42 +328,11 @@ def test_a_pin_follows_a_narrow_bearing_at_any_longest_step() -> None:
     assert np.abs(distance[closed] / 2e-5 - 1).max() < 0.05
 
 
-def run_with_calls(name: str, end_s: float, choice: StepChoice | ErrorControl) -> tuple[Solution, int]:
-    """Return a run and how often Python has called its loop."""
-    scene = RIGID_SCENES[name]()
-    mechanism, (q, v) = mechanism_of(scene), (part.ravel() for part in start_state(scene))
-    solver, calls = Solver(mechanism, q, choice), list[str]()
-
-    def note(frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and frame.f_code.co_name == "_loop":
-            calls.append(frame.f_code.co_filename)
-
-    sys.setprofile(note)
-    try:
-        found = solver.run(q, v, end_s, 1)
-    finally:
-        sys.setprofile(None)
-    return found, len(calls)
-
-
-@pytest.mark.parametrize("choice", [StepChoice(5e-5), ErrorControl(1e-6)], ids=["RK4", "DOP853"])
-@pytest.mark.parametrize(
-    ("name", "end_s", "impacts"), [("rigid-free-OAB", 0.03, 50), ("rigid-driven-0.5mm", 0.0105, 40)]
-)
-def test_python_is_asked_only_where_other_pins_follow_from_then_on(
-    name: str, end_s: float, impacts: int, choice: StepChoice | ErrorControl
-) -> None:
-    found, calls = run_with_calls(name, end_s, choice)
-    assert impacts < len(found.impacts) < LOG_ROWS, "no more than the log has room for"
-    started_at_rest = bool(found.mode_changes) and found.mode_changes[0].time_s == 0
-    assert calls == 1 + len(found.mode_changes) - started_at_rest
-
-
 def test_impacts_are_not_lost_where_their_log_is_full() -> None:
-    choice = StepChoice(5e-5)
-    found, calls = run_with_calls("rigid-driven-AB", 0.02, choice)
+    scene = RIGID_SCENES["rigid-driven-AB"]()
+    q, v = (part.ravel() for part in start_state(scene))
+    found = solve(mechanism_of(scene), q, v, end_time_s=0.02, samples=1, step=5e-5)
     assert len(found.impacts) > 2 * LOG_ROWS
-    assert calls > 1 + len(found.mode_changes)
     lost = sum(impact.energy_lost_J for impact in found.impacts if impact.kind != "closing")
     assert lost == pytest.approx(found.sums["impact0"][-1] + found.sums["impact1"][-1], rel=1e-12)
 
@@ -448,25 +378,6 @@ def test_ends_of_a_beam_that_hit_in_turns_lose_all_speed_however_close_they_are(
 # Beside compliant walls
 
 
-def test_a_beam_on_a_compliant_and_a_rigid_bearing_closes_its_ledger() -> None:
-    hertz, friction = ContactLaw(1e8, 1.5, damping_factor=0.5), FrictionLaw("tanh", 0.2, 0.05)
-    bearings = tuple(
-        ClearanceJoint(GROUND, (x, 0.0), 0, (x, 0.0), CLEARANCE, RADIUS, law, friction)
-        for x, law in ((-0.05, hertz), (0.05, RigidWall(0.6)))
-    )
-    beam, still, residuals = Mechanism((Body(MASS, 1e-4),), (), (), GRAVITY, bearings), np.zeros(3), []
-    for halving in (1, 2):
-        step = StepChoice(2e-5, 100).at(2e-5 / halving)
-        found = solve(beam, still, still, end_time_s=0.05, samples=50, step=step)
-        assert min(len(found.impacts_of(k)) for k in range(2)) > 3
-        gap = np.hypot(*np.moveaxis(found.gap_m[:, 0], -1, 0)) - CLEARANCE
-        stored = hertz.stiffness * np.where(found.closed[:, 0], np.maximum(gap, 0.0), 0.0) ** 2.5 / 2.5
-        left = energy_residual_J(found) + stored + found.stabilisation_loss_J
-        residuals.append(float(np.abs(left).max() / found.losses_J()[-1]))
-    assert residuals[1] < 1e-8, "1.3e-9 of what is lost when this was written"
-    assert residuals[1] < residuals[0] / 8, f"order four, 15.6 then: {residuals}"
-
-
 def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() -> None:
     pins = [
         ClearanceJoint(GROUND, (0.0, y), 0, (0.0, 0.0), CLEARANCE, RADIUS, law)
@@ -481,24 +392,3 @@ def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() ->
     # Lifted by 100 N - m g, less what the spring loses in stiffness on the way: omega^2 t^2 / 12.
     lift = (100.0 / MASS - GRAVITY) * 1e-4**2 / 2
     assert found.q[-1, 1] + CLEARANCE == pytest.approx(lift, rel=1e6 / MASS * 1e-4**2 / 10)
-
-
-def test_the_force_of_a_stiff_wall_tends_to_the_multiplier_of_a_massless_link() -> None:
-    """On a pin that slides down its wall from rest."""
-    off, angle, stiffnesses, end = [], 0.4, [1e6, 1e7, 1e8], 5e-3
-    d = CLEARANCE * np.array([np.sin(angle), -np.cos(angle), 0.0])
-    link = MasslessLink(GROUND, (0.0, 0.0), 0, (0.0, 0.0), CLEARANCE)
-    linked = Mechanism((Body(MASS, 1e-4),), (link,), gravity_m_s2=GRAVITY)
-    rigid = solve(linked, d, np.zeros(3), end_time_s=end, samples=1, step=end / 400, compiled=False)
-    for stiffness in stiffnesses:
-        damping = 2 * np.sqrt(MASS * stiffness)  # critical: the start is forgotten
-        law = ContactLaw(stiffness, 1.0, damping_N_s_m=damping)
-        joint = ClearanceJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0), CLEARANCE, RADIUS, law)
-        pin = Mechanism((Body(MASS, 1e-4),), (), (), GRAVITY, (joint,))
-        step = StepChoice(5e-6, 100)
-        found = solve(pin, d * (1 - 1e-12), np.zeros(3), end_time_s=end, samples=1, step=step)
-        # The force on the pin is lambda d, inward while lambda is negative.
-        off.append(abs(found.normal_force_N[-1, 0] / (-rigid.multipliers[-1, 0] * CLEARANCE) - 1))
-    # The depth F/k is a part F/(k c) of the radius on which the pin turns: the error falls as 1/k.
-    assert off[-1] < 1e-3, f"{off}"
-    assert 0.8 < -slope(stiffnesses, off) < 1.2, f"{off}"
