@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import pytest
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.compiled import kernel
-from reference_solver.compiled.faces import CompiledFace, with_fields
+from reference_solver.compiled.faces import CompiledFace
 from reference_solver.compiled.kernel import Topology
 from reference_solver.compiled.kernel import source_of as source_of_marked
 from reference_solver.compiled.store import load_kernel
@@ -19,7 +19,6 @@ from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Body, Mechanism
 from reference_solver.methods import RK4, Method, dop853
 from reference_solver.solver import LARGEST_COMPILED, solve
-from reference_solver.tape import FloatArray, RecordArray
 from tests.helpers.chains import chain, chain_start
 
 HEAD = """
@@ -79,101 +78,15 @@ def test_what_is_no_number_goes_through_as_in_python(expression: str) -> None:
         assert compiled(x, y) == pytest.approx(python(x, y), nan_ok=True)
 
 
-PLACES = """
-@straight_line
-def inner(x, y, depth):
-    product = x*y
-    return product, product > depth, 0.0
-
-@straight_line
-def outer_(p, contacts, row, state, out):
-    p0 = p[0]
-    p2 = p[2]
-    phase = contacts[1].phase
-    steps = contacts[1].steps
-    first, more, none = inner(p0, p2, state.gaps[0].g)
-    twice = 0.0
-    least = p2
-    if phase > 0.0:
-        own = first*2.0
-        twice = own + steps
-        if more & (phase == 2.0):
-            least = -own
-    state.y[1] = twice + none
-    state.gaps[1].g = least
-    contacts[0].steps = 7.0
-    out[row, 2] = p0 - state.y[0]
-    _, less, other = inner(least, 1.0, twice)
-    return least if less else other + twice
-
-@njit()
-def outer(p, contacts, row, state, out):
-    return outer_(p, contacts, row, state, out)
-"""
-
-
-class State(NamedTuple):
-    """As ``contact.types.Motion``."""
-
-    n: int
-    y: FloatArray
-    gaps: RecordArray
-
-
-@pytest.mark.parametrize("row", [1, -1, -3])
-@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0])
-@pytest.mark.parametrize("depth", [-9.0, 9.0])
-def test_arrays_records_branches_and_calls_are_those_of_python(row: int, phase: float, depth: float) -> None:
-    contact = np.dtype([("phase", np.float64), ("steps", np.int64), ("flag", np.int8)])
-    results = []
-    for compiled in (True, False):
-        decorators = "" if compiled else "straight_line = njit = lambda *x: x[0] if x else lambda f: f\n"
-        contacts = np.array([(0.5, 3, 1), (phase, 5, 1)], contact)
-        state = State(2, np.array([0.25, 8.0]), np.array([(depth,), (4.0,)], np.dtype([("g", float)])))
-        p, out = np.array([1.5, 99.0, -2.0]), np.zeros((3, 4))
-        outer = load_kernel(HEAD + decorators + PLACES).outer
-        arguments = (p, contacts, row, state, out)
-        answer = outer(*(arguments if compiled else [with_fields(argument) for argument in arguments]))
-        results.append([answer, *state.y, *state.gaps["g"], *contacts["steps"], *out.ravel()])
-    assert results[0] == results[1]
-
-
-HEAD_OF_CALLS = HEAD.replace("import straight_line\n", "import called, straight_line, zeros\n")
-CALLS = """
-@called(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
-def inner(p, x, y):
-    p1 = p[1]
-    product = x*p1
-    return product, product > y, x - y
-
-@straight_line
-def outer_(p, x, y, memory):
-    first, more, rest = inner(p, x, y)
-    second, less, _ = inner(p, first, -x)
-    memory[1] = x + rest
-    memory[2] = second if more & less else first
-    return memory[0] + memory[1]*memory[2] + y
-
-@njit()
-def outer(p, x, y):
-    return outer_(p, x, y, zeros(3))
-"""
-
-
-def test_functions_that_are_called_do_what_they_do_in_python() -> None:
-    python = "straight_line = njit = called = lambda *x, **_: x[0] if x else lambda f: f\n"
-    python += "zeros = lambda size: [0.0]*size\n"
-    modules = [load_kernel(f"{HEAD_OF_CALLS}{text}{CALLS}") for text in ("", python)]
-    p = np.array([9.0, -2.5])
-    for x, y in product(NUMBERS, NUMBERS):
-        one, other = (module.outer(p, x, y) for module in modules)
-        assert same(one, float(other))
-
-
 def test_a_function_that_is_called_has_its_module_s_name_in_machine_code() -> None:
     """Machine code kept by several processes would call what another module has by the same name."""
-    module = load_kernel(HEAD_OF_CALLS + CALLS)
-    module.outer(np.array([9.0, -2.5]), 1.0, 2.0)
+    text = HEAD.replace("import straight_line\n", "import called, straight_line\n")
+    text += '@called(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)\n'
+    text += "def inner(p, x):\n    return x*p[0], x\n\n"
+    text += "@straight_line\ndef outer_(p, x):\n    y, z = inner(p, x)\n    return y + z\n\n"
+    text += "@njit()\ndef outer(p, x):\n    return outer_(p, x)\n"
+    module = load_kernel(text)
+    assert module.outer(np.array([2.0]), 3.0) == 9.0
     (overload,) = module.inner.overloads.values()
     assert f"{module.__name__}5inner" in overload.fndesc.mangled_name
 

@@ -23,17 +23,9 @@ from reference_solver.tape import (
     Tape,
     Writer,
     array,
-    choose,
     cos,
-    equal,
-    larger,
-    power,
-    signed,
     sin,
-    size,
-    smaller,
     sqrt,
-    tanh,
     when,
 )
 from tests.solver.random_mechanisms import (
@@ -67,41 +59,6 @@ def run(lines: list[str], results: list[str], **values: Any) -> list[float]:
     scope = {**FUNCTIONS, **values}
     exec("\n".join([*lines, f"found = [{', '.join(results)}]"]), scope)
     return list(scope["found"])
-
-
-def everything(a: Any, b: Any, c: Any) -> list[Any]:
-    """Use all there is; zeros and ones are to fold."""
-    vector = array([a, 0.0, -b])
-    matrix = array([[a, b], [1.0, 0.0]])
-    branch = when(a > b, lambda: (a - b, 1.0 / (c * c + 1.0), 0.0), 3)
-    return [
-        *(matrix @ array([c, 1.0])),
-        vector @ vector,
-        a - (b - c),
-        (a - b) - c,
-        -(a + b) * -c,
-        a / (b * b + 2.0) / -3.0,
-        2.0 / (c * c + 1.0),
-        cos(a) * sin(b) - tanh(c),
-        sqrt(size(a)) + larger(b, 0.0) * smaller(c, 1.0),
-        signed(a, c),
-        choose(equal(a, b), c, -c),
-        power(size(a), 1.5) + power(size(b), 1.0),
-        *branch,
-        branch[0] * c,
-        c**2 - c * c,
-        0.0 * a + 1.0 * b,
-    ]
-
-
-NUMBER = st.floats(-3, 3).filter(lambda x: abs(x) > 1e-3)
-
-
-@given(NUMBER, NUMBER, NUMBER)
-def test_code_computes_what_the_function_computes_of_numbers(a: float, b: float, c: float) -> None:
-    expected = everything(np.float64(a), np.float64(b), np.float64(c))
-    lines, results, _ = written(everything)
-    assert run(lines, results, a=a, b=b, c=c) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 def test_zeros_and_ones_fold_equal_operations_are_shared_and_what_nobody_needs_is_not_written() -> None:
