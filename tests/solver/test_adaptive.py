@@ -18,11 +18,11 @@ from reference_solver.compiled import faces
 from reference_solver.compiled.faces import with_fields
 from reference_solver.contact import adaptive_loop, controlled_step, smooth_loop
 from reference_solver.contact.types import CONTACT_RECORD, new_run
-from reference_solver.mechanism.contact_laws import ContactLaw
+from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
 from reference_solver.methods import dop853, tableau
 from reference_solver.solution import Solution
-from reference_solver.solver import ErrorControl, Solver, solve
+from reference_solver.solver import ErrorControl, Solver, StepChoice, solve
 from studies.extremes import gallery
 from studies.judges.horizon import moved
 from tests.solver.pins import CLEARANCE, GRAVITY, INERTIA, MASS, RADIUS, bearing, disc, run
@@ -181,6 +181,32 @@ def test_contacts_that_touch_at_once_share_the_push() -> None:
         )
         assert sorted(found.events["contact"].tolist()) == [0, 0, 1, 1, 2, 2]
         assert np.abs(found.q - alone.q).max() < 1e-8 * CLEARANCE
+
+
+@pytest.mark.parametrize("controlled", [False, True], ids=["rk4", "dop853"])
+@pytest.mark.parametrize("rigid", [False, True], ids=["compliant", "rigid"])
+def test_other_units_change_nothing(rigid: bool, controlled: bool) -> None:
+    """Units by powers of two: only roots and powers of theirs are rounded otherwise."""
+
+    def rubbed(T: float, L: float, M: float) -> Solution:
+        soft = ContactLaw(HERTZ * M / (T**2 * np.sqrt(L)), 1.5, FACTOR, minimum_impact_speed_m_s=1e-6 * L / T)
+        law, friction = RigidWall(0.6) if rigid else soft, FrictionLaw("tanh", 0.2, 0.05 * L / T)
+        joint = bearing(law, friction, clearance=CLEARANCE * L, radius=RADIUS * L, point=(0.01 * L, 0.0))
+        body = Body(MASS * M, INERTIA * M * L**2)
+        rod = Mechanism((body,), (), (), GRAVITY * L / T**2, (joint,))
+        step = ErrorControl(1e-9) if controlled else StepChoice(2e-5 * T)
+        v = [0.1 * L / T, 0.0, 1.0 / T]
+        return run(rod, [-0.01 * L, 0.0, 0.0], v, 0.05 * T, step, compiled=True)
+
+    expected = rubbed(1.0, 1.0, 1.0)
+    assert len(expected.impacts) > 3
+    for time, length, mass in ((4, 0, 0), (0, 4, 0), (0, 0, 5), (-6, 8, 3), (7, -9, 20)):
+        T, L, M = 2.0**time, 2.0**length, 2.0**mass
+        found = rubbed(T, L, M)
+        assert found.steps == expected.steps
+        assert np.abs(found.q / np.array([L, L, 1.0]) - expected.q).max() < 1e-11 * RADIUS
+        times = [impact.time_s / T for impact in found.impacts]
+        np.testing.assert_allclose(times, [impact.time_s for impact in expected.impacts], rtol=1e-11)
 
 
 def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
