@@ -203,7 +203,7 @@ def calls(kernel: Any, run: Run, walls: Walls, p: FloatArray | None, t: float, h
 
     def mobilities() -> FloatArray:
         kernel.mobilities(p, y, 1, run.slopes)
-        return run.slopes[1].copy()
+        return np.array(run.slopes[1])
 
     def look() -> FloatArray:
         return np.array([kernel.walls(p, contacts, t, y, walls)])
@@ -217,7 +217,7 @@ def calls(kernel: Any, run: Run, walls: Walls, p: FloatArray | None, t: float, h
         after = y.copy()
         done, _ = kernel.advance(p, after, h, 0.0, 2)
         assert done == 2
-        return after
+        return np.array(after)
 
     made = {"gaps": gaps, "slopes": slopes, "forces": forces, "mobilities": mobilities, "walls": look}
     return {**made, "arrive": arrive, "step": step, "advance": advance}

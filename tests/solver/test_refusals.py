@@ -105,12 +105,7 @@ BAD: list[tuple[str, str, str, Callable[[], object]]] = [
     ("bodies", "at least one body", "none", lambda: Mechanism((), ())),
     ("gravity_m_s2", FINITE, "nan", lambda: made(gravity_m_s2=nan)),
     ("RevoluteJoint.point_i[1]", FINITE, "inf", lambda: made(RevoluteJoint(GROUND, (0.0, inf), 0, AT))),
-    (
-        "RevoluteJoint.point_j",
-        "two finite numbers",
-        "(0.0,)",
-        lambda: made(RevoluteJoint(GROUND, AT, 0, (0.0,))),
-    ),  # type: ignore[arg-type]
+    ("Slot.point_j", "two finite numbers", "()", lambda: made(Slot(GROUND, AT, 0, (), 1.0))),  # type: ignore[arg-type]
     ("RevoluteJoint.body_j", INDEX, "1", lambda: made(RevoluteJoint(GROUND, AT, 1, AT))),
     ("SameAngle.body_j", INDEX, "1", lambda: made(SameAngle(GROUND, 1))),
     ("Slot.angle_rad", FINITE, "nan", lambda: made(Slot(*LINE, nan))),

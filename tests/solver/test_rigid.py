@@ -42,9 +42,16 @@ SPEED = 1e-12
 ROUND_OFF = 64 * EPS
 
 
-def pinned(restitution: float, gravity: float = 0.0, friction: float = 0.0, **sizes: float) -> Mechanism:
+def pinned(
+    restitution: float,
+    gravity: float = 0.0,
+    friction: float = 0.0,
+    clearance: float = CLEARANCE,
+    radius: float = RADIUS,
+) -> Mechanism:
     law = FrictionLaw("tanh", friction, 0.01) if friction else None
-    return disc(bearing(RigidWall(restitution), law, **sizes), gravity=gravity, inertia=INERTIA)
+    joint = bearing(RigidWall(restitution), law, clearance=clearance, radius=radius)
+    return disc(joint, gravity=gravity, inertia=INERTIA)
 
 
 def close(found: object, expected: object, tolerance: float, what: str) -> None:
