@@ -11,11 +11,7 @@ from scipy.special import lambertw
 
 from reference_solver.contact.types import Impact
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import (
-    Body,
-    Mechanism,
-    SpringDamper,
-)
+from reference_solver.mechanism.mechanism import Body, Mechanism, SpringDamper
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
 from tests.helpers.kernels import straight_guide
@@ -162,9 +158,7 @@ FRICTIONS = [
 
 
 @pytest.mark.parametrize("friction", FRICTIONS, ids=lambda f: f.kind)
-def test_friction_slows_the_spin_and_closes_the_ledger(
-    friction: FrictionLaw,
-) -> None:
+def test_friction_slows_the_spin_and_closes_the_ledger(friction: FrictionLaw) -> None:
     spin = 300.0
     run = bounce(ContactLaw(HERTZ, 1.5, 0.2), FINE, friction, spin)
     q, v = run.q[-1], run.v[-1]

@@ -12,13 +12,7 @@ from reference_solver.contact.walls import separation
 from reference_solver.equations import Equations
 from reference_solver.failures import BlockedImpact
 from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    ClearanceJoint,
-    Mechanism,
-    RevoluteJoint,
-)
+from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, RevoluteJoint
 from reference_solver.mechanism.points import State
 from reference_solver.rigid.complementarity import complementary
 from reference_solver.rigid.complementarity import solve as solve_small

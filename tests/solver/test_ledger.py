@@ -247,10 +247,7 @@ def test_what_projections_remove_is_the_energy_before_less_that_after(case: str)
 @pytest.mark.parametrize("phase", [CONTACT, CLIPPED])
 def test_moving_springs_and_contacts_is_counted_with_their_elastic_energy(phase: float) -> None:
     """A loaded double pendulum, its pin deep in a wall, is moved onto its joints from 1e-6 m beside."""
-    joints = (
-        RevoluteJoint(GROUND, (0.0, 0.0), 0, (-0.5, 0.0)),
-        RevoluteJoint(0, (0.5, 0.0), 1, (-0.4, 0.1)),
-    )
+    joints = (RevoluteJoint(GROUND, (0.0, 0.0), 0, (-0.5, 0.0)), RevoluteJoint(0, (0.5, 0.0), 1, (-0.4, 0.1)))
     pin = ClearanceJoint(GROUND, (1.5, 0.2), 1, (0.3, -0.1), 0.1, 0.5, ContactLaw(1e3, 1.5, 0.5))
     loads = Torque(1, 3.0), SpringDamper(GROUND, (0.5, 0.7), 1, (0.1, 0.2), 300.0, 2.0, 0.3)
     mechanism = Mechanism((Body(1.0, 0.1), Body(2.0, 0.3)), joints, loads, 9.81, (pin,))

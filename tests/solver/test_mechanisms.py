@@ -287,11 +287,7 @@ def test_redundant_constraints_raise_an_error_that_names_the_rank() -> None:
 def test_two_drivers_on_one_body_raise_an_error_that_names_the_rank() -> None:
     wheel = Mechanism(
         (Body(1.0, 0.5),),
-        (
-            RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),
-            PrescribedSpeed(0, 1.0),
-            PrescribedSpeed(0, 1.0),
-        ),
+        (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)), PrescribedSpeed(0, 1.0), PrescribedSpeed(0, 1.0)),
     )
     with pytest.raises(SingularConfiguration, match="rank 3 of 4"):
         solve(wheel, np.zeros(3), np.array([0, 0, 1.0]), end_time_s=1.0, samples=1, step=1.0)

@@ -18,28 +18,9 @@ from reference_solver.compiled import kernel
 from reference_solver.factorisation import Factors, eliminated
 from reference_solver.mechanism.lifting import lifted
 from reference_solver.mechanism.mechanism import Body, Mechanism, PrescribedSpeed
-from reference_solver.tape import (
-    Parameters,
-    Tape,
-    Writer,
-    array,
-    cos,
-    sin,
-    sqrt,
-    when,
-)
-from tests.solver.random_mechanisms import (
-    CONSTRAINTS as KINDS,
-)
-from tests.solver.random_mechanisms import (
-    FRICTIONS,
-    LAWS,
-    LOADS,
-    STABILISATIONS,
-    Recipe,
-    outcomes,
-    solved,
-)
+from reference_solver.tape import Parameters, Tape, Writer, array, cos, sin, sqrt, when
+from tests.solver.random_mechanisms import CONSTRAINTS as KINDS
+from tests.solver.random_mechanisms import FRICTIONS, LAWS, LOADS, STABILISATIONS, Recipe, outcomes, solved
 
 NAMES = ("a", "b", "c")
 FUNCTIONS = {name: getattr(math, name) for name in ("cos", "sin", "sqrt", "tanh", "copysign")}
