@@ -116,7 +116,7 @@ def order(values: list[float], steps: list[float]) -> float:
 def period_part(law: ContactLaw, steps: float) -> float:
     """Return by what part a linear contact lasts longer than half a period."""
     period = np.pi * np.sqrt(MASS / law.stiffness)
-    return float(np.diff(bounce(law, steps).events["time_s"])[0]) / period - 1
+    return float(np.diff(bounce(law, steps).events["time_s"])[0] / period - 1)
 
 
 ZETA = 0.2

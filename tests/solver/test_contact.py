@@ -144,13 +144,6 @@ def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_o
     assert abs(order - 4) < 0.5, f"order {order:.2f} of {sizes}"
 
 
-def test_the_plain_algorithm_takes_steps_of_exactly_the_length_asked_for() -> None:
-    # 0.003 s in 30 samples of 1e-4 s: 1000 steps of 1e-7 s each, and not one more for rounding.
-    run = ReferenceEngine(locate_events=False).simulate(short(STANDARD, 0.003), RunSettings(1e-7, 30))
-    assert run.steps == 30_000
-    assert run.step_s == pytest.approx(1e-7, rel=1e-12)
-
-
 # Mobilities, which limit the steps of light links
 
 SAMPLES = 200
