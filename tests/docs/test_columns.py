@@ -15,7 +15,7 @@ from engine_models.scene.file import from_toml
 from reports.results import published_rows
 from studies.command.trajectory_table import impact_columns, sample_columns
 from tests.docs.pages import ROOT, table
-from tests.engine_models.mechanics.machines import MACHINES
+from tests.helpers.machines import MACHINES
 
 #: Between them these have every kind of joint, drive and load; ends are in s.
 SCENES = {

@@ -1,0 +1,47 @@
+"""A body with a pin in a fixed bearing, and runs of any mechanism from plain numbers."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
+from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, Point
+from reference_solver.solution import Solution
+from reference_solver.solver import ErrorControl, StepChoice, solve
+
+GRAVITY, MASS, INERTIA, CLEARANCE, RADIUS = 9.81, 0.1, 1e-4, 5e-4, 0.01
+
+
+def bearing(
+    law: ContactLaw | RigidWall,
+    friction: FrictionLaw | None = None,
+    *,
+    clearance: float = CLEARANCE,
+    radius: float = RADIUS,
+    centre: Point = (0.0, 0.0),
+    point: Point = (0.0, 0.0),
+) -> ClearanceJoint:
+    """Return the joint of a pin of body 0, at its centre of mass, in a bearing about the origin."""
+    return ClearanceJoint(GROUND, centre, 0, point, clearance, radius, law, friction)
+
+
+def disc(*joints: ClearanceJoint, gravity: float = 0.0, inertia: float = INERTIA) -> Mechanism:
+    """Return a body that is free but for its pins."""
+    return Mechanism((Body(MASS, inertia),), (), (), gravity, joints)
+
+
+def run(
+    mechanism: Mechanism,
+    q: Sequence[float],
+    v: Sequence[float],
+    end_s: float,
+    step: int | StepChoice | ErrorControl,
+    samples: int = 10,
+    **settings: Any,
+) -> Solution:
+    """Return a run, as Python unless it is to be compiled; an integer is a number of steps."""
+    choice = StepChoice(end_s / step) if isinstance(step, int) else step
+    asked = {"compiled": False, **settings}
+    start = np.array(q, dtype=float), np.array(v, dtype=float)
+    return solve(mechanism, *start, end_time_s=end_s, samples=samples, step=choice, **asked)

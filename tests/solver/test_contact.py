@@ -1,0 +1,222 @@
+"""Crank-sliders with compliant clearance: numbers known, the ledger, samples within steps, light links."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from engine_models.engine import RunSettings, Trajectory
+from engine_models.engines import make_engine
+from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.equations import mechanism_of
+from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.library import CLEARANCE_SCENES
+from engine_models.scene.scene import Scene
+from reference_solver.compiled.faces import with_fields
+from reference_solver.contact import loop as contact_loop
+from reference_solver.contact.types import CONTACT_RECORD, DONE, new_run
+from reference_solver.equations import Equations
+from reference_solver.mechanism.points import State, ends_of
+from reference_solver.methods import RK4, tableau
+from reference_solver.solution import Solution
+from reference_solver.solver import StepChoice, solve
+from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
+
+FloatArray = NDArray[np.float64]
+STANDARD = "clearance-driven-0.5mm"
+#: Steps at which a run with located events is converged (see the ledger's order below).
+FINE = StepChoice(5e-6, 400)
+
+
+def solved(scene: Scene, choice: StepChoice, samples: int) -> Solution:
+    q, v = (part.ravel() for part in start_state(scene))
+    end = scene.end_time_s
+    return solve(mechanism_of(scene), q, v, end_time_s=end, samples=samples, step=choice)
+
+
+def short(name: str, end_s: float) -> Scene:
+    return CLEARANCE_SCENES[name]().model_copy(update={"end_time_s": end_s})
+
+
+def test_the_standard_cases_first_impacts_and_peak_force_are_those_known() -> None:
+    events = solved(short(STANDARD, 0.001), FINE, 1).events
+    first = events[events["what"] == 1][:3]
+    np.testing.assert_allclose(first["time_s"], [0.000227285, 0.000636428, 0.000749140], atol=5e-10, rtol=0)
+    np.testing.assert_allclose(first["rate"], [4.385827, 2.748345, 1.825504], atol=5e-7, rtol=0)
+    peak = solved(short(STANDARD, 0.0003), FINE, 30_000).normal_force_N.max()
+    assert peak == pytest.approx(45870, abs=0.5)
+    # t1 ~ sqrt(2c/a0), v1 ~ sqrt(2 c a0), a0 = r w^2 (1 + r/L): within 0.5 %.
+    a0, c = 0.05 * (2 * np.pi * 5000 / 60) ** 2 * (1 + 0.05 / 0.12), 5e-4
+    assert first["time_s"][0] == pytest.approx(np.sqrt(2 * c / a0), rel=5e-3)
+    assert first["rate"][0] == pytest.approx(np.sqrt(2 * c * a0), rel=5e-3)
+
+
+# Samples within steps
+
+
+def rate_of(y: FloatArray) -> FloatArray:
+    """q'' = -q - q'^3/10, and the sum of q q'^2."""
+    return np.array([y[1], -y[0] - y[1] ** 3 / 10, y[0] * y[1] ** 2])
+
+
+def flow(y: FloatArray, until: float) -> FloatArray:
+    """Return the state after a time, by 200 steps of RK4."""
+    k = until / 200
+    for _ in range(200):
+        k1 = rate_of(y)
+        k2 = rate_of(y + k / 2 * k1)
+        k3 = rate_of(y + k / 2 * k2)
+        y = y + k / 6 * (k1 + 2 * (k2 + k3) + rate_of(y + k * k3))
+    return y
+
+
+def interpolation_errors(h: float) -> FloatArray:
+    """Return the largest errors of q, q' and a sum within a converged step of the loop."""
+    start, times = np.array([0.8, 0.5, 3.0]), np.linspace(0, h, 9)[1:-1]
+    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 1, 1), times, contact_loop.ROWS, 1)
+    run.old.y[:], (now,) = start, run.clock
+    now["longest"], now["end"], now["per_contact"] = h, h, 1.0
+    now["located"] = now["budget"] = 1
+
+    def step(_p, _contacts, _t, h, old, new):  # type: ignore[no-untyped-def]
+        new.y[:] = flow(np.array([*old.y[:2], 0.0]), h)
+        return 1.0
+
+    def slopes(_p, _contacts, _t, row, _rate, y, slopes):  # type: ignore[no-untyped-def]
+        slopes[row] = rate_of(y)
+        return 1.0
+
+    def forces(_p, _contacts, _t, _y, row, samples):  # type: ignore[no-untyped-def]
+        samples[row, 3] = 7.0
+        return 1.0
+
+    kernel = contact_loop.Kernel(step, slopes, forces, lambda *_: True, lambda *_: True)
+    assert contact_loop.advance(with_fields(run._replace(kernel=kernel, method=tableau(RK4)))) == DONE
+    assert now["steps"] == 1
+    assert (run.records.samples[:, 3] == 7.0).all()
+    found = run.records.samples[:, :3]
+    return np.asarray(np.abs(found - [flow(start, t) for t in times]).max(axis=0))
+
+
+def test_positions_are_interpolated_at_order_six_velocities_and_sums_at_order_five() -> None:
+    steps = [0.4, 0.2, 0.1]
+    orders = np.polyfit(np.log(steps), np.log([interpolation_errors(h) for h in steps]), 1)[0]
+    assert (orders > [5.5, 4.5, 4.5]).all(), f"{orders}"  # the next terms bend them by up to 0.3
+
+
+@pytest.mark.parametrize("name", [STANDARD, "clearance-driven-damped", "clearance-driven-AB"])
+def test_a_run_takes_the_same_steps_whatever_its_samples_whose_forces_are_those_of_their_states(
+    name: str,
+) -> None:
+    scene = short(name, 0.003)
+    few, many = (solved(scene, FINE, samples) for samples in (30, 3000))
+    assert few.steps == many.steps
+    assert (few.events == many.events).all()
+    assert (few.q[-1] == many.q[-1]).all()
+    # The same instants, written alike or through the last digit of the time.
+    np.testing.assert_allclose(many.q[::100], few.q, rtol=1e-12, atol=1e-14)
+    for key, sums in few.sums.items():
+        assert sums[-1] == many.sums[key][-1]
+    equations, contacts = Equations(mechanism_of(scene), many.q[0]), range(len(scene.joints_with_clearance))
+    for k in range(7, 3000, 171):
+        answer = equations.required(many.time_s[k], many.q[k], many.v[k], many.phases[k])
+        # Forces in contact magnify the round-off of coordinates.
+        scale = 1 + np.abs(answer.multipliers).max()
+        assert np.abs(many.multipliers[k] - answer.multipliers).max() < 1e-9 * scale
+        normal = [answer.powers[f"normal{c}"] for c in contacts]
+        np.testing.assert_allclose(many.normal_force_N[k], normal, rtol=1e-9, atol=1e-9 * scale)
+        np.testing.assert_allclose(many.friction_force_N[k], answer.friction_N, rtol=1e-9, atol=1e-9 * scale)
+
+
+def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_order_four() -> None:
+    rates, scene, sizes = [(2e-5, 200), (1e-5, 400), (5e-6, 800)], short(STANDARD, 0.003), []
+    for step, per_contact in rates:
+        engine, left = ReferenceEngine(steps_per_contact=per_contact * step / 1e-5), []
+        for samples in (150, 9000):
+            run = engine.simulate(scene, RunSettings(step, samples))
+            assert run.step_s == step, "samples do not shorten steps"
+            assert constraint_violation_m(scene, run).max() < 1e-14
+            left.append(np.abs(energy_balance_residual_J(scene, run)).max())
+        few, many = np.array(left) / kinetic_energy_J(scene, run).max()
+        assert many < 1.5 * few, f"{many:.1e} at dense samples, {few:.1e} at few"
+        sizes.append(many)
+    assert sizes[-1] < 1e-11
+    order = np.polyfit(np.log([step for step, _ in rates]), np.log(sizes), 1)[0]
+    assert abs(order - 4) < 0.5, f"order {order:.2f} of {sizes}"
+
+
+# Mobilities, which limit the steps of light links
+
+SAMPLES = 200
+
+
+@pytest.mark.parametrize("name", ["clearance-free-OAB", "clearance-driven-damped"])
+def test_a_mobility_is_the_speed_that_a_unit_impulse_makes(name: str) -> None:
+    scene = CLEARANCE_SCENES[name]()
+    mechanism, q = mechanism_of(scene), start_state(scene)[0].ravel() + 1e-4
+    equations = Equations(mechanism, q)
+    M, B = np.diag(equations.mass), equations.constraint_matrix(q)
+    rows = len(B)
+    # [M]v - [B]^T p = the impulse, [B]v = 0: impulses of the joints solved for, none eliminated.
+    whole = np.block([[M, -B.T], [B, np.zeros((rows, rows))]])
+    found = np.reshape(equations.mobilities(q), (-1, 3))
+    for joint, mobilities in zip(mechanism.contacts, found, strict=True):
+        bearing, pin = ends_of(joint, State(q, np.zeros_like(q)))
+        n = (pin.place - bearing.place) / np.hypot(*(pin.place - bearing.place))
+        t = np.array([-n[1], n[0]])
+        for way, mobility in zip((n, None, t), mobilities, strict=True):
+            if way is None and joint.friction is None:
+                assert mobility == 0
+                continue
+            push = np.zeros(len(q) + rows)
+            radii = joint.bearing_radius_m, joint.bearing_radius_m - joint.radial_clearance_m
+            for point, sign, radius in zip((bearing, pin), (-1.0, 1.0), radii, strict=True):
+                if point.body >= 0:
+                    force = sign * (t if way is None else way)
+                    twist = point.lever[0] * force[1] - point.lever[1] * force[0]
+                    twist += sign * radius if way is None else 0.0
+                    push[3 * point.body : 3 * point.body + 3] += [*force, twist]
+            speeds = np.linalg.solve(whole, push)[: len(q)]
+            assert push[: len(q)] @ speeds == pytest.approx(mobility, rel=1e-9)
+
+
+def light_crank(mass_kg: float, contact: dict[str, object], speed_rad_s: float, end_s: float) -> Scene:
+    """Return a light crank between a heavy rod and a pivot with clearance, free to move."""
+    J = 0.1 * mass_kg * 0.05**2
+    crank = {"length_m": 0.05, "mass_kg": mass_kg, "inertia_kg_m2": J, "centre_of_mass_m": 0.025}
+    rod = {"length_m": 0.15, "mass_kg": 1.0, "inertia_kg_m2": 2e-3, "centre_of_mass_m": 0.07}
+    return Scene.model_validate(
+        {
+            "name": "light-crank",
+            "end_time_s": end_s,
+            "gravity_m_s2": 9.81,
+            "crank": crank,
+            "rod": rod,
+            "slider": {"mass_kg": 1.0, "inertia_kg_m2": 1e-4},
+            "start": {"crank_angle_rad": 0.5, "crank_speed_rad_s": speed_rad_s},
+            "drive": {"kind": "free"},
+            "clearance": {"O": {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, **contact}},
+        }
+    )
+
+
+def test_friction_on_a_light_crank_is_followed() -> None:
+    friction = {"law": "tanh", "coefficient": 0.3, "regularisation_speed_m_s": 1e-3}
+    soft = {"law": "kelvin-voigt", "stiffness": 1e5, "damping_N_s_m": 2e3, "friction": friction}
+    plain, sharp = runs(light_crank(1e-3, soft, 2.0, 0.04), step_s=1e-4)
+    # With the mobility along the normal in place of that of sliding, friction is off by 12 % of its size.
+    for name in ("normal_force_N", "friction_force_N"):
+        value, true = getattr(plain.contacts["O"], name), getattr(sharp.contacts["O"], name)
+        assert np.abs(value - true).max() < 1e-5 * np.abs(true).max()
+
+
+def test_a_pin_that_follows_a_rigid_wall_swings_at_its_own_frequency() -> None:
+    plain, sharp = runs(light_crank(1.4e-3, {"law": "rigid", "restitution": 0.0}, 60.0, 0.02), step_s=1e-5)
+    # Without that frequency's limit on the step the slider is off by a thousand clearances.
+    assert np.abs(plain.position[:, -1, 0] - sharp.position[:, -1, 0]).max() < 1e-3 * 1e-4
+
+
+def runs(scene: Scene, step_s: float) -> tuple[Trajectory, Trajectory]:
+    """Return RK4's run at a step, and that of DOP853 near round-off."""
+    plain = make_engine("reference").simulate(scene, RunSettings(step_s, SAMPLES))
+    sharp = make_engine("reference", method="dop853", step_tolerance=1e-11)
+    return plain, sharp.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))

@@ -1,0 +1,217 @@
+"""Machine code kept between processes: what is damaged is made again, what others could write is refused."""
+
+import errno
+import math
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from reference_solver.compiled import checked_files
+from reference_solver.compiled.checked_files import made_once
+from reference_solver.compiled.folder import FolderRefused, private_folder, say_once, writable_folder
+from reference_solver.compiled.store import kernel_folder, load_kernel, njit
+from tests.helpers.command import crankslider
+
+SOURCE = """from reference_solver.compiled.store import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2.0 * x
+"""
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path / "cache"))
+    for memory in (load_kernel, say_once):
+        memory.cache_clear()
+    yield tmp_path / "cache"
+    load_kernel.cache_clear()
+
+
+def loaded() -> bool:
+    """Return whether a new process would load the kernel; either way it computes what it should."""
+    load_kernel.cache_clear()
+    kernel: ModuleType = load_kernel(SOURCE)
+    assert kernel.twice(21.0) == 42.0
+    return bool(kernel.twice.stats.cache_hits)
+
+
+def the_file() -> Path:
+    (file,) = kernel_folder().iterdir()
+    return file
+
+
+def test_what_one_process_has_compiled_the_next_one_loads(caplog: pytest.LogCaptureFixture) -> None:
+    assert [loaded(), loaded()] == [False, True]
+    assert not caplog.messages
+
+
+def altered(kept: bytes) -> bytes:
+    middle = len(kept) // 2
+    return kept[:middle] + bytes([kept[middle] ^ 1]) + kept[middle + 1 :]
+
+
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "emptied": lambda _: b"",
+    "truncated": lambda kept: kept[:-1],
+    "cut within the checksum": lambda kept: kept[:7],
+    "one bit altered": altered,
+    "garbage": lambda kept: os.urandom(len(kept)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_file_is_said_once_and_made_again(damage: str, caplog: pytest.LogCaptureFixture) -> None:
+    loaded()
+    kept = the_file().read_bytes()
+    for _ in range(2):
+        the_file().write_bytes(DAMAGES[damage](kept))
+        assert not loaded()
+        assert loaded()
+    assert len(caplog.messages) == 1
+    assert str(kernel_folder()) in caplog.text
+    assert "got damaged ones: making them again" in caplog.text
+
+
+def test_a_file_of_somebody_else_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded()
+    real = os.fstat
+
+    def another_owner(descriptor: int) -> os.stat_result:
+        found = list(real(descriptor))
+        found[4] += 1
+        return os.stat_result(found)
+
+    monkeypatch.setattr(os, "fstat", another_owner)
+    assert not loaded()
+
+
+def test_another_source_has_code_of_its_own() -> None:
+    loaded()
+    other = load_kernel(SOURCE.replace("2.0", "3.0"))
+    assert other.twice(2.0) == 6.0
+    assert len(list(kernel_folder().iterdir())) == 2
+
+
+def test_other_options_have_code_of_their_own() -> None:
+    inverse: Callable[[float], float] = load_kernel("def inverse(x):\n    return 1.0 / x\n").inverse
+    assert njit(cache=True, error_model="numpy")(inverse)(0.0) == math.inf
+    with pytest.raises(ZeroDivisionError):
+        njit(cache=True)(inverse)(0.0)
+    assert len(list(kernel_folder().iterdir())) == 2
+
+
+def test_the_folders_are_private_whatever_the_mask(cache: Path) -> None:
+    mask = os.umask(0)
+    try:
+        private_folder()
+    finally:
+        os.umask(mask)
+    assert [path.stat().st_mode & 0o777 for path in (cache, kernel_folder())] == [0o700, 0o700]
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o702])
+@pytest.mark.parametrize("where", ["kernels", "."])
+def test_a_folder_that_others_can_write_to_is_refused(mode: int, where: str, cache: Path) -> None:
+    loaded()
+    (cache / where).chmod(mode)
+    refused = f"{cache / where}: expected a folder that only you can write to, got permissions {mode:04o}"
+    with pytest.raises(FolderRefused, match=re.escape(refused)):
+        loaded()
+
+
+def test_a_folder_in_one_where_only_owners_replace_is_taken(cache: Path) -> None:
+    loaded()
+    cache.chmod(0o1777)
+    assert loaded()
+
+
+def test_a_folder_of_somebody_else_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded()
+    owner = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
+    with pytest.raises(FolderRefused, match=f"got one of user {owner}: set CRANKSLIDER_CACHE"):
+        loaded()
+
+
+def test_without_a_folder_every_process_compiles_its_own(
+    cache: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache.write_text("in the way")
+    assert [loaded(), loaded()] == [False, False]
+    assert caplog.messages == [
+        f"{kernel_folder()}: expected a folder to keep kernels in, got 'File exists': "
+        "every process makes its own"
+    ]
+
+
+def test_a_full_disk_is_named_and_keeps_no_part_of_a_file(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(path: Path, data: bytes) -> int:
+        with path.open("wb") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert [loaded(), loaded()] == [False, False]
+    assert len(caplog.messages) == 1
+    assert "got 'No space left on device'" in caplog.text
+    assert not list(kernel_folder().iterdir())
+
+
+def test_processes_started_where_nothing_can_be_kept_share_a_temporary_folder(
+    cache: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache.write_text("in the way")
+    with writable_folder():
+        temporary = Path(os.environ["CRANKSLIDER_CACHE"])
+        assert [loaded(), loaded()] == [False, True]
+    assert "got 'File exists': a temporary one is used" in caplog.text
+    assert os.environ["CRANKSLIDER_CACHE"] == str(cache)
+    assert not temporary.exists()
+
+
+def test_the_commands_refuse_such_a_folder_in_one_line(cache: Path, tmp_path: Path) -> None:
+    private_folder().chmod(0o777)
+    done = crankslider("run", "agreement", "--out", tmp_path / "out")
+    assert (done.code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"error: {kernel_folder()}: expected a folder that only you can write")
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [cache]
+
+
+def test_of_two_kinds_of_argument_each_loads_its_own_machine_code() -> None:
+    for _ in range(2):
+        load_kernel.cache_clear()
+        kernel: ModuleType = load_kernel(SOURCE)
+        assert (kernel.twice(21.0), kernel.twice(2.0 + 1.0j)) == (42.0, 4.0 + 2.0j)
+    assert len(list(kernel_folder().iterdir())) == 2
+
+
+def test_what_is_made_by_one_is_waited_for_by_the_others_but_not_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    inside, most = [0], [0]
+
+    def make(_: int) -> None:
+        with made_once("thing"):
+            inside[0] += 1
+            most[0] = max(most[0], inside[0])
+            time.sleep(0.02)
+            inside[0] -= 1
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(make, range(4)))
+    assert most == [1]
+    assert not list(kernel_folder().glob("*.lock"))
+    monkeypatch.setattr(checked_files, "WAIT_S", 0.1)
+    with made_once("thing"), made_once("thing"):  # the other one hangs
+        pass

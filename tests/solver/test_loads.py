@@ -1,0 +1,316 @@
+"""Loads along lines of moving bodies, loads by time and speed, and slides by a function of time."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from reference_solver.energy import created_J, kinetic_J
+from reference_solver.equations import Equations
+from reference_solver.failures import SingularConfiguration
+from reference_solver.guard import swing_s
+from reference_solver.mechanism.mechanism import (
+    GROUND,
+    AlongLine,
+    Body,
+    ConstantForce,
+    Constraint,
+    ForceByTime,
+    GasForce,
+    LineDamper,
+    LineSpring,
+    Load,
+    Mechanism,
+    PrescribedMotion,
+    PrescribedSlide,
+    RevoluteJoint,
+    SameAngle,
+    Slot,
+    SpringDamper,
+    Torque,
+    TorqueBySpeed,
+    TorqueByTime,
+    TurningDamper,
+)
+from reference_solver.mechanism.motions import Ramp, Steady
+from reference_solver.mechanism.scales import scales_of
+from reference_solver.mechanism.tables import PiecewiseCubic
+from reference_solver.solution import Solution
+from reference_solver.solver import ErrorControl, solve
+from tests.helpers.kernels import straight_guide
+from tests.helpers.orders import ORDER_TOLERANCE, slope
+
+FloatArray = NDArray[np.float64]
+#: Central differences with a step of 1e-6 of functions of order 1 to 10.
+STEP, DIFFERENCE = 1e-6, 1e-7
+BODIES = (Body(1.0, 0.3), Body(2.0, 0.5))
+#: A line of body 0, and a point of body 1 that is not on it.
+ENDS = (0, (0.1, -0.2), 1, (0.3, 0.05), 0.7)
+#: A line of the frame.
+FIXED = (GROUND, (0.4, 0.1), 1, (0.3, 0.05), -1.1)
+Q, V = np.array([0.2, -0.3, 0.5, 1.1, 0.4, -0.8]), np.array([0.7, -0.4, 1.9, -0.6, 0.3, -1.2])
+NOW = 0.37
+#: Straight lines with kinks, at times that no step of a run without them lands on.
+TIMES, VALUES = (0.0, 0.21, 0.34, 0.55, 0.8), (1.0, -6.0, 4.0, 5.0, 0.0)
+
+
+def lines(x: tuple[float, ...], y: tuple[float, ...]) -> PiecewiseCubic:
+    """Return straight lines between points, the last of which goes on as it is."""
+    slopes = [*(np.diff(y) / np.diff(x)), 0.0]
+    return PiecewiseCubic(tuple(float(part) for row in zip(x, y, slopes) for part in (*row, 0.0, 0.0)))  # noqa: B905
+
+
+TABLE = lines(TIMES, VALUES)
+
+
+def cubic(x: float) -> float:
+    """Return what ``CUBIC`` is."""
+    return 2.0 - 0.5 * x + 0.3 * x**2 - 0.04 * x**3
+
+
+CUBIC = PiecewiseCubic((0.0, 2.0, -0.5, 0.3, -0.04))
+RISING = PiecewiseCubic((0.0, 0.0, 4.0, 0.0, 0.0))
+
+
+def way(line: AlongLine, q: FloatArray) -> float:
+    """Return s: how far along the line, from its point, the point of body j is."""
+
+    def place(body: int, point: tuple[float, float]) -> complex:
+        x, y, angle = (0.0, 0.0, 0.0) if body == GROUND else q[3 * body : 3 * body + 3]
+        return complex(complex(x, y) + complex(*point) * np.exp(1j * angle))
+
+    angle = line.angle_rad + (0.0 if line.body_i == GROUND else q[3 * line.body_i + 2])
+    apart = place(line.body_j, line.point_j) - place(line.body_i, line.point_i)
+    return float((apart * np.exp(-1j * angle)).real)
+
+
+def gradient(function: Callable[[FloatArray], float], q: FloatArray) -> FloatArray:
+    """Return the derivatives of a function by the coordinates."""
+    steps = STEP * np.eye(len(q))
+    return np.array([(function(q + step) - function(q - step)) / (2 * STEP) for step in steps])
+
+
+ALONG: list[Load] = [
+    load
+    for line in (ENDS, FIXED)
+    for load in (
+        ConstantForce(*line, 3.0),
+        LineSpring(*line, 40.0, 0.2),
+        LineDamper(*line, 5.0),
+        GasForce(*line, 1, CUBIC),
+        ForceByTime(*line, CUBIC),
+    )
+]
+
+
+@pytest.mark.parametrize("load", ALONG, ids=lambda load: type(load).__name__)
+def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: AlongLine) -> None:
+    row = gradient(lambda q: way(load, q), Q)
+    forces = {
+        ConstantForce: 3.0,
+        LineSpring: -40.0 * (way(load, Q) - 0.2),
+        LineDamper: -5.0 * (row @ V),
+        GasForce: cubic(Q[5]),
+        ForceByTime: cubic(NOW),
+    }
+    expected = forces[type(load)] * row
+    equations = Equations(Mechanism(BODIES, (), (load,)), Q)  # type: ignore[arg-type]
+    assert np.abs(equations.applied_force(NOW, Q, V) - expected).max() < 10 * DIFFERENCE
+    if isinstance(load, ConstantForce | LineSpring):
+        assert np.abs(equations.stored_force(Q) - expected).max() < 10 * DIFFERENCE
+    else:
+        assert not equations.stored_force(Q).any()
+        power = equations.answer(NOW, Q, V).powers["load0"]
+        assert power == pytest.approx(expected @ V, abs=10 * DIFFERENCE)
+
+
+def run(mechanism: Mechanism, q: FloatArray, v: FloatArray, **settings: Any) -> Solution:
+    """Return a run of 1 s with ten samples."""
+    return solve(mechanism, q, v, **{"end_time_s": 1.0, "samples": 10, "step": 0.007} | settings)
+
+
+SETTINGS = pytest.mark.parametrize(
+    "settings",
+    [{"compiled": True}, {"compiled": False}, {"step": ErrorControl(1e-12), "compiled": False}],
+    ids=["compiled", "readable", "dop853"],
+)
+
+
+def test_loads_between_free_bodies_keep_momentum_and_the_ledger_closes() -> None:
+    loads = *ALONG[:4], ForceByTime(*ENDS, TABLE)
+    mechanism = Mechanism(BODIES, (), (*loads, SpringDamper(0, (0.1, 0.0), 1, (0.0, 0.2), 30.0, 4.0, 0.5)))
+    found = run(mechanism, Q, V, step=2e-3)
+    masses = np.array([body.mass_kg for body in BODIES])
+    inertias = np.array([body.inertia_kg_m2 for body in BODIES])
+    x, y, _ = found.q.reshape(-1, 2, 3).transpose(2, 0, 1)
+    x_rate, y_rate, spin = found.v.reshape(-1, 2, 3).transpose(2, 0, 1)
+    momenta = x_rate @ masses, y_rate @ masses, (x * y_rate - y * x_rate) @ masses + spin @ inertias
+    assert np.ptp(spin, axis=0).min() > 0.3, "there is something to keep"
+    for momentum in momenta[:2]:
+        assert np.abs(momentum - momentum[0]).max() < 1e-12, "linear ones RK4 keeps to round-off"
+    assert np.abs(momenta[2] - momenta[2][0]).max() < 1e-8
+    assert created_J(found).max() < 1e-7 * kinetic_J(mechanism, found.v).max()
+
+
+@SETTINGS
+def test_a_force_by_time_is_exact_where_its_lines_are_since_steps_land_on_its_kinks(
+    settings: dict[str, Any],
+) -> None:
+    mass, tilt, g, g_x = 2.0, 0.4, 9.81, 3.0
+    force = ForceByTime(GROUND, (0.0, 0.0), 0, (0.0, 0.0), tilt, TABLE)
+    guide = straight_guide(0, (0.0, 0.0), tilt)
+    block = Mechanism((Body(mass, 1.0),), guide, (force,), g, gravity_x_m_s2=g_x)
+    found = run(block, np.zeros(3), np.zeros(3), **settings)
+    u, expected = np.array([np.cos(tilt), np.sin(tilt), 0.0]), []
+    for end in found.time_s:
+        cuts = np.unique(np.clip([0.0, *TIMES, end], 0.0, end))
+        s = speed = 0.0
+        for a, b in pairwise(cuts):
+            first, last = np.interp([a, b], TIMES, VALUES) / mass - g * u[1] + g_x * u[0]
+            h = b - a
+            s, speed = s + h * speed + h**2 * (2 * first + last) / 6, speed + h * (first + last) / 2
+        expected.append((s, speed))
+    s, speed = np.array(expected).T
+    bound = 1e-10 if "step" in settings else 1e-13
+    assert np.abs(found.q - np.outer(s, u)).max() < bound
+    assert np.abs(found.v - np.outer(speed, u)).max() < bound
+    gained = mass * speed**2 / 2 + mass * (g * u[1] - g_x * u[0]) * s
+    assert np.abs(found.sums["load0"] - gained).max() < 10 * bound
+
+
+def rotor(*loads: Load) -> Mechanism:
+    return Mechanism((Body(1.0, 0.5),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),), loads)
+
+
+def turned(torque: Callable[[float, float], float], times: FloatArray) -> FloatArray:
+    """Return the angle of a rotor that starts at 1 rad/s under a torque of time and speed."""
+
+    def rates(t: float, y: FloatArray) -> list[float]:
+        return [y[1], torque(t, y[1]) / 0.5]
+
+    y, cuts, angles = np.array([0.0, 1.0]), np.union1d(times, TIMES), {0.0: 0.0}
+    for begin, end in pairwise(cuts):
+        y = solve_ivp(rates, (begin, end), y, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+        angles[end] = float(y[0])
+    return np.array([angles[t] for t in times])
+
+
+#: Loads of a rotor, and their torque by time and speed.
+ROTORS: dict[str, tuple[tuple[Load, ...], Callable[[float, float], float]]] = {
+    "damper": ((TurningDamper(0, 2.0),), lambda _, speed: -2.0 * speed),
+    "by time": (
+        (TorqueByTime(0, TABLE), TurningDamper(0, 1.5)),
+        lambda t, speed: float(np.interp(t, TIMES, VALUES)) - 1.5 * speed,
+    ),
+    "by speed": ((TorqueBySpeed(0, CUBIC),), lambda _, speed: cubic(speed)),
+}
+
+
+@pytest.mark.parametrize("name", ROTORS)
+def test_loads_on_turning_converge_to_the_equation_of_a_rotor(name: str) -> None:
+    loads, torque = ROTORS[name]
+    mechanism, v = rotor(*loads), np.array([0.0, 0.0, 1.0])
+    exact, errors, steps = turned(torque, np.linspace(0.0, 1.0, 11)), [], [1 / 40, 1 / 60, 1 / 80]
+    for step in steps:
+        found = run(mechanism, np.zeros(3), v, step=step)
+        errors.append(float(np.abs(found.q[:, 2] - exact).max()))
+    order, most = slope(steps, errors), 0.3 if name == "by time" else 2 * ORDER_TOLERANCE
+    assert abs(order - 4) < most, f"order {order:.3f} from errors {errors}"  # knots cut steps short
+    accurate: list[dict[str, Any]] = [{"step": ErrorControl(1e-12)}, {"step": 1e-3, "compiled": False}]
+    for settings in accurate:
+        found = run(mechanism, np.zeros(3), v, **settings)
+        assert np.abs(found.q[:, 2] - exact).max() < 1e-10, f"{settings}"
+        works = sum(found.sums[f"load{k}"] for k in range(len(loads)))
+        assert np.abs(kinetic_J(mechanism, found.v) - 0.25 - works).max() < 1e-9
+
+
+@SETTINGS
+def test_a_slider_driven_out_on_a_free_arm_keeps_angular_momentum(settings: dict[str, Any]) -> None:
+    mass, first, motion = 0.7, 0.3, Ramp(0.2, 1.5, 0.6)
+    constraints: tuple[Constraint, ...] = (
+        RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),
+        Slot(0, (0.1, 0.0), 1, (0.0, 0.0), 0.0),
+        SameAngle(0, 1),
+        PrescribedSlide(0, (0.1, 0.0), 1, (0.0, 0.0), 0.0, motion),
+    )
+    mechanism = Mechanism((Body(1.0, 0.08), Body(mass, 0.02)), constraints)
+    spin = 3.0
+    q = np.array([0.0, 0.0, 0.0, first, 0.0, 0.0])
+    v = np.array([0.0, 0.0, spin, 0.2, first * spin, spin])
+    found = run(mechanism, q, v, **({"step": 2e-3} | settings))
+
+    def radius(t: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        x = np.clip(np.asarray(t) / 0.6, 0.0, 1.0)
+        past = np.maximum(np.asarray(t) - 0.6, 0.0)
+        out = first + 0.2 * np.asarray(t) + 1.3 * (0.6 * (2.5 * x**4 - 3 * x**5 + x**6) + past)
+        return out, 0.2 + 1.3 * (10 * x**3 - 15 * x**4 + 6 * x**5), 1.3 / 0.6 * 30 * (x * (1 - x)) ** 2
+
+    momentum, times = (0.1 + mass * first**2) * spin, found.time_s
+    r, r_rate, r_acceleration = radius(times)
+    spins = momentum / (0.1 + mass * r**2)
+    angle = solve_ivp(
+        lambda t, _: [float(momentum / (0.1 + mass * radius(t)[0] ** 2))],
+        (0.0, 1.0), [0.0], "DOP853", times, rtol=1e-13, atol=1e-14, max_step=0.1,
+    ).y[0]  # fmt: skip
+    assert np.abs(found.q[:, 2] - angle).max() < 1e-9
+    assert np.abs(np.hypot(found.q[:, 3], found.q[:, 4]) - r).max() < 1e-9
+    assert np.abs(found.v[:, 2] - spins).max() < 1e-8
+    assert np.abs(found.multipliers[:, -1] - mass * (r_acceleration - r * spins**2)).max() < 1e-7
+    energy = (0.1 + mass * r**2) * spins**2 / 2 + mass * r_rate**2 / 2
+    assert np.abs(found.constraint_work_J - (energy - energy[0])).max() < 1e-8
+    assert created_J(found).max() < 1e-8
+
+
+@pytest.mark.parametrize("damping", [0.0, 4.0])
+def test_what_a_spring_s_damper_loses_has_a_line_of_its_own(damping: float) -> None:
+    spring = SpringDamper(GROUND, (0.0, 0.0), 0, (0.1, 0.0), 200.0, damping, 0.4)
+    hung = Mechanism((Body(2.0, 0.05),), (), (spring,), 9.81, gravity_x_m_s2=-2.0)
+    found = run(hung, np.array([0.1, -0.5, 0.3]), np.array([0.3, 0.0, 1.0]), step=1e-3)
+    assert ("load0" in found.sums) == bool(damping)
+    assert created_J(found).max() < 1e-8
+    if damping:
+        assert np.diff(found.sums["load0"]).max() < 0
+
+
+def test_a_dependence_is_told_by_the_names_of_the_joints_in_it() -> None:
+    pin = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
+    far = RevoluteJoint(0, (1.0, 0.0), 1, (0.0, 0.0))
+    twice = Mechanism(BODIES, (pin, far, SameAngle(0, 1), SameAngle(1, 0)))
+    q, v = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.zeros(6)
+    for mechanism, joints in (
+        (twice, ("SameAngle 2", "SameAngle 3")),
+        (replace(twice, names=("A", "B", "C", "C")), ("C",)),
+        (replace(twice, names=("A", "B", "C", "D")), ("C", "D")),
+    ):
+        with pytest.raises(SingularConfiguration) as refusal:
+            run(mechanism, q, v)
+        assert refusal.value.joints == joints
+        told = f"the joints' rows have rank 5 of 6 at t = 0 s, those of {', '.join(joints)} depend"
+        assert str(refusal.value).startswith(told)
+
+
+def test_scales_know_slides_by_their_length_and_loads_by_what_they_will_do() -> None:
+    def rate(*constraints: Constraint, loads: tuple[Load, ...] = (), g_x: float = 0.0) -> float:
+        mechanism = Mechanism(BODIES, constraints, loads, gravity_x_m_s2=g_x)
+        return scales_of(mechanism, np.zeros(6), np.zeros(6), np.zeros(6), 1.0).rate_s
+
+    line = (GROUND, (0.0, 0.0), 0, (0.5, 0.0), 0.0)
+    slide, turn = PrescribedSlide(*line, Steady(-3.0)), PrescribedMotion(0, Steady(2.0))
+    assert rate(slide) == pytest.approx(3.0 / 0.5)
+    assert rate(slide, turn) == pytest.approx(6.0)
+    assert rate(turn, RevoluteJoint(*line[:4])) == pytest.approx(2.0)
+    assert rate(loads=(ForceByTime(*line, TABLE),)) == pytest.approx(np.sqrt(6.0 / 1.0 / 0.5))
+    assert rate(loads=(ConstantForce(0, (0.0, 0.0), 1, (0.5, 0.0), 0.0, 6.0),)) == pytest.approx(
+        np.sqrt(12.0)
+    )
+    assert rate(loads=(TorqueByTime(1, RISING),)) == pytest.approx(np.sqrt(4.0 / 0.5))
+    assert rate(loads=(Torque(1, 0.0),), g_x=-9.0) == pytest.approx(3.0)
+    free = Mechanism(BODIES, ())
+    assert swing_s(TurningDamper(1, 3.0), free) == pytest.approx(6.0)
+    both = 1 / 1.0 + 0.05 / 0.3 + 1 / 2.0 + (0.3**2 + 0.05**2) / 0.5
+    assert swing_s(LineSpring(*ENDS, 40.0, 0.0), free) == pytest.approx(np.sqrt(40.0 * both))
