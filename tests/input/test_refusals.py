@@ -1,9 +1,9 @@
 """Bad input as a table: what is wrong, and below it the whole line that says so, where ``...`` is anything.
 
-``== NAME | CHANGES ==`` heads cases in the scene file NAME. A case is a list, by ``;;``, of changes "OLD => NEW"
-(a line at the end where there is no OLD), "csv TEXT" for the file table.csv, and "$ ARGUMENTS" for another call
-than ``CALL``. Below ``== library ==`` it is a call of the library. ``RENEW=1 pytest -n 0`` writes what is said
-now into the table, for the diff.
+``== NAME | CHANGES ==`` heads cases in the scene file NAME. A case is a list, by ``;;``, of changes
+"OLD => NEW" (a line at the end where there is no OLD), "csv TEXT" for the file table.csv, and "$ ARGUMENTS"
+for another call than ``CALL``. Below ``== library ==`` it is a call of the library. ``RENEW=1 pytest -n 0``
+writes what is said now into the table, for the diff.
 """
 
 import os
@@ -115,7 +115,9 @@ def test_bad_input_is_refused_in_one_line(
         TABLE.write_text("".join(lines), encoding="utf-8")
     assert fits(case.said, said), said
     assert said.isprintable()
-    assert re.search(r": expected .+(, got |, which |, whose )", said), "field, what was expected, and what came"
+    assert re.search(r": expected .+(, got |, which |, whose )", said), (
+        "field, what was expected, and what came"
+    )
 
 
 #: Heads of cases whose files are whole without what a case adds.

@@ -1,4 +1,4 @@
-"""The library does what the command line does, and refuses in its words."""
+"""The library does what the command line does."""
 
 import re
 from pathlib import Path
@@ -40,18 +40,11 @@ def test_a_scene_may_be_given_by_name_by_file_or_itself(tmp_path: Path, loose_ru
 
 def test_impacts_come_in_the_order_of_time_with_their_joint() -> None:
     run = cs.simulate("clearance-driven-AB", end=0.004)
-    assert list(run.impacts) == [
-        "joint",
-        "time_s",
-        "duration_s",
-        "approach_speed_m_s",
-        "normal_impulse_N_s",
-        "energy_lost_J",
-        "largest_normal_force_N",
-        "largest_normal_force_time_s",
-        "largest_penetration_m",
-        "largest_penetration_time_s",
-    ]
+    largest = (
+        "largest_normal_force_N largest_normal_force_time_s largest_penetration_m largest_penetration_time_s"
+    )
+    of_each = "joint time_s duration_s approach_speed_m_s normal_impulse_N_s energy_lost_J"
+    assert list(run.impacts) == f"{of_each} {largest}".split()
     assert run.impacts["time_s"].is_monotonic_increasing
     for joint, contact in run.trajectory.contacts.items():
         own = run.impacts[run.impacts["joint"] == joint]
@@ -79,12 +72,6 @@ def test_a_tolerance_is_kept_and_told() -> None:
     assert np.abs(run.frame["slider_position_m"] - finer.frame["slider_position_m"]).max() < 1e-9
 
 
-def test_a_doubtful_run_warns() -> None:
-    with pytest.warns(UserWarning, match=r"^energy off by .* past 1 % at t = "):
-        run = cs.simulate("ideal-free", engine="pymunk", step=1e-3)
-    assert len(run.warnings) == 1
-
-
 def test_quality_says_the_parts_in_one_line(loose_run: cs.Run) -> None:
     said, parts = loose_run.quality.summary(), loose_run.quality.parts()
     assert list(parts) == ["unaccounted_energy_part", "ideal_gap_part", "penetration_part"]
@@ -108,23 +95,6 @@ def test_another_value_in_a_field_makes_another_scene() -> None:
     rubbing = LOOSE.replace({f"clearance.B.friction.{name}": value for name, value in friction.items()})
     assert rubbing.clearance.B is not None
     assert rubbing.clearance.B.friction is not None
-
-
-def test_pictures_are_refused_in_one_line(loose_run: cs.Run, tmp_path: Path) -> None:
-    with pytest.raises(cs.BadInput, match=r'^joint: expected B, which has clearance, got "A"$'):
-        loose_run.plot_orbit("A")
-    with pytest.raises(cs.BadInput, match=r"^animate: expected a file that ends in .html, .gif or .mp4"):
-        loose_run.animate(tmp_path / "film.avi")
-    with pytest.raises(cs.BadInput, match=r"^exaggerate: expected a finite number > 0"):
-        loose_run.animate(tmp_path / "film.gif", exaggerate=0)
-    with pytest.raises(cs.BadInput, match=r"^animate: expected a place that can be written"):
-        loose_run.animate(tmp_path / "nowhere" / "film.gif")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_run_that_breaks_down_says_when() -> None:
-    with pytest.raises(cs.Failed, match=r"^energy off by .* at t = "):
-        cs.simulate("ideal-free", "pymunk", step=5e-3)
 
 
 def test_a_notebook_shows_what_ran_how_well_and_a_figure() -> None:
