@@ -117,14 +117,6 @@ def test_a_full_disk_is_told_of_the_file_that_it_struck(option: str, tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_picture_that_cannot_be_written_leaves_all_files_as_they_were(tmp_path: Path) -> None:
-    out = tmp_path / "a.csv"
-    out.write_text("before")
-    done = crankslider(*LOOSE, "--out", out, "--plot", tmp_path / "nowhere" / "p.png")
-    require_refusal(done.stdout, done.stderr, done.code, "--plot: expected a place that can be written")
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["before"]
-
-
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write and read everything")
 def test_permissions_are_respected(tmp_path: Path) -> None:
     file = tmp_path / "out.csv"

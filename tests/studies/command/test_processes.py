@@ -40,13 +40,6 @@ def in_shell(words: str, folder: Path, **variables: str) -> tuple[int, str, str]
     return done.returncode, done.stdout.decode(), done.stderr.decode()
 
 
-def by_python(code: str, *arguments: str, **more: float) -> tuple[int, str, str]:
-    """Run code in a process of its own; return exit code, stdout and stderr."""
-    command = [sys.executable, "-c", code, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, **more)  # type: ignore[call-overload]
-    return done.returncode, done.stdout, done.stderr
-
-
 # Environments
 
 
@@ -189,12 +182,14 @@ def test_an_interrupt_that_strikes_in_another_library_is_said_in_one_line_and_ne
     code: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path))
-    assert by_python(HEAR + code, *words.split(), timeout=60) == (130, "", "error: interrupted\n")
+    command = [sys.executable, "-c", HEAR + code, *words.split()]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "error: interrupted\n")
 
 
 # What a command loads before it begins: what it does not need would be most of a short run's time
 
-#: Runs each command of a text in lines, and prints what is loaded behind it.
+#: Runs each command, or import, of a text in lines, and prints what is loaded behind it.
 LOADED = """
 import os, sys
 from studies.command.main import main
@@ -202,7 +197,7 @@ for line in sys.argv[1].splitlines():
     sys.argv = ["crankslider", *line.split()]
     sys.stdout = open(os.devnull, "w")
     try:
-        main()
+        exec(line) if line.startswith("import") else main()
     except SystemExit:
         pass
     sys.stdout = sys.__stdout__
@@ -214,9 +209,9 @@ SLOW = {"scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.optimize"
 
 def loaded_behind(*commands: str) -> list[set[str]]:
     """Return what a process has loaded behind each of its commands."""
-    code, said, error = by_python(LOADED, "\n".join(commands))
-    assert (code, len(said.splitlines())) == (0, len(commands)), error
-    return [set(line.split()) for line in said.splitlines()]
+    command = [sys.executable, "-c", LOADED, "\n".join(commands)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return [set(line.split()) for line in done.stdout.splitlines()]
 
 
 def test_help_and_lists_come_without_numbers() -> None:
@@ -239,6 +234,6 @@ def test_a_run_loads_neither_a_compiler_nor_what_error_control_alone_needs(tmp_p
 
 
 def test_what_runs_members_loads_nothing_of_scipy_but_a_table() -> None:
-    code, said, _ = by_python("import sys, studies.sweeps.measure; print(*sys.modules)")
-    assert code == 0
-    assert not set(said.split()) & SLOW
+    (loaded,) = loaded_behind("import studies.sweeps.measure")
+    assert "studies.sweeps.measure" in loaded
+    assert not loaded & SLOW

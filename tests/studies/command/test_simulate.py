@@ -100,17 +100,6 @@ def test_a_joint_with_clearance_has_its_own_columns(friction: tuple[str, ...]) -
     assert (samples.loc[flying, "contact_B_normal_force_N"] == 0).all()
 
 
-@pytest.mark.parametrize("name", ["ideal-compressor", "rigid-driven-A"])
-def test_a_users_file_works_like_the_library_scene(name: str, tmp_path: Path) -> None:
-    file, out = tmp_path / "mine.toml", tmp_path / "out.csv"
-    file.write_text(crankslider("show", name).stdout)
-    library = crankslider("simulate", name, *SHORT)
-    users = crankslider("simulate", file, *SHORT, "--out", out)
-    assert (users.code, users.stdout, users.stderr) == (0, "", library.stderr)
-    assert out.read_text() == library.stdout
-    assert sorted(tmp_path.iterdir()) == [file, out]
-
-
 def test_general_files_are_simulated_and_checked(tmp_path: Path) -> None:
     file = tmp_path / "four-bar.toml"
     file.write_text(crankslider("show", "four-bar").stdout)
@@ -134,15 +123,6 @@ def test_a_tolerance_takes_error_control_unless_the_method_is_set(settings: list
 def test_the_tolerance_is_kept(engine: str) -> None:
     done = crankslider("simulate", "ideal-torque", *SHORT, "--engine", engine, "--tolerance", 1e-7)
     assert slider_error_m("ideal-torque", 0.01, done.stdout) <= 1e-7
-
-
-def test_settings_reach_the_engine() -> None:
-    plain, other = (
-        crankslider("simulate", "ideal-free", *SHORT, "--step", 1e-3, *more)
-        for more in ((), ("--set", "stabilisation=none"))
-    )
-    assert (plain.code, other.code) == (0, 0)
-    assert other.stdout != plain.stdout
 
 
 def test_the_note_tells_the_step_that_was_taken() -> None:
