@@ -69,7 +69,7 @@ def test_a_file_that_is_not_utf_8_is_refused_by_its_first_such_byte(tmp_path: Pa
 
 def test_many_unknown_keys_are_counted_in_one_line(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
-    count = 1_000_000 // 12
+    count = 20_000
     file.write_text("".join(f"k{k} = 1\n" for k in range(count)) + TEXT)
     done = crankslider("show", file)
     assert (done.code, done.stderr.count("\n")) == (2, 1)
