@@ -95,12 +95,6 @@ def test_a_reader_that_has_seen_enough_causes_no_complaint() -> None:
     assert (done.returncode, done.stderr) == (1, b"")
 
 
-def test_the_installed_command_refuses_in_one_line(tmp_path: Path) -> None:
-    code, stdout, stderr = in_shell("fly", tmp_path)
-    assert (code, stdout, stderr.count("\n")) == (2, "", 1)
-    assert stderr.startswith("error: COMMAND: expected scenes, ")
-
-
 # Signals
 
 #: What to say first, so that a run says when it begins.
