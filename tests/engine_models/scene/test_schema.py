@@ -54,7 +54,7 @@ VALUES: dict[str, dict[str, list[Any]]] = {
 
 def is_valid(data: object) -> bool:
     """Return whether a validator of JSON schemas finds nothing wrong."""
-    return jsonschema.Draft202012Validator(scene_schema()).is_valid(data)
+    return bool(jsonschema.Draft202012Validator(scene_schema()).is_valid(data))
 
 
 def test_the_schema_that_is_printed_is_one() -> None:
