@@ -256,6 +256,8 @@ def test_a_field_deep_in_a_body_is_replaced_by_its_path(tmp_path: Path) -> None:
 
 # The short form
 
+SPRING = '[spring]\ns = { between = ["ground.O", "slider.B"], stiffness_N_m = 1, free_length_m = 0 }\n'
+
 
 @pytest.mark.parametrize(
     ("piece", "by"),
@@ -263,10 +265,7 @@ def test_a_field_deep_in_a_body_is_replaced_by_its_path(tmp_path: Path) -> None:
         ('[slider]\nguide_offset_m = "20 mm"\nguide_angle_rad = "90 deg"', "slider.guide_angle_rad"),
         ('[load.crank]\ntorque_N_m = "1 Nm"\n[slider]', "load.crank"),
         ("[load.rod]\nforce_N = 1\nalong_rad = 0\n[slider]", "load.rod"),
-        (
-            '[spring]\ns = {between = ["ground.O", "slider.B"], stiffness_N_m = 1, free_length_m = 0}\n[slider]',
-            "spring",
-        ),
+        (f"{SPRING}[slider]", "spring"),
         ("gravity_m_s2 = [-9.81, 0.0]", "gravity_m_s2"),
     ],
 )
