@@ -57,18 +57,14 @@ def users(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_library_is_the_installed_one(site: Path, tmp_path: Path) -> None:
-    done = python(
-        site, tmp_path, RUN + "import studies; print(cs.__file__, studies.__file__, len(run.frame))"
-    )
-    assert done.stderr == ""
-    assert done.stdout.split() == [str(site / "crankslider.py"), str(site / "studies" / "__init__.py"), "5"]
-
-
-def test_the_packages_below_may_come_first(site: Path, tmp_path: Path) -> None:
-    first = "from engine_models.scene.library import SCENES; import crankslider as cs"
-    done = python(site, tmp_path, f"{first}; print(type(SCENES['ideal-free']()) is cs.Scene)")
-    assert (done.stdout, done.stderr) == ("True\n", "")
+def test_the_library_is_the_installed_one_and_the_packages_below_may_come_first(
+    site: Path, tmp_path: Path
+) -> None:
+    first = "from engine_models.scene.library import SCENES"
+    same = "print(cs.__file__, studies.__file__, len(run.frame), type(SCENES['ideal-free']()) is cs.Scene)"
+    done = python(site, tmp_path, f"{first}\n{RUN}\nimport studies; {same}")
+    files = [str(site / "crankslider.py"), str(site / "studies" / "__init__.py")]
+    assert (done.stderr, done.stdout.split()) == ("", [*files, "5", "True"])
 
 
 def test_folders_of_the_user_may_have_the_names_of_ours(site: Path, users: Path) -> None:

@@ -46,36 +46,36 @@ def hit(run: cs.Run, at_samples_N: Sequence[float], duration_s: float) -> cs.Run
     )
 
 
-def test_the_largest_force_is_that_of_an_impact_between_samples(run: cs.Run) -> None:
-    between = hit(run, [0.0, 2.2e3, 0.0], 0.02)
-    assert between.largest_contact_force == (10e3, "B", 0.3)
-    assert between._notes_of_force() == [
-        "the largest contact force is 10 kN at joint B at t = 0.3 s",
-        "2 samples show at most 2.2 kN of it: --impacts FILE has every impact's largest, "
-        "--samples 1000 resolves them",
-    ]
+IMPACT = (10e3, "B", 0.3)
+ADVICE = "--impacts FILE has every impact's largest"
 
 
-def test_the_largest_force_of_a_contact_that_has_not_ended_is_a_sample(run: cs.Run) -> None:
-    assert hit(run, [0.0, 11e3, 0.0], 0.02).largest_contact_force == (11e3, "B", 1.0)
+@pytest.mark.parametrize(
+    ("at_samples_N", "duration_s", "largest", "missed"),
+    [
+        (2.2e3, 0.02, IMPACT, f"at most 2.2 kN of it: {ADVICE}, --samples 1000 resolves them"),
+        (9.01e3, 0.02, IMPACT, None),
+        (8.99e3, 0.02, IMPACT, f"at most 8.99 kN of it: {ADVICE}, --samples 1000 resolves them"),
+        (0.0, 2e-4, IMPACT, f"at most 0 N of it: {ADVICE}, --samples 100000 resolves them"),
+        (0.0, 1.9e-4, IMPACT, f"at most 0 N of it: {ADVICE}"),
+        (11e3, 0.02, (11e3, "B", 1.0), None),
+    ],
+    ids=["between samples", "nine tenths", "less", "most samples", "more than there can be", "not ended"],
+)
+def test_the_largest_force_is_that_of_an_impact_or_a_sample_and_samples_that_miss_it_are_told(
+    run: cs.Run, at_samples_N: float, duration_s: float, largest: tuple[float, str, float], missed: str | None
+) -> None:
+    """Nine tenths are enough; a contact that has not ended has no impact; no more than 100000 are advised."""
+    told = hit(run, [0.0, at_samples_N, 0.0], duration_s)
+    assert told.largest_contact_force == largest
+    first = f"the largest contact force is {largest[0] / 1e3:g} kN at joint B at t = {largest[2]:g} s"
+    assert told._notes_of_force() == [first, *([f"2 samples show {missed}"] if missed else [])]
 
 
-def test_samples_that_show_nine_tenths_of_the_force_are_enough(run: cs.Run) -> None:
-    assert len(hit(run, [0.0, 9.01e3, 0.0], 0.02)._notes_of_force()) == 1
-    assert len(hit(run, [0.0, 8.99e3, 0.0], 0.02)._notes_of_force()) == 2
-
-
-def test_no_more_samples_are_advised_than_there_can_be(run: cs.Run) -> None:
-    for duration_s, advised in ((2e-4, True), (1.9e-4, False)):
-        _, missed = hit(run, [0.0, 0.0, 0.0], duration_s)._notes_of_force()
-        assert ("--samples 100000 resolves" in missed) == advised
-        assert missed.startswith("2 samples show at most 0 N of it: --impacts FILE has every")
-
-
-def test_a_small_force_is_told_in_newtons(run: cs.Run) -> None:
-    small = with_force(run, [0.0, 999.0], duration_s=[])
-    assert small._notes_of_force() == ["the largest contact force is 999 N at joint B at t = 2 s"]
-    assert " 1 kN " in with_force(run, [0.0, 999.9], duration_s=[])._notes_of_force()[0]
+@pytest.mark.parametrize(("force_N", "words"), [(999.0, "999 N"), (999.9, "1 kN")])
+def test_a_small_force_is_told_in_newtons(run: cs.Run, force_N: float, words: str) -> None:
+    small = with_force(run, [0.0, force_N], duration_s=[])
+    assert small._notes_of_force() == [f"the largest contact force is {words} at joint B at t = 2 s"]
 
 
 def test_the_largest_force_is_that_of_a_run_with_many_samples(run: cs.Run) -> None:

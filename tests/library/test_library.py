@@ -1,7 +1,8 @@
-"""The library does what the command line does, and refuses in its words."""
+"""The library does what the command line does."""
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -40,18 +41,11 @@ def test_a_scene_may_be_given_by_name_by_file_or_itself(tmp_path: Path, loose_ru
 
 def test_impacts_come_in_the_order_of_time_with_their_joint() -> None:
     run = cs.simulate("clearance-driven-AB", end=0.004)
-    assert list(run.impacts) == [
-        "joint",
-        "time_s",
-        "duration_s",
-        "approach_speed_m_s",
-        "normal_impulse_N_s",
-        "energy_lost_J",
-        "largest_normal_force_N",
-        "largest_normal_force_time_s",
-        "largest_penetration_m",
-        "largest_penetration_time_s",
-    ]
+    largest = (
+        "largest_normal_force_N largest_normal_force_time_s largest_penetration_m largest_penetration_time_s"
+    )
+    of_each = "joint time_s duration_s approach_speed_m_s normal_impulse_N_s energy_lost_J"
+    assert list(run.impacts) == f"{of_each} {largest}".split()
     assert run.impacts["time_s"].is_monotonic_increasing
     for joint, contact in run.trajectory.contacts.items():
         own = run.impacts[run.impacts["joint"] == joint]
@@ -59,30 +53,13 @@ def test_impacts_come_in_the_order_of_time_with_their_joint() -> None:
     assert set(run.impacts["joint"]) == {"A", "B"}
 
 
-def test_an_ideal_run_has_no_impacts() -> None:
-    assert len(cs.simulate("ideal-free", end=0.01, samples=4).impacts) == 0
-
-
-def test_settings_go_by_name_or_in_a_mapping() -> None:
-    by_name = cs.simulate("ideal-free", end=0.01, samples=4, method="dop853")
-    mapped = cs.simulate(
-        "ideal-free", end=0.01, samples=4, settings={"method": "dop853", "step_tolerance": 1e-9}
-    )
+def test_settings_go_by_name_or_in_a_mapping_and_a_tolerance_is_told() -> None:
+    short: dict[str, Any] = {"end": 0.01, "samples": 4}
+    by_name = cs.simulate("ideal-free", method="dop853", tolerance=1e-9, **short)
+    mapped = cs.simulate("ideal-free", settings={"method": "dop853"}, tolerance=1e-9, **short)
     assert by_name.engine == mapped.engine
     assert by_name.made_by["settings"]["method"] == "dop853"
-
-
-def test_a_tolerance_is_kept_and_told() -> None:
-    run = cs.simulate("ideal-free", tolerance=1e-9, end=0.05, samples=4)
-    finer = cs.simulate("ideal-free", tolerance=1e-11, end=0.05, samples=4)
-    assert run.tolerance_m == 1e-9
-    assert np.abs(run.frame["slider_position_m"] - finer.frame["slider_position_m"]).max() < 1e-9
-
-
-def test_a_doubtful_run_warns() -> None:
-    with pytest.warns(UserWarning, match=r"^energy off by .* past 1 % at t = "):
-        run = cs.simulate("ideal-free", engine="pymunk", step=1e-3)
-    assert len(run.warnings) == 1
+    assert (by_name.tolerance_m, len(by_name.impacts)) == (1e-9, 0)
 
 
 def test_quality_says_the_parts_in_one_line(loose_run: cs.Run) -> None:
@@ -108,23 +85,6 @@ def test_another_value_in_a_field_makes_another_scene() -> None:
     rubbing = LOOSE.replace({f"clearance.B.friction.{name}": value for name, value in friction.items()})
     assert rubbing.clearance.B is not None
     assert rubbing.clearance.B.friction is not None
-
-
-def test_pictures_are_refused_in_one_line(loose_run: cs.Run, tmp_path: Path) -> None:
-    with pytest.raises(cs.BadInput, match=r'^joint: expected B, which has clearance, got "A"$'):
-        loose_run.plot_orbit("A")
-    with pytest.raises(cs.BadInput, match=r"^animate: expected a file that ends in .html, .gif or .mp4"):
-        loose_run.animate(tmp_path / "film.avi")
-    with pytest.raises(cs.BadInput, match=r"^exaggerate: expected a finite number > 0"):
-        loose_run.animate(tmp_path / "film.gif", exaggerate=0)
-    with pytest.raises(cs.BadInput, match=r"^animate: expected a place that can be written"):
-        loose_run.animate(tmp_path / "nowhere" / "film.gif")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_run_that_breaks_down_says_when() -> None:
-    with pytest.raises(cs.Failed, match=r"^energy off by .* at t = "):
-        cs.simulate("ideal-free", "pymunk", step=5e-3)
 
 
 def test_a_notebook_shows_what_ran_how_well_and_a_figure() -> None:

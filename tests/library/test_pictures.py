@@ -2,6 +2,8 @@
 
 from io import BytesIO
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,50 +13,15 @@ from PIL import Image
 
 import crankslider as cs
 from engine_models.engine import FloatArray
+from engine_models.scene.file import load
+from engine_models.scene.library.mechanisms import MECHANISMS
 from reports.run.film import LONGEST_ARROW, Drawing, Stage
 from studies.command.drawing import Shape
-from tests.engines.mechanism_texts import (
-    ANDREWS,
-    FOUR_BAR_CLEARANCE,
-    OFFSET_CRANK_SLIDER,
-    SCOTCH_YOKE,
-    TEXTS,
-    scene,
-)
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.
 ROUND_OFF_M = 1e-12
 #: A driven table with an arm of three corners on it, and a wheel whose only pin is its centre of mass.
-TABLE = """
-name = "table"
-end_time_s = 0.4
-observe = "P.y"
-ground.pins_m = { W = [-0.15, 0.0], Q = [0.25, 0.1] }
-[body]
-table = { pins_m = { T = 0.0, H = [0.05, 0.05] }, mass_kg = 1.0, inertia_kg_m2 = 1e-3 }
-wheel = { pins_m = { Q = 0.0 }, mass_kg = 0.5, inertia_kg_m2 = 8e-4 }
-[body.arm]
-pins_m = { H = 0.0, K = 0.12, P = [0.12, 0.05] }
-centre_of_mass_m = 0.06
-mass_kg = 0.4
-inertia_kg_m2 = 6e-4
-[guide]
-bed = { body = "table", pin = "T" }
-[spring]
-back = { between = ["ground.W", "table.T"], stiffness_N_m = 300.0, free_length_m = 0.1 }
-arm = { between = ["arm.K", "wheel.Q"], stiffness_N_m = 200.0, free_length_m = 0.1 }
-[load]
-arm = { force_N = -10.0, along_rad = 0.5 }
-wheel = { by_time = { time_s = [0.0, 0.1, 0.2, 0.4], torque_N_m = [0.3, 0.1, -0.1, -0.3] } }
-[drive]
-kind = "fluctuating"
-guide = "bed"
-amplitude_m_s = 0.6
-frequency_Hz = 5.0
-[start]
-speed_m_s = { bed = 0.0 }
-speed_rad_s = { wheel = 2.0, arm = 0.0 }
-"""
+ON_A_TABLE = load(Path(__file__).parent / "on-a-table.toml")
 
 
 @pytest.fixture(scope="module")
@@ -90,16 +57,6 @@ def test_a_plot_has_a_panel_for_what_the_scene_has(run: cs.Run) -> None:
     ]
 
 
-def test_a_plot_shows_the_frame_and_names_every_curve(run: cs.Run) -> None:
-    position, _, forces, _, energy = run.plot().axes
-    np.testing.assert_array_equal(position.lines[0].get_ydata(), run.frame["slider_position_m"])
-    size = np.hypot(run.frame["joint_A_force_x_N"], run.frame["joint_A_force_y_N"])
-    np.testing.assert_array_equal(forces.lines[1].get_ydata(), size)
-    *names, mark = [line.get_label() for line in forces.lines]
-    assert (names, mark) == (["joint O", "joint A", "joint B", "guide, normal"], "_mark")
-    assert [line.get_label() for line in energy.lines] == ["kinetic", "potential", "dissipated"]
-
-
 @pytest.mark.parametrize("scene", ["clearance-driven-AB", "ideal-compressor", "rigid-pendulum"])
 def test_no_text_leaves_its_figure(scene: str) -> None:
     run = cs.simulate(scene, end=0.005, samples=20)
@@ -109,14 +66,6 @@ def test_no_text_leaves_its_figure(scene: str) -> None:
         assert min(drawn.x0, drawn.y0) >= 0, drawn
         assert drawn.x1 <= width, drawn
         assert drawn.y1 <= height, drawn
-
-
-def test_an_orbit_is_the_gap_in_its_circle(run: cs.Run) -> None:
-    circle, path, contact, _ = run.plot_orbit("B").axes[0].lines
-    np.testing.assert_allclose(np.hypot(*map(np.asarray, circle.get_data())), 500.0)
-    np.testing.assert_allclose(np.asarray(path.get_xdata()), 1e6 * run.frame["clearance_B_x_m"])
-    touching = run.frame["contact_B_penetration_m"] >= 0
-    assert 0 < len(np.asarray(contact.get_xdata())) == touching.sum() < len(run.frame)
 
 
 def test_at_its_true_size_the_mechanism_is_drawn_where_it_was(run: cs.Run) -> None:
@@ -141,7 +90,7 @@ def test_exaggerated_gaps_are_so_many_times_as_large(run: cs.Run) -> None:
 @pytest.mark.parametrize("bearing", ["coupler", "rocker"])
 def test_the_corner_of_the_pin_s_body_moves_away_from_the_bearing(bearing: str) -> None:
     """Links are laid out from angles alone: the crank from O, the coupler from A, the rocker from C."""
-    loose = scene(FOUR_BAR_CLEARANCE).replace("clearance.B.bearing", bearing)
+    loose = MECHANISMS["four-bar-clearance"]().replace("clearance.B.bearing", bearing)
     run = cs.simulate(loose, end=0.02, samples=20)
     drawn, angle = (
         drawing(run, 30.0),
@@ -160,12 +109,13 @@ def test_the_corner_of_the_pin_s_body_moves_away_from_the_bearing(bearing: str) 
         expected = np.stack([far, near], axis=1)
         np.testing.assert_allclose(drawn.bodies[name], expected, rtol=0, atol=1e-8)
     np.testing.assert_allclose(drawn.joints["B"].bearing_m, ends[bearing], rtol=0, atol=1e-8)
-    _, path, *_ = run.plot_orbit("B").axes[0].lines
+    circle, path, *_ = run.plot_orbit("B").axes[0].lines
+    np.testing.assert_allclose(np.hypot(*map(np.asarray, circle.get_data())), 500.0)
     np.testing.assert_allclose(np.asarray(path.get_xdata()), 1e6 * gap[:, 0] / 30.0, rtol=0, atol=0.1)
 
 
 def test_a_slot_lies_on_its_body_and_is_as_long_as_its_pin_needs() -> None:
-    run = cs.simulate(scene(SCOTCH_YOKE), end=0.3, samples=300)
+    run = cs.simulate("scotch-yoke", end=0.3, samples=300)
     slot, crank = drawing(run).guides["slot"], 0.05 * along(run.frame["crank_angle_rad"])
     np.testing.assert_allclose(slot.pin_m, crank, rtol=0, atol=1e-9)
     np.testing.assert_allclose(slot.ends_m[..., 0], crank[:, :1] * [1, 1], rtol=0, atol=1e-9)
@@ -175,7 +125,7 @@ def test_a_slot_lies_on_its_body_and_is_as_long_as_its_pin_needs() -> None:
 
 
 def test_a_guide_s_force_acts_on_its_block_across_the_guide() -> None:
-    run = cs.simulate(scene(OFFSET_CRANK_SLIDER), end=0.05, samples=20)
+    run = cs.simulate("offset-crank-slider", end=0.05, samples=20)
     force = drawing(run).forces["guide on the slider"]
     np.testing.assert_allclose(force.place_m, run.trajectory.position[:, 2, :2], rtol=0, atol=ROUND_OFF_M)
     normal = run.frame["guide_normal_force_N"].to_numpy()
@@ -185,8 +135,8 @@ def test_a_guide_s_force_acts_on_its_block_across_the_guide() -> None:
     )
 
 
-def test_bodies_are_polygons_bars_or_blocks() -> None:
-    drawn = drawing(cs.simulate(scene(TABLE), samples=4))
+def test_bodies_are_polygons_bars_or_blocks_and_marks_point_as_loads_and_drives_act() -> None:
+    drawn = drawing(cs.simulate(ON_A_TABLE, samples=4))
     assert {name: corners.shape for name, corners in drawn.bodies.items()} == {
         "table": (5, 2, 2),
         "wheel": (5, 2, 2),
@@ -195,43 +145,45 @@ def test_bodies_are_polygons_bars_or_blocks() -> None:
     arm = {(round(x, 9), round(y, 9)) for x, y in drawn.bodies["arm"][0]}
     assert arm == {(0.05, 0.05), (0.17, 0.05), (0.17, 0.1)}, "joint, spring, and the observed point"
     assert np.hypot(*(drawn.bodies["wheel"][0, 0] - drawn.bodies["wheel"][0, 1])) == pytest.approx(0.04)
-
-
-def test_marks_point_as_loads_and_drives_act() -> None:
-    drawn = drawing(cs.simulate(scene(TABLE), samples=4))
     force, torque = drawn.loads
     assert force.angle_rad is not None
     assert (set(force.angle_rad), set(force.sign)) == ({0.5}, {-1.0})
     assert torque.angle_rad is None
     assert torque.sign.tolist() == [1, 1, -1, -1, -1]
     np.testing.assert_allclose(torque.place_m, [[0.25, 0.1]] * 5, rtol=0, atol=1e-9)
-    driven = drawing(cs.simulate(scene(FOUR_BAR_CLEARANCE), end=0.002, samples=4)).drive
+    driven = drawing(cs.simulate("four-bar-clearance", end=0.002, samples=4)).drive
     assert driven is not None
     np.testing.assert_allclose(driven.place_m, [[0, 0]] * 5, rtol=0, atol=1e-15)
     assert driven.sign.tolist() == [1] * 5
 
 
 @pytest.mark.parametrize(
-    ("text", "entries"),
+    ("scene", "entries"),
     [
-        (OFFSET_CRANK_SLIDER, ["joint O on the crank", "joint A on the rod", "joint B on the slider"]),
-        (ANDREWS, ["joint forces, each on the body named later", "spring", "drive"]),
-        (TABLE, ["joint Q on the wheel", "joint H on the arm", "spring", "load", "drive"]),
+        ("offset-crank-slider", ["joint O on the crank", "joint A on the rod", "joint B on the slider"]),
+        ("andrews-squeezer", ["joint forces, each on the body named later", "spring", "drive"]),
+        (ON_A_TABLE, ["joint Q on the wheel", "joint H on the arm", "spring", "load", "drive"]),
     ],
 )
-def test_a_legend_has_what_the_scene_has(text: str, entries: list[str]) -> None:
-    stage = Stage(drawing(cs.simulate(scene(text), end=0.01, samples=4)), "")
+def test_a_legend_has_what_the_scene_has(scene: Any, entries: list[str]) -> None:
+    stage = Stage(drawing(cs.simulate(scene, end=0.01, samples=4)), "")
     (legend,) = stage.picture.legends
     assert [found for each in legend.get_texts() if "guide" not in (found := each.get_text())] == entries
 
 
-@pytest.mark.parametrize("text", [*TEXTS.values(), TABLE], ids=[*TEXTS, "table"])
-def test_every_mechanism_has_its_pictures(text: str) -> None:
-    run = cs.simulate(scene(text), end=0.005, samples=3)
+@pytest.mark.parametrize("scene", [*MECHANISMS, ON_A_TABLE], ids=[*MECHANISMS, "table"])
+def test_every_mechanism_has_its_pictures(scene: Any) -> None:
+    run = cs.simulate(scene, end=0.005, samples=3)
     assert run.film(".html", 10.0).count(b'"iVBOR') == 4
-    stage = Stage(drawing(run, 10.0), "")
+    drawn = drawing(run, 10.0)
+    stage = Stage(drawn, "")
+    for name, arrows in stage.arrows.items():
+        force = drawn.forces[name].force_N
+        lengths = np.hypot(*arrows.T) * np.hypot(*force.T)
+        np.testing.assert_allclose(np.sum(arrows * force, axis=1), lengths, rtol=1e-12, atol=1e-300)
+        assert np.hypot(*arrows.T).max() <= LONGEST_ARROW * 1e3 * drawn.link_m * (1 + 1e-12), name
     (left, right), (low, high) = stage.axes.get_xlim(), stage.axes.get_ylim()
-    for corners in drawing(run, 10.0).bodies.values():
+    for corners in drawn.bodies.values():
         x, y = 1e3 * corners[..., 0], 1e3 * corners[..., 1]
         assert left < x.min() <= x.max() < right
         assert low < y.min() <= y.max() < high
@@ -241,34 +193,17 @@ def test_every_mechanism_has_its_pictures(text: str) -> None:
 
 
 def test_a_plot_of_any_mechanism_has_what_it_observes_and_the_largest_forces() -> None:
-    run = cs.simulate(scene(ANDREWS), samples=60)
+    run = cs.simulate("andrews-squeezer", samples=60)
     figure = run.plot()
-    assert y_labels(figure) == [
-        "K3 angle [rad]",
-        "K3 angle velocity\n[rad/s]",
-        "6 largest: force [N]",
-        "driver torque [N·m]",
-        "energy [J]",
-    ]
+    motion = ["K3 angle [rad]", "K3 angle velocity\n[rad/s]", "6 largest: force [N]"]
+    assert y_labels(figure) == [*motion, "driver torque [N·m]", "energy [J]"]
     np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), run.frame["K3_angle_rad"])
-    shown = {str(line.get_label()) for line in figure.axes[2].lines}
-    largest = {
-        f"joint {name}": np.hypot(
-            *run.frame[[f"joint_{name}_force_{axis}_N" for axis in "xy"]].to_numpy().T
-        ).max()
+    forces = {
+        f"joint {name}": run.frame[f"joint_{name}_force_x_N"] ** 2 + run.frame[f"joint_{name}_force_y_N"] ** 2
         for name in run.scene.joints
     }
-    if not any(name.startswith("guide") for name in shown):
-        assert shown == {*sorted(largest, key=lambda name: float(largest[name]))[-6:]}
-
-
-def test_arrows_point_along_their_forces_and_none_is_longer_than_told(run: cs.Run) -> None:
-    drawn = drawing(run)
-    for name, arrows in Stage(drawn, "").arrows.items():
-        force = drawn.forces[name].force_N
-        lengths = np.hypot(*arrows.T) * np.hypot(*force.T)
-        assert np.hypot(*arrows.T).max() <= LONGEST_ARROW * 50.0 * (1 + 1e-12), name
-        np.testing.assert_allclose(np.sum(arrows * force, axis=1), lengths, rtol=1e-12)
+    largest = sorted(forces, key=lambda name: float(forces[name].max()))[-6:]
+    assert {str(line.get_label()) for line in figure.axes[2].lines} == {*largest}
 
 
 def test_a_film_moves(run: cs.Run) -> None:

@@ -14,40 +14,28 @@ from engine_models.engine import RunSettings
 from engine_models.scene.library import SCENES
 from reports.run.command import command
 from studies.running.case import Case
-from tests.engines.mechanism_texts import FOUR_BAR_CLEARANCE
 from tests.helpers.command import Finished, crankslider
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 pytestmark = pytest.mark.system
 
-ENGINES = ("reference", "pymunk")
 #: Two turns of a quick crank, in s, and how a user asks for them.
 END_S = 0.02
 SHORT = ("--with", f"end_time_s={END_S}")
 
 
 @pytest.fixture(scope="module")
-def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("scene") / "mine.toml"
-    text = crankslider("show", "ideal-free").stdout
-    file.write_text(text.replace("ideal-free", "mine"))
-    return file
-
-
-@pytest.fixture(scope="module")
-def short(scene_file: Path) -> cs.Scene | cs.GeneralScene:
-    return cs.load(scene_file).replace("end_time_s", END_S)
-
-
-@pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("comparison")
+    """Return a folder with a scene of the user's."""
+    folder = tmp_path_factory.mktemp("comparison")
+    (folder / "mine.toml").write_text(crankslider("show", "ideal-free").stdout)
+    return folder
 
 
 @pytest.fixture(scope="module")
-def done(scene_file: Path, folder: Path) -> Finished:
-    engines = [word for name in ENGINES for word in ("--engine", name)]
-    return crankslider("compare", scene_file, *SHORT, *engines, "--out", folder)
+def done(folder: Path) -> Finished:
+    engines = ("--engine", "reference", "--engine", "pymunk")
+    return crankslider("compare", folder / "mine.toml", *SHORT, *engines, "--out", folder)
 
 
 def test_it_ends_in_a_recommendation_and_says_where_the_page_is(done: Finished, folder: Path) -> None:
@@ -57,9 +45,9 @@ def test_it_ends_in_a_recommendation_and_says_where_the_page_is(done: Finished, 
     assert "time [ms]" in done.stdout
 
 
-def test_the_page_needs_no_other_file(done: Finished, folder: Path, scene_file: Path) -> None:
+def test_the_page_needs_no_other_file(done: Finished, folder: Path) -> None:
     page = (folder / "index.html").read_text("utf-8")
-    assert f"crankslider simulate {scene_file} {' '.join(SHORT)} --engine reference" in page
+    assert f"crankslider simulate {folder / 'mine.toml'} {' '.join(SHORT)} --engine reference" in page
     assert done.stdout.splitlines()[-1].strip() in page
     assert page.count("<svg") >= 3
     assert "src=" not in page
@@ -67,7 +55,8 @@ def test_the_page_needs_no_other_file(done: Finished, folder: Path, scene_file: 
 
 
 @pytest.mark.usefixtures("done")
-def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(short: cs.Scene, folder: Path) -> None:
+def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(folder: Path) -> None:
+    short = cs.load(folder / "mine.toml").replace("end_time_s", END_S)
     with (folder / "rows.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["arm"] == "projection" and not row["round"]]
     row = max(rows, key=lambda row: float(row["step_s"]))
@@ -80,8 +69,9 @@ def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(short: cs.Scen
 
 @pytest.mark.usefixtures("done")
 def test_a_second_call_from_python_runs_nothing_again(
-    short: cs.Scene, folder: Path, capfd: pytest.CaptureFixture[str]
+    folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    short = cs.load(folder / "mine.toml").replace("end_time_s", END_S)
     before = (folder / "runs/rows.jsonl").read_bytes()
     found = cs.compare(short, engines=["reference"], folder=folder)
     assert (folder / "runs/rows.jsonl").read_bytes() == before
@@ -91,19 +81,17 @@ def test_a_second_call_from_python_runs_nothing_again(
 
 
 def test_other_mechanisms_are_compared_by_what_they_observe(tmp_path: Path) -> None:
-    file = tmp_path / "four-bar.toml"
-    file.write_text(FOUR_BAR_CLEARANCE)
     short, engine = ("--with", "end_time_s=0.004"), ("--engine", "reference")
-    done = crankslider("compare", file, *short, *engine, "--out", tmp_path / "page")
+    done = crankslider("compare", "four-bar-clearance", *short, *engine, "--out", tmp_path)
     assert done.code in (0, None), done.stderr
     assert re.search(r"^B x error: .*; asked for: 5 µm\.$", done.stdout, re.MULTILINE)
-    page = (tmp_path / "page/index.html").read_text("utf-8")
+    page = (tmp_path / "index.html").read_text("utf-8")
     assert "B x error so far [m]" in page
     assert "slider position" not in page
 
 
 def test_the_command_of_a_setting_has_its_engine_its_step_and_what_it_sets() -> None:
-    scene = SCENES["ideal-free"]().model_copy(update={"end_time_s": 0.01})
+    scene = SCENES["ideal-free"]().replace("end_time_s", 0.01)
     case = Case("comparison", scene, BAUMGARTE, RunSettings(2.5e-5, 10))
     typed = "crankslider simulate mine.toml --engine reference --set stabilisation=baumgarte --step 2.5e-05"
     assert command(pd.Series(case.head()), "mine.toml") == typed

@@ -1,49 +1,95 @@
-"""A run of the reference that shorter steps change warns of it, and one held to a tolerance does not."""
+"""Every run is checked: nonsense is exit code 1, what is doubtful or changes nothing is a warning."""
+
+from pathlib import Path
 
 import pytest
 
 from engine_models.convergence.doubts import doubts
 from engine_models.engine import RunSettings
+from engine_models.engines import ENGINES
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
+from tests.helpers.command import crankslider
+from tests.helpers.engines import supporting
 
 #: Through set R's first impacts at steps of three degrees, past which a hundredth of the clearance is lost.
-SCENE = SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": 0.036})
-COARSE = RunSettings(1e-4, 360)
+SCENE = SCENES["clearance-driven-0.5mm"]().replace("end_time_s", 0.036)
+BAUMGARTE = {"stabilisation": "baumgarte"}
 
 
 def test_a_slider_that_shorter_steps_move_is_in_doubt_from_a_time_on() -> None:
     engine = ReferenceEngine(steps_per_contact=20.0)
-    run = engine.simulate(SCENE, COARSE)
+    run = engine.simulate(SCENE, RunSettings(1e-4, 360))
     (line,) = doubts(engine, SCENE, run, to_tolerance=False)
     assert line.startswith("slider position in doubt by 1 % of the smallest clearance or more from t = 0.0")
     assert doubts(engine, SCENE, run, to_tolerance=True) == []
 
 
-def test_a_slider_that_they_leave_where_it_is_is_not() -> None:
-    short = SCENE.model_copy(update={"end_time_s": 0.002})
-    engine, settings = ReferenceEngine(), RunSettings(1e-5, 20)
-    assert doubts(engine, short, engine.simulate(short, settings), to_tolerance=False) == []
+@pytest.mark.parametrize(
+    ("settings", "lines"),
+    [
+        ({}, []),
+        ({"step_tolerance": 1e-6}, ["step_tolerance changes nothing with method = rk4"]),
+        ({"method": "dop853", "step_tolerance": 1e-6}, []),
+        (
+            {"method": "dop853", "steps_per_contact": 50.0},
+            ["steps_per_contact changes nothing with method = dop853"],
+        ),
+        ({"baumgarte_alpha_s": 50.0}, ["baumgarte_alpha_s changes nothing with stabilisation = projection"]),
+        (BAUMGARTE | {"baumgarte_alpha_s": 50.0}, []),
+    ],
+    ids="-".join,
+)
+def test_a_setting_that_changes_nothing_is_told_and_a_slider_that_stays_where_it_is_is_not(
+    settings: dict[str, object], lines: list[str]
+) -> None:
+    engine, short = ReferenceEngine(**settings), SCENE.replace("end_time_s", 0.002)  # type: ignore[arg-type]
+    run = engine.simulate(short, RunSettings(1e-5, 20))
+    assert doubts(engine, short, run, to_tolerance=False) == lines
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_young_modulus_typed_in_gpa_is_no_run_of_any_engine(engine: str, tmp_path: Path) -> None:
+    """A wall of 207 Pa lets the pin out of its bearing, in any step."""
+    out = tmp_path / "run.csv"
+    out.write_text("before")
+    butter = ("--with", "clearance.B.young_modulus_Pa=207", "--engine", engine, "--end", 0.012)
+    done = crankslider("simulate", "clearance-driven-0.5mm", *butter, "--out", out)
+    assert (done.code, done.stdout, out.read_text(), done.stderr.count("\n")) == (1, "", "before", 1)
+    assert done.stderr.startswith("error: pin ")
+    assert "the wall of its bearing" in done.stderr
+    assert " at t = 0.001" in done.stderr
+
+
+def test_a_step_too_long_for_pymunk_says_so() -> None:
+    """At 5 ms, twenty steps a turn, it loses half of the energy."""
+    done = crankslider("simulate", "ideal-free", "--engine", "pymunk", "--step", "5e-3")
+    assert (done.code, done.stdout) == (1, "")
+    assert done.stderr.startswith("error: energy off by 5")
+    assert done.stderr.endswith("with step 0.005 s: shorten the step, or sharpen the tolerance\n")
+
+
+@pytest.mark.parametrize(("engine", "step"), [("pymunk", 1e-3), ("exudyn", 2e-3)])
+@pytest.mark.parametrize("quiet", [(), ("--quiet",)], ids=["aloud", "quiet"])
+def test_a_doubtful_run_is_written_with_a_warning(engine: str, step: float, quiet: tuple[str, ...]) -> None:
+    done = crankslider("simulate", "ideal-free", "--engine", engine, "--step", step, *quiet)
+    assert (done.code, len(done.stdout.splitlines())) == (0, 202)
+    warning, *notes = done.stderr.splitlines()
+    assert warning.startswith("warning: energy off by ")
+    assert ", past 1 % at t = 0.0" in warning
+    assert (notes == []) == bool(quiet)
+    assert all(note.startswith("note: ") for note in notes)
 
 
 @pytest.mark.parametrize(
-    ("engine", "lines"),
+    ("scene", "engine"),
     [
-        (ReferenceEngine(step_tolerance=1e-6), ["step_tolerance changes nothing with method = rk4"]),
-        (ReferenceEngine(method="dop853", step_tolerance=1e-6), []),
-        (
-            ReferenceEngine(method="dop853", steps_per_contact=50.0),
-            ["steps_per_contact changes nothing with method = dop853"],
-        ),
-        (
-            ReferenceEngine(baumgarte_alpha_s=50.0),
-            ["baumgarte_alpha_s changes nothing with stabilisation = projection"],
-        ),
-        (ReferenceEngine(stabilisation="baumgarte", baumgarte_alpha_s=50.0), []),
+        (name, own)
+        for name in ("ideal-driven", "clearance-driven-0.1mm")
+        for own in supporting(SCENES[name]())
     ],
-    ids=["tolerance", "used tolerance", "steps per contact", "feedback", "used feedback"],
 )
-def test_a_setting_that_changes_nothing_is_told(engine: ReferenceEngine, lines: list[str]) -> None:
-    short = SCENE.model_copy(update={"end_time_s": 0.001})
-    run = engine.simulate(short, RunSettings(1e-5, 10))
-    assert doubts(engine, short, run, to_tolerance=False) == lines
+def test_a_sound_run_is_written_without_a_warning(scene: str, engine: str) -> None:
+    done = crankslider("simulate", scene, "--engine", engine, "--end", 0.003)
+    assert (done.code, done.stderr[:6]) == (0, "note: ")
+    assert "warning" not in done.stderr

@@ -1,6 +1,7 @@
 """The true motion that users hold their own solvers to: certain as far as it goes, and no further."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
+from engine_models.scene.library.mechanisms import MECHANISMS
 from studies.command.truth import write_truths
 from tests.helpers.command import crankslider, table_of
 
@@ -36,10 +38,20 @@ def test_a_table_ends_where_two_solutions_part_and_has_no_impact_past_it(tmp_pat
     assert "by independent equations" in told.stderr
 
 
-def test_nothing_at_rest_is_certain_beyond_the_last_digit_of_its_size() -> None:
-    rest = {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.0, "end_time_s": 0.01}
-    scene = cs.scenes["clearance-pendulum"].replace(rest)
-    assert cs.truth(scene, samples=4).certain_m >= np.spacing(scene.crank.length_m) / 2
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("ideal-driven", {"end_time_s": 0.004}),
+        ("clearance-pendulum", {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.0, "end_time_s": 0.01}),
+    ],
+    ids=["moving", "at rest"],
+)
+def test_nothing_is_certain_beyond_the_last_digit_of_its_size(name: str, changes: dict[str, float]) -> None:
+    scene = cs.scenes[name].replace(changes)
+    known = cs.truth(scene, samples=4)
+    moving = "slider_position_m" in known.frame
+    size = known.frame["slider_position_m"].max() if moving else scene.crank.length_m / 2
+    assert known.certain_m >= np.spacing(size)
 
 
 def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
@@ -54,30 +66,10 @@ def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
     assert 0 < made_by["certain_m"] < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        (("no-such",), "no-such"),
-        (("ideal-free", "--samples", 0), "--samples: expected an integer >= 1"),
-        (("ideal-free", "--impacts", "i.csv"), "--impacts: expected a scene with clearance"),
-        (("ideal-free", "--out", "t.xls"), "--out: expected"),
-    ],
-)
-def test_what_is_wrong_is_named_in_a_line(wrong: tuple[object, ...], said: str) -> None:
-    refused = crankslider("truth", *wrong)
-    assert (refused.code, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
-    assert said in refused.stderr
-
-
 def test_a_motion_that_nobody_can_follow_has_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("studies.command.truth.followed", lambda *_: 0)
     with pytest.raises(cs.Failed, match="no reference solution was found: two solutions diverge before"):
         cs.truth("ideal-driven", end=0.004, samples=4)
-
-
-def test_a_certainty_is_no_smaller_than_the_last_place_of_a_position() -> None:
-    known = cs.truth("ideal-driven", end=0.004, samples=4)
-    assert known.certain_m >= np.spacing(known.frame["slider_position_m"].max())
 
 
 def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
@@ -95,3 +87,13 @@ def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
     for name, row in certainty.iterrows():
         times = pd.read_csv(PUBLISHED / f"{name}.csv.xz")["time_s"]
         assert times.iloc[-1] == pytest.approx(row["certain_until_s"], rel=1e-13)  # of fourteen digits
+
+
+def test_the_truth_of_a_general_scene_says_of_what_it_is_certain(tmp_path: Path) -> None:
+    told = crankslider("truth", "four-bar", "--end", 0.02, "--samples", 5, "--out", tmp_path / "true.csv")
+    assert told.code == 0, told.stderr
+    assert re.search(r"B\.x is certain to \d\.\de-1\d m until t = 0\.02 s, by independent eq", told.stderr)
+    of_angle = cs.truth(MECHANISMS["four-bar"]().replace("observe", "rocker.angle"), end=0.02, samples=5)
+    assert re.match(r"rocker\.angle is certain to \d\.\de-1\d rad until", of_angle.notes()[0])
+    assert of_angle.certain_m < 1e-14
+    assert {"observed_rocker_angle_rad", "coupler_x_m"} < {*of_angle.frame.columns}

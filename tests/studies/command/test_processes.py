@@ -1,0 +1,233 @@
+"""What only a process of its own shows: streams, odd environments, Ctrl-C, and what a command loads."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from engine_models.scene.library import ideal_free
+from tests.helpers.command import crankslider
+from tests.helpers.running import HEAR
+
+COMMAND = Path(sys.executable).with_name("crankslider")
+MAIN = "from studies.command.main import main; main()"
+IDEAL = "simulate ideal-free --end 0.0005 --samples 2"
+LOOSE = "clearance-free-0.5mm --end 0.0005 --samples 2"
+SWEEP = "sweep clearance-driven-0.5mm --vary crank.mass_kg=0.1,0.2 --revolutions 0.01"
+#: Variables that change what Python, Numba, Matplotlib or a terminal's width do.
+ODD = {
+    "NUMBA_DISABLE_JIT": "1",
+    "NUMBA_NUM_THREADS": "0",
+    "NUMBA_OPT": "nonsense",
+    "NUMBA_DUMP_LLVM": "1",
+    "PYTHONWARNINGS": "error",
+    "PYTHONOPTIMIZE": "2",
+    "MPLBACKEND": "nonsense",
+    "COLUMNS": "0",
+}
+
+
+def in_shell(words: str, folder: Path, **variables: str) -> tuple[int, str, str]:
+    """Run ``crankslider`` in a shell with more in its environment; return exit code, stdout and stderr."""
+    environment = {**os.environ, **variables}
+    environment.pop("PYTHONUNBUFFERED", None)  # with which streams hold nothing back
+    line = f"exec '{COMMAND}' {words}"
+    done = subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, check=False)
+    return done.returncode, done.stdout.decode(), done.stderr.decode()
+
+
+# Environments
+
+
+def test_no_variable_changes_a_run_and_a_picture_needs_no_backend_and_no_glyph(tmp_path: Path) -> None:
+    words = f"simulate {LOOSE} --with name=曲柄 --plot a.png"
+    expected = crankslider("simulate", *LOOSE.split())
+    assert in_shell(words, tmp_path, **ODD) == (0, expected.stdout, expected.stderr)
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_workers_do_not_inherit_what_their_command_ignores_and_need_no_stream(tmp_path: Path) -> None:
+    assert in_shell(f"{SWEEP} <&- >&- 2>&-", tmp_path, **ODD) == (0, "", "")
+    assert pd.read_parquet(tmp_path / "sweep.parquet")["status"].tolist() == ["ok", "ok"]
+
+
+def test_what_is_shown_is_utf_8_in_every_locale(tmp_path: Path) -> None:
+    scene = ideal_free().replace("name", "Kürbel").to_toml()
+    (tmp_path / "named.toml").write_text(scene, encoding="utf-8")
+    odd = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
+    assert in_shell("show named.toml", tmp_path, **odd) == (0, scene, "")
+
+
+# Streams
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (
+            f"{IDEAL} >&-",
+            2,
+            "error: --out: expected a place that can be written, got stdout, which is closed\n",
+        ),
+        ("scenes >&-", 2, "error: output: not writable\n"),
+        ("simulate nothing 2>&-", 2, ""),
+        (f"{IDEAL} --out a.csv >/dev/full 2>/dev/full", 0, ""),
+    ],
+    ids=["no stdout", "no stdout to list on", "no stderr to refuse on", "full streams"],
+)
+def test_a_run_without_a_stream_that_it_needs_says_so_and_others_are_whole(
+    words: str, code: int, said: str, tmp_path: Path
+) -> None:
+    assert in_shell(words, tmp_path) == (code, "", said)
+    files = [file.read_text() for file in tmp_path.iterdir()]
+    assert files == ([crankslider(*IDEAL.split()).stdout] if code == 0 else [])
+
+
+def test_a_reader_that_has_seen_enough_causes_no_complaint() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run([COMMAND, "scenes"], stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
+# Signals
+
+#: What to say first, so that a run says when it begins.
+TELL = """
+from studies.command import simulation
+simulated = simulation.simulated
+simulation.simulated = lambda *asked: print("it runs", flush=True) or simulated(*asked)
+"""
+
+
+@pytest.mark.parametrize("engine", ["reference", "exudyn"])
+def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    out.write_text("before")
+    long = ("simulate", "ideal-free", "--engine", engine, "--end", "1000", "--out", str(out))
+    command = [sys.executable, "-c", HEAR + TELL + MAIN, *long]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert run.stdout
+    assert run.stdout.readline() == "it runs\n"
+    assert list(tmp_path.iterdir()) == [out], "a kill now would leave nothing"
+    run.send_signal(signal.SIGINT)
+    stdout, stderr = run.communicate(timeout=60)
+    assert (run.returncode, stdout, stderr) == (130, "", "error: interrupted\n")
+    assert out.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+#: An object that Ctrl-C finds half made, one whose destructor it strikes, and a command that meets them.
+HALF_MADE = """
+import signal, sys, time
+from studies.running import failures
+from studies.command import main
+
+class HalfMade:
+    def __init__(self):
+        if "made" in sys.argv:
+            signal.raise_signal(signal.SIGINT)
+        self.made = True
+
+    def __del__(self):
+        if "deleted" in sys.argv:
+            signal.raise_signal(signal.SIGINT)
+        self.made
+
+@main.app.command()
+def meet(how: str) -> None:
+    HalfMade()
+    time.sleep(30)
+
+main.main()
+"""
+#: A command that Ctrl-C strikes in the function by which LLVM hands its machine code over.
+COMPILED = """
+import signal
+from llvmlite.binding.executionengine import ExecutionEngine
+from studies.command import main
+
+find = ExecutionEngine._find_module_ptr
+
+def struck(*arguments):
+    signal.raise_signal(signal.SIGINT)
+    return find(*arguments)
+
+ExecutionEngine._find_module_ptr = struck
+main.main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (HALF_MADE, "meet made"),
+        (HALF_MADE, "meet deleted"),
+        (COMPILED, "simulate ideal-free --engine scipy"),
+    ],
+    ids=["made", "deleted", "compiled"],
+)
+def test_an_interrupt_that_strikes_in_another_library_is_said_in_one_line_and_never_lost(
+    code: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path))
+    command = [sys.executable, "-c", HEAR + code, *words.split()]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "error: interrupted\n")
+
+
+# What a command loads before it begins: what it does not need would be most of a short run's time
+
+#: Runs each command, or import, of a text in lines, and prints what is loaded behind it.
+LOADED = """
+import os, sys
+from studies.command.main import main
+for line in sys.argv[1].splitlines():
+    sys.argv = ["crankslider", *line.split()]
+    sys.stdout = open(os.devnull, "w")
+    try:
+        exec(line) if line.startswith("import") else main()
+    except SystemExit:
+        pass
+    sys.stdout = sys.__stdout__
+    print(*sys.modules)
+"""
+#: Parts of SciPy, which take as long to load as all else that a run by DOP853 needs.
+SLOW = {"scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.stats"}
+
+
+def loaded_behind(*commands: str) -> list[set[str]]:
+    """Return what a process has loaded behind each of its commands."""
+    command = [sys.executable, "-c", LOADED, "\n".join(commands)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return [set(line.split()) for line in done.stdout.splitlines()]
+
+
+def test_help_and_lists_come_without_numbers() -> None:
+    *first, shown = loaded_behind("--help", "--version", "run --help", "scenes", "show ideal-free")
+    heavy = {"exudyn", "pymunk", "numba", "scipy", "pandas", "matplotlib"}
+    assert not first[2] & {"numpy", "numba", "matplotlib"}
+    assert not shown & heavy
+
+
+def test_a_run_loads_neither_a_compiler_nor_what_error_control_alone_needs(tmp_path: Path) -> None:
+    simulate = f"simulate ideal-free --end 0.01 --out {tmp_path}/run.csv"
+    assert crankslider(*simulate.split()).code == 0  # now its kernel is kept
+    by_rk4, by_dop853 = loaded_behind(simulate, f"{simulate} --set method=dop853")
+    control = "reference_solver.contact.controlled_step"
+    assert (control in by_rk4, control in by_dop853) == (False, True)
+    assert "numba" in by_rk4
+    unneeded = {"numba.np.arraymath", "scipy.linalg", "pandas", "matplotlib", "rich.progress"}
+    assert not by_rk4 & unneeded
+    assert not by_dop853 & SLOW
+
+
+def test_what_runs_members_loads_nothing_of_scipy_but_a_table() -> None:
+    (loaded,) = loaded_behind("import studies.sweeps.measure")
+    assert "studies.sweeps.measure" in loaded
+    assert not loaded & SLOW
