@@ -16,15 +16,11 @@ import crankslider as cs
 from engine_models.mechanics.assembly import start_state
 from engine_models.scene.file import from_toml
 from engine_models.scene.parts import AnyScene
-from studies.command.sweep import SweepOptions, read_sweep
-from studies.running.failures import BadInput
 from studies.running.finished_cases import Rows
 from studies.sweeps.closing import closed
 from studies.sweeps.members import Draw, Sample, drawn, values_of
-from tests.engine_models.reference.mechanism_texts import FOUR_BAR_CLEARANCE, SCOTCH_YOKE, WALL
-from tests.helpers.command import crankslider
-from tests.helpers.refusals import require_refusal
-from tests.helpers.running import Here, until
+from tests.engine_models.reference.mechanism_texts import FOUR_BAR_CLEARANCE
+from tests.helpers.running import Here
 from tests.studies.truth.closed_forms.crank_slider import configuration
 
 NAME, CLEARANCE, SPEED = (
@@ -79,29 +75,6 @@ def test_a_jitter_moves_each_start_of_the_grid_around_the_scenes_own_angle() -> 
     assert 0.9e-6 < np.abs(moves).max() <= 1e-6
     assert one[CLEARANCE].tolist() == [1e-5] * 50 + [1e-4] * 50
     assert (one[ANGLE] != other[ANGLE]).all()
-
-
-@pytest.mark.parametrize(
-    ("draw", "text", "pieces"),
-    [
-        (Draw(), "1e-3:1e-5:10", "expected a range that rises, got 0.001 to 1e-05"),
-        (Draw(), "0:1e-3:log:10", "expected numbers > 0 in a range with log, got 0"),
-        (Draw(), "1e-5:1e-3:0", 'expected log or a count >= 2 behind the ends, got "0"'),
-        (Draw(), "1e-5:1e-3", "expected a count behind the ends on a grid"),
-        (Draw(), "1e-5:1e-3:log:10:5", "expected LOW:HIGH[:log][:COUNT]"),
-        (Draw(), "1e-5:nan:3", 'got "nan"'),
-        (Draw(), "1e-5,,2e-5", 'got ""'),
-        (Draw(), "1e-5:1e-3:99999999", "expected 1 to 100000 members, got 99999999"),
-        (Draw(members=3), "1e-5,1e-4", "--members: expected --jitter beside it on a grid"),
-        (Draw("sobol"), "1e-5:1e-3", "--sample: expected --members N beside sobol"),
-        (Draw("sobol", 8), "1e-5:1e-3:5", "expected LOW:HIGH[:log] with --sample sobol, got a count"),
-        (Draw("random", 8), "1e-5,1e-4", "expected LOW:HIGH[:log] with --sample random, got a list"),
-    ],
-)
-def test_a_range_without_members_is_refused(draw: Draw, text: str, pieces: str) -> None:
-    with pytest.raises(BadInput) as refusal:
-        members(draw, clearance=text)
-    assert pieces in str(refusal.value)
 
 
 # Rows
@@ -207,18 +180,6 @@ def test_ideal_positions_are_those_of_the_closed_form_or_none() -> None:
 # Runs
 
 
-def test_two_processes_write_the_rows_and_the_map_that_one_gives_in_the_library(tmp_path: Path) -> None:
-    rows, picture = tmp_path / "rows.parquet", tmp_path / "map.svg"
-    vary = {CLEARANCE: "1e-5,1e-4,1e-3", SPEED: "200:400:2"}
-    called = [part for field, values in vary.items() for part in ("--vary", f"{field}={values}")]
-    files = ("--jobs", 2, "--out", rows, "--plot", picture)
-    done = crankslider("sweep", NAME, *called, "--revolutions", "0.1", *files)
-    assert (done.code, done.stdout) == (0, ""), done.stderr
-    assert picture.read_bytes().startswith(b"<?xml")
-    same = cs.sweep(NAME, vary, revolutions=0.1, jobs=1, out=tmp_path / "same.parquet")
-    pd.testing.assert_frame_equal(pd.read_parquet(rows), same.frame, check_exact=True)
-
-
 def sweep(out: Path, values: list[float]) -> pd.DataFrame:
     return cs.sweep(NAME, {CLEARANCE: values}, "pymunk", revolutions=0.02, out=out, jobs=1).frame
 
@@ -249,22 +210,6 @@ def test_what_was_finished_before_an_interrupt_is_not_run_again(
     assert others["flight_part"][1] == found["flight_part"][1]
 
 
-@pytest.mark.system
-def test_a_sweep_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
-    script = str(Path(sys.executable).with_name("crankslider"))
-    command = [script, "sweep", NAME, "--engine", "pymunk", "--jobs", "2", "--quiet", "--revolutions", "0.5"]
-    command += ["--vary", f"{CLEARANCE}=1e-4:1e-3:40"]
-    kept = tmp_path / "killed.csv.rows" / "rows.jsonl"
-    with subprocess.Popen([*command, "--out", tmp_path / "killed.csv"]) as run:
-        until(lambda: kept.exists() and kept.read_bytes().count(b"\n") >= 3)
-        run.kill()
-    before = kept.read_bytes().splitlines(keepends=True)
-    subprocess.run([*command, "--out", tmp_path / "killed.csv"], check=True)
-    assert pd.read_csv(tmp_path / "killed.csv")["status"].tolist() == ["ok"] * 40
-    assert len(before) < 40
-    assert kept.read_bytes().splitlines(keepends=True)[: len(before) - 1] == before[:-1]
-
-
 @pytest.mark.usefixtures("here")
 def test_a_member_that_is_no_scene_is_a_row_with_the_reason(tmp_path: Path) -> None:
     vary = {"clearance.B.bearing_radius_m": [1e-2, 1e-3], CLEARANCE: [1e-4, 5e-3]}
@@ -284,31 +229,3 @@ def test_a_script_without_a_main_guard_is_told_so_in_one_line(tmp_path: Path) ->
     guard = 'if __name__ == "__main__":'
     assert last.endswith(f"expected this call under {guard}, since every process imports the script")
     assert done.stderr.count("Traceback") == 1
-
-
-@pytest.mark.parametrize(
-    ("options", "pieces"),
-    [
-        ([], "--vary: expected FIELD=VALUES, or --members and --jitter, got nothing"),
-        (["--vary", "clearance"], '--vary: expected FIELD=VALUES, got "clearance"'),
-        (["--vary", f"{CLEARANCE}=0:1e-3:9"], f"--vary {CLEARANCE}: expected a finite number > 0, got 0"),
-        (["--vary", f"{CLEARANCE}=1e-3:1:9"], f"--vary {CLEARANCE}: expected a number < bearing_radius_m"),
-        (["--vary", "clearance.B.radius=1,2"], "--vary clearance.B.radius: expected the key"),
-        (["--vary", "end_time_s=1,2"], "--vary end_time_s: expected --transient and --revolutions"),
-        (["--members", "5", "--jitter", "1e308"], "--jitter: expected a finite number >= 0 and <= 6.28"),
-        (["--members", "9" * 400, "--jitter", "1"], "--members: expected an integer >= 1 and <= 100000"),
-        (["--vary", f"{SPEED}=1,2", "--sample", "dice"], '--sample: expected "grid", "random"'),
-        (["--vary", f"{SPEED}=1,2", "--out", "rows.txt"], "--out: expected a file that ends in .parquet or"),
-        (["--vary", f"{SPEED}=1,2", "--plot", "map.txt"], "--plot: expected a file that ends in"),
-        (["--vary", f"{CLEARANCE}=1e-5,1e-4", "--engine", "pymun"], "did you mean pymunk?"),
-    ],
-)
-def test_what_cannot_be_swept_is_refused_in_one_line(options: list[str], pieces: str) -> None:
-    done = crankslider("sweep", NAME, *options)
-    require_refusal(done.stdout, done.stderr, done.code, pieces)
-
-
-def test_a_scene_that_the_engine_cannot_run_is_refused() -> None:
-    loose_yoke = from_toml(f"{SCOTCH_YOKE}[clearance.O]{WALL}")
-    with pytest.raises(BadInput, match="--engine: expected one that can run this scene"):
-        read_sweep(loose_yoke, {"gravity_m_s2": [1, 2]}, "pymunk", {}, SweepOptions())
