@@ -28,12 +28,11 @@ AMPLE = Limits(time_limit_s=60, memory_limit_bytes=200 * MEGABYTE)
 HASTY = Limits(time_limit_s=0.5, memory_limit_bytes=200 * MEGABYTE)
 
 
-def two() -> Executor:
-    return Processes(2)
+def run(folder: Path, *cases: Case, jobs: int = 1, **how: Any) -> list[dict[str, Any]]:
+    def processes() -> Executor:
+        return Processes(jobs)
 
-
-def run(folder: Path, *cases: Case, **how: Any) -> list[dict[str, Any]]:
-    run_study(NAME, list(cases), folder, two, two, **how)
+    run_study(NAME, list(cases), folder, processes, processes, **how)
     return read_rows(folder / "rows.jsonl")
 
 
@@ -82,7 +81,7 @@ def test_a_case_does_not_answer_for_what_another_did_or_holds() -> None:
 
 def test_timed_cases_run_alone_in_order_in_one_process(tmp_path: Path) -> None:
     timed = [case("work", n, timed=True) for n in (7, 3, 5)]
-    rows = run(tmp_path, *timed[:2], case("work"), case("work", 1, AMPLE), case("work", 2), timed[2])
+    rows = run(tmp_path, *timed[:2], case("work"), case("work", 1, AMPLE), case("work", 2), timed[2], jobs=2)
     assert [row["samples"] for row in rows if row.get("timed")] == [8, 4, 6]
     assert [bool(row.get("timed")) for row in rows] == [False] * 3 + [True] * 3
     assert len({row["pid"] for row in rows[3:]} - {os.getpid()}) == 1
@@ -101,7 +100,7 @@ def test_what_was_killed_is_tried_again_and_what_failed_if_asked_for(tmp_path: P
         case("abort until mended", mended_file=str(mended)),
         *(case("work", n) for n in range(3)),
     ]
-    rows = run(tmp_path, *cases)
+    rows = run(tmp_path, *cases, jobs=2)
     first = {row["arm"]: (row["status"], row["reason"]) for row in rows}
     killed, crashed = ("killed from outside", "killed by SIGKILL"), ("crashed", "killed by SIGABRT")
     expected = dict.fromkeys(("be killed once", "be killed twice", "abort until mended", "work"), ("ok", ""))
