@@ -43,7 +43,7 @@ LIBRARIES = (
 #: Plugins of pytest that a library has imported before it are none whose assertions matter.
 IGNORED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 QUIET = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not accuracy", "--junit-xml=junit.xml")
-#: Longer than any of the tests takes; a bug that makes one hang has not been caught.
+#: Longer than the tests of a bug take; one that makes a test hang has not been caught.
 LIMIT_S = 300.0
 
 
@@ -109,14 +109,14 @@ def run_pytest(arguments: Sequence[str]) -> None:
     sys.exit(pytest.main([*IGNORED, *QUIET, *arguments]))
 
 
-def find_failures(*arguments: str) -> dict[str, str]:
+def find_failures(arguments: Sequence[str], limit_s: float = LIMIT_S) -> dict[str, str]:
     """Return what tests that fail say by their names; what else goes wrong has no name."""
     process = FORK.Process(target=run_pytest, args=(arguments,))
     process.start()
     try:
-        process.join(LIMIT_S)
+        process.join(limit_s)
         if process.exitcode is None:
-            return {"": f"no end within {LIMIT_S:g} s"}
+            return {"": f"no end within {limit_s:g} s"}
     finally:
         if process.is_alive() and process.pid:
             os.killpg(process.pid, signal.SIGKILL)
@@ -130,20 +130,20 @@ def find_failures(*arguments: str) -> dict[str, str]:
     return failures
 
 
-def plant(bug: Bug, tests: Sequence[str]) -> tuple[str, str]:
+def plant(bug: Bug, tests: Sequence[str], limit_s: float) -> tuple[str, str]:
     """Plant a bug in the copy, and return the name of the test that catches it, or "", and what it says."""
     file = Path(bug.file)
     content = file.read_bytes()
     try:
         file.write_bytes(bug.plant(content))
-        return next(iter(find_failures("-x", *tests).items()), ("", "all passed"))
+        return next(iter(find_failures(["-x", *tests], limit_s).items()), ("", "all passed"))
     except ValueError as reason:
         return "", str(reason)
     finally:
         file.write_bytes(content)
 
 
-def plant_all(bugs: Sequence[Bug], tests: Sequence[str], jobs: int) -> list[str]:
+def plant_all(bugs: Sequence[Bug], tests: Sequence[str], jobs: int, limit_s: float) -> list[str]:
     """Plant bugs in so many copies at once, and return in a line each what is wrong."""
     wrong, catching = list[str](), set[str]()
     for library in LIBRARIES:
@@ -152,7 +152,7 @@ def plant_all(bugs: Sequence[Bug], tests: Sequence[str], jobs: int) -> list[str]
         TemporaryDirectory(prefix="planted-") as folder,
         ProcessPoolExecutor(jobs, FORK, copy_project, (folder,)) as pool,
     ):
-        calls = {pool.submit(plant, bug, tests or bug.tests): bug for bug in bugs}
+        calls = {pool.submit(plant, bug, tests or bug.tests, limit_s): bug for bug in bugs}
         for number, call in enumerate(as_completed(calls), 1):
             (caught_by, said), name = call.result(), calls[call].name
             print(f"{number}/{len(bugs)} {name}: {caught_by or 'NOBODY'}: {said}", flush=True)
@@ -161,7 +161,7 @@ def plant_all(bugs: Sequence[Bug], tests: Sequence[str], jobs: int) -> list[str]
             else:
                 wrong.append(f"{name}: caught by nobody ({said})")
         files = [list(names) for _, names in groupby(sorted(catching), lambda test: test.partition("::")[0])]
-        for found in [pool.submit(find_failures, *names) for names in files]:
+        for found in [pool.submit(find_failures, names) for names in files]:
             wrong += [f"fails without a bug: {name or said}" for name, said in found.result().items()]
     return wrong
 
@@ -174,6 +174,7 @@ def main() -> int:
     parser.add_argument("--sample", type=int, metavar="K", help="so many, drawn at random")
     parser.add_argument("--seed", type=int, default=randrange(10**6), help="what decides the draw")
     parser.add_argument("--tests", nargs="+", default=[], metavar="PATH", help="in place of the bugs' own")
+    parser.add_argument("--limit", type=float, default=LIMIT_S, metavar="S", help="seconds for a bug's tests")
     options = parser.parse_args()
     folders = tuple(name for name in options.names if "/" in name) or ("" if not options.names else ())
     bugs = [bug for bug in read_bugs() if bug.name in options.names or bug.file.startswith(folders)]
@@ -182,7 +183,7 @@ def main() -> int:
     if options.sample is not None:
         print(f"seed {options.seed}", flush=True)
         bugs = Random(options.seed).sample(bugs, min(options.sample, len(bugs)))
-    wrong = plant_all(bugs, options.tests, options.jobs)
+    wrong = plant_all(bugs, options.tests, options.jobs, options.limit)
     print("\n".join([*wrong, f"{len(bugs)} bugs planted, {len(wrong)} failures"]))
     return int(bool(wrong))
 
