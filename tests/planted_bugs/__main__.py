@@ -75,7 +75,7 @@ class Bug:
         if count != 1 or changed == text:
             expected = f"{self.old or self.pattern!r} once in {self.file}, and another text for it"
             raise ValueError(f"{self.name}: expected {expected}, got it {count} times")
-        return lzma.compress(changed.encode()) if packed else changed.encode()
+        return lzma.compress(changed.encode(), preset=0) if packed else changed.encode()
 
 
 def read_bugs() -> list[Bug]:

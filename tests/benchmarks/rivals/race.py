@@ -129,7 +129,8 @@ def of_study(scene: str, engine: str, column: str) -> list[Entry]:
                 return float(str(run_case(timed)[0].get("solve_time_s", np.inf)))
 
             if row["status"] == "ok":
-                entries.append(Entry(str(setting), float(str(row.get(column, np.inf))), turn))
+                name = f"{setting.arm.label}, {setting.step_s:.3g} s, {dict(setting.added)}"
+                entries.append(Entry(name, float(str(row.get(column, np.inf))), turn))
     return entries
 
 

@@ -251,10 +251,11 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
 
 def contact(*depths_m: float) -> Contact:
     depth, none = np.array(depths_m), np.zeros(0)
-    zero, losses = 0 * depth, dict.fromkeys(("friction_force_N", "friction_loss_J", "clipped_loss_J"))
-    told: dict[str, Any] = {"gap_m": np.zeros((len(depth), 2)), "impacts": Impacts(*[none] * 9), **losses}
-    same = ("normal_force_N", "elastic_energy_J", "normal_impulse_N_s", "normal_loss_J")
-    return Contact(penetration_m=depth, **dict.fromkeys(same, zero), **told)
+    told: dict[str, Any] = {"gap_m": np.zeros((len(depth), 2)), "impacts": Impacts(*[none] * 9)}
+    zero = ("normal_force_N", "elastic_energy_J", "normal_impulse_N_s", "normal_loss_J")
+    told |= dict.fromkeys(zero, 0 * depth)
+    told |= dict.fromkeys(("friction_force_N", "friction_loss_J", "clipped_loss_J"))
+    return Contact(penetration_m=depth, **told)
 
 
 def loose(**contacts: Contact) -> Trajectory:
