@@ -14,16 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.scene.library import clearance_driven_05, ideal_driven
-from reference_solver.compiled.faces import ReadableFace
 from reference_solver.compiled.kernel import source_of
 from reference_solver.compiled.store import load_kernel
-from reference_solver.contact.loop import ROWS
-from reference_solver.contact.types import CONTACT_RECORD, new_run
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
-from tests.helpers.chains import chain, chain_start
 from tests.helpers.kernels import scene_case, topology_of
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +29,6 @@ Contender = Callable[[int], tuple[float, int]]
 #: Rounds, and how long a turn lasts: long against the clock's resolution and a call from Python.
 ROUNDS, TURN_S = 25, 0.02
 STEP_S = 1e-6
-LINKS = (2, 4, 8)
 #: Steps for which the C loop must follow the kernel, and how far rounding may part them, relative.
 CHECKED_STEPS, ROUND_OFF = 1000, 1e-12
 #: The stretch of the clearance scene, eight contacts long, and its steps: the engine's own at 1e-6 s.
@@ -63,24 +58,7 @@ class Kernel:
         return float(work)
 
 
-class Readable:
-    """The readable face of an ideal mechanism."""
-
-    def __init__(self, mechanism: Mechanism, q: FloatArray) -> None:
-        self._face = ReadableFace(topology_of(mechanism, "none"), q)
-
-    def advance(self, q: FloatArray, v: FloatArray, first: int, count: int) -> float:
-        """Take steps in place; return the driver's work."""
-        contacts, work = np.zeros(0, CONTACT_RECORD), 0.0
-        run = new_run(contacts, (len(q), 2, 0), np.zeros(0), ROWS, 0)
-        for number in range(first, first + count):
-            run.old.q[:], run.old.v[:] = q, v
-            assert self._face.step(None, contacts, number * STEP_S, STEP_S, run.old, run.new) < np.inf
-            q[:], v[:], work = run.new.q, run.new.v, work + run.new.sums[0]
-        return float(work)
-
-
-Stepper = CLoop | Kernel | Readable
+Stepper = CLoop | Kernel
 
 
 def crank_slider(folder: Path) -> dict[str, Contender]:
@@ -94,7 +72,6 @@ def crank_slider(folder: Path) -> dict[str, Contender]:
     steppers |= {
         KERNEL: Kernel(mechanism, q),
         f"{KERNEL}, projected": Kernel(mechanism, q, "projection"),
-        "readable NumPy": Readable(mechanism, q),
     }
     if C in steppers:
         check(steppers[C], steppers[KERNEL], q, v)
@@ -114,15 +91,6 @@ def check(one: Stepper, other: Stepper, q: FloatArray, v: FloatArray) -> None:
         difference = np.abs(a - b).max() / np.abs(b).max()
         if not difference <= ROUND_OFF:
             raise SystemExit(f"{C} and the {KERNEL} differ in {name} by {difference:.1e}: nothing was timed")
-
-
-def chains() -> dict[str, Contender]:
-    """Return the generated kernel on chains that fall from the horizontal, by name."""
-    contenders: dict[str, Contender] = {}
-    for links in LINKS:
-        q, v = chain_start(np.zeros(links), np.zeros(links))
-        contenders[f"{links} links"] = stepping(Kernel(chain(links), q), q, v)
-    return contenders
 
 
 def clearance_crank_slider(folder: Path) -> dict[str, Contender]:
@@ -201,17 +169,7 @@ def main() -> None:
     """Measure and print."""
     with tempfile.TemporaryDirectory() as folder:
         ideal, clearance = crank_slider(Path(folder)), clearance_crank_slider(Path(folder))
-        times = measure(ideal | chains())
-        show(
-            "One RK4 step of the ideal driven crank-slider",
-            {name: times[name] for name in ideal},
-            IDEAL_TARGET,
-        )
-        print("\nThe generated kernel on a chain\n")
-        print(f"{'':30}{'ns per step':34}ns per step and link")
-        for links in LINKS:
-            own_ns = times[f"{links} links"]
-            print(f"{f'{links} links':30}{spread(own_ns, ',.0f'):34}{spread(own_ns / links, '.0f')}")
+        show("One RK4 step of the ideal driven crank-slider", measure(ideal), IDEAL_TARGET)
         print()
         title = "One step of the driven crank-slider with clearance, projected, its events located"
         show(title, measure(clearance), CLEARANCE_TARGET)

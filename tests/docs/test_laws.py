@@ -39,28 +39,22 @@ def value(formula: str, **names: float) -> float:
     return float(eval(text, {**functions, **names}))  # the page is ours
 
 
-def test_every_law_of_the_code_is_on_the_page() -> None:
+def test_every_law_and_every_damping_factor_of_the_code_is_on_the_page() -> None:
     assert set(get_args(scene.ContactLaw)) | (NORMAL_LAWS.keys() - {"dissipative"}) == FAMILY.keys()
     assert set(get_args(parts.FrictionLaw)) == FRICTION_LAWS.keys() == FRICTION.keys()
-
-
-def test_every_damping_factor_of_the_code_is_on_the_page() -> None:
     assert set(WITH_FACTOR) == DAMPING_FACTORS.keys()
 
 
 @pytest.mark.parametrize("law", WITH_FACTOR)
-def test_a_printed_damping_factor_is_the_codes(law: str) -> None:
+def test_a_printed_damping_factor_is_the_codes_and_so_is_the_restitution_that_a_bounce_shows(
+    law: str,
+) -> None:
     for e in (0.3, 0.5, 0.9):
-        printed = value(FAMILY[law]["damping factor"], e=e)
-        assert DAMPING_FACTORS[law](e) == pytest.approx(printed, rel=ROUND_OFF)
-
-
-@pytest.mark.parametrize("law", WITH_FACTOR)
-@pytest.mark.parametrize("e", [0.9, 0.5])
-def test_the_restitution_that_a_bounce_shows_is_the_printed_one(law: str, e: float) -> None:
-    a = value(FAMILY[law]["damping factor"], e=e)
-    shown = (1 + lambertw(-(1 + a) * math.exp(-(1 + a))).real) / a
-    assert float(FAMILY[law][f"at e = {e:g}"]) == pytest.approx(shown, abs=PRINTED)
+        a = value(FAMILY[law]["damping factor"], e=e)
+        assert DAMPING_FACTORS[law](e) == pytest.approx(a, rel=ROUND_OFF)
+        if printed := FAMILY[law].get(f"at e = {e:g}"):
+            shown = (1 + lambertw(-(1 + a) * math.exp(-(1 + a))).real) / a
+            assert float(printed) == pytest.approx(shown, abs=PRINTED)
 
 
 @pytest.mark.parametrize("law", FRICTION)

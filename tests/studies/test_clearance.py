@@ -97,20 +97,13 @@ def test_a_timed_rung_takes_the_steps_of_the_recorded_one(scene: Scene) -> None:
     assert row["solve_time_s"] > 0  # type: ignore[operator]
 
 
-@pytest.mark.parametrize("full", [False, True])
-def test_settings_are_of_every_engine_and_on_rigid_scenes_only_of_those_that_know_rigid_walls(
-    full: bool,
-) -> None:
+def test_settings_are_of_every_engine_and_on_rigid_scenes_only_of_those_that_know_rigid_walls() -> None:
     engines = {"reference", "exudyn", "pymunk", "scipy"}
     for scene in (CLEARANCE_SCENES["clearance-pendulum"](), work_precision.scenes(False)[0]):
-        assert {setting.arm.engine for setting in ladder(scene, full)} == engines
-    rigid = clearance.scenes(True)[-1]
-    assert {setting.arm.engine for setting in ladder(rigid, full)} == engines - {"exudyn"}
-    followed = [case for case in clearance.cases(True) if case.scene.name == rigid.name]
-    assert {case.engine for case in followed} == {"reference", "pymunk"}
-
-
-def test_the_full_set_has_the_settings_of_the_quick_one() -> None:
-    for scene in work_precision.scenes(False):
         quick, every = ({str(each) for each in ladder(scene, full)} for full in (False, True))
         assert quick < every
+        assert {setting.arm.engine for setting in ladder(scene, full=False)} == engines
+    rigid = clearance.scenes(True)[-1]
+    assert {setting.arm.engine for setting in ladder(rigid, full=True)} == engines - {"exudyn"}
+    followed = [case for case in clearance.cases(True) if case.scene.name == rigid.name]
+    assert {case.engine for case in followed} == {"reference", "pymunk"}

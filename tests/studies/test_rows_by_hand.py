@@ -11,20 +11,13 @@ import pytest
 from engine_models import arms
 from engine_models.engine import Impacts, RunSettings
 from engine_models.engines import make_engine
-from engine_models.scene.library import SCENES, ideal_driven
+from engine_models.scene.library import ideal_driven
 from studies import clearance, energy
 from studies.ladders import ladder
 from studies.running import provenance
 from studies.running.case import Case
 from studies.running.finished_cases import opened
 from tests.studies.truth.closed_forms.crank_slider import exact
-
-
-def test_a_case_is_another_where_the_scene_differs_by_more_than_its_name() -> None:
-    scene = SCENES["clearance-driven-0.5mm"]()
-    one = Case("clearance", scene, arms.LOCATED, RunSettings(1e-5, 10))
-    assert one.key("") == replace(one, scene=SCENES["clearance-driven-0.5mm"]()).key("")
-    assert one.key("") != replace(one, scene=scene.replace("clearance.B.radial_clearance_m", 4e-4)).key("")
 
 
 def test_another_version_of_a_library_is_other_code(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,8 +20,7 @@ from studies.running.finished_cases import Rows
 from studies.sweeps.closing import closed
 from studies.sweeps.members import Draw, Sample, drawn, values_of
 from tests.engines.mechanism_texts import FOUR_BAR_CLEARANCE
-from tests.helpers.command import crankslider
-from tests.helpers.running import Here, until
+from tests.helpers.running import Here
 from tests.studies.truth.closed_forms.crank_slider import configuration
 
 NAME, CLEARANCE, SPEED = (
@@ -181,18 +180,6 @@ def test_ideal_positions_are_those_of_the_closed_form_or_none() -> None:
 # Runs
 
 
-def test_two_processes_write_the_rows_and_the_map_that_one_gives_in_the_library(tmp_path: Path) -> None:
-    rows, picture = tmp_path / "rows.parquet", tmp_path / "map.svg"
-    vary = {CLEARANCE: "1e-5,1e-4,1e-3", SPEED: "200:400:2"}
-    called = [part for field, values in vary.items() for part in ("--vary", f"{field}={values}")]
-    files = ("--jobs", 2, "--out", rows, "--plot", picture)
-    done = crankslider("sweep", NAME, *called, "--revolutions", "0.1", *files)
-    assert (done.code, done.stdout) == (0, ""), done.stderr
-    assert picture.read_bytes().startswith(b"<?xml")
-    same = cs.sweep(NAME, vary, revolutions=0.1, jobs=1, out=tmp_path / "same.parquet")
-    pd.testing.assert_frame_equal(pd.read_parquet(rows), same.frame, check_exact=True)
-
-
 def sweep(out: Path, values: list[float]) -> pd.DataFrame:
     return cs.sweep(NAME, {CLEARANCE: values}, "pymunk", revolutions=0.02, out=out, jobs=1).frame
 
@@ -221,22 +208,6 @@ def test_what_was_finished_before_an_interrupt_is_not_run_again(
     others = sweep(tmp_path / "rows.csv", [2e-3, values[1]])  # of which one is there
     assert others[CLEARANCE].tolist() == [2e-3, values[1]]
     assert others["flight_part"][1] == found["flight_part"][1]
-
-
-@pytest.mark.system
-def test_a_sweep_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
-    script = str(Path(sys.executable).with_name("crankslider"))
-    command = [script, "sweep", NAME, "--engine", "pymunk", "--jobs", "2", "--quiet", "--revolutions", "0.5"]
-    command += ["--vary", f"{CLEARANCE}=1e-4:1e-3:40"]
-    kept = tmp_path / "killed.csv.rows" / "rows.jsonl"
-    with subprocess.Popen([*command, "--out", tmp_path / "killed.csv"]) as run:
-        until(lambda: kept.exists() and kept.read_bytes().count(b"\n") >= 3)
-        run.kill()
-    before = kept.read_bytes().splitlines(keepends=True)
-    subprocess.run([*command, "--out", tmp_path / "killed.csv"], check=True)
-    assert pd.read_csv(tmp_path / "killed.csv")["status"].tolist() == ["ok"] * 40
-    assert len(before) < 40
-    assert kept.read_bytes().splitlines(keepends=True)[: len(before) - 1] == before[:-1]
 
 
 @pytest.mark.usefixtures("here")

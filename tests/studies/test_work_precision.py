@@ -26,11 +26,8 @@ def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:
     first, *others = rounds.values()
     assert all(set(order) == set(first) for order in others)
     assert len({tuple(order) for order in rounds.values()}) == len(rounds)
-
-
-def test_the_order_of_cases_comes_out_again() -> None:
     one, again = ([case.key("") for case in work_precision.cases(full=False)] for _ in range(2))
-    assert one == again
+    assert one == again, "which comes out again"
 
 
 END = np.zeros((3, 3))
@@ -59,20 +56,16 @@ def rounds_of(monkeypatch: pytest.MonkeyPatch, repeats: int, rounds: int, *times
     return [work_precision.measure(timed)[0] for _ in range(rounds)]
 
 
-def test_a_round_s_time_is_the_least_of_its_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_round_is_timed_by_its_least_repeat_and_again_if_it_is_slower_than_one_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Slower by more than 1.3 times, and three times at the most; more than a second is timed once."""
     (row,) = rounds_of(monkeypatch, 5, 1, 0.09, 0.01, 0.05, 0.02, 0.02)
     assert (row["solve_time_s"], row["repeats"]) == (0.01, 5)
-
-
-def test_a_round_is_run_again_that_is_slower_than_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By more than 1.3 times; three times at the most, and the least of all counts."""
     times_s = (0.10, 0.129, 0.131, 0.14, 0.12, 0.2, 0.15, 0.18, 0.19, 0.05)
     rows = rounds_of(monkeypatch, 1, 5, *times_s)
     assert [row["solve_time_s"] for row in rows] == [0.10, 0.129, 0.12, 0.15, 0.05]
     assert [row["repeats"] for row in rows] == [1, 1, 3, 4, 1]
-
-
-def test_a_solve_of_more_than_a_second_is_timed_in_one_round(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = rounds_of(monkeypatch, 1, 2, 1.01)
     assert (first["solve_time_s"], second) == (1.01, {"repeats": 0})
 

@@ -114,7 +114,7 @@ def ideal_driven(steps: int, samples: int) -> Answer:
     return Answer(*done, -mbs.GetSensorStoredData(drive)[:, 1])
 
 
-def clearance_free(tolerance: float, samples: int, gap_m: float = EVENT_GAP_M, safety: float = 0.9) -> Answer:
+def clearance_free(tolerance: float, samples: int) -> Answer:
     """Return the slider's position by DOPRI5, from event to event, with the links as a kinematic tree."""
     container = exu.SystemContainer()
     mbs = container.AddSystem()
@@ -171,8 +171,8 @@ def clearance_free(tolerance: float, samples: int, gap_m: float = EVENT_GAP_M, s
     integration = settings.timeIntegration
     integration.solverType, integration.minimumStepSize = exu.DynamicSolverType.DOPRI5, 1e-100
     integration.absoluteTolerance, integration.relativeTolerance = tolerance, 0.0
-    integration.discontinuous.iterationTolerance = problem.STIFFNESS * gap_m
-    integration.stepSizeSafety = safety
+    integration.discontinuous.iterationTolerance = problem.STIFFNESS * EVENT_GAP_M
+    integration.stepSizeSafety = 0.9
     integration.explicit.computeEndOfStepAccelerations = False
     done = _solved(mbs, settings)
     rows = mbs.GetSensorStoredData(sensor)

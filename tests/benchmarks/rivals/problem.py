@@ -16,8 +16,6 @@ FREE_INERTIAS, DRIVEN_INERTIAS = (1e-5, 2.5e-5), (1e-4, 2.5e-4)
 #: Both links begin along the guide; the crank's speed in rad/s, and how long the motion is followed in s.
 FREE_SPEED, DRIVEN_SPEED = 20 * math.pi, 2 * math.pi * 5000 / 60
 FREE_END_S, DRIVEN_END_S, CLEARANCE_END_S, CLEARANCE_DRIVEN_END_S = 1.0, 0.024, 0.071, 0.029
-#: Between rigid walls to just before bounces come together: 21 impacts, driven 51.
-RIGID_END_S, RIGID_DRIVEN_END_S = 0.067, 0.006578
 #: The slider's pin of steel in its bearing; Hertz's stiffness in N/m^1.5, as the scene has it.
 CLEARANCE_M, BEARING_M, RESTITUTION = 5e-4, 0.01, 0.9
 STIFFNESS = 2 / 3 * 207e9 / (1 - 0.3**2) * math.sqrt(BEARING_M * (BEARING_M - CLEARANCE_M) / CLEARANCE_M)

@@ -14,40 +14,29 @@ def impacts(times: np.ndarray, impulse: float | np.ndarray = 1.0, loss: float = 
     return Impacts(times, 0 * ones, ones, impulse * ones, loss * ones, *[np.nan * ones] * 4)
 
 
-def test_shifted_impacts_are_all_matched() -> None:
-    pairs = match(TRUE + 1e-3, TRUE, 4.0)
-    assert pairs.run.tolist() == pairs.true.tolist() == [0, 1, 2, 3]
-    assert (pairs.unmatched, pairs.missed) == (0, 0)
-
-
-def test_one_too_many_is_unmatched_and_one_too_few_is_missed() -> None:
-    extra = match(np.sort(np.append(TRUE, 1.5)), TRUE, 4.0)
-    assert (len(extra.true), extra.unmatched, extra.missed) == (4, 1, 0)
-    fewer = match(TRUE[[0, 2, 3]], TRUE, 4.0)
-    assert fewer.true.tolist() == [0, 2, 3]
-    assert (fewer.unmatched, fewer.missed) == (0, 1)
-
-
-def test_two_impacts_that_merged_are_one_match_and_one_missed() -> None:
-    merged = match(np.array([1.0, 2.0, 3.02]), TRUE, 4.0)
-    assert merged.true.tolist() == [0, 1, 2]
-    assert merged.missed == 1
-
-
-def test_impacts_a_quarter_flight_apart_are_not_the_same() -> None:
-    off = match(np.array([1.3]), np.array([1.0, 2.0]), 3.0)
-    assert (len(off.true), off.unmatched, off.missed) == (0, 1, 2)
-    assert match(np.array([1.25]), np.array([1.0, 2.0]), 3.0).true.tolist() == [0], (
-        "a quarter is none too much"
-    )
-
-
-def test_nothing_counts_after_the_end_and_nothing_is_matched_with_nothing() -> None:
-    assert match(TRUE, TRUE, 2.5).true.tolist() == [0, 1]
-    at_the_end = match(TRUE, TRUE, 3.0)
-    assert (at_the_end.true.tolist(), at_the_end.unmatched, at_the_end.missed) == ([0, 1, 2], 0, 0)
-    none = match(np.zeros(0), TRUE, 4.0)
-    assert (none.run.tolist(), none.true.tolist(), none.unmatched, none.missed) == ([], [], 0, 4)
+@pytest.mark.parametrize(
+    ("run", "true", "end_s", "matched", "unmatched", "missed"),
+    [
+        (TRUE + 1e-3, TRUE, 4.0, [0, 1, 2, 3], 0, 0),
+        ([1.0, 1.5, 2.0, 3.0, 3.1], TRUE, 4.0, [0, 1, 2, 3], 1, 0),
+        ([1.0, 3.0, 3.1], TRUE, 4.0, [0, 2, 3], 0, 1),
+        ([1.0, 2.0, 3.02], TRUE, 4.0, [0, 1, 2], 0, 1),  # two that merged
+        ([1.3], [1.0, 2.0], 3.0, [], 1, 2),
+        ([1.25], [1.0, 2.0], 3.0, [0], 0, 1),  # a quarter of a flight is none too much
+        (TRUE, TRUE, 2.5, [0, 1], 0, 0),
+        (TRUE, TRUE, 3.0, [0, 1, 2], 0, 0),  # at the end
+        ([], TRUE, 4.0, [], 0, 4),
+        # Flights of 0.1 s and of 3.9 s: 0.1 s late is another impact, 0.02 s the same.
+        ([1.0, 1.2, 5.0], [1.0, 1.1, 5.0], 6.0, [0, 2], 1, 1),
+        ([1.0, 1.12, 5.0], [1.0, 1.1, 5.0], 6.0, [0, 1, 2], 0, 0),
+    ],
+)
+def test_impacts_are_matched_within_a_quarter_of_the_shorter_flight_beside_them(
+    run: list[float], true: list[float], end_s: float, matched: list[int], unmatched: int, missed: int
+) -> None:
+    pairs = match(np.array(run), np.array(true), end_s)
+    assert (pairs.true.tolist(), pairs.unmatched, pairs.missed) == (matched, unmatched, missed)
+    assert len(pairs.run) == len(matched)
 
 
 def test_errors_are_those_of_the_matched_pairs() -> None:
@@ -86,15 +75,6 @@ def test_an_impact_of_next_to_no_impulse_is_counted_and_not_rated() -> None:
 def test_where_nothing_is_lost_no_part_of_it_is_off() -> None:
     row = impact_errors(impacts(TRUE, loss=1e-9), impacts(TRUE, loss=0.0), 4.0)
     assert "impact_loss_relative_error" not in row
-
-
-def test_the_shorter_flight_beside_an_impact_decides_how_far_off_it_may_be() -> None:
-    """A flight of 0.1 s and one of 3.9 s: 0.1 s late is another impact, 0.02 s the same."""
-    true = np.array([1.0, 1.1, 5.0])
-    late = match(np.array([1.0, 1.2, 5.0]), true, 6.0)
-    assert (len(late.run), late.unmatched, late.missed) == (2, 1, 1)
-    same = match(np.array([1.0, 1.12, 5.0]), true, 6.0)
-    assert (len(same.run), same.unmatched, same.missed) == (3, 0, 0)
 
 
 def bumps(touches: list[float], lasts: list[float], peaks: list[float], time: np.ndarray) -> Contact:

@@ -1,57 +1,157 @@
-"""The judges themselves: metrics on trajectories altered by a known amount, and where results come from."""
+"""Judges on runs whose errors are put there by hand: what comes out is the number that was put in."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from engine_models.engine import Contact, Impacts, Trajectory
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
-from studies.judges.converged_truth import converged
-from studies.judges.metrics import constraint_violation_m, errors, scales, with_suffix
-from studies.running.outcome import load_study
+from studies.extremes import ideal_motion
+from studies.judges import converged_truth
+from studies.judges.comparison import Judged, compared
+from studies.judges.converged_truth import Solved, reach
+from studies.judges.energy_ledger import constraint_speed_m_s
+from studies.judges.horizon import first_beyond_s
+from studies.judges.metrics import (
+    conserved,
+    constraint_violation_m,
+    errors,
+    in_flight,
+    scales,
+    sizes,
+    uncertainties,
+    with_suffix,
+)
 from tests.studies.truth.closed_forms.crank_slider import exact
 
+POSITION = "slider_position_error_m"
+EPS = 2.0**-52
 SHIFT = 1e-3
 #: Error of the differences that stand for derivatives.
 DIFFERENCES = 1e-5
 
 
-@pytest.mark.parametrize(("body", "axis"), [(0, 0), (1, 1), (2, 0), (2, 1)])
-def test_a_body_out_of_place_is_a_constraint_violation_of_that_size(body: int, axis: int) -> None:
-    scene = ideal_free().model_copy(update={"end_time_s": 0.02})
-    truth = exact(scene, 4)
-    position = truth.position.copy()
-    position[2, body, axis] += SHIFT
-    violation = constraint_violation_m(scene, replace(truth, position=position))
-    assert violation[2] == pytest.approx(SHIFT, rel=1e-9)
-    assert violation[[0, 1, 3, 4]].max() < 1e-15
+def shifted(run: Trajectory, by_m: float, sample: int = 2) -> Trajectory:
+    """Return a run with its slider off at one sample."""
+    position = run.position.copy()
+    position[sample, 2, 0] += by_m
+    return replace(run, position=position)
 
 
-def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> None:
-    scene = ideal_free().model_copy(update={"end_time_s": 0.02})
-    truth = exact(scene, 4)
-    _, rod, _ = scene.crank_slider()
-    position, length = truth.position.copy(), rod.length_m
-    theta = position[2, 0, 2]
-    pin = scene.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
-    phi = np.arcsin((SHIFT - pin[1]) / length)
-    along = np.array([np.cos(phi), np.sin(phi)])
-    position[2, 1] = [*(pin + rod.centre_of_mass_m * along), phi]
-    position[2, 2, :2] = pin + length * along
-    violation = constraint_violation_m(scene, replace(truth, position=position))
-    assert violation[2] == pytest.approx(SHIFT, rel=1e-9)
+@pytest.fixture(scope="module")
+def driven() -> tuple[Scene, Trajectory]:
+    return ideal_driven(), exact(ideal_driven(), 8)
 
 
-def test_an_error_is_found_in_its_signal_at_its_time_alone() -> None:
+def test_an_error_has_no_sign(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    assert errors(scene, shifted(truth, -1e-3), truth)[POSITION].max() == pytest.approx(1e-3)
+
+
+def test_a_force_is_that_of_its_joint(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    for joint in "OAB":
+        force = truth.joint_force_N[joint].copy()
+        force[2] += (3.0, -4.0)
+        off = errors(scene, replace(truth, joint_force_N={**truth.joint_force_N, joint: force}), truth)
+        assert {name: e.max() for name, e in off.items() if e.any()} == {
+            f"joint_{joint}_force_error_N": pytest.approx(5.0)
+        }
+        assert off[f"joint_{joint}_force_error_N"].argmax() == 2
+
+
+def test_an_uncertainty_is_three_times_the_largest_distance_from_any_repeat_and_round_off(
+    driven: tuple[Scene, Trajectory],
+) -> None:
+    scene, truth = driven
+    found = uncertainties(scene, truth, [shifted(truth, 1e-6), shifted(truth, -3e-6, 5)])
+    assert found["slider_position_uncertainty_m"] == pytest.approx(9e-6, rel=1e-6)
+    alone = uncertainties(scene, truth, [truth])["slider_position_uncertainty_m"]
+    assert alone == pytest.approx(4 * EPS * 0.17, rel=1e-6, abs=0.0), (
+        "of crank and rod in line, 0.05 m and 0.12 m"
+    )
+
+
+def judged_by(scene: Scene, run: Trajectory, truth: Trajectory, until_s: float, **peaks: float) -> Judged:
+    """A run with a truth that is its own repeat."""
+    equal = np.ones(len(truth.time_s), dtype=bool)
+    largest = {name: float(size.max()) for name, size in sizes(scene, truth).items()} | peaks
+    true = Solved(truth, (truth,), "independent")
+    return Judged(scene, run, run, true, equal, largest, until_s)
+
+
+def test_a_signal_of_which_too_little_is_seen_or_nothing_is_there_is_not_judged(
+    driven: tuple[Scene, Trajectory],
+) -> None:
+    scene, truth = driven
+    seen = float(np.hypot(*truth.joint_force_N["B"].T).max())
+    truth = replace(truth, guide_force_N={"guide": 0 * truth.guide_force_N["guide"]})
+    for part, judged_at_all in ((0.995, True), (0.98, False)):
+        row, _ = compared(judged_by(scene, truth, truth, 1.0, joint_B_force_N=seen / part))
+        assert ("joint_B_force_error_N" in row) == judged_at_all
+        assert "guide_normal_force_error_N" not in row
+        assert "guide_normal_force_N: zero" in str(row["not_judged"])
+        assert ("joint_B_force_N: 98 % of its peak is seen" in str(row["not_judged"])) == (not judged_at_all)
+
+
+def test_what_is_compared_ends_at_the_horizon_and_is_the_largest(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    run = shifted(shifted(truth, -2e-6, 3), 5.0, 7)
+    row, _ = compared(judged_by(scene, run, truth, float(truth.time_s[5])))
+    assert row[POSITION] == pytest.approx(2e-6)
+    assert row["compared_until_s"] == pytest.approx(5 * 0.024 / 8)
+    fast = replace(truth, velocity=2 * truth.velocity)
+    found = [compared(judged_by(scene, each, truth, 1.0))[0] for each in (truth, fast)]
+    both = [row["largest_kinetic_energy_J"] for row in found]
+    assert both[0] == both[1], "it is the truth's"
+
+
+def test_what_is_conserved_is_judged_by_its_size(driven: tuple[Scene, Trajectory]) -> None:
+    scene, truth = driven
+    velocity = truth.velocity.copy()
+    velocity[4] *= 0.9
+    lost = 0.19 * sum(
+        mass * (x * x + y * y) / 2 + inertia * turn * turn / 2
+        for (x, y, turn), mass, inertia in zip(
+            truth.velocity[4].tolist(), (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), strict=True
+        )
+    )
+    row, _ = conserved(scene, replace(truth, velocity=velocity))
+    assert row["energy_balance_residual_J"] == pytest.approx(lost, rel=1e-9)
+
+
+def test_the_first_repeat_that_parts_by_ten_nanometres_ends_the_comparison(
+    driven: tuple[Scene, Trajectory],
+) -> None:
+    scene, truth = driven
+    near, far = shifted(truth, 0.9e-8, 1), shifted(truth, 1.1e-8, 4)
+    assert reach(scene, truth, (near, far)) == 4
+    assert reach(scene, truth, (far, near)) == 4
+    assert reach(scene, truth, (near, near)) == len(truth.time_s)
+
+
+def test_a_truth_and_what_tells_its_uncertainty_are_found_in_different_ways() -> None:
+    assert converged_truth.COLLOCATION.method != converged_truth.EXTRAPOLATION.method
+    assert converged_truth.EXTRAPOLATION.tolerance < converged_truth.COLLOCATION.tolerance
+
+
+def test_an_error_of_the_gallery_is_the_largest_in_cranks() -> None:
     scene = ideal_driven()
-    truth = exact(scene, 4)
-    force = truth.joint_force_N["A"].copy()
-    force[3] += (3.0, 4.0)
-    curves = errors(scene, replace(truth, joint_force_N={**truth.joint_force_N, "A": force}), truth)
-    assert curves["joint_A_force_error_N"].tolist() == pytest.approx([0, 0, 0, 5, 0])
-    assert all(not e.any() for name, e in curves.items() if name != "joint_A_force_error_N")
+    off = ideal_motion(scene, shifted(exact(scene, 8), -0.01))["slider position"]
+    assert off == pytest.approx(0.01 / 0.05)
+
+
+def test_a_slider_that_leaves_its_guide_with_all_joints_closed_has_a_speed() -> None:
+    """The crank is at rest at 0 rad, and the rod turns about pin A, with the slider on its end."""
+    scene, truth, turning = ideal_driven(), exact(ideal_driven(), 8), 3.0
+    velocity = np.zeros_like(truth.velocity)
+    velocity[0, 1], velocity[0, 2] = (0.0, 0.06 * turning, turning), (0.0, 0.12 * turning, 0.0)
+    speed = constraint_speed_m_s(scene, replace(truth, velocity=velocity))
+    assert speed.tolist() == pytest.approx([0.12 * turning, *[0.0] * 8])
 
 
 def test_a_scale_is_the_largest_distance_from_the_mean_over_time() -> None:
@@ -73,6 +173,51 @@ def test_a_suffix_goes_before_the_unit() -> None:
     assert with_suffix("slider_velocity_m_s", "error") == "slider_velocity_error_m_s"
     with pytest.raises(ValueError, match="column"):
         with_suffix("nothing", "error")
+
+
+def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
+    scene, late = ideal_driven(), exact(ideal_driven(), 100)
+    late = replace(late, time_s=late.time_s * (1 + 1e-6))
+    for truth in (exact(scene, 50), exact(scene.model_copy(update={"end_time_s": 0.01}), 100), late):
+        with pytest.raises(
+            ValueError, match=r"truth: expected the run's 101 times up to 0.024 s, got \d+ up"
+        ):
+            errors(scene, exact(scene, 100), truth)
+    with pytest.raises(ValueError, match="samples: expected an integer >= 1 and <= 100000, got 0"):
+        converged_truth.converged(scene, 0)
+
+
+# Constraints and forces
+
+
+@pytest.mark.parametrize(("body", "axis"), [(0, 0), (1, 1), (2, 0), (2, 1)])
+def test_a_body_out_of_place_is_a_violation_of_that_size_and_one_that_moves_off_has_that_speed(
+    body: int, axis: int
+) -> None:
+    scene = ideal_free().model_copy(update={"end_time_s": 0.02})
+    truth = exact(scene, 4)
+    position, velocity = truth.position.copy(), truth.velocity.copy()
+    position[2, body, axis] += SHIFT
+    velocity[2, body, axis] += SHIFT
+    violation = constraint_violation_m(scene, replace(truth, position=position))
+    speed = constraint_speed_m_s(scene, replace(truth, velocity=velocity))
+    assert [violation[2], speed[2]] == pytest.approx([SHIFT, SHIFT], rel=1e-9)
+    assert violation[[0, 1, 3, 4]].max() < 1e-15
+
+
+def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> None:
+    scene = ideal_free().model_copy(update={"end_time_s": 0.02})
+    truth = exact(scene, 4)
+    _, rod, _ = scene.crank_slider()
+    position, length = truth.position.copy(), rod.length_m
+    theta = position[2, 0, 2]
+    pin = scene.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
+    phi = np.arcsin((SHIFT - pin[1]) / length)
+    along = np.array([np.cos(phi), np.sin(phi)])
+    position[2, 1] = [*(pin + rod.centre_of_mass_m * along), phi]
+    position[2, 2, :2] = pin + length * along
+    violation = constraint_violation_m(scene, replace(truth, position=position))
+    assert violation[2] == pytest.approx(SHIFT, rel=1e-9)
 
 
 @pytest.mark.parametrize("scene", [ideal_free(), ideal_driven(), ideal_torque()], ids=lambda s: s.name)
@@ -101,17 +246,57 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
         assert np.abs(power - expected).max() < DIFFERENCES * np.abs(expected).max()
 
 
-def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
-    scene = ideal_driven()
-    for truth in (exact(scene, 50), exact(scene.model_copy(update={"end_time_s": 0.01}), 100)):
-        with pytest.raises(
-            ValueError, match=r"truth: expected the run's 101 times up to 0.024 s, got \d+ up"
-        ):
-            errors(scene, exact(scene, 100), truth)
-    with pytest.raises(ValueError, match="samples: expected an integer >= 1 and <= 100000, got 0"):
-        converged(scene, 0)
+# Contacts
 
 
-def test_what_is_no_study_is_refused() -> None:
-    with pytest.raises(ValueError, match=r'study: expected agreement, .*, clearance, .* got "agrement"'):
-        load_study("agrement")
+def contact(*depths_m: float) -> Contact:
+    depth, none = np.array(depths_m), np.zeros(0)
+    told: dict[str, Any] = {"gap_m": np.zeros((len(depth), 2)), "impacts": Impacts(*[none] * 9)}
+    zero = ("normal_force_N", "elastic_energy_J", "normal_impulse_N_s", "normal_loss_J")
+    told |= dict.fromkeys(zero, 0 * depth)
+    told |= dict.fromkeys(("friction_force_N", "friction_loss_J", "clipped_loss_J"))
+    return Contact(penetration_m=depth, **told)
+
+
+def loose(**contacts: Contact) -> Trajectory:
+    """Return a run at rest with these contacts."""
+    n = max(len(each.penetration_m) for each in contacts.values())
+    still = np.zeros((n, 3, 3))
+    return Trajectory(
+        time_s=np.arange(float(n)),
+        position=still,
+        velocity=still,
+        joint_force_N=dict.fromkeys("OAB", still[:, 0, :2]),
+        guide_force_N={"guide": still[:, 0, 0]},
+        driver_torque_N_m=None,
+        driver_work_J=None,
+        step_s=1.0,
+        steps=n,
+        solve_time_s=1.0,
+        contacts=contacts,
+    )
+
+
+def test_all_pins_fly_where_each_does() -> None:
+    run = loose(A=contact(-1, 1, -1, 0), B=contact(-1, -1, 1, -1))
+    assert in_flight(run).tolist() == [True, False, False, False]
+    assert in_flight(run, loose(B=contact(1, 1, 1, 1))).tolist() == [False] * 4
+
+
+def test_a_horizon_is_the_first_time_beyond() -> None:
+    distance = np.array([0.0, 2.0, 0.5, 3.0])
+    assert first_beyond_s(np.arange(4.0), distance, 1.0) == 1.0
+    assert first_beyond_s(np.arange(4.0), distance, 3.0) == np.inf
+
+
+def test_a_start_from_rest_has_truth_too() -> None:
+    """A crank held level falls as fast as its moments of inertia and weight say."""
+    start = ideal_free().start.model_copy(update={"crank_speed_rad_s": 0.0})
+    scene = ideal_free().model_copy(update={"start": start, "end_time_s": 1e-4})
+    truth, _ = converged_truth.converged(scene, 10)
+    # At theta = 0 the slider stands still, and of the rod only its pin moves, up and down: y at its centre
+    # is r/2 theta, its own turning -r/L theta.
+    r, length = 0.05, 0.12
+    inertia = 1e-5 + 0.30 * 0.025**2 + 0.21 * (r / 2) ** 2 + 2.5e-5 * (r / length) ** 2
+    weight = 9.81 * (0.30 * 0.025 + 0.21 * r / 2)
+    assert truth.velocity[-1, 0, 2] == pytest.approx(-weight / inertia * 1e-4, rel=1e-6)

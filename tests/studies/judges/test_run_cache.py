@@ -42,28 +42,23 @@ def test_a_run_is_made_once_and_comes_back_bit_for_bit(runs: list[Scene]) -> Non
         assert getattr(first, name) == getattr(second, name)
 
 
-def test_whatever_decides_a_run_makes_another(runs: list[Scene]) -> None:
-    other = SCENE.model_copy(update={"gravity_m_s2": 1.62})
-    for engine, scene, settings in (
-        (SHARP, SCENE, SETTINGS),
-        (SHARP.sharper(), SCENE, SETTINGS),
-        (SHARP, other, SETTINGS),
-        (SHARP, SCENE, RunSettings(SCENE.end_time_s, 11)),
-    ):
-        kept_run(engine, scene, settings)
-    assert len(runs) == 4
-
-
-def test_the_code_of_the_engine_counts_and_a_study_s_does_not(
+def test_whatever_decides_a_run_makes_another_and_a_study_s_code_does_not(
     runs: list[Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept_run(SHARP, SCENE, SETTINGS)
+    for asked in (
+        (SHARP, SCENE, SETTINGS),
+        (SHARP.sharper(), SCENE, SETTINGS),
+        (SHARP, SCENE.model_copy(update={"gravity_m_s2": 1.62}), SETTINGS),
+        (SHARP, SCENE, RunSettings(SCENE.end_time_s, 11)),
+    ):
+        kept_run(*asked)
+    assert len(runs) == 4
     modules = closure(ReferenceEngine.__module__).files
     assert {"reference_solver.methods", "engine_models.scene.scene"} < modules.keys()
     assert not [name for name in modules if name.startswith("studies")]
     monkeypatch.setattr(run_cache, "engine_fingerprint", lambda module: f"other code of {module}")
     kept_run(SHARP, SCENE, SETTINGS)
-    assert len(runs) == 2
+    assert len(runs) == 5
 
 
 def test_a_damaged_file_is_made_again(runs: list[Scene]) -> None:

@@ -1,11 +1,11 @@
 """Cases in processes of their own: what an engine does to its process is a row, and no other's affair."""
 
 import os
-import signal
+import subprocess
 import sys
-import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import Executor
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,8 @@ from studies.running import runner
 from studies.running.case import Case
 from studies.running.execution import CaseEnded, Limits, RunBroken
 from studies.running.outcome import run_case
-from studies.running.processes import Processes
+from studies.running.processes import SAFE_PATH, Processes
 from studies.running.runner import run_study
-from studies.running.worker import _memory_limited
 from tests.helpers.mischief import MEGABYTE, NAME, case
 from tests.helpers.row_files import read_rows
 
@@ -29,18 +28,17 @@ AMPLE = Limits(time_limit_s=60, memory_limit_bytes=200 * MEGABYTE)
 HASTY = Limits(time_limit_s=0.5, memory_limit_bytes=200 * MEGABYTE)
 
 
-def two() -> Executor:
-    return Processes(2)
+def run(folder: Path, *cases: Case, jobs: int = 1, **how: Any) -> list[dict[str, Any]]:
+    def processes() -> Executor:
+        return Processes(jobs)
 
-
-def run(folder: Path, *cases: Case) -> list[dict[str, Any]]:
-    run_study(NAME, list(cases), folder, two, two)
+    run_study(NAME, list(cases), folder, processes, processes, **how)
     return read_rows(folder / "rows.jsonl")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory limits are for Linux")
-def test_whatever_an_engine_does_within_limits_is_a_row_with_a_reason(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+def test_whatever_an_engine_does_is_a_row_with_a_reason_and_the_others_go_on(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     expected = {
         "abort": ("crashed", "killed by SIGABRT"),
@@ -59,40 +57,31 @@ def test_whatever_an_engine_does_within_limits_is_a_row_with_a_reason(
     for arm, (status, reason) in expected.items():
         assert outcomes[arm][0] == status, outcomes[arm]
         assert reason in outcomes[arm][1]
-    assert rows[0]["time_limit_s"] in (0.5, 60)
     out, err = capfd.readouterr()
     assert out == ""
     assert "noise" not in err
     assert f"{NAME}: 8 cases, 3 crashed, 2 out of memory, 1 timed out" in err
+    monkeypatch.setattr(runner, "ROOMY", Limits(1, 200 * MEGABYTE))
+    hangs = [case("hang", n, timed=n == 1, pid_file=str(tmp_path / "pid")) for n in (1, 2)]
+    assert [row["status"] for row in run(tmp_path / "of all", *hangs)] == ["timed out"] * 2, "without limits"
 
 
-def test_a_crash_without_limits_is_a_row_and_the_others_go_on(tmp_path: Path) -> None:
-    cases = [case("work", 0), case("abort"), *(case("work", n) for n in range(1, 5))]
-    rows = run(tmp_path, *cases)
-    assert sorted(row["status"] for row in rows) == ["crashed"] + ["ok"] * 5
-    assert rows == run(tmp_path, *cases), "nothing was left to run"
-
-
-def test_a_case_does_not_answer_for_the_damage_of_another() -> None:
+def test_a_case_does_not_answer_for_what_another_did_or_holds() -> None:
+    """Three times 150 MB are held under a limit of 200 MB."""
     with Processes(1) as pool:
         futures = [pool.submit(run_case, case(arm)) for arm in ("spoil", "be spoilt", "abort")]
+        holding = [case("hold memory", n, AMPLE) for n in range(3)]
+        held = [pool.submit_within(c.limits, run_case, c).result()[0] for c in holding]
         spoiler, spoilt = (future.result()[0] for future in futures[:2])
-        assert (spoiler["status"], spoilt["status"]) == ("ok", "ok")
-        assert spoiler["pid"] != spoilt["pid"]
         assert isinstance(futures[2].exception(), CaseEnded)
-
-
-def test_memory_held_by_one_case_does_not_count_against_another() -> None:
-    with Processes(1) as pool:
-        cases = [case("hold memory", n, AMPLE) for n in range(3)]
-        rows = [pool.submit_within(c.limits, run_case, c).result()[0] for c in cases]
-    assert [row["status"] for row in rows] == ["ok"] * 3, "three times 150 MB under a limit of 200 MB"
-    assert len({row["pid"] for row in rows}) == 1
+    assert [row["status"] for row in (spoiler, spoilt, *held)] == ["ok"] * 5
+    assert spoiler["pid"] != spoilt["pid"]
+    assert len({row["pid"] for row in held}) == 1
 
 
 def test_timed_cases_run_alone_in_order_in_one_process(tmp_path: Path) -> None:
     timed = [case("work", n, timed=True) for n in (7, 3, 5)]
-    rows = run(tmp_path, *timed[:2], case("work"), case("work", 1, AMPLE), case("work", 2), timed[2])
+    rows = run(tmp_path, *timed[:2], case("work"), case("work", 1, AMPLE), case("work", 2), timed[2], jobs=2)
     assert [row["samples"] for row in rows if row.get("timed")] == [8, 4, 6]
     assert [bool(row.get("timed")) for row in rows] == [False] * 3 + [True] * 3
     assert len({row["pid"] for row in rows[3:]} - {os.getpid()}) == 1
@@ -102,60 +91,28 @@ def test_timed_cases_run_alone_in_order_in_one_process(tmp_path: Path) -> None:
         beside = row["ended"]
 
 
-def test_a_bug_of_a_study_stops_the_run_and_is_named(tmp_path: Path) -> None:
-    with pytest.raises(
-        RunBroken, match=r"mischief \(bug\) on ideal-free: bug at helpers/mischief.py:\d+: Key"
-    ):
-        run(tmp_path, case("bug"))
-
-
-def test_every_case_has_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "ROOMY", Limits(1, 200 * MEGABYTE))
-    hangs = [case("hang", n, timed=n == 1, pid_file=str(tmp_path / "pid")) for n in range(2)]
-    outcomes = [(row["arm"], row["status"]) for row in run(tmp_path, *hangs)]
-    assert outcomes == [("hang", "timed out")] * 2
-
-
-def _soft_limit_under(lower: int) -> int:
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_DATA, (lower, resource.RLIM_INFINITY))
-    with _memory_limited(1000 * lower):
-        return resource.getrlimit(resource.RLIMIT_DATA)[0]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="memory limits are for Linux")
-def test_a_limit_on_memory_does_not_lift_one_that_is_there() -> None:
-    with Processes(1) as pool:
-        assert pool.submit(_soft_limit_under, 10_000 * MEGABYTE).result() == 10_000 * MEGABYTE
-
-
-def test_a_case_killed_once_from_outside_is_run_again_alone(tmp_path: Path) -> None:
-    killed = case("be killed once", been_file=str(tmp_path / "been"))
-    rows = run(tmp_path, killed, *(case("work", n) for n in range(4)))
-    assert {row["status"] for row in rows} == {"ok"}
-    assert rows[-1]["arm"] == "be killed once"
-    assert max(row["ended"] for row in rows[:-1]) <= rows[-1]["began"]
-
-
-def test_the_next_run_tries_again_what_was_killed_and_what_failed_if_asked_for(tmp_path: Path) -> None:
-    # Not "abort once": behind "work", in a process that is not new, it would be run again at once.
+def test_what_was_killed_is_tried_again_and_what_failed_if_asked_for(tmp_path: Path) -> None:
+    """Killed once, it runs again at once, alone; killed twice, with the next run."""
     mended = tmp_path / "mended"
     cases = [
-        case("be killed twice", been_file=str(tmp_path / "killed")),
+        case("be killed once", been_file=str(tmp_path / "once")),
+        case("be killed twice", been_file=str(tmp_path / "twice")),
         case("abort until mended", mended_file=str(mended)),
-        case("work"),
+        *(case("work", n) for n in range(3)),
     ]
-    rows = run(tmp_path, *cases)
+    rows = run(tmp_path, *cases, jobs=2)
     first = {row["arm"]: (row["status"], row["reason"]) for row in rows}
     killed, crashed = ("killed from outside", "killed by SIGKILL"), ("crashed", "killed by SIGABRT")
-    assert first == {"be killed twice": killed, "abort until mended": crashed, "work": ("ok", "")}
+    expected = dict.fromkeys(("be killed once", "be killed twice", "abort until mended", "work"), ("ok", ""))
+    expected |= {"be killed twice": killed, "abort until mended": crashed}
+    assert first == expected
+    again = next(row for row in rows if row["arm"] == "be killed once")
+    assert max(row["ended"] for row in rows if row["arm"] == "work") <= again["began"]
     second = {row["arm"]: (row["status"], row["reason"]) for row in run(tmp_path, *cases)}
     assert second == {**first, "be killed twice": ("ok", "")}
     mended.touch()
-    run_study(NAME, cases, tmp_path, two, retry_failed=True)
-    third = read_rows(tmp_path / "rows.jsonl")
-    assert sorted(row["arm"] for row in third if row["status"] == "ok") == sorted(first)
+    third = run(tmp_path, *cases, retry_failed=True)
+    assert {row["status"] for row in third} == {"ok"}
     assert [row for row in third if row["arm"] == "work"] == [row for row in rows if row["arm"] == "work"]
 
 
@@ -168,33 +125,27 @@ def deadly(number: int) -> Case:
     return _Deadly(NAME, case("work").scene, Arm("mischief", "deadly"), RunSettings(1e-3, number + 1))
 
 
-def test_a_process_that_dies_as_it_begins_does_not_end_the_run(tmp_path: Path) -> None:
-    rows = run(tmp_path, deadly(0), deadly(1), case("work"))
+def test_a_process_that_dies_as_it_begins_does_not_end_the_run_unless_all_do(tmp_path: Path) -> None:
+    rows = run(tmp_path / "one", deadly(0), case("work"))
     outcomes = {row["arm"]: (row["status"], row["reason"]) for row in rows}
     assert outcomes == {"work": ("ok", ""), "deadly": ("not begun", "ended with exit code 4")}
-
-
-def test_processes_that_cannot_begin_break_the_run(tmp_path: Path) -> None:
     with pytest.raises(RunBroken, match="no process can begin: ended with exit code 4"):
-        run(tmp_path, *map(deadly, range(4)))
+        run(tmp_path / "all", *map(deadly, range(4)))
 
 
-def test_a_cancelled_executor_kills_what_hangs_and_starts_nothing(tmp_path: Path) -> None:
-    pool = Processes(1)
-    file = tmp_path / "pid"
-    futures: list[Future[Any]] = [pool.submit(run_case, case("hang", pid_file=str(file)))]
-    futures.append(pool.submit(run_case, case("work")))
-    while not (file.exists() and file.read_text()):
-        time.sleep(0.02)
-    pool.shutdown(cancel_futures=True)
-    assert isinstance(futures[0].exception(timeout=0), CaseEnded | CancelledError)
-    assert futures[1].cancelled()
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(file.read_text()), 0)
-    with pytest.raises(RuntimeError, match="after shutdown"):
-        pool.submit(run_case, case("work"))
-
-
-def test_ctrl_c_does_not_reach_the_processes() -> None:
-    with Processes(1) as pool:
-        assert signal.SIGINT in pool.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="Python 3.10 cannot keep the folder out")
+def test_no_process_takes_a_file_in_the_users_folder_for_a_module_of_pythons(tmp_path: Path) -> None:
+    """A file for each says that it was run; the engine that is asked for is there too."""
+    for name in sys.stdlib_module_names - {"antigravity", "this"}:
+        if find_spec(name):
+            code = "import sys; open('executed', 'a').write(__name__); sys.exit(__name__)\n"
+            (tmp_path / f"{name}.py").write_text(code)
+    mine = "from engine_models.scipy_ivp.engine import ScipyEngine as Mine\n"
+    (tmp_path / "my_module.py").write_text(mine)
+    script = str(Path(sys.executable).with_name("crankslider"))
+    command = [script, "run", "agreement", "--engine", "my_module:Mine", "--jobs", "2", "--out", "results"]
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", SAFE_PATH)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, (tmp_path / "executed").exists()) == (0, False), done.stderr
+    rows = read_rows(tmp_path / "results/agreement/rows.jsonl")
+    assert {(row["engine"], row["status"]) for row in rows} == {("my_module:Mine", "ok")}

@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Collection
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -78,18 +78,6 @@ def code(tmp_path: Path) -> Path:
     return copied(tmp_path)
 
 
-def of_the_reference(study: str, engine: str) -> bool | None:
-    """Return whether the reference decides, by its runs or its converged solutions; None says neither."""
-    if engine == "reference" or study in BY_THE_REFERENCE:
-        return True
-    return None if engine in ("scipy", "pymunk") else study == "predictability"
-
-
-def of_what_is_compiled(study: str, engine: str) -> bool | None:
-    """Return whether what keeps machine code decides: it keeps Pymunk's loop too."""
-    return engine == "pymunk" or of_the_reference(study, engine)
-
-
 def is_part(file: str, study: str, engine: str) -> bool:
     """Return whether a file is one of those that a study with an engine is made of."""
     roots = (study_module(study), engine_module(engine), *ROW_MAKERS)
@@ -97,63 +85,60 @@ def is_part(file: str, study: str, engine: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("file", "decides"),
+    ("file", "studies", "engines"),
     [
-        ("engine_models/scene/scene.py", lambda _study, _engine: True),
-        ("engine_models/exudyn/kinematic_tree.py", lambda _, engine: engine == "exudyn"),
-        ("engine_models/pymunk/engine.py", lambda _, engine: engine == "pymunk"),
-        ("reference_solver/compiled/__init__.py", of_what_is_compiled),
-        ("reference_solver/methods.py", of_the_reference),
-        ("studies/judges/horizon.py", lambda study, _: study in (*BY_THE_REFERENCE, "predictability")),
-        ("studies/stability.py", lambda study, _: study == "stability"),
-        ("studies/predictability.py", lambda study, _: study == "predictability"),
-        ("studies/running/worker.py", lambda _study, _engine: True),
-        *((file, lambda _study, _engine: False) for file in OF_NOTHING),
+        ("engine_models/scene/scene.py", STUDIES, ENGINES),
+        ("studies/running/worker.py", STUDIES, ENGINES),
+        ("engine_models/exudyn/kinematic_tree.py", (), ("exudyn",)),
+        ("engine_models/pymunk/engine.py", (), ("pymunk",)),
+        ("studies/judges/horizon.py", (*BY_THE_REFERENCE, "predictability"), ()),
+        ("studies/stability.py", ("stability",), ()),
+        *((file, (), ()) for file in OF_NOTHING),
     ],
 )
 def test_a_file_is_part_of_what_it_decides_and_of_nothing_else(
-    file: str, decides: Callable[[str, str], bool | None]
+    file: str, studies: Collection[str], engines: Collection[str]
 ) -> None:
     for study, engine in product(STUDIES, ENGINES):
-        assert decides(study, engine) in (None, is_part(file, study, engine)), (study, engine)
+        assert is_part(file, study, engine) == (study in studies or engine in engines), (study, engine)
 
 
-@pytest.mark.parametrize("file", ["engine_models/exudyn/kinematic_tree.py", "studies/running/worker.py"])
-def test_an_edit_counts_for_those_that_a_file_is_part_of_and_no_others(
-    code: Path, untouched: dict[str, str], file: str
-) -> None:
-    add_line(code / file, "AND_MORE = 1")
-    pairs = [(study, engine) for study, engine in product(STUDIES, ENGINES) if is_part(file, study, engine)]
-    expected = {f"{study} {engine}" for study, engine in pairs} | {study for study, _ in pairs}
-    assert changed(untouched, fingerprints(code)) == expected
+@pytest.mark.parametrize("study", STUDIES)
+def test_the_reference_solver_is_part_of_its_own_runs_and_of_what_is_compared_with_them(study: str) -> None:
+    assert is_part("reference_solver/methods.py", study, "reference")
+    assert is_part("reference_solver/methods.py", study, "exudyn") or study not in BY_THE_REFERENCE
 
 
-def test_an_edit_of_what_is_no_part_of_anything_counts_for_nobody(
+@pytest.mark.system
+def test_edits_count_for_those_that_a_file_is_part_of_and_what_people_read_for_nobody(
     code: Path, untouched: dict[str, str]
 ) -> None:
-    for file in OF_NOTHING:
-        add_line(code / file, "AND_MORE = 1")
-    assert changed(untouched, fingerprints(code)) == set()
-
-
-def test_comments_docstrings_and_help_count_for_nobody(code: Path, untouched: dict[str, str]) -> None:
     for package in NUMERICAL_CODE:
         for file in (code / package).rglob("*.py"):
             text = file.read_text(encoding="utf-8").replace('"""', '"""Edited.\n\n', 1)
             file.write_text(f"# A comment.\n{text}\n\n\n# Another.\n", encoding="utf-8")
-    main = code / "studies/command/main.py"
-    main.write_text(main.read_text(encoding="utf-8").replace('help="', 'help="Edited. '), encoding="utf-8")
+    for name in OF_NOTHING:
+        add_line(code / name, "AND_MORE = 1")
     assert changed(untouched, fingerprints(code)) == set()
+    tree, judge = "engine_models/exudyn/kinematic_tree.py", "studies/judges/converged_truth.py"
+    text = (code / judge).read_text(encoding="utf-8")
+    assert "POINTWISE_M = 1e-8" in text
+    (code / judge).write_text(text.replace("POINTWISE_M = 1e-8", "POINTWISE_M = 2e-8"), encoding="utf-8")
+    add_line(code / tree, "AND_MORE = 1")
+    pairs = [pair for pair in product(STUDIES, ENGINES) if is_part(tree, *pair) or is_part(judge, *pair)]
+    expected = {f"{study} {engine}" for study, engine in pairs} | {study for study, _ in pairs}
+    assert "energy pymunk" not in expected
+    assert changed(untouched, fingerprints(code)) == expected
 
 
-def test_a_constant_of_a_judge_counts(code: Path, untouched: dict[str, str]) -> None:
-    judge = code / "studies/judges/converged_truth.py"
-    text = judge.read_text(encoding="utf-8")
-    judge.write_text(text.replace("POINTWISE_M = 1e-8", "POINTWISE_M = 2e-8"), encoding="utf-8")
-    assert text != judge.read_text(encoding="utf-8")
-    names = changed(untouched, fingerprints(code))
-    assert {f"{study} {engine}" for study in BY_THE_REFERENCE for engine in ENGINES} < names
-    assert "energy pymunk" not in names
+METADATA = "Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
+
+
+def write(folder: Path, *names: str, text: str = "STEP = R = K = 1\n") -> None:
+    """Write files that have the same text."""
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
 
 
 @pytest.mark.system
@@ -161,52 +146,34 @@ def test_an_engine_from_outside_counts_by_content_and_version_and_for_no_other(
     code: Path, tmp_path_factory: pytest.TempPathFactory, untouched: dict[str, str]
 ) -> None:
     outside = tmp_path_factory.mktemp("outside")
-    engine, metadata = outside / "newcomer", outside / "newcomer-1.0.dist-info"
-    engine.mkdir()
-    (engine / "__init__.py").write_text("")
-    imports = (
-        "from helping import STEP",
-        "from .rule import RULE",
-        "from newcomer.laws.hertz import K",
-        "import library",
-    )
-    (engine / "engine.py").write_text("\n".join(imports))
-    (engine / "laws").mkdir()  # without __init__.py
-    (engine / "laws/hertz.py").write_text("K = 1\n")
-    library = outside / "library-1.0.dist-info"  # installed as its developer does it
-    library.mkdir()
-    (library / "METADATA").write_text("Metadata-Version: 2.1\nName: library\nVersion: 1.0\n")
-    (library / "top_level.txt").write_text("library\n")
-    (library / "direct_url.json").write_text('{"url": "file:///library", "dir_info": {"editable": true}}')
-    (outside / "library.py").write_text("L = 1\n")
-    (engine / "rule.py").write_text("RULE = 1\n")
-    (outside / "helping.py").write_text("STEP = 1\n")
+    imports = ("from helping import STEP", "from .rule import R", "from newcomer.laws.hertz import K")
+    write(outside, *(f"newcomer/{name}.py" for name in ("__init__", "laws/hertz", "rule")))
+    write(outside, "helping.py", "library.py")
+    write(outside, "newcomer/engine.py", text="\n".join((*imports, "import library\n")))
+    files = [*outside.rglob("*.py")]
+    # A library that is installed as its developer does it.
+    editable = '{"url": "file:///library", "dir_info": {"editable": true}}'
+    write(outside, "library-1.0.dist-info/direct_url.json", text=editable)
+    for name in ("library", "newcomer"):
+        write(outside, f"{name}-1.0.dist-info/METADATA", text=METADATA.format(name=name, version="1.0"))
+        write(outside, f"{name}-1.0.dist-info/top_level.txt", text=f"{name}\n")
     add_line(code / "engine_models/engines.py", '_CLASSES["newcomer"] = ("newcomer.engine", "Newcomer")')
     add_line(code / "engine_models/engines.py", "ENGINES = tuple(_CLASSES)")
 
     def of_newcomer() -> str:
         hashes = fingerprints(code, outside)
-        own = {f"{study} newcomer" for study in STUDIES}
-        assert {name: hashes[name] for name in hashes.keys() - own - set(STUDIES)} == {
-            name: untouched[name] for name in untouched.keys() - set(STUDIES)
-        }
+        others = untouched.keys() - set(STUDIES)
+        assert {name: hashes[name] for name in others} == {name: untouched[name] for name in others}
         return hashes["clearance newcomer"]
 
-    without_distribution = of_newcomer()
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.0\n")
-    (metadata / "top_level.txt").write_text("newcomer\n")
-    seen = [without_distribution, of_newcomer()]
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: newcomer\nVersion: 1.1\n")
+    seen = [of_newcomer()]
+    write(outside, "newcomer-1.0.dist-info/METADATA", text=METADATA.format(name="newcomer", version="1.1"))
     seen.append(of_newcomer())
-    own = ("rule.py", "__init__.py", "laws/hertz.py", "engine.py")
-    files = [*(engine / name for name in own), outside / "helping.py", outside / "library.py"]
     for file in files:
         add_line(file, "# A comment.")
     assert of_newcomer() == seen[-1]
-    add_line(engine / "laws/hertz.py", "AND_MORE = 1")
-    seen.append(of_newcomer())
-    assert len(set(seen)) == 4
+    add_line(outside / "newcomer/laws/hertz.py", "AND_MORE = 1")
+    assert len({*seen, of_newcomer()}) == 3
     assert {Path(path) for path in printed(FILES_OF_NEWCOMER, code, outside)} >= {*files}
 
 
@@ -230,14 +197,10 @@ def test_a_file_that_is_read_and_not_imported_would_not_count() -> None:
     files = [path for folder in NUMERICAL_CODE for path in (ROOT / folder).rglob("*") if path.is_file()]
     # Not what rows are held to, nor scenes and the gallery, which are in the rows.
     other = {"baselines.csv", "library", "gallery.toml"}
-    files = [path for path in files if not other & {*path.parts}]
-    assert {path.suffix for path in files} <= {".py", ".pyc"}
-
-
-@pytest.mark.parametrize("module", NOT_COUNTED)
-def test_what_does_not_count_is_there(module: str) -> None:
-    assert (ROOT / f"{module.replace('.', '/')}.py").is_file()
-    assert not closure("studies.clearance").files.keys() & {module}
+    assert {path.suffix for path in files if not other & {*path.parts}} <= {".py", ".pyc"}
+    for module in NOT_COUNTED:
+        assert (ROOT / f"{module.replace('.', '/')}.py").is_file()
+        assert not closure("studies.clearance").files.keys() & {module}
 
 
 #: Prints a hash of the meaning of all files of numerical code; needs nothing but Python.

@@ -38,9 +38,8 @@ def test_what_a_kill_left_goes_and_what_another_still_writes_stays(tmp_path: Pat
             (tmp_path / name).touch()
             os.utime(tmp_path / name, (long_ago, long_ago))
         require_place(place)
-        assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-            [".a[1].csv.new", ".mine.new", written.name]
-        )
+        left = sorted([".a[1].csv.new", ".mine.new", written.name])
+        assert sorted(path.name for path in tmp_path.iterdir()) == left
         file.write(b"content")
     assert place.read_bytes() == b"content"
 
@@ -54,6 +53,7 @@ def test_a_file_keeps_the_permissions_of_any_new_one_and_a_link_its_place(tmp_pa
     assert (tmp_path / "there").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
+@pytest.mark.system
 def test_a_run_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
     tell = "from studies.command import simulation as s; of = s.simulated;"
     tell += "s.simulated = lambda *asked: print('runs', flush=True) or of(*asked);"
@@ -84,106 +84,59 @@ with whole_folder(Path(sys.argv[1])) as new:
 @pytest.mark.parametrize("when", [[], ["moving"]])
 def test_a_folder_is_as_it_was_after_a_kill_once_another_has_tried(when: list[str], tmp_path: Path) -> None:
     place = tmp_path / "report"
-    place.mkdir()
-    (place / "index.html").write_text("before")
+    write_folder(place, "before")
     subprocess.run([sys.executable, "-c", KILLED, place, *when], check=False)
     assert len(list(tmp_path.iterdir())) == 2 - len(when)
     with pytest.raises(ZeroDivisionError), whole_folder(place) as new:
         1 / len(list(new.iterdir()))
-    assert [path.name for path in tmp_path.iterdir()] == ["report"]
-    assert (place / "index.html").read_text() == "before"
+    for text in ("before", "after"):
+        assert [path.name for path in tmp_path.iterdir()] == ["report"]
+        assert (place / "index.html").read_text() == text
+        write_folder(place, "after")
+
+
+def write_folder(place: Path, text: str) -> None:
     with whole_folder(place) as new:
-        (new / "index.html").write_text("after")
-    assert [path.name for path in tmp_path.iterdir()] == ["report"]
-    assert (place / "index.html").read_text() == "after"
+        (new / "index.html").write_text(text)
 
 
 def test_a_folder_that_another_run_makes_is_refused(tmp_path: Path) -> None:
-    with whole_folder(tmp_path / "report") as new:
-        with (
-            pytest.raises(FolderHeld, match="a folder that no other run holds"),
-            whole_folder(tmp_path / "report"),
-        ):
+    report = tmp_path / "report"
+    with whole_folder(report) as new:
+        with pytest.raises(FolderHeld, match="a folder that no other run holds"), whole_folder(report):
             pass
-        done = crankslider("report", "--results", tmp_path, "--out", tmp_path / "report")
-        require_refusal(
-            done.stdout, done.stderr, done.code, "--out: expected a folder that no other run holds"
-        )
+        done = crankslider("report", "--results", tmp_path, "--out", report)
+        said = "--out: expected a folder that no other run holds"
+        require_refusal(done.stdout, done.stderr, done.code, said)
         assert new.is_dir()
 
 
-#: What may lie where a file or a folder is to go, and what is said of it.
-OBSTACLES = {
-    "a folder": "Is a directory",
-    "a link to nowhere": "No such file or directory",
-    "a link to itself": "Too many levels of symbolic links",
-    "below a file": "Not a directory",
-    "below nothing": "No such file or directory",
-}
+LONG = "clearance-driven-0.5mm --end 1000"
 
 
-def obstacle(folder: Path, kind: str, name: str) -> Path:
-    place = folder / name
-    match kind:
-        case "a folder":
-            place.mkdir()
-        case "a link to nowhere":
-            place.symlink_to(folder / "nowhere" / name)
-        case "a link to itself":
-            place.symlink_to(place)
-        case "below a file":
-            place.touch()
-            place /= name
-        case _:
-            place /= name
-    return place
-
-
-SWEEP = ("sweep", "clearance-driven-0.5mm", "--vary", "clearance.B.radial_clearance_m=1e-5,1e-4", "--jobs", 1)
-LOOSE = ("simulate", "clearance-driven-0.5mm", "--end", 1000)
-
-
-@pytest.mark.parametrize("kind", OBSTACLES)
 @pytest.mark.parametrize(
-    ("command", "name"),
+    ("command", "said"),
     [
-        ((*LOOSE, "--out"), "a.csv"),
-        ((*LOOSE, "--impacts"), "a.csv"),
-        ((*LOOSE, "--plot"), "a.png"),
-        ((*LOOSE, "--animate"), "a.gif"),
-        (("truth", "clearance-driven-0.5mm", "--end", 1000, "--out"), "a.csv"),
-        ((*SWEEP, "--revolutions", 1e6, "--out"), "a.parquet"),
-        ((*SWEEP, "--revolutions", 1e6, "--plot"), "a.png"),
+        (f"simulate {LONG} --out itself.csv", "Too many levels of symbolic links"),
+        (f"simulate {LONG} --impacts nothing/a.csv", "No such file or directory"),
+        (f"simulate {LONG} --animate nowhere.gif", "No such file or directory"),
+        (f"truth {LONG} --out nothing/a.csv", "No such file or directory"),
+        ("sweep ideal-driven --vary crank.length_m=0.03,0.04 --out file/a.parquet", "Not a directory"),
+        ("report --out file/results", "Not a directory"),
+        ("conform pymunk --accept --why so --baselines file/results", "Not a directory"),
     ],
-    ids=lambda value: f"{value[0]} {value[-1]}" if isinstance(value, tuple) else "",
 )
-def test_a_file_that_cannot_be_written_is_refused_before_the_work(
-    command: tuple[object, ...], name: str, kind: str, tmp_path: Path
+def test_a_place_that_cannot_be_written_is_refused_before_the_work(
+    command: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Any of these runs would take hours."""
-    place = obstacle(tmp_path, kind, name)
-    done = crankslider(*command, place)
-    option = f"{command[-1]}: expected a place that can be written"
-    require_refusal(done.stdout, done.stderr, done.code, option, f"({OBSTACLES[kind]})")
-
-
-@pytest.mark.parametrize("kind", ["a link to nowhere", "a link to itself", "below a file"])
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("run", "--out"),
-        ("compare", "clearance-driven-0.5mm", "--out"),
-        ("report", "--out"),
-        ("conform", "pymunk", "--accept", "--why", "so", "--baselines"),
-    ],
-    ids=lambda command: command[0],
-)
-def test_a_place_that_can_be_no_folder_is_refused_before_the_work(
-    command: tuple[object, ...], kind: str, tmp_path: Path
-) -> None:
-    done = crankslider(*command, obstacle(tmp_path, kind, "results"))
-    option = f"{command[-1]}: expected a place that can be written"
-    require_refusal(done.stdout, done.stderr, done.code, option, "(Not a directory)")
+    """Most of these runs would take hours."""
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    Path("itself.csv").symlink_to("itself.csv")
+    Path("nowhere.gif").symlink_to("nothing/a.gif")
+    done = crankslider(*command.split())
+    option = f"{command.split()[-2]}: expected a place that can be written"
+    require_refusal(done.stdout, done.stderr, done.code, option, f"({said})")
 
 
 def test_a_folder_that_is_not_there_can_be_made(tmp_path: Path) -> None:

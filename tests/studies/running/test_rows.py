@@ -1,8 +1,9 @@
-"""The rows of a folder: held by one run, never lost, torn or doubled, and not trusted."""
+"""The rows of a folder: held by one run, never lost, torn or doubled, set aside with other code."""
 
 import errno
 import json
 import os
+from collections.abc import Mapping
 from io import FileIO
 from pathlib import Path
 
@@ -10,7 +11,6 @@ import numpy as np
 import pytest
 
 from reports.results import BrokenResults, read_study
-from studies.running import folder_lock
 from studies.running.case import Row
 from studies.running.finished_cases import DamagedRows, opened
 from studies.running.folder_lock import FolderHeld
@@ -23,80 +23,45 @@ from tests.helpers.row_files import read_rows, write_rows
 NEW, OLD = "0123456789abcdef", "f" * 16
 ARM: Row = {"scene": "s", "engine": "e", "arm": "a", "label": "e (a)"}
 HEAD: Row = {**ARM, "step_s": 1.0, "status": "ok", "reason": ""}
+CURVES = {"time_s": np.arange(3.0)}
 
 
-def keep(folder: Path, *keys: str, code: str = NEW, status: str = "ok") -> None:
-    with opened(folder, {"e": code}) as rows:
+def keep(folder: Path, *keys: str, code: str | Mapping[str, str] = NEW, **row: str | float) -> None:
+    """Keep rows, of an engine that is called e unless another is named."""
+    with opened(folder, {"e": code} if isinstance(code, str) else code) as rows:
         for key in keys:
-            rows.keep(key, {**HEAD, "status": status, "number": 0.1}, {})
+            rows.keep(key, {**HEAD, "number": 0.1, **row}, {})
 
 
-def cases_in(folder: Path, code: str = NEW) -> list[str]:
-    with opened(folder, {"e": code}) as rows:
+def cases_in(folder: Path, code: str | Mapping[str, str] = NEW) -> list[str]:
+    with opened(folder, {"e": code} if isinstance(code, str) else code) as rows:
         return list(rows.statuses())
 
 
-def test_a_held_folder_is_refused_and_who_has_it_is_said(tmp_path: Path) -> None:
-    with opened(tmp_path / "energy", {"e": NEW}):
+def test_a_held_folder_is_refused_before_any_work_and_who_has_it_is_said(tmp_path: Path) -> None:
+    folder = tmp_path / "energy"
+    with opened(folder, {"e": NEW}):
         done = crankslider("run", "agreement", "energy", "--out", tmp_path)
-    require_refusal(done.stdout, done.stderr, done.code, f"got {tmp_path / 'energy'}, held by process")
-    assert f"process {os.getpid()} on " in done.stderr
-    assert not (tmp_path / "agreement/rows.jsonl").exists(), "it is said before any work is done"
-    assert cases_in(tmp_path / "energy") == []
-
-
-def test_who_holds_a_folder_may_not_have_said_so_yet(tmp_path: Path) -> None:
-    with opened(tmp_path, {"e": NEW}):
-        (tmp_path / "rows.lock").write_text("")
+        require_refusal(
+            done.stdout, done.stderr, done.code, f"got {folder}, held by process {os.getpid()} on "
+        )
+        assert not (tmp_path / "agreement/rows.jsonl").exists()
+        (folder / "rows.lock").write_text("")  # who holds it may not have said so yet
         with pytest.raises(FolderHeld, match="held by another run: wait"):
-            cases_in(tmp_path)
+            cases_in(folder)
+    assert cases_in(folder) == []
 
 
-@pytest.mark.skipif(os.name != "posix", reason="Windows locks otherwise")
-def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import fcntl
-
-    def flock(*_: object) -> None:
-        raise OSError(errno.ENOLCK, "No locks available")
-
-    monkeypatch.setattr(fcntl, "flock", flock)
-    done = crankslider("run", "agreement", "--out", tmp_path)
-    require_refusal(
-        done.stdout, done.stderr, done.code, f"{tmp_path} (no lock to be had: No locks available)"
-    )
-
-
-def test_rows_of_other_code_are_set_aside_and_come_back_with_it(tmp_path: Path) -> None:
-    for code, key in ((OLD, "a"), (NEW, "b"), (OLD, "c"), (NEW, "d")):
-        keep(tmp_path, key, code=code)
-    assert cases_in(tmp_path, OLD) == ["a", "c"]
-    assert [row["fingerprint"] for row in read_rows(tmp_path / "rows.jsonl")] == [OLD, OLD]
-    assert cases_in(tmp_path, NEW) == ["b", "d"]
-    assert sorted(path.name for path in tmp_path.glob("*.jsonl")) == [
-        "rows.ffffffffffffffff.jsonl",
-        "rows.jsonl",
-    ]
-
-
-def test_every_engine_has_its_own_code(tmp_path: Path) -> None:
+def test_rows_of_an_engines_other_code_are_set_aside_and_come_back_with_it(tmp_path: Path) -> None:
     new, newer = {"e": NEW, "f": OLD}, {"e": NEW, "f": "a" * 16}
-
-    def keep_row(fingerprints: dict[str, str], key: str, engine: str) -> None:
-        with opened(tmp_path, fingerprints) as rows:
-            rows.keep(key, {**HEAD, "engine": engine}, {})
-
-    def kept_rows(fingerprints: dict[str, str]) -> list[str]:
-        with opened(tmp_path, fingerprints) as rows:
-            return list(rows.statuses())
-
-    keep_row(new, "a", "e")
-    keep_row(new, "b", "f")
-    keep_row(newer, "c", "f")
-    assert sorted(kept_rows(newer)) == ["a", "c"], "what is of one engine's other code is set aside alone"
-    assert sorted(kept_rows(new)) == ["a", "b"]
-    assert kept_rows({"e": "b" * 16}) == []
+    keep(tmp_path, "a", code=new)
+    keep(tmp_path, "b", code=new, engine="f")
+    keep(tmp_path, "c", code=newer, engine="f")
+    assert sorted(cases_in(tmp_path, newer)) == ["a", "c"], "what is of one engine's other code goes alone"
+    assert sorted(cases_in(tmp_path, new)) == ["a", "b"]
+    assert cases_in(tmp_path, {"e": "b" * 16}) == []
     assert len(list(tmp_path.glob("rows.*.jsonl"))) == 3
-    assert sorted(kept_rows(new)) == ["a", "b"], "rows come back from as many files as there are engines"
+    assert sorted(cases_in(tmp_path, new)) == ["a", "b"], "from as many files as there are engines"
 
 
 def test_rows_are_set_aside_beside_those_that_are_there(tmp_path: Path) -> None:
@@ -130,11 +95,24 @@ def test_rows_set_aside_survive_a_failure_at_any_moment(
     assert cases_in(tmp_path, NEW) == ["c"]
 
 
-def test_a_row_that_is_kept_again_takes_the_place_of_the_first(tmp_path: Path) -> None:
-    keep(tmp_path, "a", "b", "c", status="failed")
+def test_a_row_counts_once_and_the_later_one_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    keep(tmp_path, "a", "b", status="failed")
     keep(tmp_path, "b")
-    statuses = [(row["case"], row["status"]) for row in read_rows(tmp_path / "rows.jsonl")]
-    assert statuses == [("a", "failed"), ("b", "ok"), ("c", "failed")]
+    file = tmp_path / "rows.jsonl"
+    assert [(row["case"], row["status"]) for row in read_rows(file)] == [("a", "failed"), ("b", "ok")]
+    once = file.read_bytes()
+    file.write_bytes(once * 3)
+    results, note = read_study(tmp_path), f"{file}: 4 rows are there twice and count once"
+    assert (len(results.rows), results.notes) == (2, (note,))
+    assert cases_in(tmp_path) == ["a", "b"]
+    assert capsys.readouterr().err == f"note: {note}\n"
+    assert file.read_bytes() == once
+    row, _ = read_rows(file)
+    write_rows(file, [row, {**row, "number": 0.2}])
+    with pytest.raises(DamagedRows, match=r"rows\.jsonl:2, got another result"):
+        cases_in(tmp_path)
+    with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected one row of each case"):
+        read_study(tmp_path)
 
 
 DAMAGE = {
@@ -142,8 +120,7 @@ DAMAGE = {
     "not UTF-8": b"\x80",
     "not an object": b"3",
     "no key": b"{}",
-    "deep nesting": b"[" * 100_000,
-    "deep nesting in a row": b'{"case":' + b"[" * 100_000,
+    "deep nesting": b'{"case":' + b"[" * 100_000,
     "a number of 5,000 digits": b'{"case": ' + b"1" * 5000 + b"}",
     "no checksum": json.dumps({**HEAD, "case": "b", "fingerprint": NEW}).encode(),
 }
@@ -155,8 +132,7 @@ def test_a_line_that_is_no_row_is_refused_by_file_and_number_and_left_alone(
 ) -> None:
     keep(tmp_path, "a")
     file = tmp_path / "rows.jsonl"
-    file.write_bytes(file.read_bytes() + junk + b"\n")
-    before = file.read_bytes()
+    file.write_bytes(before := file.read_bytes() + junk + b"\n")
     with pytest.raises(DamagedRows, match=r"a row of results at .*rows\.jsonl:2, got .*: remove the line"):
         cases_in(tmp_path)
     with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected a row"):
@@ -168,10 +144,9 @@ def test_an_edited_number_is_refused_and_told_by_the_command(tmp_path: Path) -> 
     keep(tmp_path / "agreement", "a", "b")
     file = tmp_path / "agreement/rows.jsonl"
     file.write_text(file.read_text().replace("0.1", "0.2", 1))
-    for command in ("run", "report"):
-        out = tmp_path if command == "run" else tmp_path / "report"
-        read = () if command == "run" else ("--results", tmp_path)
-        done = crankslider(command, *(["agreement"] if command == "run" else []), *read, "--out", out)
+    report = ("report", "--results", tmp_path, "--out", tmp_path / "report")
+    for command in (("run", "agreement", "--out", tmp_path), report):
+        done = crankslider(*command)
         require_refusal(done.stdout, done.stderr, done.code, f"{file}:1", "checksum")
 
 
@@ -179,7 +154,7 @@ def test_an_edited_number_is_refused_and_told_by_the_command(tmp_path: Path) -> 
 def test_curves_that_are_not_those_of_their_row_are_made_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], damage: str
 ) -> None:
-    curves = {key: {"time_s": np.arange(number)} for number, key in ((3.0, "a"), (4.0, "b"))}
+    curves = {"a": CURVES, "b": {"time_s": np.arange(4.0)}}
     with opened(tmp_path, {"e": NEW}) as rows:
         for key in curves:
             rows.keep(key, HEAD, curves[key])
@@ -199,7 +174,6 @@ def test_curves_that_are_not_those_of_their_row_are_made_again(
         rows.keep("a", HEAD, curves["a"])
     assert "1 cases have not the curves that they had: they are run again" in capsys.readouterr().err
     assert file.read_bytes() == whole
-    assert read_study(tmp_path).curve("a", "time_s").tolist() == [0.0, 1.0, 2.0]
 
 
 @pytest.mark.system
@@ -209,53 +183,21 @@ def test_a_sidecar_is_of_the_rows_that_a_finished_run_left_and_is_not_trusted(tm
     assert crankslider(*command).code == 0
     folder = tmp_path / "agreement"
     sidecar, rows = folder / "sidecar.json", (folder / "rows.jsonl").read_bytes()
-    found = read_study(folder)
-    assert (found.notes, found.sidecar and found.sidecar["set"]) == ((), "quick")
+    first = read_study(folder)
+    assert (first.notes, first.sidecar and first.sidecar["set"]) == ((), "quick")
     (folder / "rows.jsonl").write_bytes(rows[rows.index(b"\n") + 1 :])
     cut = read_study(folder)
     assert cut.sidecar is None
     assert "rows are not those that the last finished run left; run `crankslider run`" in cut.notes[0]
     written = sidecar.read_bytes()
-    for damaged in (
-        written.replace(b"quick", b"quack"),
-        written[:-9],
-        b"",
-        b"[]",
-        b'{"fingerprints": []}',
-        b"\xff",
-    ):
+    for damaged in (written.replace(b"quick", b"quack"), written[:-9], b"[]", b"\xff"):
         sidecar.write_bytes(damaged)
         with pytest.raises(BrokenResults, match=r"sidecar\.json: expected what a run wrote"):
             read_study(folder)
     assert crankslider(*command).code == 0
     again = read_study(folder)
-    assert (again.notes, again.sidecar) == ((), found.sidecar)
+    assert (again.notes, again.sidecar) == ((), first.sidecar)
     assert sorted((folder / "rows.jsonl").read_bytes().splitlines()) == sorted(rows.splitlines())
-
-
-def test_a_row_that_is_there_twice_counts_once_and_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    keep(tmp_path, "a", "b")
-    file = tmp_path / "rows.jsonl"
-    once = file.read_bytes()
-    file.write_bytes(once * 3)
-    results = read_study(tmp_path)
-    note = f"{file}: 4 rows are there twice and count once"
-    assert (len(results.rows), results.notes) == (2, (note,))
-    assert cases_in(tmp_path) == ["a", "b"]
-    assert capsys.readouterr().err == f"note: {note}\n"
-    assert file.read_bytes() == once
-
-
-def test_two_results_of_one_case_are_refused(tmp_path: Path) -> None:
-    keep(tmp_path, "a")
-    (row,) = read_rows(tmp_path / "rows.jsonl")
-    write_rows(tmp_path / "rows.jsonl", [row, {**row, "number": 0.2}])
-    with pytest.raises(DamagedRows, match=r"rows\.jsonl:2, got another result"):
-        cases_in(tmp_path)
-    with pytest.raises(BrokenResults, match=r"rows\.jsonl:2: expected one row of each case"):
-        read_study(tmp_path)
 
 
 def test_a_report_leaves_out_what_was_killed_from_outside(tmp_path: Path) -> None:
@@ -275,38 +217,18 @@ def half(file: FileIO, content: bytes) -> None:
 def test_a_full_disk_leaves_no_part_of_a_row_or_of_its_curves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    curves = {"time_s": np.arange(3.0)}
     with opened(tmp_path, {"e": NEW}) as rows:
-        rows.keep("a", HEAD, curves)
+        rows.keep("a", HEAD, CURVES)
         before = (tmp_path / "rows.jsonl").read_bytes()
         with monkeypatch.context() as patch:
             patch.setattr(f"studies.running.{where}.write_through", half)
             with pytest.raises(OSError, match="No space"):
-                rows.keep("b", HEAD, curves)
+                rows.keep("b", HEAD, CURVES)
         assert (tmp_path / "rows.jsonl").read_bytes() == before
         assert list(rows.statuses()) == ["a"]
         assert list(tmp_path.rglob("*.new")) == []
-        rows.keep("c", HEAD, curves)
+        rows.keep("c", HEAD, CURVES)
+    (tmp_path / "curves/d.npz.new").touch()  # as a kill leaves it
     assert cases_in(tmp_path) == ["a", "c"]
     whole = {path.name for path in (tmp_path / "curves").iterdir()}
     assert whole == {"a.npz", "c.npz"} | ({"b.npz"} if where == "finished_cases" else set())
-
-
-def test_a_file_that_a_kill_left_unfinished_is_removed(tmp_path: Path) -> None:
-    keep(tmp_path, "a")
-    (tmp_path / "curves/b.npz.new").touch()
-    assert cases_in(tmp_path) == ["a"]
-    assert list((tmp_path / "curves").iterdir()) == []
-
-
-def test_the_file_of_the_lock_is_not_inherited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    locked = folder_lock._locked
-    inheritable = []
-
-    def look(file: FileIO) -> bool:
-        inheritable.append(os.get_inheritable(file.fileno()))
-        return locked(file)
-
-    monkeypatch.setattr(folder_lock, "_locked", look)
-    cases_in(tmp_path)
-    assert inheritable == [False]
