@@ -23,7 +23,10 @@ create table if not exists row (
     key text primary key, study text not null, engine text not null, code text not null, status text not null,
     content text not null, curves blob);
 create table if not exists study (name text primary key, facts text not null);
+pragma user_version = 1;
 """
+#: The form of the tables, which a file of another one does not have.
+FORM = 1
 #: How a case ended of which nothing is known.
 NO_RESULT = "killed from outside"
 
@@ -41,6 +44,9 @@ class Store:
         self.path, self._lock = folder / FILE, folder / LOCK
         with self._reading():
             self._db = sqlite3.connect(self.path, isolation_level=None, timeout=60)
+            ((form,),) = self._db.execute("pragma user_version")
+            if form != FORM and list(self._db.execute("select name from sqlite_master")):
+                raise sqlite3.DatabaseError(f"tables of another form, {form}")
             self._db.execute("pragma journal_mode = wal")
             self._db.execute("pragma synchronous = normal")  # a power cut may cost the last rows, a kill none
             self._db.executescript(SCHEMA)

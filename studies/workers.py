@@ -58,7 +58,7 @@ class Worker:
 
     def __init__(self) -> None:
         self._process: Any = None
-        self._closed = False
+        self._closed, self._busy = False, Lock()
 
     def run(self, call: Callable[..., T], *args: object, limit_s: float) -> T:
         """Return what a call returns in the process, or raise what it raises.
@@ -70,23 +70,27 @@ class Worker:
             Ended: the process died of the call, exceeded the limit, or was killed.
             Failed: no process can begin.
         """
-        used = self._process is not None
-        try:
+        with self._busy:
+            used = self._process is not None
+            try:
+                return self._run(call, args, limit_s)
+            except ProcessTaken as refusal:
+                self._end()
+                if not used:
+                    raise Ended("unsupported", str(refusal)) from None
+            except Ended as end:
+                if self._closed or not used or end.status in (TIMED_OUT, KILLED):
+                    raise
             return self._run(call, args, limit_s)
-        except ProcessTaken as refusal:
-            self._end()
-            if not used:
-                raise Ended("unsupported", str(refusal)) from None
-        except Ended as end:
-            if self._closed or not used or end.status in (TIMED_OUT, KILLED):
-                raise
-        return self._run(call, args, limit_s)
 
     def close(self) -> None:
         """End the process, whatever it does, and start no other."""
         self._closed = True
-        if self._process is not None:
-            self._process.kill()
+        if (process := self._process) is not None:
+            process.kill()
+        with self._busy:
+            if self._process is not None:
+                self._end()
 
     def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
         if self._closed:
