@@ -69,7 +69,7 @@ def run_cases(
         key: case
         for of in wanted.values()
         for key, case in of.items()
-        if _lacks(there.get(key), retry_failed)
+        if lacks(there.get(key), retry_failed)
     }
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=progress_console(), disable=not lacking)
@@ -115,7 +115,7 @@ class Call:
         return run_case(self.case)
 
 
-def _lacks(status: str | None, retry_failed: bool) -> bool:
+def lacks(status: str | None, retry_failed: bool) -> bool:
     """Return whether a run that resumes has to make a case that ended so, None if it is not there."""
     return status in (None, NO_RESULT) or (retry_failed and status not in ("ok", "unsupported"))
 

@@ -14,10 +14,11 @@ def write_rows(
     study: str,
     rows: Sequence[Mapping[str, Any]],
     curves: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
+    **facts: object,
 ) -> None:
     """Write rows of a study, each with a ``case`` and an ``engine``, and ``curves`` by case and column."""
     with Store(folder) as store:
-        store.describe(study, {"set": "quick", "engines": {row["engine"]: "code" for row in rows}})
+        store.describe(study, {"set": "quick", "engines": {row["engine"]: "code" for row in rows}, **facts})
         for row in rows:
             own = {name: np.array(curve) for name, curve in (curves or {}).get(row["case"], {}).items()}
             told = {"study": study, **{name: value for name, value in row.items() if name != "case"}}

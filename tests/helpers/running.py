@@ -18,8 +18,7 @@ from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
 CODE = (
-    f"import studies; studies.STUDIES = {{'{NAME}': '{NAME}'}};"
-    "from studies.command.main import main; main()"
+    f"import studies; studies.STUDIES = {{'{NAME}': '{NAME}'}};from studies.command.main import main; main()"
 )
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.
 HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
@@ -86,7 +85,9 @@ class Here:
             yield item, call(item)
 
 
-def run_in(folder: Path, cases: Sequence[Case], workers: Workers | None = None, retry: bool = False) -> list[Row]:
+def run_in(
+    folder: Path, cases: Sequence[Case], workers: Workers | None = None, retry: bool = False
+) -> list[Row]:
     """Run cases of one study into a folder, in this process or by workers, and return all rows there."""
     name = cases[0].study
     with Store(folder) as store, store.held():

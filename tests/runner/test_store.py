@@ -58,7 +58,9 @@ def test_a_held_folder_is_refused_before_any_work_and_can_be_read(tmp_path: Path
     with Store(tmp_path) as store, store.held():
         store.keep("a", "1", ROW, {})
         done = crankslider("run", "agreement", "--out", tmp_path)
-        require_refusal(done.stdout, done.stderr, done.code, f"no other run holds, got {tmp_path}: wait for it")
+        require_refusal(
+            done.stdout, done.stderr, done.code, f"no other run holds, got {tmp_path}: wait for it"
+        )
         with Store(tmp_path) as reader:
             assert reader.statuses() == {"a": "ok"}
     with Store(tmp_path) as store, store.held():

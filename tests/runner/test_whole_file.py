@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from studies.running.folder_lock import FolderHeld, held
-from studies.running.whole_file import (
+from studies.whole_file import (
     LEFT_S,
     require_folder,
     require_place,
@@ -72,44 +71,25 @@ def test_a_run_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
 KILLED = """
 import os, sys
 from pathlib import Path
-from studies.running.whole_file import whole_folder
+from studies.whole_file import whole_folder
 with whole_folder(Path(sys.argv[1])) as new:
     (new / "half.html").touch()
-    if len(sys.argv) > 2:  # between the two moves
-        Path(sys.argv[1]).rename(new.with_name("old"))
     os.kill(os.getpid(), 9)
 """
 
 
-@pytest.mark.parametrize("when", [[], ["moving"]])
-def test_a_folder_is_as_it_was_after_a_kill_once_another_has_tried(when: list[str], tmp_path: Path) -> None:
+def test_a_folder_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
     place = tmp_path / "report"
     place.mkdir()
     (place / "index.html").write_text("before")
-    subprocess.run([sys.executable, "-c", KILLED, place, *when], check=False)
-    assert len(list(tmp_path.iterdir())) == 2 - len(when)
+    subprocess.run([sys.executable, "-c", KILLED, place], check=False)
     with pytest.raises(ZeroDivisionError), whole_folder(place) as new:
         1 / len(list(new.iterdir()))
-    assert [path.name for path in tmp_path.iterdir()] == ["report"]
     assert (place / "index.html").read_text() == "before"
     with whole_folder(place) as new:
         (new / "index.html").write_text("after")
-    assert [path.name for path in tmp_path.iterdir()] == ["report"]
+    assert [path.name for path in place.iterdir()] == ["index.html"]
     assert (place / "index.html").read_text() == "after"
-
-
-def test_a_folder_that_another_run_makes_is_refused(tmp_path: Path) -> None:
-    with whole_folder(tmp_path / "report") as new:
-        with (
-            pytest.raises(FolderHeld, match="a folder that no other run holds"),
-            whole_folder(tmp_path / "report"),
-        ):
-            pass
-        done = crankslider("report", "--results", tmp_path, "--out", tmp_path / "report")
-        require_refusal(
-            done.stdout, done.stderr, done.code, "--out: expected a folder that no other run holds"
-        )
-        assert new.is_dir()
 
 
 #: What may lie where a file or a folder is to go, and what is said of it.
@@ -189,5 +169,3 @@ def test_a_place_that_can_be_no_folder_is_refused_before_the_work(
 def test_a_folder_that_is_not_there_can_be_made(tmp_path: Path) -> None:
     require_folder(tmp_path / "a" / "b")
     assert list(tmp_path.iterdir()) == []
-    with held(tmp_path):
-        require_folder(tmp_path)

@@ -45,7 +45,9 @@ def test_whatever_an_engine_does_is_a_row_with_a_reason_and_the_others_go_on(
 def test_a_case_does_not_answer_for_what_another_did() -> None:
     """The process of a case that died after another is begun anew, once."""
     with Pool(1) as pool:
-        (spoiler, _), (spoilt, _) = (pool.run(run_case, case(arm), limit_s=60.0) for arm in ("spoil", "be spoilt"))
+        (spoiler, _), (spoilt, _) = (
+            pool.run(run_case, case(arm), limit_s=60.0) for arm in ("spoil", "be spoilt")
+        )
         with pytest.raises(Ended, match="killed by SIGABRT"):
             pool.run(run_case, case("abort"), limit_s=60.0)
     assert (spoiler["status"], spoilt["status"]) == ("ok", "ok")
