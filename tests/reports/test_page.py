@@ -275,7 +275,7 @@ def test_a_report_of_runs_that_all_failed_says_so_of_every_study(tmp_path: Path)
     ended = {"status": "crashed", "reason": "killed by SIGSEGV"}
     for study in STUDIES:
         cases = enumerate(load_study(study).cases(False))
-        rows = [{"case": str(n), **case.head(), **ended} for n, case in cases]
+        rows = [{"case": f"{study} {n}", **case.head(), **ended} for n, case in cases]
         write_rows(tmp_path / "results", study, rows)
     write_report(tmp_path / "results", tmp_path / "report")
     told = [path.read_text("utf-8") for path in (tmp_path / "report/tables").glob("*-failures.csv")]
